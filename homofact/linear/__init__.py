@@ -1,0 +1,1 @@
+"""Floor 1: bilinear stencils, masks, smoothing and the linear systems; nothing here knows about light."""

@@ -1,0 +1,135 @@
+"""The inner problem as an object: weighted samples, smoothing rows, ridge; in the form a solver wants.
+
+Minimise over texels y (T, C)
+
+    Σn wn |fn − (By)n|² + λ' |Ly|² + δ |y|².
+
+λ' = λ · (Σ w)/T, samples a texel, so that one λ means the same at every size. δ fixes the gauge on
+purpose: a constant, and where projections overlap a ramp, can move from one texture to another without
+changing the sum (and Laplacian rows do not see either). A ridge of 1e-9 of the mean diagonal picks the
+smallest texels among the equals and is far too weak to bend the fit.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse
+import torch
+from torch import Tensor
+
+from homofact.linear.normal import Lookup, NormalEquations, accumulate, stencil_rows
+
+RELATIVE_RIDGE = 1e-9
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """Smoothing rows L (T, T) of all textures, with LᵀL made once for all problems that share them."""
+
+    rows: Tensor
+
+    @cached_property
+    def gram(self) -> Tensor:
+        """LᵀL (T, T)."""
+        sparse = scipy.sparse.csr_matrix(self.rows.numpy())
+        return torch.from_numpy((sparse.T @ sparse).toarray())
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """One inner problem: coordinates (N, D), lookups, targets (N, C), weights (N,), and its penalties.
+
+    `kept` (T,) marks the unknowns that are solved for; the others are left out and come back as 0.
+    `roughness` holds L, zero outside of `kept`; `smoothing` is λ.
+    """
+
+    coordinates: Tensor
+    lookups: tuple[Lookup, ...]
+    targets: Tensor
+    weights: Tensor
+    kept: Tensor
+    roughness: Roughness
+    smoothing: float
+
+    @property
+    def unknowns(self) -> int:
+        """T, masked texels included."""
+        return int(self.kept.shape[0])
+
+    @cached_property
+    def data(self) -> NormalEquations:
+        """BᵀWB, BᵀWf and the energy: the samples alone, all unknowns, accumulated on first use."""
+        return accumulate(self.coordinates, self.lookups, self.targets, self.weights, self.unknowns)
+
+    @property
+    def penalty_scale(self) -> float:
+        """λ', the weight of the smoothing rows."""
+        return self.smoothing * float(self.weights.sum()) / int(self.kept.sum())
+
+    @property
+    def ridge(self) -> float:
+        """δ, the weight of the texels themselves."""
+        return _ridge(float(self.weights.sum()), len(self.lookups), int(self.kept.sum()))
+
+    def penalty(self, texels: Tensor) -> float:
+        """λ'|Ly|² + δ|y|² of texels (T, C), summed over channels."""
+        rough = float((texels * (self.roughness.gram @ texels)).sum())
+        return self.penalty_scale * rough + self.ridge * float(texels.square().sum())
+
+    def normal(self) -> tuple[Tensor, Tensor]:
+        """(BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
+        kept = self.kept
+        matrix = _penalised(self.data.matrix, self.roughness, self.penalty_scale, self.ridge)
+        if bool(kept.all()):
+            return matrix, self.data.rhs
+        return matrix[kept][:, kept], self.data.rhs[kept]
+
+    def rows(self) -> tuple[scipy.sparse.csr_matrix, np.ndarray]:
+        """The stacked sparse rows [√W B; √λ' L; √δ I] (·, K) and targets [√W f; 0; 0] (·, C)."""
+        numbers, values = stencil_rows(self.coordinates, self.lookups)
+        count = numbers.shape[0]
+        root = self.weights.sqrt()
+        first = torch.arange(count + 1) * numbers.shape[1]
+        design = scipy.sparse.csr_matrix(
+            ((values * root[:, None]).numpy().ravel(), numbers.numpy().ravel(), first.numpy()),
+            shape=(count, self.unknowns),
+        )
+        design.sum_duplicates()
+        kept = np.flatnonzero(self.kept.numpy())
+        smooth = scipy.sparse.csr_matrix(self.roughness.rows.numpy()) * np.sqrt(self.penalty_scale)
+        identity = scipy.sparse.identity(self.unknowns, format="csr") * np.sqrt(self.ridge)
+        stacked = scipy.sparse.vstack([design, smooth, identity], format="csr")[:, kept]
+        targets = np.zeros((stacked.shape[0], self.targets.shape[1]))
+        targets[:count] = (self.targets * root[:, None]).numpy()
+        return scipy.sparse.csr_matrix(stacked), targets
+
+    def expand(self, solution: Tensor) -> Tensor:
+        """(T, C) with the kept unknowns filled in and zeros elsewhere."""
+        result = torch.zeros(self.unknowns, solution.shape[1], dtype=torch.float64)
+        result[self.kept] = solution
+        return result
+
+    def mean_error(self, texels: Tensor) -> float:
+        """Weighted mean over samples and channels of (f − By)², by a pass over the samples."""
+        numbers, values = stencil_rows(self.coordinates, self.lookups)
+        difference = self.targets - (texels[numbers] * values[..., None]).sum(1)
+        return float((self.weights[:, None] * difference**2).sum() / self.weights.sum()) / difference.shape[1]
+
+
+def penalised_matrix(data: NormalEquations, roughness: Roughness, smoothing: float, lookups: int) -> Tensor:
+    """BᵀWB + λ'LᵀL + δI (T, T) of accumulated samples, all texels kept: `LeastSquares.normal` without samples."""
+    unknowns = data.matrix.shape[0]
+    scale = smoothing * data.weight / unknowns
+    return _penalised(data.matrix, roughness, scale, _ridge(data.weight, lookups, unknowns))
+
+
+def _penalised(matrix: Tensor, roughness: Roughness, scale: float, ridge: float) -> Tensor:
+    result = torch.add(matrix, roughness.gram, alpha=scale)
+    result.diagonal().add_(ridge)
+    return result
+
+
+def _ridge(weight: float, lookups: int, unknowns: int) -> float:
+    """δ from Σw · lookups/T: about the mean diagonal of BᵀWB, and needs no accumulation."""
+    return RELATIVE_RIDGE * weight * lookups / unknowns

@@ -1,0 +1,132 @@
+"""Linear solvers of the inner problem, behind one signature: problem → texels and how it went.
+
+* cholesky: dense factorization of the normal equations, all channels at once; where the matrix is not
+  positive definite to working precision, the eigen-decomposition's minimum-norm answer, and says so.
+* qr: orthogonal factorization of the rows themselves, in blocks; the condition number is not squared.
+* lsmr: Fong and Saunders' iteration on the rows, a channel at a time (scipy).
+* cg, qmr: conjugate gradients and quasi-minimal residual on the normal equations BᵀB as sparse products
+  (scipy), a channel at a time. QMR on BᵀB is what the thesis used (3.2.6, eq. 3.7).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse.linalg
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput, SolverFailure, Status
+from homofact.linear.least_squares import LeastSquares
+
+TOLERANCE = 1e-10
+BLOCK = 4096
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Texels (T, C), 0 where masked; how the solve ended; its iterations, summed over channels."""
+
+    texels: Tensor
+    status: Status
+    iterations: int
+
+
+def cholesky(problem: LeastSquares) -> Solution:
+    """Dense Cholesky of the normal equations; minimum-norm fallback, status FALLBACK, where it breaks down."""
+    solution, status = solve_definite(*problem.normal())
+    return Solution(problem.expand(solution), status, 0)
+
+
+def solve_definite(matrix: Tensor, rhs: Tensor) -> tuple[Tensor, Status]:
+    """(x, status) of a positive definite system (T, T), (T, C); the minimum norm where it is only semidefinite."""
+    factor, info = torch.linalg.cholesky_ex(matrix)
+    if int(info) == 0:
+        return torch.cholesky_solve(rhs, factor), Status.DIRECT
+    values, vectors = torch.linalg.eigh(matrix)
+    # Directions under the rounding of the largest eigenvalue carry no information.
+    sound = values > values[-1] * matrix.shape[0] * torch.finfo(matrix.dtype).eps
+    inverse = torch.where(sound, 1 / values.clamp_min(torch.finfo(values.dtype).tiny), torch.zeros_like(values))
+    return vectors @ (inverse[:, None] * (vectors.T @ rhs)), Status.FALLBACK
+
+
+def qr(problem: LeastSquares) -> Solution:
+    """Orthogonal least squares: R of all rows, block after block, then back substitution."""
+    rows, targets = problem.rows()
+    width = rows.shape[1]
+    top = np.zeros((0, width + targets.shape[1]))
+    for begin in range(0, rows.shape[0], BLOCK):
+        piece = slice(begin, begin + BLOCK)
+        block = np.hstack([rows[piece].toarray(), targets[piece]])
+        reduced = scipy.linalg.qr(np.vstack([top, block]), mode="r", check_finite=False)[0]
+        top = np.asarray(reduced)[: width + targets.shape[1]]
+    factor, right = top[:width, :width], top[:width, width:]
+    diagonal = np.abs(np.diag(factor))
+    if diagonal.min() <= diagonal.max() * width * np.finfo(float).eps:
+        solution = scipy.linalg.lstsq(factor, right)[0]
+        return Solution(problem.expand(torch.from_numpy(np.ascontiguousarray(solution))), Status.FALLBACK, 0)
+    solution = scipy.linalg.solve_triangular(factor, right)
+    return Solution(problem.expand(torch.from_numpy(np.ascontiguousarray(solution))), Status.DIRECT, 0)
+
+
+def lsmr(problem: LeastSquares) -> Solution:
+    """LSMR on the rows, a channel at a time; BUDGET where a channel ran out of iterations."""
+    rows, targets = problem.rows()
+    limit = 20 * rows.shape[1]
+    answers = [
+        scipy.sparse.linalg.lsmr(rows, target, atol=TOLERANCE, btol=TOLERANCE, conlim=0, maxiter=limit)
+        for target in targets.T
+    ]
+    stopped = any(answer[1] == 7 for answer in answers)
+    solution = torch.from_numpy(np.stack([answer[0] for answer in answers], 1))
+    status = Status.BUDGET if stopped else Status.CONVERGED
+    return Solution(problem.expand(solution), status, sum(int(answer[2]) for answer in answers))
+
+
+def cg(problem: LeastSquares) -> Solution:
+    """Conjugate gradients on the normal equations, a channel at a time."""
+    return _krylov(problem, scipy.sparse.linalg.cg)
+
+
+def qmr(problem: LeastSquares) -> Solution:
+    """Quasi-minimal residual on the normal equations, a channel at a time: the thesis's solver."""
+    return _krylov(problem, scipy.sparse.linalg.qmr)
+
+
+def _krylov(problem: LeastSquares, method: Callable) -> Solution:
+    rows, targets = problem.rows()
+    matrix = (rows.T @ rows).tocsr()
+    rhs = rows.T @ targets
+    steps = 0
+
+    def count(_: object) -> None:
+        nonlocal steps
+        steps += 1
+
+    answers = [method(matrix, column, rtol=TOLERANCE, maxiter=10 * matrix.shape[0], callback=count) for column in rhs.T]
+    solution = torch.from_numpy(np.stack([answer[0] for answer in answers], 1))
+    status = Status.CONVERGED if all(answer[1] == 0 for answer in answers) else Status.BUDGET
+    return Solution(problem.expand(solution), status, steps)
+
+
+SOLVERS: dict[str, Callable[[LeastSquares], Solution]] = {
+    "cholesky": cholesky,
+    "qr": qr,
+    "lsmr": lsmr,
+    "cg": cg,
+    "qmr": qmr,
+}
+
+
+def solve(problem: LeastSquares, solver: str = "cholesky") -> Solution:
+    """Solve by the solver of that name.
+
+    Raises BadInput for an unknown name and SolverFailure where the texels are not finite.
+    """
+    if solver not in SOLVERS:
+        raise BadInput(f"solver: found {solver!r}, expected one of {', '.join(SOLVERS)}")
+    solution = SOLVERS[solver](problem)
+    if not bool(torch.isfinite(solution.texels).all()):
+        raise SolverFailure(f"{solver}: the texels are not finite: more smoothing, fewer textures or more samples")
+    return solution
