@@ -1,0 +1,112 @@
+"""What the analytic models share: the `Reflectance` front door, checks of parameters, safe geometry.
+
+A model writes only its formula; `evaluate` cuts what is under the horizon. Every formula is written to
+stay finite: denominators that vanish when a direction grazes are kept above `MIN_COSINE`, and the cosine
+between a direction and the half vector comes from |ωi + ωo|/2, which is the same number for both.
+"""
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.geometry.directions import normalize
+
+MIN_COSINE = 1e-6
+RGB = ("R", "G", "B")
+Colour = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class AnalyticModel:
+    """Base of the models: a `Reflectance` that reads no table.
+
+    Subclasses declare their parameters as fields (`Colour` fields have one number a channel) and write
+    `formula`. `channels` names the C channels.
+    """
+
+    channels: tuple[str, ...] = field(default=RGB, kw_only=True)
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether the value is unchanged when both directions are turned about the normal together."""
+        return True
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the coefficients as float32."""
+        return 4 * sum(_count(getattr(self, item.name)) for item in fields(self) if item.name != "channels")
+
+    @property
+    def fetches(self) -> int:
+        """0: nothing is looked up."""
+        return 0
+
+    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """The model's values (N, C) in sr⁻¹ for directions on or above the horizon."""
+        raise NotImplementedError
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """BRDF values (N, C) in sr⁻¹, linear, without the cosine; 0 where a direction is under the horizon.
+
+        `wi`, `wo` are (N, 3) unit vectors in the surface frame. Finite and non-negative everywhere: where a
+        model diverges as both directions graze, cosines below 1e-6 count as 1e-6.
+        """
+        above = (wi[..., 2] >= 0) & (wo[..., 2] >= 0)
+        values = self.formula(wi, wo)
+        return torch.where(above[..., None], values, torch.zeros_like(values))
+
+    def colour(self, value: Colour, like: Tensor) -> Tensor:
+        """A `Colour` as a tensor (C,) in the dtype and on the device of `like`."""
+        return torch.tensor(value, dtype=like.dtype, device=like.device)
+
+    def diffuse_term(self, value: Colour, like: Tensor) -> Tensor:
+        """ρd/π (N, C) in sr⁻¹."""
+        return (self.colour(value, like) / math.pi).expand(*like.shape[:-1], len(self.channels))
+
+    def check_colour(self, name: str) -> None:
+        """Refuse a colour field whose length is not the number of channels or that is not finite and ≥ 0."""
+        value = getattr(self, name)
+        who = f"{type(self).__name__}: {name}"
+        if len(value) != len(self.channels):
+            raise BadInput(f"{who} has {len(value)} numbers, expected one for each of {', '.join(self.channels)}")
+        if not all(math.isfinite(x) and x >= 0 for x in value):
+            raise BadInput(f"{who} is {value}, expected finite numbers >= 0")
+
+    def check_above(self, name: str, bound: float, inclusive: bool = False) -> None:
+        """Refuse a scalar field that is not finite and above (or at, where `inclusive`) `bound`."""
+        value = getattr(self, name)
+        if not math.isfinite(value) or value < bound or (value == bound and not inclusive):
+            sign = ">=" if inclusive else ">"
+            raise BadInput(f"{type(self).__name__}: {name} is {value}, expected a finite number {sign} {bound:g}")
+
+
+def _count(value: Any) -> int:
+    """Numbers in a parameter: a scalar, or nested tuples and dataclasses of them."""
+    if isinstance(value, tuple):
+        return sum(_count(item) for item in value)
+    if hasattr(value, "__dataclass_fields__"):
+        return sum(_count(getattr(value, item.name)) for item in fields(value))
+    return 1
+
+
+def half_vector(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
+    """(h, cosθd): the unit half vector (..., 3) and cosθd = h·ωi = h·ωo = |ωi + ωo|/2 (...).
+
+    Back to back on the horizon h is undefined; the normal takes its place, with cosθd = 0.
+    """
+    total = wi + wo
+    return normalize(total), total.norm(dim=-1) / 2
+
+
+def grazing(cosine: Tensor) -> Tensor:
+    """A cosine fit to divide by: at least `MIN_COSINE`."""
+    return cosine.clamp_min(MIN_COSINE)
+
+
+def schlick(normal_incidence: Tensor, cosine: Tensor) -> Tensor:
+    """Schlick's Fresnel F0 + (1 − F0)(1 − cosθd)⁵, (N, C) from F0 (C,) and cosθd (N,) (Schlick 1994)."""
+    return normal_incidence + (1 - normal_incidence) * ((1 - cosine).clamp(0, 1) ** 5)[..., None]

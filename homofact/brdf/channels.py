@@ -1,0 +1,97 @@
+"""Which channels to work in: R, G, B; the spectrum as it was measured; or luminance alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.brdf.spectral import LUMINANCE, to_luminance, to_rgb
+from homofact.errors import BadInput
+
+CHANNELS = ("rgb", "spectral", "luminance")
+_RGB = ("R", "G", "B")
+
+
+def check_channels(wanted: str) -> None:
+    """Raise BadInput where `wanted` is no name of `CHANNELS`."""
+    if wanted not in CHANNELS:
+        raise BadInput(f"channels: found {wanted!r}, expected one of {', '.join(CHANNELS)}")
+
+
+def spectral_names(wavelengths: Sequence[float]) -> tuple[str, ...]:
+    """Channel names of a spectrum, for instance "550nm"."""
+    return tuple(f"{w:.12g}nm" for w in wavelengths)
+
+
+def wavelengths_of(channels: Sequence[str]) -> tuple[float, ...] | None:
+    """Wavelengths in nm where the channels are those of a spectrum, else None."""
+    if not channels or not all(name.endswith("nm") for name in channels):
+        return None
+    try:
+        return tuple(float(name.removesuffix("nm")) for name in channels)
+    except ValueError:
+        return None
+
+
+def as_channels(samples: Samples, wanted: str) -> Samples:
+    """The samples in the channels `wanted`: "rgb", "spectral" or "luminance".
+
+    Spectra become linear sRGB or CIE Y, and provenance["colour"] says how; RGB becomes luminance by sRGB's
+    own weights. Samples that are neither stay as they are, except that nothing but a spectrum is "spectral".
+    Raises BadInput for an unknown name or where there is no spectrum to be had.
+    """
+    check_channels(wanted)
+    wavelengths = wavelengths_of(samples.channels)
+    if wavelengths is None:
+        if wanted == "spectral":
+            raise BadInput(f"channels: the samples have {', '.join(samples.channels)}, expected a spectrum")
+        if wanted == "luminance" and samples.channels == _RGB:
+            return replace(
+                samples,
+                values=_luminance(samples.values),
+                channels=("Y",),
+                provenance=samples.provenance | {"colour": {"space": "CIE Y of linear sRGB"}},
+            )
+        return samples
+    if wanted == "spectral":
+        return samples
+    values, facts = (to_rgb if wanted == "rgb" else to_luminance)(samples.values, wavelengths)
+    return replace(
+        samples,
+        values=values,
+        channels=_RGB if wanted == "rgb" else ("Y",),
+        provenance=samples.provenance | {"colour": facts},
+    )
+
+
+@dataclass(frozen=True)
+class LuminanceOf:
+    """The luminance of an RGB `Reflectance`, itself a `Reflectance` of one channel, Y."""
+
+    base: Reflectance
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """("Y",)."""
+        return ("Y",)
+
+    @property
+    def nbytes(self) -> int:
+        """Those of the RGB reflectance."""
+        return self.base.nbytes
+
+    @property
+    def fetches(self) -> int:
+        """Those of the RGB reflectance."""
+        return self.base.fetches
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """CIE Y (N, 1) in sr⁻¹, without the cosine."""
+        return _luminance(self.base.evaluate(wi, wo))
+
+
+def _luminance(rgb: Tensor) -> Tensor:
+    return rgb @ torch.tensor(LUMINANCE, dtype=rgb.dtype, device=rgb.device)[:, None]

@@ -1,0 +1,37 @@
+"""Bytes in and out, with the errors that a user can mend."""
+
+import contextlib
+import os
+from pathlib import Path
+
+from homofact.errors import BadInput
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """All bytes of a file. Raises BadInput where it is missing, a folder, unreadable or empty."""
+    target = Path(path)
+    try:
+        data = target.read_bytes()
+    except FileNotFoundError as error:
+        raise BadInput(f"{target}: no such file, expected a BRDF file or material:NAME") from error
+    except IsADirectoryError as error:
+        raise BadInput(f"{target}: a folder, expected a BRDF file") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise BadInput(f"{target}: cannot be read ({reason}), expected a readable BRDF file") from error
+    if not data:
+        raise BadInput(f"{target}: the file is empty, expected a BRDF file")
+    return data
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
+    """Write a file beside its place, then rename it: a failure, BadInput, leaves no half file."""
+    target = Path(path)
+    beside = target.with_name(f".{target.name}.partial")
+    try:
+        beside.write_bytes(data)
+        os.replace(beside, target)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+        raise BadInput(f"{target}: cannot be written ({error.strerror}), expected a writable place") from error

@@ -1,0 +1,166 @@
+"""The sample set: pairs of directions with the reflectance measured or computed there.
+
+An isotropic measurement is taken at one azimuth, so a texture indexed by absolute directions is left
+unconstrained nearly everywhere and the fit is meaningless on a rotated object. `azimuth_copies` turns
+the whole configuration about the normal (and mirrors it, where the material is left-right symmetric);
+`rotated_at_random` makes the test set on which every error is measured. Split before copying, or the
+held-out samples are in the training set under another azimuth.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Samples:
+    """N samples of a BRDF.
+
+    Attributes
+    ----------
+    wi, wo : (N, 3) float64 unit vectors in the surface frame, away from the surface.
+    values : (N, C) float64 in sr⁻¹, linear, without the cosine.
+    weights : (N,) float64, non-negative; 1 where nothing else is known.
+    channels : C names.
+    isotropic : whether the material may be turned about its normal (and mirrored) freely.
+    provenance : where the samples come from and what was done to them (JSON-able).
+    """
+
+    wi: Tensor
+    wo: Tensor
+    values: Tensor
+    weights: Tensor
+    channels: tuple[str, ...]
+    isotropic: bool
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse shapes that disagree, values that are not finite or negative, directions under the horizon."""
+        count = self.wi.shape[0]
+        expected = {
+            "wi": (self.wi, (count, 3)),
+            "wo": (self.wo, (count, 3)),
+            "values": (self.values, (count, len(self.channels))),
+            "weights": (self.weights, (count,)),
+        }
+        for name, (tensor, shape) in expected.items():
+            if tuple(tensor.shape) != shape:
+                raise BadInput(f"samples: {name} has shape {tuple(tensor.shape)}, expected {shape}")
+            if not bool(torch.isfinite(tensor).all()):
+                row = int((~torch.isfinite(tensor.reshape(count, -1))).any(1).nonzero()[0])
+                raise BadInput(f"samples: {name} at row {row} is not finite, expected finite numbers")
+        if count == 0:
+            raise BadInput("samples: no samples are left, expected at least one")
+        for name, direction in (("wi", self.wi), ("wo", self.wo)):
+            below = direction[:, 2] < 0
+            if bool(below.any()):
+                row = int(below.nonzero()[0])
+                raise BadInput(
+                    f"samples: {name} at row {row} has z = {float(direction[row, 2]):.4g}, under the horizon;"
+                    " expected z >= 0"
+                )
+            length = direction.norm(dim=1)
+            off = (length - 1).abs() > 1e-6
+            if bool(off.any()):
+                row = int(off.nonzero()[0])
+                raise BadInput(
+                    f"samples: {name} at row {row} has length {float(length[row]):.6g}, expected a unit vector"
+                )
+        for name, tensor in (("values", self.values), ("weights", self.weights)):
+            if bool((tensor < 0).any()):
+                row = int((tensor.reshape(count, -1) < 0).any(1).nonzero()[0])
+                raise BadInput(f"samples: {name} at row {row} is negative, expected >= 0")
+
+    def __len__(self) -> int:
+        """N, the number of samples."""
+        return int(self.wi.shape[0])
+
+    @classmethod
+    def make(
+        cls,
+        wi: Tensor,
+        wo: Tensor,
+        values: Tensor,
+        *,
+        channels: tuple[str, ...],
+        isotropic: bool,
+        weights: Tensor | None = None,
+        provenance: dict[str, Any] | None = None,
+    ) -> "Samples":
+        """Samples in float64 with unit weights unless given; same errors as the constructor."""
+        wi, wo, values = (torch.as_tensor(x).to(torch.float64) for x in (wi, wo, values))
+        if weights is None:
+            weights = torch.ones(wi.shape[0], dtype=torch.float64, device=wi.device)
+        return cls(wi, wo, values, weights.to(torch.float64), tuple(channels), isotropic, provenance or {})
+
+    def select(self, index: Tensor) -> "Samples":
+        """The samples at `index` (integer or boolean), in that order."""
+        return replace(
+            self, wi=self.wi[index], wo=self.wo[index], values=self.values[index], weights=self.weights[index]
+        )
+
+    def channel(self, name: str) -> "Samples":
+        """One channel alone. Raises BadInput naming the channels there are."""
+        if name not in self.channels:
+            raise BadInput(f"channel: found {name!r}, expected one of {', '.join(self.channels)}")
+        column = self.channels.index(name)
+        return replace(self, values=self.values[:, column : column + 1], channels=(name,))
+
+    def split(self, fraction: float, seed: int) -> tuple["Samples", "Samples"]:
+        """(training, held out): `fraction` of the samples, drawn by `seed`, are held out."""
+        if not 0 < fraction < 1:
+            raise BadInput(f"held-out fraction: found {fraction}, expected between 0 and 1")
+        order = torch.randperm(len(self), generator=torch.Generator().manual_seed(seed))
+        held = round(fraction * len(self))
+        if held == 0 or held == len(self):
+            raise BadInput(f"samples: {len(self)} are too few to hold out {fraction:.0%}, expected at least 5")
+        return self.select(order[held:].sort().values), self.select(order[:held].sort().values)
+
+    def subset(self, count: int, seed: int) -> "Samples":
+        """At most `count` samples drawn without replacement by `seed`, in their old order."""
+        if count >= len(self):
+            return self
+        order = torch.randperm(len(self), generator=torch.Generator().manual_seed(seed))
+        return self.select(order[:count].sort().values)
+
+    def turned(self, angles: Tensor, mirrored: Tensor | None = None) -> "Samples":
+        """Each sample turned about the normal by its angle (N,) in radians, after y ↦ −y where `mirrored`."""
+        sign = torch.ones_like(angles) if mirrored is None else 1.0 - 2.0 * mirrored.to(angles.dtype)
+        cos, sin = torch.cos(angles), torch.sin(angles)
+
+        def turn(w: Tensor) -> Tensor:
+            x, y, z = w[:, 0], sign * w[:, 1], w[:, 2]
+            return torch.stack((cos * x - sin * y, sin * x + cos * y, z), 1)
+
+        return replace(self, wi=turn(self.wi), wo=turn(self.wo))
+
+    def azimuth_copies(self, count: int, seed: int, mirrored: bool = True) -> "Samples":
+        """`count` copies of every sample, each at its own azimuth, and mirrored ones beside them.
+
+        The azimuths are stratified: copy k of a sample is turned by (k + u)·2π/count with u uniform by
+        `seed`. Weights are divided by the number of copies, so the sum of weights is unchanged. Raises
+        BadInput for anisotropic samples, where a turned copy is a lie.
+        """
+        if not self.isotropic:
+            raise BadInput("azimuth copies: the samples are anisotropic, expected an isotropic material")
+        generator = torch.Generator().manual_seed(seed)
+        n, total = len(self), count * (2 if mirrored else 1)
+        stratum = torch.arange(count, dtype=torch.float64).repeat(total // count).repeat_interleave(n)
+        jitter = torch.rand(n * total, dtype=torch.float64, generator=generator)
+        angles = ((stratum + jitter) * (2 * torch.pi / count)).to(self.wi.device)
+        flip = (torch.arange(total) >= count).repeat_interleave(n).to(self.wi.device)
+        tiled = self.select(torch.arange(n, device=self.wi.device).repeat(total))
+        return replace(tiled.turned(angles, flip), weights=tiled.weights / total)
+
+    def rotated_at_random(self, seed: int) -> "Samples":
+        """Every sample at a random azimuth, mirrored or not by chance; anisotropic samples unchanged."""
+        if not self.isotropic:
+            return self
+        generator = torch.Generator().manual_seed(seed)
+        angles = torch.rand(len(self), dtype=torch.float64, generator=generator) * (2 * torch.pi)
+        flip = torch.rand(len(self), dtype=torch.float64, generator=generator) < 0.5
+        return self.turned(angles.to(self.wi.device), flip.to(self.wi.device))

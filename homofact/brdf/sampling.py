@@ -1,0 +1,69 @@
+"""From a model to samples: pairs of directions drawn by a named scheme, and the model's values there.
+
+`discs` is the thesis's sampling, uniform where the texels are uniform; `cosine` weighs what a picture sees;
+`grid` is fixed and needs no seed.
+"""
+
+import torch
+
+from homofact.brdf.analytic import AnalyticModel
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput
+from homofact.geometry.directions import draw_cosine_weighted, draw_in_discs, grid_of_pairs
+
+SCHEMES = ("discs", "cosine", "grid")
+DEFAULT_COUNT = 45_000
+RADIUS_SQUARED = 0.98
+
+
+def sample_model(
+    model: AnalyticModel,
+    count: int = DEFAULT_COUNT,
+    scheme: str = "discs",
+    seed: int = 0,
+    radius_squared: float = RADIUS_SQUARED,
+) -> Samples:
+    """`count` noise-free samples of `model`, weights 1.
+
+    `radius_squared` cuts the rim of the parabolic discs, u² + v² below it, in the scheme `discs` alone. The
+    grid's count is the nearest that a square grid in the discs can give, and `seed` does not touch it.
+    Raises BadInput for an unknown scheme, a count below 1 or a radius outside (0, 1].
+    """
+    if scheme not in SCHEMES:
+        raise BadInput(f"sampling scheme: found {scheme!r}, expected one of {', '.join(SCHEMES)}")
+    if count < 1:
+        raise BadInput(f"sample count: found {count}, expected at least 1")
+    if not 0 < radius_squared <= 1:
+        raise BadInput(f"sampling radius squared: found {radius_squared}, expected above 0 and at most 1")
+    generator = torch.Generator().manual_seed(seed)
+    facts: dict[str, object] = {"scheme": scheme, "noise_free": True}
+    if scheme == "discs":
+        wi, wo = draw_in_discs(count, generator, radius_squared)
+        facts |= {"seed": seed, "radius_squared": radius_squared}
+    elif scheme == "cosine":
+        wi, wo = draw_cosine_weighted(count, generator)
+        facts |= {"seed": seed}
+    else:
+        side = grid_side(count)
+        wi, wo = grid_of_pairs(side)
+        facts |= {"side": side}
+    # Rounding can leave a rim direction a hair under the horizon.
+    wi[:, 2].clamp_min_(0)
+    wo[:, 2].clamp_min_(0)
+    values = model.evaluate(wi, wo)
+    return Samples.make(
+        wi, wo, values, channels=model.channels, isotropic=model.isotropic, provenance={"sampling": facts}
+    )
+
+
+def grid_side(count: int) -> int:
+    """The side of the square grid whose number of pairs, cells in the disc squared, is nearest to `count`."""
+    side, best, gap = 2, 2, float("inf")
+    while True:
+        centre = (torch.arange(side, dtype=torch.float64) + 0.5) * (2 / side) - 1
+        cells = int(((centre[:, None] ** 2 + centre**2) < 1).sum())
+        if abs(cells**2 - count) < gap:
+            best, gap = side, abs(cells**2 - count)
+        if cells**2 > 2 * count:
+            return best
+        side += 1

@@ -1,0 +1,133 @@
+"""A reflectance made of scattered samples, so that a measurement can be drawn and compared like a model.
+
+Radial basis functions (thin plates, r² log r with a linear part) interpolate log(f/A + ε), A the mean of the
+samples per channel: for isotropic samples over (√θh, θd, φd), the root giving the peak room and φd folded to
+[0, π/2]; for anisotropic ones over the parabolic coordinates of both directions. Up to `GLOBAL_LIMIT` samples
+make one smooth surface, more are interpolated from the nearest `neighbours`. The result stays within the
+range of the samples' logs, so that nothing is invented outside the measured angles.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from scipy.interpolate import RBFInterpolator
+from torch import Tensor
+
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput
+from homofact.geometry.coordinates import coordinate_system
+
+GLOBAL_LIMIT = 2000
+
+
+@dataclass(frozen=True)
+class Scattered:
+    """A `Reflectance` interpolated from `samples`.
+
+    `smoothing` ≥ 0 is scipy's λ: 0 goes through every sample, and fails where two samples fall together.
+    `epsilon` > 0 is the ε of the logarithm, `neighbours` the number read where there are too many samples
+    for one surface. Raises BadInput for numbers out of range and for too few samples.
+    """
+
+    samples: Samples
+    smoothing: float = 1e-3
+    epsilon: float = 1e-2
+    neighbours: int = 32
+
+    def __post_init__(self) -> None:
+        """Refuse numbers out of range."""
+        if not self.smoothing >= 0:
+            raise BadInput(f"smoothing: found {self.smoothing}, expected 0 or more")
+        if not self.epsilon > 0:
+            raise BadInput(f"epsilon: found {self.epsilon}, expected above 0")
+        least = self._dimension + 2
+        if min(self.neighbours, len(self.samples)) < least:
+            raise BadInput(
+                f"interpolation: {len(self.samples)} samples, {self.neighbours} neighbours; expected at least {least}"
+            )
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Those of the samples."""
+        return self.samples.channels
+
+    @property
+    def isotropic(self) -> bool:
+        """That of the samples."""
+        return self.samples.isotropic
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of coordinates and logs of all samples in float64, the table that an evaluation reads."""
+        return len(self.samples) * (self._dimension + len(self.channels)) * 8
+
+    @property
+    def fetches(self) -> int:
+        """Samples read for one value: all of them, or the neighbours."""
+        return len(self.samples) if self._whole else self.neighbours
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
+        values = torch.zeros(wi.shape[0], len(self.channels), dtype=wi.dtype, device=wi.device)
+        if not bool(above.any()):
+            return values
+        place = self._place(wi[above].double(), wo[above].double())
+        low, high = self._logs.min(0), self._logs.max(0)
+        logs = torch.from_numpy(self._interpolate(place).clip(low, high))
+        values[above] = (self._mean * (torch.exp(logs) - self.epsilon).clamp_min(0)).to(values)
+        return values
+
+    @property
+    def _dimension(self) -> int:
+        return 3 if self.samples.isotropic else 4
+
+    @property
+    def _whole(self) -> bool:
+        return len(self.samples) <= GLOBAL_LIMIT
+
+    def _place(self, wi: Tensor, wo: Tensor) -> np.ndarray:
+        if not self.samples.isotropic:
+            return coordinate_system("in-out").evaluate(wi, wo).cpu().numpy()
+        x = coordinate_system("isotropic-half-diff").evaluate(wi, wo).cpu().numpy()
+        # The boxes' [−1, 1] back to [0, 1], and the root of θh.
+        unit = (x + 1) / 2
+        unit[:, 0] = np.sqrt(unit[:, 0].clip(0))
+        return unit
+
+    @cached_property
+    def _mean(self) -> Tensor:
+        mean = self.samples.values.mean(0).cpu()
+        # A channel that is zero throughout stays zero, whatever it is divided by.
+        return torch.where(mean > 0, mean, torch.ones_like(mean))
+
+    @cached_property
+    def _logs(self) -> np.ndarray:
+        return torch.log(self.samples.values.cpu() / self._mean + self.epsilon).numpy()
+
+    @cached_property
+    def _thin_plate(self) -> RBFInterpolator:
+        return self._interpolator("thin_plate_spline", 1)
+
+    @cached_property
+    def _linear(self) -> RBFInterpolator:
+        return self._interpolator("linear", 0)
+
+    def _interpolator(self, kernel: str, degree: int) -> RBFInterpolator:
+        return RBFInterpolator(
+            self._place(self.samples.wi, self.samples.wo),
+            self._logs,
+            neighbors=None if self._whole else min(self.neighbours, len(self.samples)),
+            smoothing=self.smoothing,
+            kernel=kernel,
+            degree=degree,
+        )
+
+    def _interpolate(self, place: np.ndarray) -> np.ndarray:
+        try:
+            return self._thin_plate(place)
+        except np.linalg.LinAlgError:
+            # Samples (or the neighbours of a point) in one plane have no linear part of their own.
+            return self._linear(place)

@@ -1,0 +1,116 @@
+"""The front door of every command: a path or material:NAME becomes samples and a reflectance."""
+
+import math
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
+from homofact.brdf.materials import material
+from homofact.brdf.readers import read_samples
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import DEFAULT_COUNT, sample_model
+from homofact.brdf.scattered import Scattered
+from homofact.errors import BadInput
+from homofact.geometry.directions import to_spherical
+
+MATERIAL_PREFIX = "material:"
+# ε of the log transform: noise-free values bear the thesis's, measured ones the floor of their noise.
+NOISE_FREE_EPSILON = 1e-5
+MEASURED_EPSILON = 1e-2
+
+
+@dataclass(frozen=True)
+class Source:
+    """A BRDF to work on.
+
+    `samples` to fit, `reflectance` to draw and compare with: the model itself, or the interpolated
+    measurement. `default_epsilon` is the ε of the log transform where none is asked for; `seconds_read` the
+    wall time of reading or sampling.
+    """
+
+    name: str
+    kind: Literal["material", "measurement"]
+    samples: Samples
+    reflectance: Reflectance
+    default_epsilon: float
+    seconds_read: float
+
+
+def open_source(
+    text: str, *, channels: str = "rgb", count: int = DEFAULT_COUNT, scheme: str = "discs", seed: int = 0
+) -> Source:
+    """The source that `text` names: material:NAME, or the path of a file whose content is sniffed.
+
+    `count`, `scheme` and `seed` are how a material is sampled; a measurement has the samples it has. Raises
+    BadInput for an unknown material, all that is wrong with a file, and channels that the source cannot give.
+    """
+    begun = time.perf_counter()
+    check_channels(channels)
+    if text.startswith(MATERIAL_PREFIX):
+        found = material(text.removeprefix(MATERIAL_PREFIX))
+        if channels == "spectral":
+            raise BadInput(f"channels: found 'spectral' for {text}, which is an RGB model; expected rgb or luminance")
+        samples = sample_model(found.model, count, scheme, seed)
+        facts = {
+            "format": "analytic model",
+            "material": found.name,
+            "model": type(found.model).__name__,
+            "parameters": _plain(asdict(found.model)),
+            "comments": [found.source],
+        }
+        samples = as_channels(replace(samples, provenance=samples.provenance | facts), channels)
+        reflectance = LuminanceOf(found.model) if channels == "luminance" else found.model
+        seconds = time.perf_counter() - begun
+        return Source(found.name, "material", samples, reflectance, NOISE_FREE_EPSILON, seconds)
+    samples = read_samples(text, channels)
+    samples = replace(samples, provenance=samples.provenance | {"file": Path(text).name})
+    epsilon = NOISE_FREE_EPSILON if samples.provenance.get("noise_free") is True else MEASURED_EPSILON
+    seconds = time.perf_counter() - begun
+    return Source(Path(text).name, "measurement", samples, Scattered(samples, epsilon=epsilon), epsilon, seconds)
+
+
+def describe(source: Source) -> dict[str, Any]:
+    """What is in a source, JSON-able: format, comments, wavelengths, counts, ranges of angles and values."""
+    samples = source.samples
+    facts = samples.provenance
+    values = samples.values
+    ranges = {}
+    for name, direction in (("theta_i", samples.wi), ("theta_o", samples.wo)):
+        degrees = to_spherical(direction)[0] * (180 / math.pi)
+        ranges[f"{name}_degrees"] = [round(float(degrees.min()), 4), round(float(degrees.max()), 4)]
+    return {
+        "source": source.name,
+        "kind": source.kind,
+        "format": facts.get("format", "unknown"),
+        "comments": facts.get("comments", []),
+        "wavelengths_nm": facts.get("wavelengths_nm"),
+        "samples": len(samples),
+        "channels": list(samples.channels),
+        "isotropic": samples.isotropic,
+        **ranges,
+        "values_per_sr": {
+            name: {
+                "min": float(values[:, c].min()),
+                "mean": float(values[:, c].mean()),
+                "max": float(values[:, c].max()),
+                "zeros": int((values[:, c] == 0).sum()),
+            }
+            for c, name in enumerate(samples.channels)
+        },
+        "faults": facts.get("faults", {}),
+        "colour": facts.get("colour"),
+        "sampling": facts.get("sampling"),
+        "material": {key: facts[key] for key in ("material", "model", "parameters") if key in facts} or None,
+        "default_epsilon": source.default_epsilon,
+        "seconds_read": source.seconds_read,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists, so that the facts look the same before and after JSON."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

@@ -1,0 +1,112 @@
+"""Spectra to linear sRGB and to luminance, with the tables of colour-science.
+
+A BRDF in sr⁻¹ at each wavelength is weighted by illuminant × colour-matching functions (CIE 15:2018, 7.1)
+on a 1 nm raster of 360–780 nm; between the given wavelengths it is interpolated linearly, beyond them its
+end values are kept. XYZ are scaled so that a flat spectrum of 1 has Y = 1, adapted from the illuminant's
+white to sRGB's (D65, x .3127, y .3290) by Bradford's transform, and taken to the ITU-R BT.709 primaries of
+IEC 61966-2-1, without its transfer curve. A flat spectrum of 1 is therefore RGB (1, 1, 1), whatever the
+illuminant and however few the wavelengths.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+
+OBSERVER = "CIE 1931 2 Degree Standard Observer"
+ILLUMINANT = "D65"
+# Y of linear sRGB: the middle row of RGB → XYZ (IEC 61966-2-1, derived from primaries and white).
+LUMINANCE = (0.21263901, 0.71516868, 0.07219232)
+_RASTER = np.arange(360.0, 781.0)
+# Without these the blue or the red primary would be made up of end values.
+_NEEDED = (450.0, 650.0)
+
+
+def to_rgb(
+    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT
+) -> tuple[Tensor, dict[str, Any]]:
+    """Linear sRGB (N, 3) in sr⁻¹ of spectra (N, W) in sr⁻¹ at `wavelengths` in nm, and the facts (JSON-able).
+
+    Colours outside the gamut have a negative channel: it is set to 0, and facts["clipped"] counts those per
+    channel. Raises BadInput for wavelengths that do not fit, do not rise or leave out blue or red, and for an
+    unknown illuminant.
+    """
+    weights = _weights(_checked(spectra, wavelengths), illuminant)
+    rgb = spectra @ torch.from_numpy(weights[0].copy()).to(spectra)
+    clipped = (rgb < 0).sum(0)
+    facts = _facts(wavelengths, illuminant, weights[1])
+    facts["space"] = "linear sRGB"
+    facts["clipped"] = {name: int(count) for name, count in zip("RGB", clipped, strict=True)}
+    return rgb.clamp_min(0), facts
+
+
+def to_luminance(
+    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT
+) -> tuple[Tensor, dict[str, Any]]:
+    """CIE Y (N, 1) in sr⁻¹, 1 for a flat spectrum of 1, and the facts; same errors as `to_rgb`."""
+    weights = _weights(_checked(spectra, wavelengths), illuminant)
+    facts = _facts(wavelengths, illuminant, weights[1])
+    facts["space"] = "CIE Y"
+    return spectra @ torch.from_numpy(weights[2].copy()).to(spectra)[:, None], facts
+
+
+def _checked(spectra: Tensor, wavelengths: Sequence[float]) -> tuple[float, ...]:
+    given = tuple(float(w) for w in wavelengths)
+    if len(given) < 2 or spectra.shape[-1] != len(given):
+        raise BadInput(
+            f"spectra: {spectra.shape[-1]} values for {len(given)} wavelengths, expected one each for at least 2"
+        )
+    for before, after in pairwise(given):
+        if not after > before:
+            raise BadInput(f"wavelengths: {after:g} nm follows {before:g} nm, expected rising wavelengths")
+    if given[0] > _NEEDED[0] or given[-1] < _NEEDED[1]:
+        raise BadInput(
+            f"wavelengths: found {given[0]:g}-{given[-1]:g} nm, expected them to cover"
+            f" {_NEEDED[0]:g}-{_NEEDED[1]:g} nm for a colour (keep the spectra instead)"
+        )
+    return given
+
+
+@lru_cache(maxsize=16)
+def _weights(wavelengths: tuple[float, ...], illuminant: str) -> tuple[np.ndarray, tuple[float, float], np.ndarray]:
+    """(RGB weights (W, 3), xy of the illuminant's white, Y weights (W,))."""
+    import colour  # about a second to load, and only spectra need it
+
+    if illuminant not in colour.SDS_ILLUMINANTS:
+        raise BadInput(f"illuminant: found {illuminant!r}, expected a CIE name, for instance D65, D50, A or E")
+    light = colour.SDS_ILLUMINANTS[illuminant]
+    observer = colour.MSDS_CMFS[OBSERVER]
+    power = np.interp(_RASTER, light.wavelengths, light.values)
+    matching = np.stack([np.interp(_RASTER, observer.wavelengths, observer.values[:, k]) for k in range(3)], 1)
+    # Row w: how much each raster line takes from wavelength w; linear inside, the end values outside.
+    hats = np.stack([np.interp(_RASTER, wavelengths, unit) for unit in np.eye(len(wavelengths))])
+    xyz = hats @ (matching * power[:, None])
+    white = xyz.sum(0)
+    xyz = xyz / white[1]
+    white = white / white[1]
+    space = colour.RGB_COLOURSPACES["sRGB"]
+    primary = np.asarray(colour.normalised_primary_matrix(space.primaries, space.whitepoint))
+    bradford = np.asarray(colour.CHROMATIC_ADAPTATION_TRANSFORMS["Bradford"])
+    gain = (bradford @ primary.sum(1)) / (bradford @ white)
+    to_linear = np.linalg.inv(primary) @ np.linalg.inv(bradford) @ np.diag(gain) @ bradford
+    rgb = xyz @ to_linear.T
+    total = white.sum()
+    return rgb, (float(white[0] / total), float(white[1] / total)), xyz[:, 1]
+
+
+def _facts(wavelengths: Sequence[float], illuminant: str, white: tuple[float, float]) -> dict[str, Any]:
+    return {
+        "observer": OBSERVER,
+        "illuminant": illuminant,
+        "illuminant_xy": [round(x, 5) for x in white],
+        "white": "a flat reflectance of 1 is 1 in every channel",
+        "adaptation": "Bradford to D65 (x 0.3127, y 0.3290)",
+        "wavelengths_nm": [float(w) for w in wavelengths],
+        "outside": f"end values kept from 360 to {wavelengths[0]:g} and from {wavelengths[-1]:g} to 780 nm",
+    }

@@ -1,0 +1,153 @@
+"""Remake the embedded synthetic data: `python scripts/make_synthetic_data.py [--check] [--out FOLDER]`.
+
+blue_paint.npz and plastic.npz are samples of named materials, synthetic_cornell.brdf a made-up spectral
+measurement in the Cornell format: a green pigment under a dielectric coat, with seeded noise that grows
+towards short wavelengths and with weak readings lost to zero, as real ones have it. manifest.json gives
+generator, seed, counts and SHA-256 of each. --check remakes them elsewhere and compares the hashes.
+"""
+
+import argparse
+import hashlib
+import json
+import math
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.analytic import CookTorrance
+from homofact.brdf.materials import material
+from homofact.brdf.readers import cornell, npz
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import RADIUS_SQUARED
+from homofact.geometry.directions import draw_in_discs, from_spherical, normalize
+
+FOLDER = Path(__file__).resolve().parent.parent / "data_synthetic"
+MANIFEST = "manifest.json"
+WAVELENGTHS = tuple(range(400, 701, 10))
+
+
+def make_material(path: Path, name: str, count: int, seed: int) -> dict[str, Any]:
+    """Samples of a named material, directions and values rounded to float32; returns the manifest's entry."""
+    model = material(name).model
+    wi, wo = draw_in_discs(count, torch.Generator().manual_seed(seed), RADIUS_SQUARED)
+    # Values belong to the directions as they are stored; the rounding also hides the last bits, in which
+    # the processors' sines differ.
+    wi, wo = normalize(wi.float().double()), normalize(wo.float().double())
+    samples = Samples.make(wi, wo, model.evaluate(wi, wo), channels=model.channels, isotropic=model.isotropic)
+    header = {
+        "name": name,
+        "comments": [f"synthetic: {count} pairs of the analytic material {name}", material(name).source],
+        "noise_free": True,
+        "sampling": {"scheme": "discs", "seed": seed, "radius_squared": RADIUS_SQUARED},
+    }
+    npz.write(path, samples, header, dtype="float32")
+    return {"generator": f"make_material({name!r})", "seed": seed, "samples": count, "channels": 3}
+
+
+def make_cornell(path: Path, seed: int) -> dict[str, Any]:
+    """The made-up measurement; returns the manifest's entry."""
+    degrees = math.pi / 180
+    incident = [10, 30, 50, 70]
+    polar = [0, 8, 16, 26, 36, 46, 56, 66, 76]
+    azimuth = [-150, -90, -45, 0, 30, 75, 120, 180]
+    rows = [(i, 0, s, a) for i in incident for s in polar for a in azimuth if s > 0 or a == 0]
+    # The highlight is dense in the plane of incidence.
+    rows += [(i, 0, i + step, 180) for i in incident for step in (-5, -3, -1, 1, 3, 5)]
+    angles = torch.tensor(rows, dtype=torch.float64) * degrees
+    # What is written is what was "measured": six digits.
+    angles = (angles * 1e6).round() / 1e6
+    spectra = _coated_pigment(angles)
+    generator = torch.Generator().manual_seed(seed)
+    noise = torch.randn(spectra.shape, dtype=torch.float64, generator=generator)
+    level = 2e-4 + 8e-4 * torch.exp(-(torch.tensor(WAVELENGTHS, dtype=torch.float64) - 400) / 30)
+    measured = (spectra * (1 + 0.01 * noise) + level * noise).clamp_min(0)
+    comments = [
+        "Synthetic measurement, not of any real surface",
+        "Green coated pigment (CookTorrance m .12, F0 .05, over a Gaussian diffuse spectrum)",
+        f"made by scripts/make_synthetic_data.py, seed {seed}",
+    ]
+    cornell.write(path, angles, measured, WAVELENGTHS, comments)
+    return {
+        "generator": "make_cornell",
+        "seed": seed,
+        "samples": len(rows),
+        "channels": len(WAVELENGTHS),
+        "exact_zeros": int(((measured * 1e6).round() == 0).sum()),
+    }
+
+
+def _coated_pigment(angles: Tensor) -> Tensor:
+    """Spectra (N, 31) in sr⁻¹: a diffuse hump at 540 nm, nearly black in the far blue, and a neutral coat."""
+    wavelengths = torch.tensor(WAVELENGTHS, dtype=torch.float64)
+    base = 0.002 + 0.08 * torch.sigmoid((wavelengths - 440) / 6)
+    diffuse = base + 0.3 * torch.exp(-(((wavelengths - 540) / 45) ** 2))
+    names = tuple(f"{w}nm" for w in WAVELENGTHS)
+    model = CookTorrance(tuple(diffuse.tolist()), (1.0,) * len(names), 0.12, 0.05, channels=names)
+    return model.evaluate(from_spherical(angles[:, 0], angles[:, 1]), from_spherical(angles[:, 2], angles[:, 3]))
+
+
+def make(folder: Path) -> dict[str, Any]:
+    """Write the three files and the manifest into `folder`, which exists; returns the manifest."""
+    entries = {
+        "blue_paint.npz": make_material(folder / "blue_paint.npz", "lafortune-blue-paint", 4000, seed=1),
+        "plastic.npz": make_material(folder / "plastic.npz", "cook-torrance-plastic", 1500, seed=2),
+        "synthetic_cornell.brdf": make_cornell(folder / "synthetic_cornell.brdf", seed=3),
+    }
+    manifest = {
+        "remade_by": "python scripts/make_synthetic_data.py",
+        "files": [
+            {"file": name, **entry, "bytes": (folder / name).stat().st_size, "sha256": digest(folder / name)}
+            for name, entry in entries.items()
+        ],
+    }
+    (folder / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
+    return manifest
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def check(folder: Path) -> list[str]:
+    """What differs between `folder`, its manifest and the data remade; empty where all agree."""
+    faults = []
+    stated = {entry["file"]: entry for entry in json.loads((folder / MANIFEST).read_text())["files"]}
+    with tempfile.TemporaryDirectory() as place:
+        remade = {entry["file"]: entry for entry in make(Path(place))["files"]}
+    if sorted(stated) != sorted(remade):
+        faults.append(f"{MANIFEST}: lists {sorted(stated)}, expected {sorted(remade)}")
+    for name, entry in stated.items():
+        if not (folder / name).is_file():
+            faults.append(f"{name}: missing, expected it in {folder}")
+        elif digest(folder / name) != entry["sha256"]:
+            faults.append(f"{name}: SHA-256 differs from the manifest's")
+        if name in remade and remade[name] != entry:
+            faults.append(f"{name}: remaking gives another file than the manifest states")
+    return faults
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Make, or with --check compare; returns the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    parser.add_argument("--out", type=Path, default=FOLDER, help="the folder (default: data_synthetic)")
+    chosen = parser.parse_args(arguments)
+    if chosen.check:
+        faults = check(chosen.out)
+        for fault in faults:
+            print(fault, file=sys.stderr)
+        print("differs" if faults else f"{chosen.out}: as the manifest states")
+        return 1 if faults else 0
+    chosen.out.mkdir(parents=True, exist_ok=True)
+    for entry in make(chosen.out)["files"]:
+        print(f"{entry['file']}: {entry['samples']} samples, {entry['bytes']} bytes, {entry['sha256'][:12]}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

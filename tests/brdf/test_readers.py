@@ -1,0 +1,94 @@
+"""Sniffing, and files that cannot be opened at all."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from homofact.brdf.materials import material
+from homofact.brdf.readers import READERS, npz, read_samples
+from homofact.brdf.readers.files import write_bytes
+from homofact.brdf.sampling import sample_model
+from homofact.errors import BadInput
+
+CORNELL = b"# num wls\n3\n400 550 700\n0.1 0 0.1 0 0.5 0.5 0.5\n"
+
+
+def test_content_decides_and_the_name_does_not(tmp_path: Path) -> None:
+    text = tmp_path / "measurement.npz"
+    text.write_bytes(CORNELL)
+    archive = tmp_path / "samples.brdf"
+    npz.write(archive, sample_model(material("phong-10").model, 5), {})
+    assert read_samples(text).provenance["format"] == "cornell"
+    assert read_samples(archive).provenance["format"] == "npz"
+    assert read_samples(text, "spectral").channels == ("400nm", "550nm", "700nm")
+
+
+@pytest.mark.parametrize("content", [b"hello\n", b"\x89PNG\r\n\x1a\n" + b"\0" * 100, b"\0" * 500, b"\n\n"])
+def test_unknown_content_lists_the_formats(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "thing.brdf"
+    path.write_bytes(content)
+    with pytest.raises(BadInput, match="of no known format") as caught:
+        read_samples(path)
+    assert all(f"{reader.NAME}: " in str(caught.value) for reader in READERS)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"gone\.brdf: no such file, expected a BRDF file or material:NAME"):
+        read_samples(tmp_path / "gone.brdf")
+
+
+def test_folder(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="a folder, expected a BRDF file"):
+        read_samples(tmp_path)
+
+
+def test_empty_file(tmp_path: Path) -> None:
+    (tmp_path / "empty").touch()
+    with pytest.raises(BadInput, match="the file is empty"):
+        read_samples(tmp_path / "empty")
+
+
+def test_name_that_no_file_can_have() -> None:
+    with pytest.raises(BadInput, match="cannot be read"):
+        read_samples("a\0b")
+    with pytest.raises(BadInput, match="cannot be read"):
+        read_samples("x" * 5000)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root reads everything")
+def test_unreadable_file(tmp_path: Path) -> None:
+    path = tmp_path / "secret"
+    path.write_bytes(CORNELL)
+    path.chmod(0)
+    with pytest.raises(BadInput, match=r"cannot be read .*expected a readable BRDF file"):
+        read_samples(path)
+
+
+def test_unreadable_file_for_everyone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: Path) -> bytes:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    with pytest.raises(BadInput, match=r"cannot be read \(Permission denied\)"):
+        read_samples(tmp_path / "any")
+
+
+def test_unknown_channels_are_refused_before_the_file(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="channels: found 'xyz'"):
+        read_samples(tmp_path / "gone", "xyz")
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "data"
+    write_bytes(path, b"old")
+
+    def full(source: object, target: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(BadInput, match=r"data: cannot be written \(No space left on device\)"):
+        write_bytes(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [item.name for item in tmp_path.iterdir()] == ["data"]
