@@ -1,0 +1,1 @@
+"""Floor 3: methods that the search is compared with."""

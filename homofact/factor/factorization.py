@@ -1,0 +1,177 @@
+"""The result: log textures with their projections, which evaluate, save and load.
+
+f(ωi, ωo) = A (exp Σj p̃j(πj(ωi, ωo)) − ε), cut at zero; a reciprocal projection adds its texture at the
+conjugate too. Everything an evaluation needs is in one .npz file of plain arrays and a JSON header,
+readable without homofact; arrays are stored as they are, so a loaded factorization is bit-identical.
+"""
+
+import json
+import os
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.factor.homomorphism import LogTransform
+from homofact.factor.projection import Projection, Warp
+from homofact.geometry.coordinates import COORDINATES
+from homofact.geometry.quaternion import Pair
+from homofact.linear.bilinear import lookup
+
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Term:
+    """One texture and the projection that indexes it.
+
+    `texture` is (rows, columns, C) float64, logarithms; `mask` (rows, columns) is True where the texel is
+    reached by the projected domain (or next to such a texel), False where its value is only filler.
+    """
+
+    projection: Projection
+    texture: Tensor
+    mask: Tensor
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return int(self.texture.shape[0]), int(self.texture.shape[1])
+
+
+def sum_of_terms(terms: tuple[Term, ...], wi: Tensor, wo: Tensor) -> Tensor:
+    """Σj p̃j(πj(ωi, ωo)), conjugate lookups included: (N, C) logarithms of at least one term."""
+    total = torch.zeros(wi.shape[0], terms[0].texture.shape[2], dtype=wi.dtype, device=wi.device)
+    for term in terms:
+        texture = term.texture.to(wi)
+        for uv in term.projection.place(wi, wo):
+            total = total + lookup(texture, uv)
+    return total
+
+
+@dataclass(frozen=True)
+class Factorization:
+    """A fitted product of textures; a `Reflectance`.
+
+    `provenance` holds what the fit was made from and by (method, seed, sampling, version), JSON-able.
+    """
+
+    terms: tuple[Term, ...]
+    transform: LogTransform
+    channels: tuple[str, ...]
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all texels as float32, the storage that a renderer would use."""
+        return sum(term.texture.numel() * 4 for term in self.terms)
+
+    @property
+    def fetches(self) -> int:
+        """Texture lookups of one evaluation, conjugates included."""
+        return sum(term.projection.lookups for term in self.terms)
+
+    def evaluate_log(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Σj p̃j (N, C): the sum of the textures, before the exponential."""
+        return sum_of_terms(self.terms, wi, wo)
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        values = self.transform.inverse(self.evaluate_log(wi, wo))
+        above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
+        return values * above[:, None]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the one file (.npz), beside first and then renamed, so that a failure leaves no half file."""
+        target = Path(path)
+        header = {
+            "format": "homofact factorization",
+            "format_version": FORMAT_VERSION,
+            "epsilon": self.transform.epsilon,
+            "channels": list(self.channels),
+            "provenance": self.provenance,
+            "terms": [_describe(term.projection) for term in self.terms],
+        }
+        arrays: dict[str, Any] = {
+            "header": np.array(json.dumps(header)),
+            "mean": self.transform.mean.cpu().numpy(),
+        }
+        for j, term in enumerate(self.terms):
+            arrays[f"texture_{j}"] = term.texture.cpu().numpy()
+            arrays[f"mask_{j}"] = term.mask.cpu().numpy()
+            arrays[f"matrix_{j}"] = term.projection.matrix.cpu().numpy()
+            rotation = term.projection.rotation
+            if isinstance(rotation, Pair):
+                arrays[f"rotation_{j}"] = torch.stack((rotation.left, rotation.right)).numpy()
+            elif rotation is not None:
+                arrays[f"rotation_{j}"] = rotation.numpy()
+        beside = target.with_name(f".{target.name}.partial")
+        try:
+            with open(beside, "wb") as file:
+                np.savez(file, **arrays)
+            os.replace(beside, target)
+        except OSError as error:
+            beside.unlink(missing_ok=True)
+            raise BadInput(f"{target}: cannot be written ({error.strerror}), expected a writable place") from error
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Factorization":
+        """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
+        target = Path(path)
+        try:
+            with open(target, "rb") as file, np.load(file, allow_pickle=False) as archive:
+                data = {name: archive[name] for name in archive.files}
+            header = json.loads(str(data["header"]))
+        except FileNotFoundError as error:
+            raise BadInput(f"{target}: no such file, expected a saved factorization") from error
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise BadInput(f"{target}: not a saved factorization ({error}), expected the .npz of a fit") from error
+        version = header.get("format_version") if isinstance(header, dict) else None
+        if not isinstance(version, int) or version > FORMAT_VERSION:
+            raise BadInput(f"{target}: format version {version!r}, expected at most {FORMAT_VERSION}: update homofact")
+        try:
+            terms = tuple(_restore(described, data, j) for j, described in enumerate(header["terms"]))
+            transform = LogTransform(float(header["epsilon"]), torch.from_numpy(data["mean"]))
+            result = cls(terms, transform, tuple(header["channels"]), header["provenance"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise BadInput(f"{target}: incomplete, {error} is missing or damaged, expected what save wrote") from error
+        for j, term in enumerate(terms):
+            if term.texture.ndim != 3 or term.texture.shape[2] != len(result.channels):
+                found = tuple(term.texture.shape)
+                expected = f"(rows, columns, {len(result.channels)})"
+                raise BadInput(f"{target}: texture {j} has shape {found}, expected {expected}")
+            if tuple(term.mask.shape) != tuple(term.texture.shape[:2]) or not bool(torch.isfinite(term.texture).all()):
+                raise BadInput(f"{target}: texture {j} or its mask is damaged, expected finite texels and their mask")
+        return result
+
+
+def _describe(projection: Projection) -> dict[str, Any]:
+    return {
+        "coordinates": projection.coordinates,
+        "reciprocal": projection.reciprocal,
+        "name": projection.name,
+        "warp": None if projection.warp is None else projection.warp.width,
+    }
+
+
+def _restore(described: dict[str, Any], data: dict[str, Any], j: int) -> Term:
+    if described["coordinates"] not in COORDINATES:
+        raise ValueError(f"coordinates {described['coordinates']!r}")
+    rotation: Pair | Tensor | None = None
+    if f"rotation_{j}" in data:
+        stored = torch.from_numpy(data[f"rotation_{j}"])
+        rotation = Pair(stored[0], stored[1]) if stored.ndim == 2 else stored
+    projection = Projection(
+        described["coordinates"],
+        torch.from_numpy(data[f"matrix_{j}"]),
+        bool(described["reciprocal"]),
+        described["name"],
+        rotation,
+        None if described["warp"] is None else Warp(float(described["warp"])),
+    )
+    return Term(projection, torch.from_numpy(data[f"texture_{j}"]), torch.from_numpy(data[f"mask_{j}"]))

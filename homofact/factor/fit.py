@@ -1,0 +1,187 @@
+"""The procedure of the thesis: terms one by one, each projection searched, then a fine solve (2.2, 3).
+
+For each term random rotations are refined by Powell's method on the error of the inner problem, in
+which the last `together` terms are solved and the earlier ones stay. The search may run on smaller
+textures and a subset of the samples (thesis 4.2: the projections carry over); the textures that are
+kept come from the solve at full size with the masks applied. Plain on purpose: this is the reference
+that faster searches are measured against.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+
+from homofact import __version__
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput, Report, Status
+from homofact.factor.factorization import Factorization, Term
+from homofact.factor.homomorphism import NOISE_FREE_EPSILON, LogTransform
+from homofact.factor.projection import Projection
+from homofact.factor.search.powell import Powell
+from homofact.factor.settings import FitSettings
+from homofact.factor.textures import LogSamples, inner_problem, residual, solve_terms, texture_shape
+from homofact.geometry.quaternion import Pair
+from homofact.linear.solvers import solve
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a running fit is: counted from 1, `best` the lowest error of this term so far."""
+
+    term: int
+    terms: int
+    restart: int
+    restarts: int
+    evaluations: int
+    best: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted factorization and the report of how it was reached."""
+
+    factorization: Factorization
+    report: Report
+
+
+# The thesis's two; the first is the default.
+PARAMETERIZATIONS = ("half-diff", "in-out")
+
+ProgressCallback = Callable[[Progress], None]
+
+
+def transform_of(samples: Samples, settings: FitSettings) -> LogTransform:
+    """The log transform of a fit: the settings' ε, or the one for noise-free data, and A of `samples`."""
+    epsilon = NOISE_FREE_EPSILON if settings.epsilon is None else settings.epsilon
+    return LogTransform.of(samples, epsilon)
+
+
+def provenance_of(samples: Samples, settings: FitSettings) -> dict[str, Any]:
+    """What a factorization says of its making: version, method, settings, samples; JSON-able."""
+    return {
+        "homofact_version": __version__,
+        "method": settings.method,
+        "seed": settings.seed,
+        "smoothing": settings.fixed_smoothing,
+        "settings": {k: list(v) if isinstance(v, tuple) else v for k, v in vars(settings).items()},
+        "samples": len(samples),
+        "source": samples.provenance,
+    }
+
+
+def solve_greedily(
+    samples: LogSamples, projections: tuple[Projection, ...], settings: FitSettings
+) -> tuple[tuple[Term, ...], Status]:
+    """Textures of given projections, at full size: the last `together` solved jointly as each term arrives."""
+    together = len(projections) if settings.together == 0 else settings.together
+    terms: tuple[Term, ...] = ()
+    status = Status.DIRECT
+    first = len(projections) if together >= len(projections) else 1
+    for count in range(first, len(projections) + 1):
+        begin = max(0, count - together)
+        terms = terms[:begin]
+        rest = replace(samples, logs=residual(samples, terms))
+        last = projections[begin:count]
+        shapes = tuple(texture_shape(p, settings.size) for p in last)
+        solved, status = solve_terms(rest, last, shapes, settings.fixed_smoothing, settings.solver)
+        terms = (*terms, *solved)
+    return terms, status
+
+
+def fit_cole(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
+    """Factor `samples` by the procedure of the thesis.
+
+    `samples` are the training samples as they should weigh: azimuth copies are the caller's. An interrupt
+    (Ctrl-C) keeps the terms found so far and is reported as INTERRUPTED, unless there is none yet.
+    """
+    began = time.perf_counter()
+    if settings.parameterization not in (None, *PARAMETERIZATIONS):
+        raise BadInput(
+            f"parameterization: found {settings.parameterization!r}, expected one of {', '.join(PARAMETERIZATIONS)}"
+        )
+    transform = transform_of(samples, settings)
+    full = LogSamples.of(samples, transform)
+    coarse = (
+        full
+        if settings.search_samples == 0
+        else LogSamples.of(samples.subset(settings.search_samples, settings.seed), transform)
+    )
+    size = settings.size if settings.search_size == 0 else min(settings.size, settings.search_size)
+    generator = torch.Generator().manual_seed(settings.seed)
+    chosen: tuple[Projection, ...] = ()
+    coarse_terms: tuple[Term, ...] = ()
+    reports: list[Report] = []
+    interrupted = False
+    try:
+        for number in range(1, settings.textures + 1):
+            together = number if settings.together == 0 else settings.together
+            begin = max(0, number - together)
+            rest = replace(coarse, logs=residual(coarse, coarse_terms[:begin]))
+            best, report = _search_term(rest, chosen[begin:], size, settings, generator, number, progress)
+            reports += report
+            chosen = (*chosen, best)
+            shapes = tuple(texture_shape(p, size) for p in chosen[begin:])
+            solved, _ = solve_terms(rest, chosen[begin:], shapes, settings.fixed_smoothing, settings.solver)
+            coarse_terms = (*coarse_terms[:begin], *solved)
+    except KeyboardInterrupt:
+        if not chosen:
+            raise
+        interrupted = True
+    terms, status = solve_greedily(full, chosen, settings)
+    factorization = Factorization(terms, transform, samples.channels, provenance_of(samples, settings))
+    error = float((residual(full, terms) ** 2).mean())
+    if interrupted:
+        status = Status.INTERRUPTED
+    elif status is not Status.FALLBACK:
+        ended = {report.status for report in reports}
+        status = Status.CONVERGED if ended == {Status.CONVERGED} else Status.BUDGET
+    report = Report(
+        status,
+        iterations=sum(report.iterations for report in reports),
+        evaluations=sum(report.evaluations for report in reports),
+        seconds=time.perf_counter() - began,
+        residual=error,
+        seed=settings.seed,
+    )
+    return Fit(factorization, report)
+
+
+def _search_term(
+    samples: LogSamples,
+    earlier: tuple[Projection, ...],
+    size: int,
+    settings: FitSettings,
+    generator: torch.Generator,
+    number: int,
+    progress: ProgressCallback | None,
+) -> tuple[Projection, list[Report]]:
+    """The best projection of one more term, over all restarts, with `earlier` solved beside it."""
+
+    def projection(rotation: Pair) -> Projection:
+        return Projection.from_rotation(
+            settings.parameterization or PARAMETERIZATIONS[0], rotation, settings.reciprocal, bound=settings.bound
+        )
+
+    evaluations, lowest = 0, float("inf")
+    restart = 0
+
+    def error(rotation: Pair) -> float:
+        nonlocal evaluations, lowest
+        projections = (*earlier, projection(rotation))
+        shapes = tuple(texture_shape(p, size) for p in projections)
+        problem = inner_problem(samples, projections, shapes, settings.fixed_smoothing)
+        value = problem.mean_error(solve(problem, settings.solver).texels)
+        evaluations += 1
+        lowest = min(lowest, value)
+        if progress is not None:
+            progress(Progress(number, settings.textures, restart, settings.restarts, evaluations, lowest))
+        return value
+
+    found: list[tuple[Pair, Report]] = []
+    for restart in range(1, settings.restarts + 1):  # noqa: B007 (the error function reports it)
+        found.append(Powell().minimize(error, Pair.random(generator), settings.seed))
+    best = min(found, key=lambda each: each[1].residual)[0]
+    return projection(best), [report for _, report in found]

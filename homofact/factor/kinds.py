@@ -1,0 +1,74 @@
+"""What a texture may be indexed by in a searched factorization: the candidates, by name.
+
+A kind is a fixed projection ("theta_h-theta_d", "h" …) or one of the four parameterizations, whose
+projection is then searched. Symmetry first: for an isotropic material only coordinates that do not know
+the azimuth are candidates, since a 4D one would spend its texels on learning that turning changes nothing.
+"""
+
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
+from homofact.geometry.coordinates import COORDINATES, coordinate_system
+from homofact.geometry.quaternion import Pair
+
+SEARCHED_KINDS = tuple(COORDINATES)
+KINDS = (*FIXED_PROJECTIONS, *SEARCHED_KINDS)
+
+ISOTROPIC_CANDIDATES = (
+    "theta_h-theta_d",
+    "theta_i-theta_o",
+    "theta_d-phi_d",
+    "theta_h-phi_d",
+    "theta_i-delta_phi",
+    "isotropic-half-diff",
+    "isotropic-in-out",
+)
+ANISOTROPIC_CANDIDATES = (
+    "h",
+    "theta_i-theta_o",
+    "theta_h-theta_d",
+    "wi",
+    "d",
+    "half-diff",
+    "in-out",
+)
+WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01)
+
+
+def coordinates_of(kind: str) -> str:
+    """The parameterization that a kind's projection acts on. Raises BadInput that lists the kinds."""
+    if kind not in KINDS:
+        raise BadInput(f"parameterization: found {kind!r}, expected one of {', '.join(KINDS)}")
+    return kind if kind in SEARCHED_KINDS else fixed_projection(kind, True).coordinates
+
+
+def is_searched(kind: str) -> bool:
+    """Whether the projection of this kind has parameters to search."""
+    return kind in SEARCHED_KINDS
+
+
+def is_isotropic(kind: str) -> bool:
+    """Whether the kind's coordinates do not know the azimuth."""
+    return coordinate_system(coordinates_of(kind)).isotropic
+
+
+def takes_warp(kind: str) -> bool:
+    """Whether the kind reads the half vector's angle, which may be stretched."""
+    reads_half_vector = coordinates_of(kind) in ("half-diff", "isotropic-half-diff")
+    return reads_half_vector and kind not in ("d", "theta_d-phi_d", "theta_d")
+
+
+def make(kind: str, reciprocal: bool, warp: Warp | None, generator: torch.Generator, bound: str) -> Projection:
+    """A projection of this kind: the fixed one, or one at a rotation drawn uniformly."""
+    used = warp if takes_warp(kind) else None
+    if not is_searched(kind):
+        return fixed_projection(kind, reciprocal, used)
+    rotation: Pair | Tensor
+    if coordinate_system(kind).dimension == 4:
+        rotation = Pair.random(generator)
+    else:
+        rotation = torch.randn(4, dtype=torch.float64, generator=generator)
+        rotation = rotation / rotation.norm()
+    return Projection.from_rotation(kind, rotation, reciprocal, bound, used)

@@ -1,0 +1,151 @@
+"""The reduced objective: the error of the best texels, as a function of the projections alone.
+
+For projections P the inner problem is linear least squares in the texels y,
+
+    E(P, y) = Σn wn |f̃n − (B(P) y)n|² + λ'|Ly|² + δ|y|²,     R(P) = min_y E(P, y) = E(P, y*(P)).
+
+Variable projection (Golub and Pereyra 1973): since ∂E/∂y = 0 at y*, the chain rule leaves
+
+    dR/dP = ∂E/∂P at fixed y* = −2 Σn wn Σc rnc ∇p̃c(P xn) xnᵀ,
+
+with r the residual and ∇p̃ the slope of the bilinear texture at the lookup: the texels' own change does
+not count. A conjugate lookup has the matrix P S, so it adds its derivative times Sᵀ. The matrices come
+from unit quaternions and are scaled to the texture square; both are smooth but for |·| in the scale, and
+autograd takes the derivative through them. R has kinks where a sample crosses from one cell of a texture
+to the next; there are N of them for each texture, and each is small.
+"""
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.factor.projection import Projection, row_bounds
+from homofact.factor.textures import LogSamples, Shape, inner_problem
+from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.quaternion import Pair, rotation3
+from homofact.linear.least_squares import LeastSquares
+from homofact.linear.normal import gradient
+from homofact.linear.solvers import solve
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """R and its gradient (V,), the weighted mean squared log error without the penalties, and the texels (T, C)."""
+
+    value: float
+    gradient: Tensor
+    error: float
+    texels: Tensor
+
+
+class Objective:
+    """R as a function of one vector: the quaternions of all searched projections, one after another.
+
+    A projection with `rotation` set is searched (8 numbers for a pair, 4 for one quaternion), one without
+    is fixed. The quaternions need not be unit; they are normalised. R is divided by Σw·C, so without
+    penalties it is the weighted Cole error of the samples.
+    """
+
+    def __init__(
+        self,
+        samples: LogSamples,
+        projections: tuple[Projection, ...],
+        shapes: tuple[Shape, ...],
+        smoothing: float,
+        bound: str = "disc",
+    ) -> None:
+        self._bound = bound
+        self._projections = projections
+        self._template = inner_problem(samples, projections, shapes, smoothing)
+        self._scale = 1 / (float(samples.weights.sum()) * samples.logs.shape[1])
+        self.evaluations = 0
+
+    def start(self) -> Tensor:
+        """The vector (V,) of the projections given at construction."""
+        parts = [_numbers(p.rotation) for p in self._projections if p.rotation is not None]
+        return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
+
+    def projections(self, vector: Tensor) -> tuple[Projection, ...]:
+        """The projections that a vector stands for."""
+        result, begin = [], 0
+        for projection in self._projections:
+            if projection.rotation is None:
+                result.append(projection)
+                continue
+            length = _numbers(projection.rotation).shape[0]
+            numbers = vector[begin : begin + length].detach()
+            begin += length
+            rotation = _rotation(numbers)
+            result.append(
+                Projection.from_rotation(
+                    projection.coordinates, rotation, projection.reciprocal, self._bound, projection.warp
+                )
+            )
+        return tuple(result)
+
+    def problem(self, vector: Tensor) -> LeastSquares:
+        """The inner problem at a vector."""
+        matrices = [matrix for p in self.projections(vector) for matrix in p.matrices()]
+        lookups = tuple(
+            replace(lookup, matrix=matrix) for lookup, matrix in zip(self._template.lookups, matrices, strict=True)
+        )
+        return replace(self._template, lookups=lookups)
+
+    def error(self, vector: Tensor) -> float:
+        """R alone, by the normal equations; no pass for the gradient."""
+        problem = self.problem(vector)
+        self.evaluations += 1
+        texels = solve(problem).texels
+        sum_of_squares = problem.data.error(texels) * float(problem.weights.sum()) * texels.shape[1]
+        return (sum_of_squares + problem.penalty(texels)) * self._scale
+
+    def evaluate(self, vector: Tensor) -> Evaluation:
+        """R with its gradient: one accumulation, one solve, one pass back over the samples."""
+        problem = self.problem(vector)
+        self.evaluations += 1
+        texels = solve(problem).texels
+        by_matrix, squares = gradient(problem.coordinates, problem.lookups, problem.targets, problem.weights, texels)
+        value = (squares + problem.penalty(texels)) * self._scale
+        slope = self._chain(vector, by_matrix) * self._scale
+        return Evaluation(value, slope, squares * self._scale, texels)
+
+    def _chain(self, vector: Tensor, by_matrix: Tensor) -> Tensor:
+        """The derivative by the vector, from those by every lookup's matrix (L, 2, 4)."""
+        if vector.shape[0] == 0:
+            return torch.zeros_like(vector)
+        free = vector.detach().clone().requires_grad_()
+        total, begin, number = torch.zeros((), dtype=torch.float64), 0, 0
+        for projection in self._projections:
+            lookups = projection.lookups
+            own = slice(number, number + lookups)
+            number += lookups
+            if projection.rotation is None:
+                continue
+            system = coordinate_system(projection.coordinates)
+            by = by_matrix[own, :, : system.dimension]
+            combined = by[0]
+            if lookups == 2:
+                combined = combined + by[1] @ torch.tensor(system.swap, dtype=torch.float64).T
+            length = _numbers(projection.rotation).shape[0]
+            rotation = _rotation(free[begin : begin + length])
+            begin += length
+            rows = (rotation.matrix() if isinstance(rotation, Pair) else rotation3(rotation)).T[:2]
+            scaled = rows / row_bounds(rows, system.domain, self._bound)[:, None]
+            total = total + (scaled * combined).sum()
+        return torch.autograd.grad(total, free)[0]
+
+
+def _numbers(rotation: Pair | Tensor | None) -> Tensor:
+    if isinstance(rotation, Pair):
+        return torch.cat((rotation.left, rotation.right))
+    if rotation is None:
+        raise BadInput("objective: a fixed projection has no rotation, expected a searched one")
+    return rotation
+
+
+def _rotation(numbers: Tensor) -> Pair | Tensor:
+    if numbers.shape[0] == 8:
+        return Pair(numbers[:4] / numbers[:4].norm(), numbers[4:] / numbers[4:].norm())
+    return numbers / numbers.norm()

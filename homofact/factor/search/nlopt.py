@@ -1,0 +1,117 @@
+"""Any of nlopt's algorithms, by name, on the vector of all searched projections.
+
+Gradient-based ones (LD_, GD_) are given the variable-projection gradient. Each quaternion number is
+bounded to [−1.5, 1.5]; the start is unit and the length does not matter, so the box cuts nothing off.
+"""
+
+import time
+from dataclasses import dataclass
+
+import nlopt
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput, Report, Status
+from homofact.factor.objective import Objective
+from homofact.factor.search.best import Best, BudgetSpent
+
+SHORT_NAMES = {
+    "PRAXIS": "LN_PRAXIS",
+    "SBPLX": "LN_SBPLX",
+    "BOBYQA": "LN_BOBYQA",
+    "COBYLA": "LN_COBYLA",
+    "NELDERMEAD": "LN_NELDERMEAD",
+    "MLSL": "GD_MLSL_LDS",
+}
+_NEEDS_LOCAL = ("MLSL", "AUGLAG")
+
+
+@dataclass(frozen=True)
+class Nlopt:
+    """`algorithm` is nlopt's name with or without its LN_/LD_/GN_/GD_ (PRAXIS, SBPLX, BOBYQA, COBYLA, LD_LBFGS,
+    LD_SLSQP, MLSL …). Ends at a relative gain of `tolerance` or after `evaluations`.
+    """
+
+    algorithm: str
+    evaluations: int = 2000
+    tolerance: float = 1e-4
+    step: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Refuse a name that nlopt does not have."""
+        full = self.full_name
+        if not hasattr(nlopt, full) or full[:3] not in ("LN_", "LD_", "GN_", "GD_"):
+            known = ", ".join([*SHORT_NAMES, "LD_LBFGS", "LD_SLSQP"])
+            raise BadInput(f"search: found nlopt algorithm {self.algorithm!r}, expected {known} or another of nlopt's")
+
+    @property
+    def full_name(self) -> str:
+        """The algorithm as nlopt spells it."""
+        return SHORT_NAMES.get(self.algorithm, self.algorithm)
+
+    @property
+    def name(self) -> str:
+        """The name in reports and charts."""
+        return f"nlopt-{self.algorithm}"
+
+    def minimize(
+        self, objective: Objective, start: Tensor, *, seconds: float = float("inf"), seed: int = 0
+    ) -> tuple[Tensor, Report]:
+        """The best vector met and the report; see `best.Search`."""
+        best = Best(seconds)
+        began = time.perf_counter()
+        nlopt.srand(seed)
+        # nlopt prints nothing and swallows exceptions of a callback only as its own error types.
+        ended: BaseException | None = None
+
+        def function(x: np.ndarray, slope: np.ndarray) -> float:
+            nonlocal ended
+            vector = torch.from_numpy(np.array(x))
+            try:
+                if slope.size > 0:
+                    evaluation = objective.evaluate(vector)
+                    slope[:] = evaluation.gradient.numpy()
+                    value = evaluation.value
+                else:
+                    value = objective.error(vector)
+                best.offer(value, vector)
+            except (BudgetSpent, KeyboardInterrupt) as stop:
+                ended = stop
+                raise nlopt.ForcedStop from stop
+            return value
+
+        optimizer = self._optimizer(start.shape[0])
+        optimizer.set_min_objective(function)
+        status = Status.CONVERGED
+        try:
+            optimizer.optimize(start.numpy())
+            if optimizer.last_optimize_result() == nlopt.MAXEVAL_REACHED:
+                status = Status.BUDGET
+        except nlopt.ForcedStop:
+            if isinstance(ended, KeyboardInterrupt):
+                if best.vector is None:
+                    raise ended from None
+                status = Status.INTERRUPTED
+            else:
+                status = Status.BUDGET
+        except (nlopt.RoundoffLimited, RuntimeError):
+            # nlopt gives up where rounding hides the descent; the best so far stands.
+            status = Status.CONVERGED if best.vector is not None else Status.BUDGET
+        return best.finish(status, best.evaluations, time.perf_counter() - began, seed)
+
+    def _optimizer(self, dimension: int) -> nlopt.opt:
+        optimizer = self._configured(self.full_name, dimension)
+        if any(part in self.full_name for part in _NEEDS_LOCAL):
+            optimizer.set_local_optimizer(self._configured("LD_LBFGS", dimension))
+        return optimizer
+
+    def _configured(self, name: str, dimension: int) -> nlopt.opt:
+        optimizer = nlopt.opt(getattr(nlopt, name), dimension)
+        optimizer.set_lower_bounds(-1.5)
+        optimizer.set_upper_bounds(1.5)
+        optimizer.set_ftol_rel(self.tolerance)
+        optimizer.set_maxeval(self.evaluations)
+        if name.startswith("LN_"):
+            optimizer.set_initial_step(self.step)
+        return optimizer

@@ -1,0 +1,81 @@
+"""Powell's direction set method on pairs of unit quaternions, as the thesis has it (3.1.1).
+
+A point is a rotation R of R⁴, a direction a rotation D, and the line through R along D is t ↦ D^t R.
+Directions are scaled to one radian a unit of t: D^t turns by t along the unit logarithm. The error is
+that of the projection, and −P has the error of P (the texture turned by half a circle), so a basis
+direction repeats after π; a general line need not, and is bounded at the thesis's 4π.
+
+After a sweep through the directions the whole move R_f R_s⁻¹ is tried as a direction; where the error
+falls along it, it replaces the direction used last.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+
+from homofact.errors import Report, Status
+from homofact.factor.search.golden import golden_section
+from homofact.geometry.quaternion import Pair, basis_rotations
+
+PERIOD = 4 * torch.pi
+
+
+@dataclass(frozen=True)
+class Powell:
+    """Settings: first step and tolerance of the line search (radians), relative gain that ends, most sweeps."""
+
+    step: float = 0.3
+    line_tolerance: float = 0.1
+    tolerance: float = 3e-3
+    sweeps: int = 6
+
+    def minimize(self, function: Callable[[Pair], float], start: Pair, seed: int = 0) -> tuple[Pair, Report]:
+        """The best rotation found from `start`, and the report (residual: its error).
+
+        Status CONVERGED when a sweep gained less than `tolerance` of the error, BUDGET when the sweeps ran out.
+        `seed` is only passed on to the report.
+        """
+        began = time.perf_counter()
+        evaluations = 0
+        trace: list[tuple[float, int, float]] = []
+
+        def measure(point: Pair) -> float:
+            nonlocal evaluations
+            evaluations += 1
+            value = function(point)
+            if not trace or value < trace[-1][2]:
+                trace.append((time.perf_counter() - began, evaluations, value))
+            return value
+
+        def along(direction: Pair, point: Pair, error: float) -> tuple[Pair, float]:
+            t, value = golden_section(
+                lambda t: measure((direction**t @ point).normalized()), error, self.step, self.line_tolerance, PERIOD
+            )
+            return ((direction**t @ point).normalized(), value) if value < error else (point, error)
+
+        directions = [_unit_speed(direction) for direction in basis_rotations()]
+        point, error = start, measure(start)
+        status, sweep = Status.BUDGET, 0
+        for sweep in range(1, self.sweeps + 1):  # noqa: B007 (the count is reported)
+            begin_point, begin_error = point, error
+            for direction in directions:
+                point, error = along(direction, point, error)
+            if begin_error - error <= self.tolerance * begin_error:
+                status = Status.CONVERGED
+                break
+            average = _unit_speed(point @ begin_point.inverse())
+            moved, lower = along(average, point, error)
+            if lower < error:
+                point, error = moved, lower
+                directions[-1] = average
+        seconds = time.perf_counter() - began
+        return point, Report(status, sweep, evaluations, seconds, error, seed, tuple(trace))
+
+
+def _unit_speed(direction: Pair) -> Pair:
+    """The direction with the same axes whose power t turns by t radians of quaternion angle in all."""
+    angles = [torch.atan2(q[1:].norm(), q[0]) for q in (direction.left, direction.right)]
+    length = float(torch.hypot(*angles))
+    return direction if length < 1e-12 else direction ** (1 / length)

@@ -1,0 +1,157 @@
+"""Textures for given projections: the inner problem set up, solved, and its gauge put in order.
+
+This is the floor between projections (which know directions) and the linear room (which knows only
+coordinates, lookups and unknowns).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.samples import Samples
+from homofact.errors import Status
+from homofact.factor.factorization import Term, sum_of_terms
+from homofact.factor.homomorphism import LogTransform
+from homofact.factor.projection import Projection
+from homofact.geometry.coordinates import CoordinateSystem
+from homofact.geometry.parabolic import to_disc
+from homofact.linear.laplacian import laplacian
+from homofact.linear.least_squares import LeastSquares, Roughness
+from homofact.linear.mask import covered
+from homofact.linear.normal import Lookup
+from homofact.linear.solvers import solve
+
+Shape = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class LogSamples:
+    """Samples after the log transform: what the inner problem sees.
+
+    `wi`, `wo` (N, 3); `logs` (N, C), f̃; `weights` (N,).
+    """
+
+    wi: Tensor
+    wo: Tensor
+    logs: Tensor
+    weights: Tensor
+
+    @classmethod
+    def of(cls, samples: Samples, transform: LogTransform) -> "LogSamples":
+        """The samples under `transform`."""
+        return cls(samples.wi, samples.wo, transform.forward(samples.values), samples.weights)
+
+    def select(self, index: Tensor) -> "LogSamples":
+        """The samples at `index`, in that order."""
+        return LogSamples(self.wi[index], self.wo[index], self.logs[index], self.weights[index])
+
+
+def texture_shape(projection: Projection, size: int) -> Shape:
+    """(rows, columns): square, or one row where the projection's second row is zero."""
+    flat = bool((projection.matrix[1] == 0).all())
+    return (1 if flat else size, size)
+
+
+def inner_problem(
+    samples: LogSamples,
+    projections: tuple[Projection, ...],
+    shapes: tuple[Shape, ...],
+    smoothing: float,
+    masks: tuple[Tensor, ...] | None = None,
+) -> LeastSquares:
+    """The least-squares problem of the texels of all `projections` at once, texture after texture.
+
+    Without `masks` every texel is an unknown, so that the problem does not jump as a projection moves.
+    """
+    coordinates, lookups, start, offset = [], [], 0, 0
+    for projection, shape in zip(projections, shapes, strict=True):
+        x = projection.prepare(samples.wi, samples.wo)
+        coordinates.append(x)
+        lookups += [Lookup(start, matrix, shape, offset) for matrix in projection.matrices()]
+        start, offset = start + x.shape[1], offset + shape[0] * shape[1]
+    roughness = _roughness(shapes) if masks is None else Roughness(torch.block_diag(*map(laplacian, masks)))
+    if masks is None:
+        masks = tuple(torch.ones(shape, dtype=torch.bool) for shape in shapes)
+    kept = torch.cat([mask.reshape(-1) for mask in masks])
+    return LeastSquares(
+        torch.cat(coordinates, 1), tuple(lookups), samples.logs, samples.weights, kept, roughness, smoothing
+    )
+
+
+@lru_cache(maxsize=32)
+def _roughness(shapes: tuple[Shape, ...]) -> Roughness:
+    """The smoothing rows of whole textures, shared by every evaluation of a search."""
+    return Roughness(torch.block_diag(*(laplacian(torch.ones(shape, dtype=torch.bool)) for shape in shapes)))
+
+
+def solve_terms(
+    samples: LogSamples,
+    projections: tuple[Projection, ...],
+    shapes: tuple[Shape, ...],
+    smoothing: float,
+    solver: str,
+) -> tuple[tuple[Term, ...], Status]:
+    """The masked solve: finished terms for fixed projections, constants gathered in the first texture."""
+    masks = tuple(domain_mask(p, shape) for p, shape in zip(projections, shapes, strict=True))
+    solution = solve(inner_problem(samples, projections, shapes, smoothing, masks), solver)
+    terms, begin = [], 0
+    for projection, shape, mask in zip(projections, shapes, masks, strict=True):
+        count = shape[0] * shape[1]
+        texture = solution.texels[begin : begin + count].reshape(*shape, -1)
+        terms.append(Term(projection, _filled(texture, mask), mask))
+        begin += count
+    return centred(tuple(terms)), solution.status
+
+
+def centred(terms: tuple[Term, ...]) -> tuple[Term, ...]:
+    """The same sum with zero mean (over the mask) in every texture but the first, which takes the constants.
+
+    A constant c moved out of a texture that is looked up m times is m·c in the sum.
+    """
+    first, *rest = terms
+    moved = torch.zeros_like(first.texture[0, 0])
+    centred_rest = []
+    for term in rest:
+        mean = term.texture[term.mask].mean(0)
+        moved = moved + mean * term.projection.lookups
+        centred_rest.append(Term(term.projection, term.texture - mean, term.mask))
+    head = Term(first.projection, first.texture + moved / first.projection.lookups, first.mask)
+    return (head, *centred_rest)
+
+
+def _filled(texture: Tensor, mask: Tensor) -> Tensor:
+    """Texels outside of the mask take the mean inside: never read, but harmless to filters and mipmaps."""
+    return torch.where(mask[..., None], texture, texture[mask].mean(0))
+
+
+def domain_mask(projection: Projection, shape: Shape) -> Tensor:
+    """Mask (rows, columns) of the texels that the projected domain reaches, conjugate lookups included."""
+    points = extreme_points(projection.system)
+    if projection.warp is not None:
+        points = projection.warp.on(projection.system, points)
+    mask = torch.zeros(shape, dtype=torch.bool)
+    for matrix in projection.matrices():
+        mask |= covered(points @ matrix.T, shape)
+    return mask
+
+
+@lru_cache(maxsize=8)
+def extreme_points(system: CoordinateSystem) -> Tensor:
+    """Points (M, k) whose hull is the domain: the corners of a box, or pairs of points on two discs' rims."""
+    if system.domain == "box":
+        corners = torch.tensor([-1.0, 1.0], dtype=torch.float64)
+        return torch.cartesian_prod(*[corners] * system.dimension)
+    angle = torch.arange(48, dtype=torch.float64) * (2 * torch.pi / 48)
+    # Circumscribed, so that the hull of 48 points contains the disc.
+    radius = 1 / torch.cos(torch.tensor(torch.pi / 48, dtype=torch.float64))
+    rim = to_disc(torch.stack((torch.cos(angle), torch.sin(angle), torch.zeros_like(angle)), -1)) * radius
+    return torch.cat((rim.repeat_interleave(48, 0), rim.repeat(48, 1)), 1)
+
+
+def residual(samples: LogSamples, terms: tuple[Term, ...]) -> Tensor:
+    """f̃ minus what `terms` already explain, (N, C)."""
+    if not terms:
+        return samples.logs
+    return samples.logs - sum_of_terms(terms, samples.wi, samples.wo)

@@ -1,0 +1,105 @@
+"""Projections: orthonormal rows that fit the square, conjugates, warps, fixed names."""
+
+import pytest
+import torch
+
+from homofact.errors import BadInput
+from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
+from homofact.geometry.coordinates import COORDINATES
+from homofact.geometry.directions import draw_in_discs
+from homofact.geometry.quaternion import Pair
+
+PAIRS = draw_in_discs(3000, torch.Generator().manual_seed(3))
+
+
+def _random(coordinates: str, generator: torch.Generator, bound: str = "disc") -> Projection:
+    if COORDINATES[coordinates].dimension == 4:
+        rotation: Pair | torch.Tensor = Pair.random(generator)
+    else:
+        rotation = torch.randn(4, dtype=torch.float64, generator=generator)
+        rotation = rotation / rotation.norm()
+    return Projection.from_rotation(coordinates, rotation, True, bound)
+
+
+@pytest.mark.parametrize("bound", ["disc", "cube"])
+@pytest.mark.parametrize("coordinates", COORDINATES)
+def test_rows_are_orthogonal_and_the_domain_just_fits(coordinates: str, bound: str) -> None:
+    generator = torch.Generator().manual_seed(0)
+    for _ in range(20):
+        projection = _random(coordinates, generator, bound)
+        assert abs(float(projection.matrix[0] @ projection.matrix[1])) < 1e-12
+        for uv in projection.place(*PAIRS):
+            assert float(uv.abs().max()) <= 1 + 1e-12
+        if bound == "disc" and COORDINATES[coordinates].domain == "discs":
+            for row in projection.matrix:
+                rim = torch.cat((row[:2] / row[:2].norm(), row[2:] / row[2:].norm()))
+                assert float(row @ rim) == pytest.approx(1, abs=1e-12)
+        if bound == "cube" or COORDINATES[coordinates].domain == "box":
+            assert torch.allclose(projection.matrix.abs().sum(1), torch.ones(2, dtype=torch.float64))
+
+
+@pytest.mark.parametrize("coordinates", COORDINATES)
+def test_the_conjugate_swaps_the_directions(coordinates: str) -> None:
+    projection = _random(coordinates, torch.Generator().manual_seed(1))
+    wi, wo = PAIRS
+    there, back = projection.place(wi, wo), projection.place(wo, wi)
+    assert torch.allclose(there[0], back[-1], atol=1e-9)
+    assert torch.allclose(there[-1], back[0], atol=1e-9)
+    assert projection.lookups == (1 if coordinates == "isotropic-half-diff" else 2)
+
+
+def test_thesis_conjugate_matrices() -> None:
+    """Section 3.2.3: (a b c d) becomes (c d a b) for in-out and (a b -c -d) for half-diff."""
+    rows = torch.tensor([[1.0, 2, 3, 4], [5, 6, 7, 8]], dtype=torch.float64)
+    in_out = Projection("in-out", rows, True).matrices()[1]
+    half_diff = Projection("half-diff", rows, True).matrices()[1]
+    assert in_out.tolist() == [[3, 4, 1, 2], [7, 8, 5, 6]]
+    assert half_diff.tolist() == [[1, 2, -3, -4], [5, 6, -7, -8]]
+
+
+def test_mccools_projections_need_three_lookups() -> None:
+    assert [fixed_projection(name, True).lookups for name in ("wi", "h")] == [2, 1]
+    assert fixed_projection("wi", False).lookups == 1
+
+
+@pytest.mark.parametrize("name", FIXED_PROJECTIONS)
+def test_fixed_projections_take_coordinates_as_they_are(name: str) -> None:
+    projection = fixed_projection(name, False)
+    uv = projection.place(*PAIRS)[0]
+    axes = [int(row.argmax()) for row in projection.matrix if bool((row != 0).any())]
+    x = projection.system.evaluate(*PAIRS)
+    assert torch.equal(uv[:, : len(axes)], x[:, axes])
+
+
+@pytest.mark.parametrize("coordinates", ["half-diff", "isotropic-half-diff"])
+def test_a_warp_keeps_the_domain_and_spreads_the_peak(coordinates: str) -> None:
+    system = COORDINATES[coordinates]
+    x = system.evaluate(*PAIRS)
+    warped = Warp(0.05).on(system, x)
+    assert float(warped.abs().max()) <= 1 + 1e-12
+    assert torch.equal(warped[:, -1], x[:, -1])
+    warp = Warp(0.05)
+    ends = warp(torch.tensor([0.0, 1.0], dtype=torch.float64))
+    assert torch.allclose(ends, torch.tensor([0.0, 1.0], dtype=torch.float64))
+    assert float(warp(torch.tensor(0.05, dtype=torch.float64))) > 0.2
+    wide = Warp(1e6)(torch.tensor(0.3, dtype=torch.float64))
+    assert float(wide) == pytest.approx(0.3, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: fixed_projection("halfway", True), "projection: found 'halfway', expected one of wi, wo, h"),
+        (lambda: Projection("polar", torch.zeros(2, 4), True), "parameterization: found 'polar'"),
+        (lambda: Projection("in-out", torch.zeros(2, 3), True), r"shape \(2, 3\), expected \(2, 4\)"),
+        (lambda: Projection("in-out", torch.full((2, 4), float("nan")), True), "not finite"),
+        (lambda: Projection.from_rows("in-out", torch.eye(2, 4), True, "ball"), "bound: found 'ball'"),
+        (
+            lambda: Projection("in-out", torch.eye(2, 4), True, warp=Warp(0.1)).prepare(*PAIRS),
+            "warp: found parameterization 'in-out'",
+        ),
+    ],
+)
+def test_bad_projections_are_named(call, message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        call()
