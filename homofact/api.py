@@ -1,0 +1,51 @@
+"""The five lines of Python: read, fit, evaluate, save, load.
+
+source = homofact.read("paint.brdf")              # or "material:lafortune-blue-paint"
+factorization = homofact.fit(source, textures=2)
+values = factorization.evaluate(wi, wo)           # (N, 3) in sr⁻¹
+factorization.save("paint.npz")
+same = homofact.load("paint.npz")
+"""
+
+from dataclasses import replace
+from typing import Any
+
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import Source, open_source
+from homofact.errors import BadInput
+from homofact.evaluate.compare import training_samples
+from homofact.evaluate.methods import method
+from homofact.factor.factorization import Factorization
+from homofact.factor.settings import FitSettings
+
+
+def read(source: str, *, channels: str = "rgb", count: int = 45_000, seed: int = 0) -> Source:
+    """Read a measurement (content sniffed) or draw `count` pairs of "material:NAME".
+
+    The result has `.samples` and `.reflectance`. Raises BadInput for what cannot be read.
+    """
+    return open_source(source, channels=channels, count=count, seed=seed)
+
+
+def fit(source: Source | Samples, **settings: Any) -> Factorization:
+    """Factor all samples of a source by `FitSettings(**settings)`; nothing is held out.
+
+    Use `homofact.evaluate.compare.fit_and_measure` for a fit with an honest error. Bare `Samples` are taken
+    as they are; pass `epsilon` with measured ones (1e-2 where zeros and noise are to be expected). Raises
+    BadInput for settings that cannot be meant.
+    """
+    try:
+        chosen = FitSettings(**settings)
+    except TypeError as error:
+        known = ", ".join(FitSettings.__dataclass_fields__)
+        raise BadInput(f"fit: {error}, expected settings among {known}") from error
+    if isinstance(source, Samples):
+        return method(chosen.method).fit(source, chosen, None).factorization
+    if chosen.epsilon is None:
+        chosen = replace(chosen, epsilon=source.default_epsilon)
+    return method(chosen.method).fit(training_samples(source, source.samples, chosen), chosen, None).factorization
+
+
+def load(path: str) -> Factorization:
+    """A factorization that `save` wrote, bit-identical. Raises BadInput for anything else."""
+    return Factorization.load(path)

@@ -1,0 +1,112 @@
+"""Several methods on one split of one source, measured alike.
+
+A share of the samples is held out before anything else; isotropic measurements are then copied to
+other azimuths for training, and the held-out ones turned at random. Both errors use the fit's own ε
+and A, which come from the training samples alone.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import Source
+from homofact.errors import Report
+from homofact.evaluate.methods import method
+from homofact.evaluate.metrics import SixErrors, measure
+from homofact.factor.factorization import Factorization
+from homofact.factor.fit import ProgressCallback
+from homofact.factor.settings import FitSettings
+
+HELD_OUT = 0.2
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method on one source: the fit, its settings and its errors on training and held-out samples."""
+
+    source: str
+    settings: FitSettings
+    factorization: Factorization
+    report: Report
+    train: SixErrors
+    held_out: SixErrors
+    samples: int
+    seconds_read: float
+    seconds_fit: float
+    seconds_total: float
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form of the row (times in seconds, sizes in bytes as float32 texels)."""
+        return {
+            "source": self.source,
+            "method": self.settings.method,
+            "textures": len(self.factorization.terms),
+            "size": self.settings.size,
+            "bytes": self.factorization.nbytes,
+            "fetches": self.factorization.fetches,
+            "samples": self.samples,
+            "status": self.report.status.value,
+            "evaluations": self.report.evaluations,
+            "seed": self.settings.seed,
+            "epsilon": self.factorization.transform.epsilon,
+            "mean": dict(zip(self.factorization.channels, self.factorization.transform.mean.tolist(), strict=True)),
+            "seconds": {"read": self.seconds_read, "fit": self.seconds_fit, "total": self.seconds_total},
+            "error": {"train": self.train.record(), "held_out": self.held_out.record()},
+        }
+
+
+def training_samples(source: Source, train: Samples, settings: FitSettings) -> Samples:
+    """What a fit of `source` is given: azimuth copies of an isotropic measurement, where the method wants them.
+
+    A model is drawn at all azimuths already and needs no copies.
+    """
+    if source.kind == "measurement" and train.isotropic and method(settings.method).wants_copies:
+        return train.azimuth_copies(settings.copies, settings.seed, settings.mirrored)
+    return train
+
+
+def fit_and_measure(
+    source: Source,
+    settings: FitSettings,
+    held_out: float = HELD_OUT,
+    progress: ProgressCallback | None = None,
+) -> Row:
+    """Fit one method on the source's split by `settings.seed`, and measure it on both parts."""
+    began = time.perf_counter()
+    if settings.epsilon is None:
+        settings = replace(settings, epsilon=source.default_epsilon)
+    fitting = method(settings.method)
+    train, test = source.samples.split(held_out, settings.seed)
+    train, test = training_samples(source, train, settings), test.rotated_at_random(settings.seed)
+    begin_fit = time.perf_counter()
+    fitted = fitting.fit(train, settings, progress)
+    seconds_fit = time.perf_counter() - begin_fit
+    factorization = fitted.factorization
+    errors = [measure(factorization, samples, factorization.transform) for samples in (train, test)]
+    total = source.seconds_read + time.perf_counter() - began
+    return Row(
+        source.name,
+        settings,
+        factorization,
+        fitted.report,
+        errors[0],
+        errors[1],
+        len(source.samples),
+        source.seconds_read,
+        seconds_fit,
+        total,
+    )
+
+
+def compare(
+    source: Source,
+    choices: Sequence[FitSettings],
+    held_out: float = HELD_OUT,
+    progress: ProgressCallback | None = None,
+) -> list[Row]:
+    """A row for every settings in `choices`, in their order; equal seeds give equal splits."""
+    for settings in choices:
+        method(settings.method)
+    return [fit_and_measure(source, settings, held_out, progress) for settings in choices]

@@ -1,0 +1,49 @@
+"""The six error metrics of the thesis (4.3): absolute, squared and maximum, in log space and linear.
+
+Every mean is over samples and channels. The log-space ones compare f̃ = log((f + εA)/A) of both sides
+with the ε and A of the fit, so ε is part of the number; log_mse is the Cole error. The linear ones are
+in sr⁻¹ (mse in sr⁻²), without the cosine.
+"""
+
+from dataclasses import asdict, dataclass
+
+from torch import Tensor
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.factor.homomorphism import LogTransform
+
+
+@dataclass(frozen=True)
+class SixErrors:
+    """The metrics of one reflectance on one sample set, in the order of the JSON output."""
+
+    log_mse: float
+    log_mae: float
+    log_max: float
+    mse: float
+    mae: float
+    max: float
+
+    def record(self) -> dict[str, float]:
+        """A JSON-able dictionary."""
+        return asdict(self)
+
+
+def six_errors(found: Tensor, expected: Tensor, transform: LogTransform) -> SixErrors:
+    """The metrics of values (N, C) in sr⁻¹ against the expected ones."""
+    linear = (found - expected).abs()
+    logs = (transform.forward(found) - transform.forward(expected)).abs()
+    return SixErrors(
+        float((logs**2).mean()),
+        float(logs.mean()),
+        float(logs.max()),
+        float((linear**2).mean()),
+        float(linear.mean()),
+        float(linear.max()),
+    )
+
+
+def measure(reflectance: Reflectance, samples: Samples, transform: LogTransform) -> SixErrors:
+    """The metrics of a reflectance on samples of the same channels."""
+    return six_errors(reflectance.evaluate(samples.wi, samples.wo), samples.values, transform)

@@ -1,0 +1,150 @@
+"""Textures as images: float EXR for renderers, PNG for eyes.
+
+An EXR holds the linear factor exp(p̃) ≥ 0 in float32, so that a renderer multiplies its fetches; the scale
+A and ε stay in the manifest. The first scanline is row 0, v = −1, and the first pixel of a scanline is
+column 0, u = −1: an API that puts the first scanline at texture coordinate 0 needs no flip. Texels outside
+the mask hold the filler of the smoothing, which no direction reaches.
+
+A PNG shows the logarithm p̃ over the whole texture square, the same way round (row 0 on top), enlarged by
+whole factors to at least 256 pixels a side. Texels outside the mask are hatched yellow, as the thesis
+(figure 4.3) paints them. Its text chunk `Description` says how grey values were made.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import torch
+from PIL import Image, PngImagePlugin
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.factor.factorization import Factorization, Term
+from homofact.render.environment import decode_exr
+from homofact.render.files import replace_file
+
+SIDE = 256
+OUTSIDE = (255, 213, 0)
+HATCH = (176, 132, 0)
+# A texture that varies by less than a factor e looks as flat as it is.
+_LEAST_RANGE = 1.0
+
+
+def exr_channel_names(channels: Sequence[str]) -> tuple[str, ...]:
+    """What the channels are called in an EXR: Y for a single one, else their own names.
+
+    A full stop would make a layer of what stands before it, so 400.5nm becomes 400,5nm.
+    """
+    return ("Y",) if len(channels) == 1 else tuple(name.replace(".", ",") for name in channels)
+
+
+def write_exr(path: str | os.PathLike[str], pixels: np.ndarray, names: Sequence[str], comment: str = "") -> None:
+    """Write pixels (rows, columns, C) as 32-bit float channels, row 0 the first scanline, losslessly packed.
+
+    Raises BadInput where the names do not fit, a value is not finite in float32, or the place cannot be
+    written.
+    """
+    with np.errstate(over="ignore"):
+        stored = np.asarray(pixels).astype(np.float32)
+    if stored.ndim != 3 or stored.shape[2] != len(names) or len(set(names)) != len(names):
+        wanted = f"(rows, columns, {len(names)}) and as many different names"
+        raise BadInput(f"{path}: found pixels of shape {stored.shape}, expected {wanted}")
+    if not np.isfinite(stored).all():
+        row, column, _ = np.argwhere(~np.isfinite(stored))[0]
+        raise BadInput(f"{path}: row {row}, column {column} is not finite in float32, expected finite values")
+    planes = {name: np.ascontiguousarray(stored[..., c]) for c, name in enumerate(names)}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "comments": comment}
+
+    def write(beside: Path) -> None:
+        try:
+            OpenEXR.File(header, planes).write(str(beside))
+        except RuntimeError as error:
+            raise OSError(str(error)) from error
+
+    # The library speaks of a bad place on stderr by itself; asked first, it need not.
+    folder = Path(path).parent
+    if not os.access(folder, os.W_OK):
+        raise BadInput(f"{path}: cannot be written, {folder} is not a writable folder, expected one")
+    replace_file(path, write)
+
+
+def read_exr(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """The channels (rows, columns) of an EXR by name, row 0 the first scanline. Raises BadInput."""
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}), expected an EXR file") from error
+    return decode_exr(data, str(path))
+
+
+def write_texture_exr(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
+    """The linear factor exp(p̃) of one texture. Raises BadInput as `write_exr`."""
+    comment = "linear factor exp(p); first scanline is row 0, v = -1; see manifest.json"
+    write_exr(path, torch.exp(term.texture).cpu().numpy(), exr_channel_names(channels), comment)
+
+
+def write_texture_png(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
+    """One texture for the eye, as the module's head says. Raises BadInput for an unwritable place."""
+    pixels, description = texture_picture(term, channels)
+    text = PngImagePlugin.PngInfo()
+    text.add_text("Description", description)
+    picture = Image.fromarray(pixels)
+    replace_file(path, lambda beside: picture.save(beside, format="PNG", pnginfo=text))
+
+
+def texture_picture(term: Term, channels: Sequence[str]) -> tuple[np.ndarray, str]:
+    """(pixels (H, W, 3) uint8, the words of the text chunk) of one texture.
+
+    Grey is linear in p̃ from the least to the largest value inside the mask, all channels alike, over a
+    range of at least 1. Three channels are shown as red, green, blue; more as the mean logarithms of the
+    last, middle and first third (long wavelengths red); fewer as grey.
+    """
+    shown, words = _three(term.texture.cpu(), channels)
+    mask = term.mask.cpu()
+    inside = shown[mask] if bool(mask.any()) else shown.reshape(-1, 3)
+    low, high = float(inside.min()), float(inside.max())
+    spare = max(0.0, _LEAST_RANGE - (high - low)) / 2
+    low, high = low - spare, high + spare
+    grey = ((shown - low) / (high - low)).clamp(0, 1) * 255
+    rows, columns = term.size
+    tall, wide = -(-SIDE // rows), -(-SIDE // columns)
+    pixels = _enlarged(grey.round().to(torch.uint8).numpy(), tall, wide)
+    outside = _enlarged((~mask).numpy(), tall, wide)
+    y, x = np.mgrid[: outside.shape[0], : outside.shape[1]]
+    hatch = np.where(((x + y) % 8 < 2)[..., None], HATCH, OUTSIDE)
+    pixels = np.where(outside[..., None], hatch, pixels).astype(np.uint8)
+    description = (
+        f"log texture p, 8 bit = 255 (p - low)/(high - low), low = {low:.6g}, high = {high:.6g}; {words};"
+        f" row 0 (v = -1) on top, column 0 (u = -1) at the left; {columns} x {rows} texels enlarged {wide} x"
+        f" {tall} times; yellow hatching: outside the mask"
+    )
+    return pixels, description
+
+
+def write_textures(folder: Path, factorization: Factorization) -> list[dict[str, str]]:
+    """texture_0.exr, texture_0.png and so on into `folder`; the names of each texture's files."""
+    files = []
+    for number, term in enumerate(factorization.terms):
+        names = {"exr": f"texture_{number}.exr", "png": f"texture_{number}.png"}
+        write_texture_exr(folder / names["exr"], term, factorization.channels)
+        write_texture_png(folder / names["png"], term, factorization.channels)
+        files.append(names)
+    return files
+
+
+def _three(texture: Tensor, channels: Sequence[str]) -> tuple[Tensor, str]:
+    """(rows, columns, 3) to look at, and words for what the three are."""
+    count = len(channels)
+    if count == 3:
+        return texture, f"red, green, blue = {', '.join(channels)}"
+    if count < 3:
+        return texture.mean(2, keepdim=True).expand(-1, -1, 3), f"grey = mean of {', '.join(channels)}"
+    first, middle, last = (part.mean(2) for part in torch.tensor_split(texture, 3, 2))
+    words = f"red, green, blue = last, middle, first third of {count} channels"
+    return torch.stack((last, middle, first), 2), words
+
+
+def _enlarged(pixels: np.ndarray, tall: int, wide: int) -> np.ndarray:
+    return pixels.repeat(tall, 0).repeat(wide, 1)

@@ -1,0 +1,55 @@
+"""Reading an environment map from a file: Radiance .hdr or OpenEXR, told apart by content."""
+
+import contextlib
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import torch
+
+from homofact.errors import BadInput
+from homofact.render.light import EnvironmentMap
+from homofact.render.radiance_hdr import decode_hdr
+
+_EXR_MAGIC = b"\x76\x2f\x31\x01"
+
+
+def read_environment(path: str | os.PathLike[str], turn: float = 0.0) -> EnvironmentMap:
+    """The lat-long map in a .hdr or .exr file, linear radiance on the file's own scale; see `render.light`.
+
+    An EXR gives its channels R, G, B, or Y. Raises BadInput for a missing, foreign, truncated or padded
+    file, missing channels, and pixels that are negative or not finite.
+    """
+    target = Path(path)
+    try:
+        data = target.read_bytes()
+    except OSError as error:
+        raise BadInput(f"{target}: cannot be read ({error.strerror}), expected .hdr or .exr") from error
+    if data.startswith(_EXR_MAGIC):
+        planes = decode_exr(data, str(target))
+        names = ("R", "G", "B") if "R" in planes else ("Y",)
+        missing = [name for name in names if name not in planes]
+        if missing:
+            raise BadInput(f"{target}: channels are {', '.join(planes)}, expected R, G, B or Y")
+        pixels = np.stack([planes[name] for name in names], -1).astype(np.float64)
+    elif data.startswith(b"#?"):
+        pixels = decode_hdr(data, str(target))
+    else:
+        raise BadInput(f"{target}: starts with {data[:4]!r}, expected a Radiance .hdr or an OpenEXR file")
+    return EnvironmentMap(torch.from_numpy(pixels), turn, target.name)
+
+
+def decode_exr(data: bytes, name: str) -> dict[str, np.ndarray]:
+    """The channels (rows, columns) of a single-part EXR file's bytes, row 0 on top, in their stored type.
+
+    Raises BadInput for a file that cannot be decoded; `name` is for messages.
+    """
+    try:
+        # The library announces a damaged part on stdout, which belongs to the commands' output.
+        with contextlib.redirect_stdout(io.StringIO()):
+            file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
+            return {key: np.asarray(channel.pixels) for key, channel in file.channels().items()}
+    except (RuntimeError, ValueError, TypeError) as error:
+        raise BadInput(f"{name}: not a readable OpenEXR file ({error}), expected whole scanlines") from error

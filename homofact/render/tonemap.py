@@ -1,0 +1,58 @@
+"""From linear radiance to an 8-bit sRGB picture: one stated exposure, the sRGB curve, nothing else.
+
+Pictures that are compared share the exposure, which is chosen from the source. Colours are linear sRGB
+with the D65 white point (IEC 61966-2-1); what leaves the gamut is clipped and its share reported.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.render.sphere import SphereImage
+
+PERCENTILE = 99.0
+TARGET = 0.9
+# Linear value behind the sphere, about #2b2b2b: bright and dark limbs both stand out against it.
+BACKGROUND = 0.024
+
+
+class ToneMapped(NamedTuple):
+    """`pixels` (H, W, 3) uint8 and the share of covered pixels in which some channel was clipped."""
+
+    pixels: Tensor
+    clipped: float
+
+
+def encode_srgb(linear: Tensor) -> Tensor:
+    """The sRGB transfer curve of linear values, clipped to [0, 1] (IEC 61966-2-1)."""
+    linear = linear.clamp(0, 1)
+    return torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def choose_exposure(image: SphereImage) -> float:
+    """The factor that takes the 99th percentile of the pixels' largest channel to 0.9; 1 if all is black."""
+    brightest = image.radiance.max(2).values[image.coverage > 0]
+    if brightest.numel() == 0:
+        return 1.0
+    level = float(torch.quantile(brightest, PERCENTILE / 100))
+    level = level if level > 0 else float(brightest.max())
+    return TARGET / level if level > 0 else 1.0
+
+
+def tonemap(image: SphereImage, exposure: float, background: float = BACKGROUND) -> ToneMapped:
+    """The picture over a grey `background` (linear), coverage blended in linear light.
+
+    One channel becomes grey. Raises BadInput for an exposure that is not above 0.
+    """
+    if not 0 < exposure < float("inf"):
+        raise BadInput(f"exposure: found {exposure}, expected above 0")
+    exposed = image.radiance * exposure
+    inside = image.coverage > 0
+    clipped = (((exposed > 1) | (exposed < 0)).any(2) & inside).sum() / inside.sum().clamp_min(1)
+    share = image.coverage[..., None]
+    # Clipped before blending: a bright limb would otherwise eat its smooth edge.
+    blended = exposed.clamp(0, 1) * share + background * (1 - share)
+    pixels = (encode_srgb(blended) * 255).round().to(torch.uint8)
+    return ToneMapped(pixels.expand(-1, -1, 3).contiguous(), float(clipped))
