@@ -13,10 +13,12 @@ from homofact.factor.fit import Fit, ProgressCallback, provenance_of, transform_
 from homofact.factor.projection import fixed_projection
 from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
+from homofact.linear.threads import one_thread
 
 PROJECTIONS = ("wi", "h")
 
 
+@one_thread
 def fit_mccool(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
     """Textures for `settings.projections`, or McCool's own; `progress` is never called: one solve is all."""
     began = time.perf_counter()

@@ -1,7 +1,9 @@
 """Textures as images: float EXR for renderers, PNG for eyes.
 
-An EXR holds the linear factor exp(p̃) ≥ 0 in float32, so that a renderer multiplies its fetches; the scale
-A and ε stay in the manifest. The first scanline is row 0, v = −1, and the first pixel of a scanline is
+An EXR holds the logarithm p̃ in float32: a renderer adds its fetches and takes one exponential, and the
+sampler's bilinear interpolation is then the one of the fit (interpolating exp(p̃) is not: on a 16² lobe it
+is off by percents). The scale A and ε stay in the manifest. The first scanline is row 0, v = −1, and the
+first pixel of a scanline is
 column 0, u = −1: an API that puts the first scanline at texture coordinate 0 needs no flip. Texels outside
 the mask hold the filler of the smoothing, which no direction reaches.
 
@@ -80,9 +82,9 @@ def read_exr(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
 
 def write_texture_exr(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
-    """The linear factor exp(p̃) of one texture. Raises BadInput as `write_exr`."""
-    comment = "linear factor exp(p); first scanline is row 0, v = -1; see manifest.json"
-    write_exr(path, torch.exp(term.texture).cpu().numpy(), exr_channel_names(channels), comment)
+    """The logarithm p̃ of one texture. Raises BadInput as `write_exr`."""
+    comment = "logarithm p; first scanline is row 0, v = -1; see manifest.json"
+    write_exr(path, term.texture.cpu().numpy(), exr_channel_names(channels), comment)
 
 
 def write_texture_png(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:

@@ -43,10 +43,9 @@ CONVENTIONS = {
     " of the same texture (reciprocity)",
     "texels": "column = (u + 1)/2 (columns - 1), row = (v + 1)/2 (rows - 1), clamped, bilinear between texel"
     " centres; a sampler in [0, 1] reads at ((column + 1/2)/columns, (row + 1/2)/rows)",
-    "images": "EXR: linear factor exp(p), the first scanline is row 0 (v = -1), the first pixel column 0"
+    "images": "EXR: logarithm p, the first scanline is row 0 (v = -1), the first pixel column 0"
     " (u = -1); PNG: p for the eye, same way round, not for evaluation",
-    "evaluation": "f = A max(0, product over all lookups of factor(u, v) - epsilon), with each bilinear"
-    " interpolation done on p = log factor (interpolating factors instead differs slightly between texels)",
+    "evaluation": "f = A max(0, exp(sum over all lookups of p(u, v)) - epsilon), p interpolated bilinearly",
     "mask": "one string a row, row 0 first; 1: the projected domain reaches the texel or its neighbour,"
     " 0: filler that no pair of directions reads",
     "rotation": "quaternions (w, x, y, z); a pair acts on R^4 as v -> left v right, a single one on R^3 as"

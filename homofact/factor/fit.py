@@ -25,6 +25,7 @@ from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples, inner_problem, residual, solve_terms, texture_shape
 from homofact.geometry.quaternion import Pair
 from homofact.linear.solvers import solve
+from homofact.linear.threads import one_thread
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,8 @@ class Fit:
     factorization: Factorization
     report: Report
 
+
+COARSE_SIZE = 12
 
 # The thesis's two; the first is the default.
 PARAMETERIZATIONS = ("half-diff", "in-out")
@@ -91,6 +94,7 @@ def solve_greedily(
     return terms, status
 
 
+@one_thread
 def fit_cole(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
     """Factor `samples` by the procedure of the thesis.
 
@@ -109,7 +113,7 @@ def fit_cole(samples: Samples, settings: FitSettings, progress: ProgressCallback
         if settings.search_samples == 0
         else LogSamples.of(samples.subset(settings.search_samples, settings.seed), transform)
     )
-    size = settings.size if settings.search_size == 0 else min(settings.size, settings.search_size)
+    size = settings.coarse_size(COARSE_SIZE)
     generator = torch.Generator().manual_seed(settings.seed)
     chosen: tuple[Projection, ...] = ()
     coarse_terms: tuple[Term, ...] = ()

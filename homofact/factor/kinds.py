@@ -11,7 +11,7 @@ from torch import Tensor
 from homofact.errors import BadInput
 from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import COORDINATES, coordinate_system
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.quaternion import Pair, from_matrix
 
 SEARCHED_KINDS = tuple(COORDINATES)
 KINDS = (*FIXED_PROJECTIONS, *SEARCHED_KINDS)
@@ -72,3 +72,21 @@ def make(kind: str, reciprocal: bool, warp: Warp | None, generator: torch.Genera
         rotation = torch.randn(4, dtype=torch.float64, generator=generator)
         rotation = rotation / rotation.norm()
     return Projection.from_rotation(kind, rotation, reciprocal, bound, used)
+
+
+def loosened(projection: Projection) -> Projection | None:
+    """A fixed projection as a searched one at the same place, or None where no rotation stands for it.
+
+    Its two axes become the first rows of a rotation: a signed permutation, found in quaternions.
+    """
+    rows = projection.matrix
+    if projection.rotation is not None or bool((rows.abs().sum(1) == 0).any()):
+        return None
+    dimension = projection.system.dimension
+    # Complete the rows to a rotation: the remaining axes in order, the last one signed for determinant 1.
+    used = [int(row.abs().argmax()) for row in rows]
+    order = used + [axis for axis in range(dimension) if axis not in used]
+    matrix = torch.eye(dimension, dtype=torch.float64)[order]
+    matrix[-1] *= torch.linalg.det(matrix)
+    rotation = from_matrix(matrix.T)
+    return Projection(projection.coordinates, rows, projection.reciprocal, rotation=rotation, warp=projection.warp)

@@ -29,13 +29,15 @@ from homofact.factor.objective import Objective
 from homofact.factor.refine import refine_looks
 from homofact.factor.search.best import Search
 from homofact.factor.search.gradient import Gradient
-from homofact.factor.search.mixed import MixedSearch, Outcome
+from homofact.factor.search.mixed import MixedSearch, MixSettings, Outcome
 from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.factor.validation import Folded, deal_folds
+from homofact.linear.threads import one_thread
 
 FOLDS = 4
+COARSE_SIZE = 16  # measured data judged on 12² textures picks other mixes than on 16²
 COARSE_SHARE = 0.6  # of the budget, for choosing the mix; the rest is for refining at full size
 
 
@@ -64,6 +66,7 @@ def candidates_of(samples: Samples, settings: FitSettings) -> tuple[tuple[str, .
     return tuple((kind,) for kind in pinned)
 
 
+@one_thread
 def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
     """Factor `samples` (the training samples as measured, without azimuth copies) within `settings.budget` seconds.
 
@@ -82,27 +85,23 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
         chosen = torch.randperm(full.logs.shape[0], generator=torch.Generator().manual_seed(settings.seed))
         chosen = chosen[: settings.search_samples].sort().values
         coarse, coarse_folds = full.select(chosen), folds[chosen]
-    size = settings.size if settings.search_size == 0 else min(settings.size, settings.search_size)
     search = search_named(settings.search)
 
-    def tell(term: int, candidate: int, evaluations: int, best: float) -> None:
+    def tell(term: int, evaluations: int, best: float) -> None:
         if progress is not None:
-            count = len(candidates[min(term, len(candidates)) - 1])
-            progress(Progress(term, settings.textures, candidate, count, evaluations, best))
+            progress(Progress(term, settings.textures, 1, 1, evaluations, best))
 
-    outcome = MixedSearch(
-        coarse,
-        coarse_folds,
-        size=size,
-        reciprocal=settings.reciprocal,
-        bound=settings.bound,
-        restarts=settings.restarts,
-        search=search,
-        seconds=COARSE_SHARE * settings.budget,
-        smoothing=settings.smoothing,
-        seed=settings.seed,
-        progress=tell,
-    ).run(settings.textures, candidates)
+    choices = MixSettings(
+        settings.coarse_size(COARSE_SIZE),
+        settings.reciprocal,
+        settings.bound,
+        settings.restarts,
+        search,
+        settings.smoothing,
+        COARSE_SHARE * settings.budget,
+        settings.seed,
+    )
+    outcome = MixedSearch(coarse, coarse_folds, choices, tell).run(settings.textures, candidates)
     outcome, smoothing = _finish(outcome, full, folds, settings, search, began)
     projections = outcome.mix.projections
     shapes = tuple(texture_shape(projection, settings.size) for projection in projections)

@@ -31,7 +31,8 @@ class FitSettings:
     search : how `search` refines projections: "gradient", or "nlopt-" and the name of an nlopt algorithm.
     budget : seconds that `search` may take, but for its last solve.
     refine : "none", or "looks" for a last descent on the linear, cosine-weighted error.
-    search_size, search_samples : size and sample count of the coarse search; 0 is the full one.
+    search_size, search_samples : size and sample count of the coarse search; 0 is the full one. The size's None
+        is 16 for `search` and 12 for `cole`.
     copies, mirrored : azimuth copies of isotropic measurements, and whether mirrored ones stand beside them.
     bound : how a projection is scaled to its texture, by the "disc" or the thesis's 4-"cube".
     projections : fixed projections by name for `mccool`; empty is McCool's own list.
@@ -51,7 +52,7 @@ class FitSettings:
     search: str = "gradient"
     budget: float = 20.0
     refine: str = "none"
-    search_size: int = 12
+    search_size: int | None = None
     search_samples: int = 8000
     copies: int = 8
     mirrored: bool = True
@@ -66,7 +67,6 @@ class FitSettings:
             ("size", 2),
             ("together", 0),
             ("restarts", 1),
-            ("search_size", 0),
             ("search_samples", 0),
             ("copies", 1),
             ("seed", 0),
@@ -80,8 +80,8 @@ class FitSettings:
             raise BadInput(f"smoothing: found {self.smoothing!r}, expected a number of at least 0")
         if not 0 < self.budget < float("inf"):
             raise BadInput(f"budget: found {self.budget!r}, expected seconds above 0")
-        if self.search_size == 1:
-            raise BadInput("search_size: found 1, expected 0 (the full size) or at least 2")
+        if self.search_size is not None and (self.search_size < 0 or self.search_size == 1):
+            raise BadInput(f"search_size: found {self.search_size}, expected 0 (the full size) or at least 2")
         for name, value, known in (
             ("refine", self.refine, REFINEMENTS),
             ("solver", self.solver, tuple(SOLVERS)),
@@ -89,6 +89,11 @@ class FitSettings:
         ):
             if value not in known:
                 raise BadInput(f"{name}: found {value!r}, expected one of {', '.join(known)}")
+
+    def coarse_size(self, usual: int) -> int:
+        """Texels a side in a coarse search, never above `size`; `usual` where the settings do not say."""
+        wanted = usual if self.search_size is None else self.search_size
+        return self.size if wanted == 0 else min(self.size, wanted)
 
     @property
     def fixed_smoothing(self) -> float:

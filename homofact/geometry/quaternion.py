@@ -106,3 +106,25 @@ def basis_rotations() -> tuple[Pair, ...]:
     """The six starting directions d1 … d6 of the thesis (3.1.1): i, j, k on the left, then on the right."""
     one = torch.eye(4, dtype=torch.float64)
     return tuple(Pair(one[k], one[0]) for k in (1, 2, 3)) + tuple(Pair(one[0], one[k]) for k in (1, 2, 3))
+
+
+def from_matrix(matrix: Tensor) -> Pair | Tensor:
+    """The quaternion (4,) of a 3 × 3 rotation, or the pair of a 4 × 4 one; the inverse of `rotation3` and `matrix`.
+
+    The products lᵢ v rⱼ of basis quaternions make 16 matrices Mᵢⱼ that are orthogonal to one another, so
+    ⟨R, Mᵢⱼ⟩/4 = leftᵢ rightⱼ, a matrix of rank one whose singular vectors are the pair (van Elfrinkhof 1897).
+    A 3D rotation is the 4D one that leaves the real axis alone, with right = left⁻¹.
+    """
+    if matrix.shape[0] == 3:
+        whole = torch.block_diag(torch.ones(1, 1, dtype=matrix.dtype), matrix)
+        pair = from_matrix(whole)
+        assert isinstance(pair, Pair)
+        return pair.left
+    basis = torch.eye(4, dtype=matrix.dtype)
+    shares = torch.stack(
+        [torch.stack([(Pair(left, right).matrix() * matrix).sum() / 4 for right in basis]) for left in basis]
+    )
+    u, _, v = torch.linalg.svd(shares)
+    left, right = u[:, 0], v[0]
+    sign = torch.sign(left @ shares @ right)
+    return Pair(left * sign, right)

@@ -7,7 +7,11 @@ matrix a thread, summed in order, so the result depends on the number of threads
 one in torch for any device, in chunks.
 """
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numba
 import numpy as np
@@ -15,6 +19,9 @@ import torch
 from torch import Tensor
 
 from homofact.linear.bilinear import stencil
+
+# Multiply-adds under which a second thread costs more than it saves.
+WORTH_A_THREAD = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -95,17 +102,42 @@ def accumulate_compiled(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
 ) -> NormalEquations:
     """The same on the CPU, compiled: stencils are made and used sample by sample, none is stored."""
-    matrix, rhs, energy = _accumulate(
-        coordinates.contiguous().numpy(),
-        *pack(lookups),
-        targets.contiguous().numpy(),
-        weights.contiguous().numpy(),
-        unknowns,
-        max(1, min(numba.get_num_threads(), coordinates.shape[0] // 512)),
+    entries = 4 * len(lookups)
+    arrays = (coordinates.contiguous().numpy(), *pack(lookups), targets.contiguous().numpy())
+    parts = _on_threads(
+        lambda begin, end: _accumulate(*arrays, weights.contiguous().numpy(), unknowns, begin, end),
+        coordinates.shape[0],
+        entries * entries,
     )
+    half = _total([part[0] for part in parts])
     return NormalEquations(
-        torch.from_numpy(matrix), torch.from_numpy(rhs), torch.from_numpy(energy), float(weights.sum())
+        half + half.T, _total([part[1] for part in parts]), _total([part[2] for part in parts]), float(weights.sum())
     )
+
+
+def _on_threads(kernel: Callable[[int, int], Any], count: int, cost: int) -> list[Any]:
+    """The kernel's results over ranges of samples, in order: one range a thread where the work is worth a thread.
+
+    Plain threads round a kernel that lets go of the interpreter's lock, not a parallel loop: its waiting
+    workers would take the cores from the factorization that follows.
+    """
+    threads = max(1, min(numba.get_num_threads(), count * cost // WORTH_A_THREAD))
+    edges = [thread * count // threads for thread in range(threads + 1)]
+    if threads == 1:
+        return [kernel(0, count)]
+    return list(_workers(threads).map(kernel, edges[:-1], edges[1:]))
+
+
+@lru_cache(maxsize=1)
+def _workers(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="normal")
+
+
+def _total(parts: list[np.ndarray]) -> Tensor:
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return torch.from_numpy(total)
 
 
 def pack(lookups: tuple[Lookup, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -149,45 +181,31 @@ def _stencil(x, n, matrices, layout, lookup, numbers, values):  # pragma: no cov
     values[place + 3] = fu * fv
 
 
-@numba.njit(cache=True, parallel=True)
-def _accumulate(x, matrices, layout, targets, weights, unknowns, threads):  # pragma: no cover (compiled)
-    count = x.shape[0]
+@numba.njit(cache=True, nogil=True)
+def _accumulate(x, matrices, layout, targets, weights, unknowns, begin, end):  # pragma: no cover (compiled)
+    """BᵀWB without its mirrored half (pairs of entries once, the diagonal halved), BᵀWf and energy of a range."""
     channels = targets.shape[1]
     entries = 4 * layout.shape[0]
-    matrix = np.zeros((threads, unknowns, unknowns))
-    diagonal = np.zeros((threads, unknowns))
-    rhs = np.zeros((threads, unknowns, channels))
-    energy = np.zeros((threads, channels))
-    for thread in numba.prange(threads):
-        numbers = np.empty(entries, dtype=np.int64)
-        values = np.empty(entries)
-        mine = matrix[thread]
-        mine_rhs = rhs[thread]
-        for n in range(thread * count // threads, (thread + 1) * count // threads):
-            w = weights[n]
-            for lookup in range(layout.shape[0]):
-                _stencil(x, n, matrices, layout, lookup, numbers, values)
-            for a in range(entries):
-                row = numbers[a]
-                weighted = w * values[a]
-                diagonal[thread, row] += weighted * values[a]
-                for b in range(a):
-                    mine[row, numbers[b]] += weighted * values[b]
-                for c in range(channels):
-                    mine_rhs[row, c] += weighted * targets[n, c]
+    matrix = np.zeros((unknowns, unknowns))
+    rhs = np.zeros((unknowns, channels))
+    energy = np.zeros(channels)
+    numbers = np.empty(entries, dtype=np.int64)
+    values = np.empty(entries)
+    for n in range(begin, end):
+        w = weights[n]
+        for lookup in range(layout.shape[0]):
+            _stencil(x, n, matrices, layout, lookup, numbers, values)
+        for a in range(entries):
+            row = numbers[a]
+            weighted = w * values[a]
+            for b in range(a):
+                matrix[row, numbers[b]] += weighted * values[b]
+            matrix[row, row] += 0.5 * weighted * values[a]
             for c in range(channels):
-                energy[thread, c] += w * targets[n, c] ** 2
-    # A pair of entries was added once: its other half is the mirror image.
-    total = np.empty((unknowns, unknowns))
-    for row in numba.prange(unknowns):
-        for column in range(unknowns):
-            value = 0.0
-            for thread in range(threads):
-                value += matrix[thread, row, column] + matrix[thread, column, row]
-            total[row, column] = value
-        for thread in range(threads):
-            total[row, row] += diagonal[thread, row]
-    return total, rhs.sum(axis=0), energy.sum(axis=0)
+                rhs[row, c] += weighted * targets[n, c]
+        for c in range(channels):
+            energy[c] += w * targets[n, c] ** 2
+    return matrix, rhs, energy
 
 
 def gradient(
@@ -200,15 +218,13 @@ def gradient(
     """
     if coordinates.device.type != "cpu":
         return gradient_torch(coordinates, lookups, targets, weights, texels)
-    parts, sums = _gradient(
-        coordinates.contiguous().numpy(),
-        *pack(lookups),
-        targets.contiguous().numpy(),
-        weights.contiguous().numpy(),
-        texels.contiguous().numpy(),
-        max(1, min(numba.get_num_threads(), coordinates.shape[0] // 512)),
+    arrays = (coordinates.contiguous().numpy(), *pack(lookups), targets.contiguous().numpy())
+    parts = _on_threads(
+        lambda begin, end: _gradient(*arrays, weights.contiguous().numpy(), texels.contiguous().numpy(), begin, end),
+        coordinates.shape[0],
+        64 * len(lookups),
     )
-    return torch.from_numpy(parts), float(sums)
+    return _total([part[0] for part in parts]), sum(part[1] for part in parts)
 
 
 def gradient_torch(
@@ -228,50 +244,51 @@ def gradient_torch(
     return result, float(total)
 
 
-@numba.njit(cache=True, parallel=True)
-def _gradient(x, matrices, layout, targets, weights, texels, threads):  # pragma: no cover (compiled)
-    count = x.shape[0]
+@numba.njit(cache=True, nogil=True)
+def _gradient(x, matrices, layout, targets, weights, texels, begin, end):  # pragma: no cover (compiled)
+    """The derivative by every lookup's matrix (L, 2, 4) and the sum of squares, of a range."""
     channels = targets.shape[1]
     lookups = layout.shape[0]
-    parts = np.zeros((threads, lookups, 2, 4))
-    sums = np.zeros(threads)
-    for thread in numba.prange(threads):
-        numbers = np.empty(4 * lookups, dtype=np.int64)
-        values = np.empty(4 * lookups)
-        difference = np.empty(channels)
-        for n in range(thread * count // threads, (thread + 1) * count // threads):
-            for lookup in range(lookups):
-                _stencil(x, n, matrices, layout, lookup, numbers, values)
-            w = weights[n]
+    slopes = np.zeros((lookups, 2, 4))
+    squares = 0.0
+    numbers = np.empty(4 * lookups, dtype=np.int64)
+    values = np.empty(4 * lookups)
+    inside = np.empty((lookups, 2), dtype=np.bool_)
+    difference = np.empty(channels)
+    for n in range(begin, end):
+        for lookup in range(lookups):
+            _stencil(x, n, matrices, layout, lookup, numbers, values)
+            start = layout[lookup, 0]
+            for row in range(2):
+                position = 0.0
+                for axis in range(layout[lookup, 1]):
+                    position += matrices[lookup, row, axis] * x[n, start + axis]
+                inside[lookup, row] = -1.0 <= position <= 1.0
+        w = weights[n]
+        for c in range(channels):
+            total = targets[n, c]
+            for entry in range(4 * lookups):
+                total -= values[entry] * texels[numbers[entry], c]
+            difference[c] = total
+            squares += w * total * total
+        for lookup in range(lookups):
+            place = 4 * lookup
+            # The fractions are sums of the weights of one side of the cell.
+            fu = values[place + 1] + values[place + 3]
+            fv = values[place + 2] + values[place + 3]
+            slope_u = 0.0
+            slope_v = 0.0
             for c in range(channels):
-                total = targets[n, c]
-                for entry in range(4 * lookups):
-                    total -= values[entry] * texels[numbers[entry], c]
-                difference[c] = total
-                sums[thread] += w * total * total
-            for lookup in range(lookups):
-                place = 4 * lookup
-                # 1 − fu and 1 − fv are sums of the weights of one side of the cell.
-                fu = values[place + 1] + values[place + 3]
-                fv = values[place + 2] + values[place + 3]
-                slope_u = 0.0
-                slope_v = 0.0
-                for c in range(channels):
-                    y00 = texels[numbers[place], c]
-                    y01 = texels[numbers[place + 1], c]
-                    y10 = texels[numbers[place + 2], c]
-                    y11 = texels[numbers[place + 3], c]
-                    slope_u += difference[c] * ((1.0 - fv) * (y01 - y00) + fv * (y11 - y10))
-                    slope_v += difference[c] * ((1.0 - fu) * (y10 - y00) + fu * (y11 - y01))
-                start, k = layout[lookup, 0], layout[lookup, 1]
-                u = 0.0
-                v = 0.0
-                for axis in range(k):
-                    u += matrices[lookup, 0, axis] * x[n, start + axis]
-                    v += matrices[lookup, 1, axis] * x[n, start + axis]
-                slope_u *= -w * (layout[lookup, 3] - 1.0) if -1.0 <= u <= 1.0 else 0.0
-                slope_v *= -w * (layout[lookup, 2] - 1.0) if -1.0 <= v <= 1.0 else 0.0
-                for axis in range(k):
-                    parts[thread, lookup, 0, axis] += slope_u * x[n, start + axis]
-                    parts[thread, lookup, 1, axis] += slope_v * x[n, start + axis]
-    return parts.sum(axis=0), sums.sum()
+                y00 = texels[numbers[place], c]
+                y01 = texels[numbers[place + 1], c]
+                y10 = texels[numbers[place + 2], c]
+                y11 = texels[numbers[place + 3], c]
+                slope_u += difference[c] * ((1.0 - fv) * (y01 - y00) + fv * (y11 - y10))
+                slope_v += difference[c] * ((1.0 - fu) * (y10 - y00) + fu * (y11 - y01))
+            start = layout[lookup, 0]
+            slope_u *= -w * (layout[lookup, 3] - 1.0) if inside[lookup, 0] else 0.0
+            slope_v *= -w * (layout[lookup, 2] - 1.0) if inside[lookup, 1] else 0.0
+            for axis in range(layout[lookup, 1]):
+                slopes[lookup, 0, axis] += slope_u * x[n, start + axis]
+                slopes[lookup, 1, axis] += slope_v * x[n, start + axis]
+    return slopes, squares

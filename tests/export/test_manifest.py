@@ -98,7 +98,7 @@ def from_files(folder, wi, wo):
     total = np.zeros(len(said["channels"]))
     for texture in said["textures"]:
         planes = read_exr(folder / texture["files"]["exr"])
-        log_factor = np.log(np.stack([planes[name] for name in said["exr_channels"]], -1).astype(np.float64))
+        log_factor = np.stack([planes[name] for name in said["exr_channels"]], -1).astype(np.float64)
         assert log_factor.shape[:2] == (texture["rows"], texture["columns"])
         projection = texture["projection"]
         x = coordinates(projection["coordinates"], wi, wo)

@@ -21,6 +21,10 @@ class Search(Protocol):
         """The name in reports and charts."""
         ...
 
+    def limited(self, steps: int) -> "Search":
+        """The same search with at most so many iterations (or, where it counts those, evaluations)."""
+        ...
+
     def minimize(
         self, objective: Objective, start: Tensor, *, seconds: float = float("inf"), seed: int = 0
     ) -> tuple[Tensor, Report]:

@@ -5,7 +5,7 @@ L-BFGS never steps along, since the gradient has no part in it.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.optimize
@@ -29,6 +29,10 @@ class Gradient:
     def name(self) -> str:
         """The name in reports and charts."""
         return "gradient"
+
+    def limited(self, steps: int) -> "Gradient":
+        """The same with at most `steps` iterations."""
+        return replace(self, iterations=steps)
 
     def minimize(
         self, objective: Objective, start: Tensor, *, seconds: float = float("inf"), seed: int = 0

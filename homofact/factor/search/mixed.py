@@ -1,23 +1,25 @@
 """The search over whole mixes: which kind each texture is, where its projection points, which λ and warp.
 
-Textures are added one at a time. Each candidate kind is tried beside those already chosen, all textures
-solved together, and judged by cross-validation with its own best λ; searched kinds are first refined
-from several random starts, of which the losers stop early (successive halving). After every term the
-searched projections are refined jointly, and each earlier texture is tried as every other fixed kind.
+A beam search over kinds. At every level each mix in the beam is tried with one more texture of every
+fixed kind, and the best of the beam with one more of every searched kind, refined from several random
+starts of which the losers stop early (successive halving). All textures of a trial are solved together
+and judged by cross-validation with their own best λ. Then the winner is loosened: each fixed texture is
+tried as the searched kind it is a point of, from there downhill, jointly with all others.
+
 All of this runs on small textures and a subset of the samples; the projections carry over (thesis 4.2).
 The search ends when the textures are used up, when one more does not lower the validation error, or
-when the time is; what it returns is always the best finished mix.
+when the time is; what it returns is always the best mix judged so far.
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from homofact.errors import Status
-from homofact.factor.kinds import WARP_WIDTHS, is_searched, make, takes_warp
+from homofact.factor.kinds import WARP_WIDTHS, is_searched, loosened, make, takes_warp
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection, Warp
 from homofact.factor.search.best import Search
@@ -25,7 +27,8 @@ from homofact.factor.textures import LogSamples, texture_shape
 from homofact.factor.validation import Folded
 
 FIRST_SMOOTHING = 1e-3
-ENOUGH = 0.995  # a texture is worth having when it leaves less than this share of the validation error
+ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
+BEAM = 4
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,14 @@ class Mix:
     projections: tuple[Projection, ...]
     smoothing: float
     error: float
+
+    @property
+    def warp(self) -> Warp | None:
+        """The stretch of the half vector that its textures share."""
+        return next((p.warp for p in self.projections if p.warp is not None), None)
+
+
+EMPTY = Mix((), (), FIRST_SMOOTHING, float("inf"))
 
 
 @dataclass(frozen=True)
@@ -49,6 +60,20 @@ class Outcome:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class MixSettings:
+    """Texels a side, reciprocity and bound of every trial; starts and search of searched kinds; λ where it is given."""
+
+    size: int
+    reciprocal: bool
+    bound: str
+    restarts: int
+    search: Search
+    smoothing: float | None
+    seconds: float
+    seed: int
+
+
 class MixedSearch:
     """One run over coarse samples; make one, call `run` once."""
 
@@ -56,96 +81,93 @@ class MixedSearch:
         self,
         samples: LogSamples,
         folds: Tensor,
-        *,
-        size: int,
-        reciprocal: bool,
-        bound: str,
-        restarts: int,
-        search: Search,
-        seconds: float,
-        smoothing: float | None,
-        seed: int,
-        progress: Callable[[int, int, int, float], None] | None = None,
+        settings: MixSettings,
+        progress: Callable[[int, int, float], None] | None = None,
     ) -> None:
-        """`progress` is called with (term, candidate number, evaluations, best validation error)."""
-        self._samples, self._folds, self._size = samples, folds, size
-        self._reciprocal, self._bound, self._restarts, self._search = reciprocal, bound, restarts, search
-        self._smoothing, self._seed, self._progress = smoothing, seed, progress
-        self._generator = torch.Generator().manual_seed(seed)
+        """`progress` is called with (term, evaluations, best validation error) after every trial."""
+        self._samples, self._folds, self._settings, self._progress = samples, folds, settings, progress
+        self._generator = torch.Generator().manual_seed(settings.seed)
         self._began = time.perf_counter()
-        self._deadline = self._began + seconds
+        self._deadline = self._began + settings.seconds
         self._evaluations = 0
+        self._best = EMPTY
         self._trace: list[tuple[float, int, float]] = []
 
     def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> Outcome:
-        """Choose up to `textures` textures; `candidates[j]` are the kinds that texture j may be."""
-        best: Mix | None = None
+        """Choose up to `textures` textures, of the kinds in candidates[j] for texture j (its last entry from there on).
+
+        Where a list of kinds is given texture by texture, all of them are used.
+        """
+        pinned = len(candidates) > 1 or len(candidates[0]) == 1
         notes: list[str] = []
         status = Status.CONVERGED
+        beam = [EMPTY]
         try:
             for term in range(textures):
-                found = self._add(best, candidates[min(term, len(candidates) - 1)], term)
-                if found is None:
+                kinds = candidates[min(term, len(candidates) - 1)]
+                trials = list(self._level(beam, kinds, term + 1, pinned))
+                whole = [mix for mix in trials if len(mix.kinds) == term + 1]
+                if self._late() and (pinned or term + 1 < textures):
                     status = Status.BUDGET
+                if not whole:
                     notes.append(f"the time was up after {term} of {textures} textures: give it a larger budget")
                     break
-                if best is not None and found.error > ENOUGH * best.error and len(candidates) == 1:
+                whole.sort(key=lambda mix: mix.error)
+                if not pinned and beam[0].error * ENOUGH < whole[0].error:
                     notes.append(f"{term} of {textures} textures kept: one more does not lower the validation error")
                     break
-                best = found
-                self._note(best.error)
-                if term > 0 and len(candidates) == 1:
-                    best = self._exchange(best, candidates[0], term)
+                beam = _distinct(whole)[:BEAM]
+                self._best = beam[0]
+            if not pinned:
+                self._loosen()
         except KeyboardInterrupt:
-            if best is None:
+            if not self._best.kinds:
                 raise
             status = Status.INTERRUPTED
-            notes.append(f"interrupted after {len(best.kinds)} of {textures} textures")
-        assert best is not None  # the first texture's first candidate is tried whatever the time
-        return Outcome(best, status, self._evaluations, tuple(self._trace), tuple(notes))
+            notes.append(f"interrupted after {len(self._best.kinds)} of {textures} textures")
+        return Outcome(self._best, status, self._evaluations, tuple(self._trace), tuple(notes))
 
-    def _add(self, base: Mix | None, kinds: tuple[str, ...], term: int) -> Mix | None:
-        """The best mix with one more texture, or None where the time is up before one was tried."""
-        best: Mix | None = None
-        for number, kind in enumerate(kinds, 1):
-            if self._late() and (best is not None or base is not None):
-                break
-            trial = self._try(base, kind)
-            if best is None or trial.error < best.error:
-                best = trial
-            if self._progress is not None:
-                self._progress(term + 1, number, self._evaluations, best.error)
-        return best
+    def _level(self, beam: list[Mix], kinds: tuple[str, ...], term: int, pinned: bool) -> Iterator[Mix]:
+        """Every mix of the beam with one more texture; at least one trial, whatever the time."""
+        fixed = [(mix, kind) for mix in beam for kind in kinds if not is_searched(kind)]
+        searched = [(beam[0], kind) for kind in kinds if is_searched(kind)]
+        lowest = float("inf")
+        for number, (mix, kind) in enumerate(fixed + searched):
+            if self._late() and (number > 0 or (mix.kinds and not pinned)):
+                return
+            if kind in mix.kinds and not is_searched(kind) and not pinned:
+                continue
+            for trial in self._grown(mix, kind):
+                lowest = min(lowest, trial.error)
+                if self._progress is not None:
+                    self._progress(term, self._evaluations, lowest)
+                if not self._best.kinds:
+                    self._best = trial
+                self._note(trial.error)
+                yield trial
 
-    def _try(self, base: Mix | None, kind: str) -> Mix:
-        """The mix `base` with one more texture of this kind, refined where it has something to refine."""
-        kinds = (kind,) if base is None else (*base.kinds, kind)
-        earlier = () if base is None else base.projections
-        smoothing = FIRST_SMOOTHING if base is None else base.smoothing
-        warps: list[Warp | None] = [next((p.warp for p in earlier if p.warp is not None), None)]
-        if takes_warp(kind) and warps == [None]:
+    def _grown(self, base: Mix, kind: str) -> Iterator[Mix]:
+        """`base` with one more texture of this kind, for every warp that may be chosen still."""
+        warps: list[Warp | None] = [base.warp]
+        if takes_warp(kind) and base.warp is None:
             warps += [Warp(width) for width in WARP_WIDTHS]
-        trials = []
-        for warp in warps:
-            if self._late() and trials:
-                break
+        for number, warp in enumerate(warps):
+            if number > 0 and self._late():
+                return
             if is_searched(kind):
-                projections = self._refined_start(earlier, kind, warp, smoothing)
+                projections = self._refined_start(base, kind, warp)
             else:
-                projections = (*earlier, self._make(kind, warp))
-            trials.append(self._judge(kinds, projections, smoothing))
-        return min(trials, key=lambda mix: mix.error)
+                projections = (*base.projections, self._make(kind, warp))
+            yield self._judge((*base.kinds, kind), projections, base.smoothing)
 
-    def _refined_start(
-        self, earlier: tuple[Projection, ...], kind: str, warp: Warp | None, smoothing: float
-    ) -> tuple[Projection, ...]:
+    def _refined_start(self, base: Mix, kind: str, warp: Warp | None) -> tuple[Projection, ...]:
         """Successive halving over random starts: half of them, the better ones, go on with more steps."""
-        starts = [(*earlier, self._make(kind, warp)) for _ in range(self._restarts)]
+        starts = [(*base.projections, self._make(kind, warp)) for _ in range(self._settings.restarts)]
         steps = 4
         while True:
             refined = []
             for projections in starts:
-                refined.append(self._descend(projections, smoothing, steps))
+                refined.append(self._descend(projections, base.smoothing, steps))
                 if self._late():
                     break
             refined.sort(key=lambda pair: pair[0])
@@ -157,50 +179,61 @@ class MixedSearch:
     def _descend(
         self, projections: tuple[Projection, ...], smoothing: float, steps: int
     ) -> tuple[float, tuple[Projection, ...]]:
-        objective = Objective(self._samples, projections, self._shapes(projections), smoothing, self._bound)
-        search = replace(self._search, iterations=steps) if hasattr(self._search, "iterations") else self._search
+        objective = Objective(self._samples, projections, self._shapes(projections), smoothing, self._settings.bound)
+        search = self._settings.search.limited(steps)
         left = max(self._deadline - time.perf_counter(), 1e-3)
-        vector, report = search.minimize(objective, objective.start(), seconds=left, seed=self._seed)
+        vector, report = search.minimize(objective, objective.start(), seconds=left, seed=self._settings.seed)
         self._evaluations += report.evaluations
         if report.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         return report.residual, objective.projections(vector)
 
-    def _exchange(self, mix: Mix, kinds: tuple[str, ...], last: int) -> Mix:
-        """Each earlier texture tried as every other fixed kind, as long as that helps."""
-        for place in range(last):
-            for kind in kinds:
-                if self._late():
-                    return mix
-                if is_searched(kind) or kind in mix.kinds:
-                    continue
-                warp = next((p.warp for p in mix.projections if p.warp is not None), None)
-                projections = list(mix.projections)
-                projections[place] = self._make(kind, warp)
-                trial = self._judge(
-                    (*mix.kinds[:place], kind, *mix.kinds[place + 1 :]), tuple(projections), mix.smoothing
-                )
-                if trial.error < ENOUGH * mix.error:
-                    mix = trial
-                    self._note(mix.error)
-        return mix
+    def _loosen(self) -> None:
+        """Each fixed texture tried as the searched kind it is a point of, as long as that helps."""
+        for place, kind in enumerate(self._best.kinds):
+            projection = loosened(self._best.projections[place])
+            if projection is None or is_searched(kind):
+                continue
+            if self._late():
+                return
+            projections = list(self._best.projections)
+            projections[place] = projection
+            _, refined = self._descend(tuple(projections), self._best.smoothing, 24)
+            kinds = (*self._best.kinds[:place], projection.coordinates, *self._best.kinds[place + 1 :])
+            trial = self._judge(kinds, refined, self._best.smoothing)
+            if trial.error < ENOUGH * self._best.error:
+                self._best = trial
+                self._note(trial.error)
 
     def _judge(self, kinds: tuple[str, ...], projections: tuple[Projection, ...], smoothing: float) -> Mix:
         folded = Folded.of(self._samples, self._folds, projections, self._shapes(projections))
         self._evaluations += 1
-        if self._smoothing is not None:
-            return Mix(kinds, projections, self._smoothing, folded.error(self._smoothing))
-        best, error = folded.best_smoothing(smoothing)
-        return Mix(kinds, projections, best, error)
+        if self._settings.smoothing is not None:
+            given = self._settings.smoothing
+            return Mix(kinds, projections, given, folded.error(given))
+        return Mix(kinds, projections, *folded.best_smoothing(smoothing))
 
     def _make(self, kind: str, warp: Warp | None) -> Projection:
-        return make(kind, self._reciprocal, warp, self._generator, self._bound)
+        return make(kind, self._settings.reciprocal, warp, self._generator, self._settings.bound)
 
     def _shapes(self, projections: tuple[Projection, ...]) -> tuple[tuple[int, int], ...]:
-        return tuple(texture_shape(projection, self._size) for projection in projections)
+        return tuple(texture_shape(projection, self._settings.size) for projection in projections)
 
     def _late(self) -> bool:
         return time.perf_counter() > self._deadline
 
     def _note(self, error: float) -> None:
-        self._trace.append((time.perf_counter() - self._began, self._evaluations, error))
+        if not self._trace or error < self._trace[-1][2]:
+            self._trace.append((time.perf_counter() - self._began, self._evaluations, error))
+
+
+def _distinct(mixes: list[Mix]) -> list[Mix]:
+    """The mixes without those that hold the same kinds and warp as a better one before them."""
+    seen: set[tuple[tuple[str, ...], Warp | None]] = set()
+    result = []
+    for mix in mixes:
+        key = (tuple(sorted(mix.kinds)), mix.warp)
+        if key not in seen:
+            seen.add(key)
+            result.append(mix)
+    return result

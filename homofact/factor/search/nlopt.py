@@ -5,7 +5,7 @@ bounded to [−1.5, 1.5]; the start is unit and the length does not matter, so t
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import nlopt
 import numpy as np
@@ -54,6 +54,10 @@ class Nlopt:
     def name(self) -> str:
         """The name in reports and charts."""
         return f"nlopt-{self.algorithm}"
+
+    def limited(self, steps: int) -> "Nlopt":
+        """The same with at most as many evaluations as `steps` gradient iterations or 8 direct sweeps cost."""
+        return replace(self, evaluations=steps if "D_" in self.full_name[:3] else 8 * steps)
 
     def minimize(
         self, objective: Objective, start: Tensor, *, seconds: float = float("inf"), seed: int = 0

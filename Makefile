@@ -1,0 +1,49 @@
+# make demo: the environment, a first fit and its pictures. make test: the environment and every check.
+# Another interpreter: make PYTHON=python3.12 demo. The environment is .venv in this folder.
+
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+# The type checker's wrapper would otherwise ask the network for a newer version on every run.
+export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
+
+.PHONY: demo test install format constraints clean
+
+demo: $(READY)
+	$(BIN)/homofact factorize --config configs/blue_paint.toml --force
+	@echo
+	@echo "The pictures: out/blue_paint/compare.png (the lit sphere: source, fit, McCool's projections,"
+	@echo "differences) and out/blue_paint/*.png (the textures). The figures: out/blue_paint/report.json."
+
+# One thread a worker: two processes that both take every core wait for each other several times over.
+test: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2
+
+install: $(READY)
+
+# torch first and alone: it is by far the largest, and the rest then resolves against it.
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else \
+	  f"homofact needs Python 3.11 or newer, found {sys.version.split()[0]}: make PYTHON=... {sys.argv[1]}")' "$(MAKECMDGOALS)"
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet -c constraints.txt torch==2.13.0
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev]'
+	@touch $@
+
+format: $(READY)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# Local version tags ("+cpu") and the project itself stay out; setuptools is a dependency that freeze hides.
+constraints: $(READY)
+	@{ sed -n '/^#/p' constraints.txt; \
+	  { $(BIN)/python -m pip freeze --exclude-editable; $(BIN)/python -m pip freeze --all | grep '^setuptools=='; } \
+	  | sed -e '/^#/d' -e '/^homofact/d' -e '/ @ /d' -e 's/+[^ ]*$$//' | sort -f -u; } > .constraints.partial
+	@mv .constraints.partial constraints.txt
+	@echo "constraints.txt: $$(grep -c == constraints.txt) versions"
+
+clean:
+	rm -rf .venv out build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,1 @@
+"""Floor 6: the command line, one file a command. Heavy imports wait until a command runs."""

@@ -1,0 +1,89 @@
+"""`homofact compare`: several methods fitted to the same split, side by side."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from homofact.cli import options as o
+from homofact.cli.places import check_file
+from homofact.cli.screen import Screen, say_ending
+from homofact.cli.subject import check_source, method_settings, open_subject
+from homofact.cli.tables import cost_table, error_table
+
+
+def compare(
+    context: typer.Context,
+    source: o.Source = None,
+    methods: Annotated[
+        str | None,
+        typer.Option(
+            help="Names with commas; mccool:A+B has the fixed projections A and B. Default: mccool,cole,search.",
+            show_default=False,
+        ),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the errors (.png, .pdf, .svg).")] = None,
+    channels: o.Channels = None,
+    count: o.Count = None,
+    scheme: o.Scheme = None,
+    held_out: o.HeldOut = None,
+    textures: o.Textures = None,
+    size: o.Size = None,
+    parameterization: o.Parameterization = None,
+    reciprocal: o.Reciprocal = None,
+    solver: o.Solver = None,
+    smoothing: o.Smoothing = None,
+    epsilon: o.Epsilon = None,
+    together: o.Together = None,
+    restarts: o.Restarts = None,
+    search: o.Search = None,
+    budget: o.Budget = None,
+    refine: o.Refine = None,
+    search_size: o.SearchSize = None,
+    search_samples: o.SearchSamples = None,
+    copies: o.Copies = None,
+    mirrored: o.Mirrored = None,
+    bound: o.Bound = None,
+    seed: o.Seed = None,
+    config: o.ConfigFile = None,
+    as_json: o.AsJson = False,
+    quiet: o.Quiet = False,
+) -> None:
+    """Fit several methods to the same samples and print their errors and costs."""
+    from homofact.config import load_config
+
+    settings = load_config(config, o.given(context))
+    check_source(settings)
+    target = None if settings.compare.plot is None else Path(settings.compare.plot)
+    if target is not None:
+        check_file(target, ".png", ".pdf", ".svg")
+    fits = {label: method_settings(settings.fit, label) for label in settings.compare.methods}
+
+    from homofact.evaluate.compare import fit_and_measure
+    from homofact.evaluate.plot import plot_rows
+    from homofact.render.files import replace_file
+
+    screen = Screen(as_json, quiet)
+    with screen.bar() as bar:
+        bar.stage("reading")
+        subject = open_subject(settings)
+        rows = {}
+        for label, fit in fits.items():
+            bar.stage(label)
+            rows[label] = fit_and_measure(subject, fit, settings.evaluate.held_out, bar)
+        if target is not None:
+            bar.stage("drawing")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            replace_file(target, lambda beside: plot_rows(beside, list(rows.values())))
+    for label, row in rows.items():
+        say_ending(screen, row.report, label)
+    records = {label: row.record() for label, row in rows.items()}
+    screen.show(error_table(records), cost_table(records))
+    answer: dict[str, Any] = {
+        "source": subject.name,
+        "rows": [{"label": label, **each} for label, each in records.items()],
+    }
+    if target is not None:
+        screen.note(f"The figure: {target}")
+        answer["plot"] = str(target)
+    screen.answer(answer)

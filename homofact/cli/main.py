@@ -1,0 +1,90 @@
+"""The entry point: the commands in one application, and what becomes of an error.
+
+Exit codes: 0 done; 2 bad input or usage, one line on stderr; 1 a fault of homofact's, with the traceback;
+130 interrupted by Ctrl-C; 141 the reader of a pipe went away.
+"""
+
+import errno
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+from typer.main import get_command
+
+from homofact import __version__
+from homofact.cli import compare, factorize, info, render
+from homofact.errors import BadInput
+
+app = typer.Typer(
+    name="homofact",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("factorize")(factorize.factorize)
+app.command("compare")(compare.compare)
+app.command("info")(info.info)
+app.command("render")(render.render)
+
+# What the machine refuses is for the user to mend, as bad input is.
+_REFUSALS = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT}
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"homofact {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def homofact(
+    _: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="The version.")] = False,
+) -> None:
+    """Measured BRDFs as a few small textures and the projections that index them."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command line (`sys.argv` unless given) and return its exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    command = get_command(app)
+    try:
+        # Not the application's own main: it would swallow interruption and broken pipes.
+        with command.make_context("homofact", arguments or ["--help"]) as context:
+            command.invoke(context)
+        sys.stdout.flush()
+        return 0
+    except typer.Exit as ending:
+        return ending.exit_code
+    except BadInput as error:
+        return _refuse(str(error))
+    except typer.TyperException as error:
+        path = getattr(getattr(error, "ctx", None), "command_path", "homofact")
+        return _refuse(f"{error.format_message().rstrip('.')} (see {path} --help)")
+    except (KeyboardInterrupt, typer.Abort):
+        print("homofact: interrupted, nothing was written", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The interpreter flushes stdout once more on its way out.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in _REFUSALS:
+            return _refuse(f"{error.filename}: {error.strerror}")
+        traceback.print_exc()
+        print(
+            f"homofact: this is a fault of homofact {__version__}, not yours: please report it with the lines above",
+            file=sys.stderr,
+        )
+        return 1
+
+
+def _refuse(message: str) -> int:
+    print(f"homofact: {' '.join(message.split())}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

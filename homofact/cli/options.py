@@ -1,0 +1,165 @@
+"""The options that commands share, each declared once.
+
+Every default here is None, "not given", so that a configuration file can fill it in; the default that
+`--help` shows is written out, because reading it off the dataclasses would import torch. A test compares.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from homofact.errors import BadInput
+
+_SOURCE, _FIT, _OUTPUT = "The source", "The fit", "Output"
+
+Source = Annotated[
+    str | None,
+    typer.Argument(metavar="SOURCE", help="A measurement's file, or material:NAME.", show_default=False),
+]
+Channels = Annotated[
+    str | None,
+    typer.Option(
+        help="rgb, luminance, spectral, or one channel's name. Default: rgb.",
+        show_default=False,
+        rich_help_panel=_SOURCE,
+    ),
+]
+Count = Annotated[
+    int | None,
+    typer.Option(
+        help="Pairs drawn from an analytic model. Default: 45000.",
+        show_default=False,
+        rich_help_panel=_SOURCE,
+    ),
+]
+Scheme = Annotated[
+    str | None,
+    typer.Option(
+        help="How they are drawn: discs, cosine or grid. Default: discs.",
+        show_default=False,
+        rich_help_panel=_SOURCE,
+    ),
+]
+HeldOut = Annotated[
+    float | None,
+    typer.Option(
+        help="Part of the samples kept from the fit. Default: 0.2.",
+        show_default=False,
+        rich_help_panel=_SOURCE,
+    ),
+]
+
+
+def _fit(help: str, default: str, *names: str) -> Any:
+    return typer.Option(*names, help=f"{help} Default: {default}.", show_default=False, rich_help_panel=_FIT)
+
+
+Method = Annotated[str | None, _fit("search, cole (the thesis) or mccool.", "search")]
+Textures = Annotated[int | None, _fit("How many textures at most.", "2")]
+Size = Annotated[int | None, _fit("Texels on a side of a texture.", "16")]
+Parameterization = Annotated[
+    str | None,
+    _fit(
+        "What textures are indexed by; for cole in-out or half-diff, for search one kind or one each (A+B).",
+        "by method",
+    ),
+]
+Reciprocal = Annotated[
+    bool | None,
+    _fit("Enforce f(wi, wo) = f(wo, wi).", "on", "--reciprocal/--no-reciprocal"),
+]
+Solver = Annotated[str | None, _fit("Of the inner problem: cholesky, qr, lsmr, cg or qmr.", "cholesky")]
+Smoothing = Annotated[float | None, _fit("Weight of the Laplacian, in samples a texel.", "by method")]
+Epsilon = Annotated[float | None, _fit("Of the log transform, in units of the mean.", "by the source")]
+Together = Annotated[int | None, _fit("How many of the last textures are solved together; 0 is all.", "2")]
+Restarts = Annotated[int | None, _fit("Random starts of the search for each texture.", "6")]
+Search = Annotated[str | None, _fit("How search refines: gradient, or nlopt-NAME such as nlopt-PRAXIS.", "gradient")]
+Budget = Annotated[float | None, _fit("Seconds that search may take.", "20.0")]
+Refine = Annotated[str | None, _fit("looks: a last descent of search on the linear error; or none.", "none")]
+SearchSize = Annotated[int | None, _fit("Texels on a side during the search; 0 is --size.", "by method")]
+SearchSamples = Annotated[int | None, _fit("Samples during the search; 0 is all.", "8000")]
+Copies = Annotated[int | None, _fit("Azimuth copies of an isotropic measurement.", "8")]
+Mirrored = Annotated[bool | None, _fit("Mirrored copies beside them.", "on", "--mirrored/--no-mirrored")]
+Bound = Annotated[str | None, _fit("How a projection fills its texture: disc, or the thesis's cube.", "disc")]
+Projections = Annotated[str | None, _fit("Fixed projections for mccool, by name, with commas.", "McCool's own")]
+
+Seed = Annotated[int | None, typer.Option(help="Of sampling, split and search. Default: 0.", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on stdout, all else on stderr.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no notes.")]
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option("--config", "-c", metavar="FILE.toml", help="Settings; options given here win over it."),
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="Where the result goes.", rich_help_panel=_OUTPUT),
+]
+Force = Annotated[
+    bool | None,
+    typer.Option("--force/--no-force", help="Replace a result that is there.", rich_help_panel=_OUTPUT),
+]
+
+
+# Where an option of a command goes in the configuration, by the name of its parameter.
+_KEYS = {
+    "source": "source.path",
+    "channels": "source.channels",
+    "count": "source.count",
+    "scheme": "source.scheme",
+    "held_out": "evaluate.held_out",
+    "methods": "compare.methods",
+    "plot": "compare.plot",
+    "out": "output.folder",
+    "force": "output.force",
+    "light": "render.light",
+    "environment": "render.environment",
+    "pixels": "render.size",
+    "picture": "render.file",
+    "seed": "seed",
+} | {
+    name: f"fit.{name}"
+    for name in (
+        "method",
+        "textures",
+        "size",
+        "parameterization",
+        "reciprocal",
+        "solver",
+        "smoothing",
+        "epsilon",
+        "together",
+        "restarts",
+        "search",
+        "budget",
+        "refine",
+        "search_size",
+        "search_samples",
+        "copies",
+        "mirrored",
+        "bound",
+        "projections",
+    )
+}
+_LISTS = ("methods", "projections")
+
+
+def given(context: typer.Context) -> dict[str, Any]:
+    """The command line's options by their key in the configuration; None where one was not given."""
+    values: dict[str, Any] = {}
+    for name, key in _KEYS.items():
+        value = context.params.get(name)
+        if name in _LISTS and value is not None:
+            value = tuple(part.strip() for part in value.split(",") if part.strip())
+        elif name == "light" and value is not None:
+            value = _direction(value)
+        values[key] = str(value) if isinstance(value, Path) else value
+    return values
+
+
+def _direction(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise BadInput(f"light: found {text!r}, expected three numbers x,y,z") from error
+    return x, y, z

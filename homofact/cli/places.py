@@ -1,0 +1,43 @@
+"""Where results go: checked before a long fit, so that an hour's work never meets a closed door."""
+
+import tempfile
+from pathlib import Path
+
+from homofact.errors import BadInput
+
+
+def check_folder(folder: Path, force: bool) -> None:
+    """Refuse a result folder that cannot be made or written, or that holds something without `force`.
+
+    Raises BadInput; leaves nothing behind.
+    """
+    from homofact.export.result import check_result_folder
+
+    check_result_folder(folder, force)
+    _try_writing(folder.resolve().parent)
+
+
+def check_file(path: Path, *endings: str) -> None:
+    """Refuse a file that is a folder, has none of the `endings`, or is in a closed place. Raises BadInput."""
+    if path.is_dir():
+        raise BadInput(f"{path}: is a folder, expected a file's name")
+    if path.suffix.lower() not in endings:
+        found = repr(path.suffix) if path.suffix else "nothing"
+        raise BadInput(f"{path}: ends in {found}, expected {' or '.join(endings)}")
+    _try_writing(path.resolve().parent)
+
+
+def _try_writing(folder: Path) -> None:
+    """Make a folder in `folder`, or in the nearest that exists, and take it away.
+
+    Permission bits do not tell of everything that can be in the way, a full or odd file system for one.
+    """
+    place = next(each for each in (folder, *folder.parents) if each.exists())
+    if not place.is_dir():
+        raise BadInput(f"{folder}: {place} is a file, expected a folder")
+    try:
+        with tempfile.TemporaryDirectory(prefix=".homofact-", dir=place):
+            pass
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise BadInput(f"{folder}: cannot be written ({reason}), expected a writable place") from error

@@ -1,0 +1,84 @@
+"""`homofact render`: the sphere of a result again, under another light."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from homofact.cli import options as o
+from homofact.cli.places import check_file
+from homofact.cli.screen import Screen
+from homofact.cli.subject import display_of
+from homofact.errors import BadInput
+
+
+def render(
+    context: typer.Context,
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")],
+    picture: Annotated[Path | None, typer.Option("--out", metavar="FILE.png", help="The picture.")] = None,
+    light: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="Towards a directional light: x right, y up, z to the viewer.",
+            show_default=False,
+        ),
+    ] = None,
+    environment: Annotated[
+        Path | None, typer.Option(metavar="FILE.hdr", help="A lat-long map (.hdr or .exr) in its place.")
+    ] = None,
+    pixels: Annotated[
+        int | None, typer.Option("--size", help="Pixels on a side. Default: 384.", show_default=False)
+    ] = None,
+    seed: o.Seed = None,
+    config: o.ConfigFile = None,
+    as_json: o.AsJson = False,
+    quiet: o.Quiet = False,
+) -> None:
+    """Draw a result's sphere under a directional light or an environment map."""
+    from homofact.config import load_config
+
+    settings = load_config(config, o.given(context))
+    if settings.render.file is None:
+        raise BadInput("out: none given, expected a picture's file (--out, or file under [render])")
+    target = Path(settings.render.file)
+    check_file(target, ".png")
+
+    from homofact.export.result import open_result
+    from homofact.render.compare_picture import sphere_picture
+    from homofact.render.environment import read_environment
+    from homofact.render.light import DEFAULT_LIGHT, DirectionalLight
+
+    screen = Screen(as_json, quiet)
+    with screen.bar() as bar:
+        bar.stage("reading")
+        factorization = open_result(result)
+        if settings.render.environment is not None:
+            lit = read_environment(settings.render.environment)
+        elif settings.render.light is not None:
+            lit = DirectionalLight(settings.render.light)
+        else:
+            lit = DEFAULT_LIGHT
+        bar.stage("drawing")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        report = sphere_picture(
+            target,
+            factorization,
+            light=lit,
+            size=settings.render.size,
+            to_rgb=display_of(factorization.channels),
+            seed=settings.seed,
+        )
+    if not quiet:
+        screen.show(f"The picture: {target}", f"{lit.describe()}, exposure {report.exposure:.4g}")
+    screen.answer(
+        {
+            "result": str(result),
+            "picture": str(target),
+            "size": settings.render.size,
+            "light": lit.describe(),
+            "exposure": report.exposure,
+            "clipped": report.clipped[0],
+            "seed": settings.seed,
+        }
+    )

@@ -1,0 +1,151 @@
+"""What a command shows: tables and one JSON object on stdout, notes and the progress bar on stderr.
+
+With --json stdout carries exactly one JSON object and nothing else. With -q there are no notes and no bar,
+and a command whose product is a file prints nothing. The bar runs on a terminal only.
+"""
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from rich.console import Console, RenderableType
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+from homofact.errors import Report, Status
+
+
+class FitProgress(Protocol):
+    """What a fit says of itself on the way: `homofact.factor.fit.Progress`."""
+
+    @property
+    def term(self) -> int:
+        """The term in work, from 1."""
+        ...
+
+    @property
+    def terms(self) -> int:
+        """How many there will be."""
+        ...
+
+    @property
+    def restart(self) -> int:
+        """The random start in work, from 1."""
+        ...
+
+    @property
+    def restarts(self) -> int:
+        """How many there will be for a term."""
+        ...
+
+    @property
+    def evaluations(self) -> int:
+        """Inner problems solved so far."""
+        ...
+
+    @property
+    def best(self) -> float:
+        """The smallest error so far, of the search's own objective."""
+        ...
+
+
+class _Console(Console):
+    """Rich's console, which lets a broken pipe through to the entry point instead of exiting by itself."""
+
+    def on_broken_pipe(self) -> None:
+        """The reader has gone."""
+        raise BrokenPipeError
+
+
+class Bar:
+    """The progress bar: `stage` names what is being done, a call with a `FitProgress` moves it."""
+
+    def __init__(self, progress: Progress | None = None, task: TaskID | None = None) -> None:
+        """A silent bar, unless it is given one of rich's to move."""
+        self._progress, self._task, self._stage = progress, task, ""
+
+    def stage(self, name: str) -> None:
+        """A new stage of unknown length: the bar pulses until a fit reports."""
+        self._stage = name
+        self._update(name, "", None, 0)
+
+    def __call__(self, at: FitProgress) -> None:
+        """Show a fit's term, restart, evaluations and best error."""
+        done = at.term - 1 + (at.restart - 1) / max(at.restarts, 1)
+        best = f"best {at.best:.4g}" if math.isfinite(at.best) else ""
+        what = f"{self._stage}: term {at.term}/{at.terms}, restart {at.restart}/{at.restarts}"
+        self._update(what, f"{at.evaluations} evaluations {best}", float(at.terms), done)
+
+    def _update(self, what: str, figures: str, total: float | None, completed: float) -> None:
+        if self._progress is not None and self._task is not None:
+            self._progress.update(self._task, description=what, figures=figures, total=total, completed=completed)
+
+
+class Screen:
+    """The two streams of one command, bound when it starts."""
+
+    def __init__(self, as_json: bool, quiet: bool) -> None:
+        """Take stdout and stderr as they are now."""
+        self.as_json, self.quiet = as_json, quiet
+        self._out = _Console(highlight=False)
+        self._err = _Console(stderr=True, highlight=False)
+
+    def note(self, text: str) -> None:
+        """A line on stderr, unless quiet; never wrapped."""
+        if not self.quiet:
+            self._err.print(text, markup=False, soft_wrap=True)
+
+    def show(self, *parts: RenderableType) -> None:
+        """Tables and lines on stdout, unless --json is; lines are never wrapped."""
+        if self.as_json:
+            return
+        for part in parts:
+            if isinstance(part, str):
+                self._out.print(part, markup=False, soft_wrap=True)
+            else:
+                self._out.print(part)
+
+    def answer(self, record: dict[str, Any]) -> None:
+        """With --json, the one object on stdout; a number that is not finite becomes null."""
+        if self.as_json:
+            text = json.dumps(plain(record), ensure_ascii=False, allow_nan=False, indent=2)
+            self._out.print(text, markup=False, soft_wrap=True)
+
+    @contextmanager
+    def bar(self) -> Iterator[Bar]:
+        """A bar on stderr while the block runs; a silent one in a pipe or with -q."""
+        if self.quiet or not self._err.is_terminal:
+            yield Bar()
+            return
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=None),
+            TextColumn("{task.fields[figures]}"),
+            TimeElapsedColumn(),
+        )
+        # transient: a finished bar says nothing that the table does not.
+        with Progress(*columns, console=self._err, transient=True, expand=True) as progress:
+            yield Bar(progress, progress.add_task("", total=None, figures=""))
+
+
+def say_ending(screen: Screen, report: Report, label: str = "") -> None:
+    """What the user should know of how a fit ended: its notes, and the remedy where it was cut short or fell back."""
+    about = f"{label}: " if label else ""
+    if report.status in (Status.INTERRUPTED, Status.FALLBACK):
+        screen.note(f"homofact: {about}{report.status.remedy}")
+    for note in report.notes:
+        screen.note(f"homofact: {about}{note}")
+
+
+def plain(value: Any) -> Any:
+    """`value` in JSON's own types: tuples to lists, numbers that are not finite to None, others by str."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return plain(value.tolist()) if hasattr(value, "tolist") else str(value)

@@ -1,0 +1,93 @@
+"""The tables of the commands, made to be read in 80 columns: costs and errors stacked, not side by side."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")
+
+
+def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Six metrics of every labelled record, held out over training; linear ones in sr⁻¹."""
+    table = _table("Error (mse, mae, max linear, in sr⁻¹)")
+    _column(table, "", left=True)
+    _column(table, "set", left=True)
+    for name in METRICS:
+        _column(table, name.replace("_", " "))
+    for label, record in records.items():
+        for key, words in (("held_out", "held out"), ("train", "training")):
+            figures = [figure(record["error"][key][name]) for name in METRICS]
+            last = key == "train"
+            style = "dim" if last else "bold"
+            table.add_row("" if last else Text(label), words, *(Text(f, style) for f in figures), end_section=last)
+    return table
+
+
+def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
+    """What every labelled record's evaluation and fit cost, and how the fit ended."""
+    table = _table("Cost")
+    _column(table, "", left=True)
+    for name in ("textures", "bytes", "fetches", "evals", "fit s", "total s"):
+        _column(table, name)
+    table.add_column("ended", no_wrap=True)
+    for label, record in records.items():
+        seconds = record["seconds"]
+        table.add_row(
+            Text(label),
+            f"{record['textures']} × {record['size']}²",
+            *(str(record[name]) for name in ("bytes", "fetches", "evaluations")),
+            f"{seconds['fit']:.3g}",
+            f"{seconds['total']:.3g}",
+            str(record["status"]),
+        )
+    return table
+
+
+def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
+    """Names and values, those that say nothing left out; values wrap in their column."""
+    table = _table(title)
+    table.show_header = False
+    _column(table, "", left=True)
+    table.add_column("", overflow="fold")
+    for name, value in facts.items():
+        if value is not None and value != {} and value != []:
+            table.add_row(name.replace("_", " "), Text(words(value)))
+    return table
+
+
+def figure(value: float | None) -> str:
+    """Three significant digits in at most eight characters."""
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if value == 0 or 1e-4 <= abs(value) < 1e5 else f"{value:.1e}"
+
+
+def words(value: Any, inner: bool = False) -> str:
+    """A value of a description, for people: a mapping a line an entry, and on one line inside another."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        entries = [f"{str(name).replace('_', ' ')} {words(entry, True)}" for name, entry in value.items()]
+        return (", " if inner else "\n").join(entries)
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        sentences = not inner and any(isinstance(entry, str) and " " in entry for entry in value)
+        parts = "; " if any(isinstance(entry, Mapping) for entry in value) else ", "
+        return ("\n" if sentences else parts).join(words(entry, True) for entry in value)
+    return "none" if value is None else str(value)
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+
+
+def _column(table: Table, name: str, left: bool = False) -> None:
+    # Figures are never broken; a long label is, so that the table keeps to the terminal.
+    if left:
+        table.add_column(name, overflow="fold")
+    else:
+        table.add_column(name, justify="right", no_wrap=True)

@@ -1,0 +1,202 @@
+"""What cannot be used ends with exit code 2 and one line that names it, and leaves nothing behind."""
+
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+import homofact.brdf.source
+from homofact import __version__
+from homofact.cli.main import app, main
+from homofact.config import Config, load_config
+from homofact.factor.settings import FitSettings
+
+MATERIAL = "material:phong-10"
+CORNELL = "# a paint\n2\n400 700\n0.1 0.0 0.2 3.0 0.5 0.5\n"
+
+# Arguments, with {here} for an empty folder, and what the one line must say.
+FIT, COMPARE, INFO = ["factorize", MATERIAL], ["compare", MATERIAL], ["info", MATERIAL]
+DRAW, OUT, PNG = ["render", "{here}"], ["--out", "{here}/o"], ["--out", "{here}/a.png"]
+CASES = {
+    "missing file": (["info", "{here}/none.brdf"], r"none\.brdf.*expected"),
+    "missing file to fit": (["factorize", "{here}/none.brdf", *OUT], r"none\.brdf.*expected"),
+    "a name of two lines": (["info", "{here}/a\nb"], r"/a b.*expected"),
+    "folder as a source": (["info", "{here}"], r"expected"),
+    "unknown material": (
+        ["info", "material:lafortune-blue-pant"],
+        r"lafortune-blue-pant.*lafortune-blue-paint",
+    ),
+    "no source": (["factorize", *OUT], r"SOURCE: none given, expected a file or material:NAME"),
+    "no folder": ([*FIT], r"out: none given, expected a folder"),
+    "size 1": ([*FIT, "--size", "1", *OUT], r"size: found 1, expected .* at least 2"),
+    "no textures": ([*FIT, "--textures", "0", *OUT], r"textures: found 0, expected"),
+    "negative smoothing": ([*COMPARE, "--smoothing", "-1"], r"smoothing: found -1\.0, expected"),
+    "zero epsilon": ([*COMPARE, "--epsilon", "0"], r"epsilon: found 0\.0, expected"),
+    "no restarts": ([*COMPARE, "--restarts", "0"], r"restarts: found 0, expected"),
+    "no samples": ([*COMPARE, "--count", "0"], r"count: found 0, expected at least 1"),
+    "too few samples": ([*COMPARE, "--count", "2"], r"too few to hold out"),
+    "all held out": ([*COMPARE, "--held-out", "1"], r"held_out: found 1\.0, expected between 0 and 1"),
+    "unknown solver": ([*COMPARE, "--solver", "magic"], r"solver: found 'magic', expected one of .*qmr"),
+    "unknown parameterization": (
+        [*COMPARE, "--parameterization", "x"],
+        r"parameterization: found 'x', expected .*half-diff",
+    ),
+    "unknown scheme": ([*INFO, "--scheme", "x"], r"scheme: found 'x', expected .*discs"),
+    "unknown channels": ([*INFO, "--channels", "x"], r"channels: found 'x', expected rgb.*luminance"),
+    "no such spectrum": ([*INFO, "--channels", "spectral"], r"spectral.*expected"),
+    "negative seed": ([*COMPARE, "--seed", "-1"], r"seed: found -1, expected"),
+    "unknown method": ([*COMPARE, "--methods", "mccool,col"], r"method: found 'col', expected .*cole"),
+    "unknown method to fit": (
+        [*FIT, "--method", "magic", *OUT],
+        r"method: found 'magic', expected one of .*cole, mccool",
+    ),
+    "no methods": ([*COMPARE, "--methods", ","], r"methods: found none, expected at least one"),
+    "unknown projection": ([*COMPARE, "--methods", "mccool:hh"], r"projection: found 'hh', expected"),
+    "projections for a search": (
+        [*FIT, "--projections", "wi,h", *OUT],
+        r"method: found 'search:wi\+h', expected projections behind mccool only",
+    ),
+    "plot of no kind": ([*COMPARE, "--plot", "{here}/figure"], r"figure: ends in nothing, expected \.png"),
+    "plot in a file": ([*COMPARE, "--plot", "/dev/null/a.png"], r"/dev/null is a file, expected a folder"),
+    "result in a file": ([*FIT, "--out", "/dev/null/o"], r"/dev/null.*expected"),
+    "result in a closed place": ([*FIT, "--out", "/proc/homofact/o"], r"/proc.*cannot be written"),
+    "result that is a file": ([*FIT, "--out", "{file}"], r"expected a folder"),
+    "no result to draw": (["render", "{here}/none", *PNG], r"none: no such file"),
+    "a folder without a result": ([*DRAW, *PNG], r"found no factorization\.npz"),
+    "no picture": ([*DRAW], r"out: none given, expected a picture's file"),
+    "a light of two": ([*DRAW, "--light", "1,2", *PNG], r"light: found '1,2', expected"),
+    "a light of zero": ([*DRAW, "--light", "0,0,0", *PNG], r"light: .*not zero"),
+    "two lights": (
+        [*DRAW, "--light", "0,0,1", "--environment", "e.hdr", *PNG],
+        r"light: found beside an environment",
+    ),
+    "a picture of a wrong kind": (
+        [*DRAW, "--out", "{here}/a.gif"],
+        r"a\.gif: ends in '\.gif', expected \.png",
+    ),
+    "missing configuration": ([*INFO, "-c", "{here}/none.toml"], r"none\.toml: no such file"),
+    "unknown option": ([*INFO, "--texturs", "2"], r"No such option: --texturs.*info --help"),
+    "near option": ([*FIT, "--texture", "2"], r"--textures"),
+    "option of a wrong type": ([*FIT, "--size", "big"], r"--size.*valid integer"),
+    "option without a value": ([*FIT, "--size"], r"--size.*requires an argument"),
+    "unknown command": (["factorise", MATERIAL], r"factorise"),
+    "argument too many": ([*INFO, "b"], r"unexpected extra argument"),
+    "no result named": (["render"], r"Missing argument.*RESULT"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "expected"), CASES.values(), ids=CASES)
+def test_one_line_names_what_is_wrong(
+    arguments: list[str],
+    expected: str,
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path_factory.mktemp("beside") / "file.txt"
+    file.write_text("mine")
+    code = main([each.format(here=tmp_path, file=file) for each in arguments])
+    out, err = capsys.readouterr()
+    assert (code, out) == (2, "")
+    assert re.fullmatch(r"homofact: [^\n]+\n", err), err
+    assert re.search(expected, err, re.IGNORECASE), err
+    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in file.parent.iterdir()] == ["file.txt"]
+    assert file.read_text() == "mine"
+
+
+EARLY = [
+    "result in a closed place", "result in a file", "result that is a file", "no folder", "size 1", "unknown method",
+    "unknown method to fit", "unknown projection", "projections for a search", "plot in a file", "plot of no kind",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", EARLY)
+def test_what_can_be_known_before_the_work_is_said_before_it(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def opened(*_: object, **__: object) -> None:
+        raise AssertionError("the source was opened")
+
+    monkeypatch.setattr(homofact.brdf.source, "open_source", opened)
+    (tmp_path / "file").touch()
+    arguments, expected = CASES[case]
+    assert main([each.format(here=tmp_path, file=tmp_path / "file") for each in arguments]) == 2
+    assert re.search(expected, capsys.readouterr().err, re.IGNORECASE)
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        ("0.1 0.0 0.2 3.0 0.5", r"line 5: 5 columns, expected 6"),
+        ("0.1 0.0 0.2 3.0 0.5 nan", r"line 5"),
+        ("0.1 0.0 0.2 3.0 0.5 -0.5", r"line 5"),
+        ("1.7 0.0 0.2 3.0 0.5 0.5", r"line 5"),
+    ],
+)
+def test_a_bad_row_of_a_measurement_is_named(
+    row: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "paint.brdf"
+    path.write_text(CORNELL + row + "\n")
+    assert main(["factorize", str(path), "--out", str(tmp_path / "o")]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(rf"homofact: {re.escape(str(path))}[^\n]+\n", err), err
+    assert re.search(expected, err), err
+    assert [each.name for each in tmp_path.iterdir()] == ["paint.brdf"]
+
+
+def test_a_strange_folder_is_refused_even_by_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "letters.txt").write_text("mine")
+    for force in ([], ["--force"]):
+        assert main(["factorize", MATERIAL, "--out", str(tmp_path), *force]) == 2
+        assert "letters.txt" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["letters.txt"]
+
+
+def test_an_unknown_key_of_a_configuration_names_the_nearest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text("[fit]\nparametrization = 'in-out'\n")
+    assert main(["factorize", MATERIAL, "-c", str(path), "--out", str(tmp_path / "o")]) == 2
+    expected = f"homofact: {path}: unknown key fit.parametrization, the nearest known one is fit.parameterization\n"
+    assert capsys.readouterr().err == expected
+    assert [each.name for each in tmp_path.iterdir()] == ["run.toml"]
+
+
+def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"homofact {__version__}\n"
+    for arguments in ([], ["--help"], ["-h"]):
+        assert main(arguments) == 0
+        assert "factorize" in capsys.readouterr().out
+
+
+def test_the_defaults_in_the_help_are_the_real_ones() -> None:
+    config: Config = load_config()
+    real = {field.name: getattr(config.fit, field.name) for field in fields(FitSettings)}
+    real |= {"channels": config.source.channels, "count": config.source.count, "scheme": config.source.scheme}
+    real |= {"held_out": config.evaluate.held_out, "pixels": config.render.size}
+    real |= {"methods": ",".join(config.compare.methods)}
+    words = {True: "on", (): "McCool's own"}
+    by = {name: "by method" for name in ("parameterization", "smoothing", "search_size")}
+    by["epsilon"] = "by the source"
+    seen = set()
+    for command in get_command(app).commands.values():  # type: ignore[attr-defined]
+        for option in command.params:
+            said = re.search(r"Default: (.*)\.$", getattr(option, "help", None) or "")
+            if said is None:
+                continue
+            assert option.default is None
+            value = real[option.name]
+            if value is None:
+                expected = by[option.name]
+            else:
+                expected = words[value] if value is True or value == () else str(value)
+            assert said[1] == expected, f"{command.name} --{option.name}"
+            seen.add(option.name)
+    assert seen == set(real)

@@ -1,0 +1,321 @@
+"""The four commands on small problems: what they print, what they leave, and how they end."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+import torch
+
+import homofact
+import homofact.evaluate.compare
+from homofact.brdf.source import open_source
+from homofact.cli.main import main
+from homofact.cli.subject import OneChannel
+from homofact.errors import SolverFailure, Status
+
+METRICS = {"log_mse", "log_mae", "log_max", "mse", "mae", "max"}
+RECORD = {
+    "source", "method", "textures", "size", "bytes", "fetches", "samples", "status", "evaluations", "seed",
+    "seconds", "error",
+}  # fmt: skip
+# A source and a fit of well under a second.
+SMALL = ["material:blinn-phong-50", "--count", "600"]
+FAST = [
+    "--size", "6", "--textures", "1", "--restarts", "1", "--search-size", "4", "--search-samples", "200",
+]  # fmt: skip
+
+
+class Ran(NamedTuple):
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
+    def run(*arguments: object) -> Ran:
+        capsys.readouterr()
+        code = main([str(each) for each in arguments])
+        out, err = capsys.readouterr()
+        return Ran(code, out, err)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("results") / "deep" / "blinn"
+    assert main(["factorize", *SMALL, *FAST, "--method", "cole", "--out", str(folder), "--seed", "3", "-q"]) == 0
+    return folder
+
+
+def check_record(record: dict[str, Any]) -> None:
+    assert set(record) >= RECORD
+    assert set(record["seconds"]) == {"read", "fit", "total"}
+    assert set(record["error"]) == {"train", "held_out"}
+    for errors in record["error"].values():
+        assert set(errors) == METRICS
+        assert all(value >= 0 for value in errors.values())
+
+
+def test_factorize_leaves_the_whole_result(result: Path) -> None:
+    found = {path.name for path in result.iterdir()}
+    assert found >= {
+        "factorization.npz", "manifest.json", "report.json", "compare.png", "texture_0.exr", "texture_0.png",
+    }  # fmt: skip
+    assert [path.name for path in result.parent.iterdir()] == ["blinn"]
+    record = json.loads((result / "report.json").read_text())
+    check_record(record)
+    check_record(record["mccool"])
+    assert (record["method"], record["mccool"]["method"]) == ("cole", "mccool")
+    assert (record["size"], record["textures"], record["seed"], record["samples"]) == (6, 1, 3, 600)
+    loaded = homofact.load(str(result / "factorization.npz"))
+    up = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
+    assert bool((loaded.evaluate(up, up) > 0).all())
+
+
+def test_factorize_prints_a_summary_of_80_columns(
+    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    ran = run("factorize", *SMALL, *FAST, "--method", "cole", "--out", tmp_path / "o")
+    assert (ran.code, ran.err) == (0, "")
+    assert "cole" in ran.out
+    assert "McCool" in ran.out
+    assert "held out" in ran.out
+    assert "log mse" in ran.out
+    assert "converged" in ran.out
+    assert str(tmp_path / "o" / "compare.png") in ran.out
+    assert all(len(line) <= 80 for line in ran.out.splitlines() if str(tmp_path) not in line)
+
+
+def test_json_is_one_object_and_the_same_as_the_report(run: Callable[..., Ran], tmp_path: Path) -> None:
+    ran = run("factorize", *SMALL, *FAST, "--method", "mccool", "--out", tmp_path / "o", "--json")
+    assert (ran.code, ran.err) == (0, "")
+    record = json.loads(ran.out)
+    check_record(record)
+    assert record == json.loads((tmp_path / "o" / "report.json").read_text())
+    # The fit is McCool's own already: there is nothing to set it beside.
+    assert "mccool" not in record
+
+
+def test_quiet_says_nothing(run: Callable[..., Ran], tmp_path: Path) -> None:
+    assert run("factorize", *SMALL, *FAST, "--method", "mccool", "--out", tmp_path / "o", "-q") == (0, "", "")
+
+
+def test_a_second_result_needs_force_and_force_replaces(run: Callable[..., Ran], tmp_path: Path) -> None:
+    command = ["factorize", *SMALL, *FAST, "--method", "mccool", "--out", tmp_path / "o", "-q"]
+    assert run(*command).code == 0
+    before = (tmp_path / "o" / "factorization.npz").read_bytes()
+    again = run(*command, "--size", "8")
+    assert again.code == 2
+    assert "expected a new folder or --force" in again.err
+    assert (tmp_path / "o" / "factorization.npz").read_bytes() == before
+    assert run(*command, "--size", "8", "--force").code == 0
+    assert (tmp_path / "o" / "factorization.npz").read_bytes() != before
+
+
+def test_the_same_seed_gives_the_same_fit_and_another_one_does_not(run: Callable[..., Ran]) -> None:
+    def errors(seed: int) -> Any:
+        ran = run("compare", *SMALL, *FAST, "--methods", "cole", "--seed", seed, "--json")
+        return json.loads(ran.out)["rows"][0]["error"]
+
+    assert errors(1) == errors(1) != errors(2)
+
+
+def test_compare_gives_a_row_for_each_method_and_a_figure(
+    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    methods = "mccool,mccool:theta_h-theta_d,cole"
+    ran = run("compare", *SMALL, *FAST, "--methods", methods, "--plot", tmp_path / "f" / "errors.svg")
+    assert ran.code == 0
+    for word in ("mccool", "cole", "held out", "training", "log mae", "max", "bytes", "fetches", "total s"):
+        assert word in ran.out
+    assert all(len(line) <= 80 for line in ran.out.splitlines())
+    assert "…" not in ran.out
+    assert "<svg" in (tmp_path / "f" / "errors.svg").read_text()
+    assert [path.name for path in (tmp_path / "f").iterdir()] == ["errors.svg"]
+    answer = json.loads(run("compare", *SMALL, *FAST, "--methods", methods, "--json").out)
+    assert [row["label"] for row in answer["rows"]] == methods.split(",")
+    assert [row["method"] for row in answer["rows"]] == ["mccool", "mccool", "cole"]
+    assert [row["textures"] for row in answer["rows"]] == [2, 1, 1]
+    for row in answer["rows"]:
+        check_record(row)
+    assert answer["rows"][0]["error"] != answer["rows"][1]["error"]
+
+
+def test_info_says_what_is_there(run: Callable[..., Ran]) -> None:
+    ran = run("info", *SMALL)
+    assert (ran.code, ran.err) == (0, "")
+    assert "600" in ran.out
+    facts = json.loads(run("info", *SMALL, "--json").out)
+    assert (facts["samples"], facts["channels"], facts["kind"]) == (600, ["R", "G", "B"], "material")
+
+
+@pytest.mark.parametrize(("wanted", "names"), [("luminance", ["Y"]), ("G", ["G"]), ("rgb", ["R", "G", "B"])])
+def test_channels_may_be_named(run: Callable[..., Ran], wanted: str, names: list[str]) -> None:
+    assert json.loads(run("info", *SMALL, "--channels", wanted, "--json").out)["channels"] == names
+
+
+def test_one_channel_of_a_source_is_that_column(run: Callable[..., Ran], tmp_path: Path) -> None:
+    def mean(channels: str) -> Any:
+        command = ["compare", *SMALL, *FAST, "--methods", "mccool", "--channels", channels, "--json"]
+        return json.loads(run(*command).out)["rows"][0]["mean"]
+
+    assert mean("G") == {"G": mean("rgb")["G"]}
+    out = tmp_path / "o"
+    assert run("factorize", *SMALL, *FAST, "--method", "mccool", "--channels", "G", "--out", out, "-q").code == 0
+    assert homofact.load(str(out / "factorization.npz")).channels == ("G",)
+
+
+def test_one_channel_reflects_as_that_column() -> None:
+    source = open_source("material:lafortune-blue-paint", count=50)
+    one = OneChannel(source.reflectance, "G")
+    wi, wo = source.samples.wi, source.samples.wo
+    assert (one.channels, one.nbytes, one.fetches) == (
+        ("G",), source.reflectance.nbytes, source.reflectance.fetches,
+    )  # fmt: skip
+    assert torch.equal(one.evaluate(wi, wo), source.reflectance.evaluate(wi, wo)[:, 1:2])
+
+
+def test_render_draws_a_result_under_another_light(run: Callable[..., Ran], result: Path, tmp_path: Path) -> None:
+    ran = run("render", result, "--light", "-1,0.5,1", "--size", "48", "--out", tmp_path / "p" / "a.png", "--json")
+    assert (ran.code, ran.err) == (0, "")
+    assert json.loads(ran.out)["picture"] == str(tmp_path / "p" / "a.png")
+    ran = run("render", result / "factorization.npz", "--size", "48", "--out", tmp_path / "p" / "b.png", "-q")
+    assert ran == (0, "", "")
+    pictures = [(tmp_path / "p" / name).read_bytes() for name in ("a.png", "b.png")]
+    assert all(each.startswith(b"\x89PNG") for each in pictures)
+    assert pictures[0] != pictures[1]
+    assert sorted(path.name for path in (tmp_path / "p").iterdir()) == ["a.png", "b.png"]
+
+
+def test_a_configuration_gives_what_the_command_line_does_not(run: Callable[..., Ran], tmp_path: Path) -> None:
+    config = tmp_path / "run.toml"
+    config.write_text(
+        'seed = 4\n[source]\npath = "material:blinn-phong-50"\ncount = 500\n'
+        f'[fit]\nmethod = "mccool"\nsize = 5\nsmoothing = 0.5\n[output]\nfolder = "{tmp_path / "o"}"\n'
+    )
+    record = json.loads(run("factorize", "-c", config, "--json").out)
+    assert (record["seed"], record["samples"], record["size"], record["method"]) == (4, 500, 5, "mccool")
+    record = json.loads(
+        run("factorize", "-c", config, "--seed", 0, "--size", 7, "--smoothing", 0, "--force", "--json").out
+    )
+    assert (record["seed"], record["size"]) == (0, 7)
+    loaded = homofact.load(str(tmp_path / "o" / "factorization.npz"))
+    assert loaded.provenance["smoothing"] == 0.0
+
+
+def test_an_interrupt_ends_with_130_and_leaves_nothing(
+    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", interrupted)
+    ran = run("factorize", *SMALL, "--out", tmp_path / "o")
+    assert ran == (130, "", "homofact: interrupted, nothing was written\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_fit_that_kept_its_best_is_written_and_said(
+    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measure = homofact.evaluate.compare.fit_and_measure
+
+    def cut_short(*arguments: Any) -> Any:
+        row = measure(*arguments)
+        return replace(row, report=replace(row.report, status=Status.INTERRUPTED, notes=("cut short",)))
+
+    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", cut_short)
+    ran = run("factorize", *SMALL, *FAST, "--method", "mccool", "--out", tmp_path / "o", "--json")
+    assert ran.code == 0
+    assert ran.err.splitlines() == [f"homofact: {Status.INTERRUPTED.remedy}", "homofact: cut short"]
+    assert json.loads(ran.out)["status"] == "interrupted"
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no"), SolverFailure("no")])
+def test_a_fault_of_ours_ends_with_1_its_traceback_and_a_request(
+    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", fail)
+    ran = run("factorize", *SMALL, "--out", tmp_path / "o")
+    assert (ran.code, ran.out) == (1, "")
+    assert "Traceback" in ran.err
+    assert type(error).__name__ in ran.err
+    assert "please report it" in ran.err.splitlines()[-1]
+    assert list(tmp_path.iterdir()) == []
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "TERM": "xterm", "COLUMNS": "100", "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+
+
+PROGRAM = [sys.executable, "-m", "homofact.cli.main"]
+
+
+def test_a_pipe_gets_json_and_silence() -> None:
+    command = [*PROGRAM, "compare", *SMALL, *FAST, "--methods", "cole", "--json"]
+    ran = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=120)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert json.loads(ran.stdout)["rows"][0]["method"] == "cole"
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a pseudo-terminal")
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_terminal_sees_the_bar_unless_quiet(quiet: bool) -> None:
+    terminal, theirs = os.openpty()
+    command = [*PROGRAM, "compare", *SMALL, *FAST, "--methods", "cole", "--restarts", "3", "--json"]
+    command += ["-q"] if quiet else []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=environment()) as process:
+        os.close(theirs)
+        assert process.stdout is not None
+        seen = b""
+        try:
+            while part := os.read(terminal, 65536):
+                seen += part
+        except OSError:  # Linux's way to say that the other end is closed.
+            pass
+        out = process.stdout.read()
+    os.close(terminal)
+    assert process.returncode == 0
+    assert json.loads(out)["rows"]
+    if quiet:
+        assert seen == b""
+    else:
+        assert b"term 1/1, restart" in seen
+        assert b"evaluations best" in seen
+
+
+def test_a_closed_pipe_is_left_quietly() -> None:
+    with subprocess.Popen(
+        [*PROGRAM, "info", *SMALL], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment()
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        err = process.stderr.read()
+    assert (process.returncode, err) == (141, b"")
+
+
+def test_help_does_not_wait_for_torch() -> None:
+    code = (
+        "import sys; from homofact.cli.main import main; assert main(['factorize', '--help']) == 0;"
+        "slow = {'torch', 'numpy', 'scipy', 'matplotlib', 'colour'} & set(sys.modules);"
+        "sys.exit(str(slow) if slow else 0)"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment())
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert "--textures" in ran.stdout

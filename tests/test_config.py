@@ -1,0 +1,149 @@
+"""Strict TOML: what is read, what wins, and what is refused with the nearest known name."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from homofact.config import Config, load_config
+from homofact.errors import BadInput
+from homofact.factor.settings import FitSettings
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    def write(text: str) -> Path:
+        path = tmp_path / "run.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def test_without_a_file_everything_has_its_default() -> None:
+    config = load_config()
+    assert config.fit == FitSettings()
+    assert (config.seed, config.source.channels, config.source.count) == (0, "rgb", 45_000)
+    assert config.compare.methods == ("mccool", "cole", "search")
+
+
+def test_every_section_is_read(write) -> None:
+    config = load_config(
+        write(
+            'seed = 7\n[source]\npath = "a.brdf"\ncount = 10\n'
+            '[fit]\nsize = 24\nepsilon = 1\nprojections = ["wi", "h"]\n'
+            '[evaluate]\nheld_out = 0.5\n[compare]\nmethods = ["cole"]\n'
+            '[output]\nfolder = "o"\nforce = true\n'
+            "[render]\nlight = [1, 0, 0.5]\nsize = 64\n"
+        )
+    )
+    assert config.seed == config.fit.seed == 7
+    assert (config.source.path, config.source.count) == ("a.brdf", 10)
+    assert (config.fit.size, config.fit.epsilon, config.fit.projections) == (24, 1.0, ("wi", "h"))
+    assert isinstance(config.fit.epsilon, float)
+    assert config.evaluate.held_out == 0.5
+    assert config.compare.methods == ("cole",)
+    assert (config.output.folder, config.output.force) == ("o", True)
+    assert (config.render.light, config.render.size) == ((1.0, 0.0, 0.5), 64)
+
+
+@pytest.mark.parametrize(
+    ("key", "in_file", "given", "default"),
+    [
+        ("fit.smoothing", "0.5", 0.0, FitSettings().smoothing),
+        ("fit.together", "3", 0, FitSettings().together),
+        ("fit.reciprocal", "true", False, FitSettings().reciprocal),
+        ("output.force", "true", False, False),
+        ("seed", "5", 0, 0),
+    ],
+)
+def test_the_command_line_wins_over_the_file_and_the_file_over_the_default(
+    write, key: str, in_file: str, given: object, default: object
+) -> None:
+    section, _, name = key.rpartition(".")
+    path = write((f"[{section}]\n" if section else "") + f"{name} = {in_file}\n")
+
+    def value(config: Config) -> object:
+        return getattr(getattr(config, section) if section else config, name)
+
+    assert value(load_config()) == default
+    assert value(load_config(path)) == value(load_config(path, {key: None})) != given
+    # An explicit zero or false is a choice, not an absence.
+    assert value(load_config(path, {key: given})) == given
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[fit]\ntexturs = 2\n", "unknown key fit.texturs, the nearest known one is fit.textures"),
+        ("[source]\ntextures = 2\n", "unknown key source.textures, the nearest known one is fit.textures"),
+        ("[fit]\nseed = 2\n", "unknown key fit.seed, the nearest known one is seed"),
+        ("sed = 2\n", "unknown key sed, the nearest known one is seed"),
+        ("textures = 2\n", "unknown key textures, the nearest known one is fit.textures"),
+        ("[fitt]\nsize = 2\n", "unknown section [fitt], the nearest known one is [fit]"),
+        ("fit = 3\n", "fit: found 3, expected a section [fit]"),
+        ('[fit]\nsize = "16"\n', "fit.size: found the string '16', expected a whole number"),
+        ("[fit]\nsize = 16.0\n", "fit.size: found 16.0, expected a whole number"),
+        ("[fit]\nsize = true\n", "fit.size: found true, expected a whole number"),
+        ("[fit]\nreciprocal = 1\n", "fit.reciprocal: found 1, expected true or false"),
+        ("[fit]\nsmoothing = true\n", "fit.smoothing: found true, expected a number"),
+        ("[fit]\nprojections = [1]\n", "fit.projections[0]: found 1, expected a string"),
+        ("[fit]\nprojections = 'wi'\n", "fit.projections: found the string 'wi', expected an array"),
+        ("[render]\nlight = [1, 2]\n", "render.light: found an array of 2, expected an array of 3"),
+        ("[render]\nlight = [0, 0, 0]\n", "render.light: found (0.0, 0.0, 0.0), expected a direction"),
+        ("[fit]\nsize = 1\n", "fit.size: found 1, expected"),
+        ("[fit]\ntextures = 0\n", "fit.textures: found 0, expected"),
+        ("seed = -1\n", "seed: found -1, expected"),
+        ("[evaluate]\nheld_out = 1\n", "evaluate.held_out: found 1.0, expected between 0 and 1"),
+        ("[compare]\nmethods = []\n", "compare.methods: found none, expected at least one"),
+        ("[compare]\nmethods = ['cole', 'cole']\n", "compare.methods: found cole, cole, expected"),
+        ("[source]\ncount = 0\n", "source.count: found 0, expected at least 1"),
+        ("[fit\n", "not TOML: "),
+        ("[fit]\nsize = 2\nsize = 3\n", "not TOML: "),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named_in_one_line(write, text: str, expected: str) -> None:
+    path = write(text)
+    with pytest.raises(BadInput) as caught:
+        load_config(path)
+    assert str(caught.value).startswith(f"{path}: {expected}")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bad_option_is_not_blamed_on_the_file(write) -> None:
+    path = write("[fit]\nsize = 24\n")
+    with pytest.raises(BadInput, match=r"^size: found 1,"):
+        load_config(path, {"fit.size": 1})
+
+
+def test_a_missing_file_a_folder_and_bytes_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "b.toml").write_bytes(b"\xff\xfe")
+    for name, expected in (("none.toml", "no such file"), (".", "cannot be read"), ("b.toml", "not TOML")):
+        with pytest.raises(BadInput, match=expected):
+            load_config(tmp_path / name)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.toml")), ids=lambda path: path.name)
+def test_every_shipped_configuration_is_valid(path: Path) -> None:
+    assert load_config(path).fit.textures >= 1
+
+
+def test_the_thesis_run_takes_no_short_cut() -> None:
+    fit = load_config(ROOT / "configs" / "thesis.toml").fit
+    assert (fit.method, fit.solver, fit.restarts, fit.together) == ("cole", "qmr", 6, 2)
+    assert (fit.search_size, fit.search_samples, fit.epsilon, fit.bound) == (0, 0, 1e-5, "cube")
+
+
+def test_every_fit_setting_can_be_configured(write) -> None:
+    lines = []
+    for field in fields(FitSettings):
+        value = field.default
+        if field.name == "seed" or value is None:
+            continue
+        text = (
+            str(value).lower() if isinstance(value, bool) else repr(list(value) if isinstance(value, tuple) else value)
+        )
+        lines.append(f"{field.name} = {text}")
+    assert load_config(write("[fit]\n" + "\n".join(lines) + "\n")).fit == FitSettings()
