@@ -3,6 +3,7 @@
 A kind is a fixed projection ("theta_h-theta_d", "h" …) or one of the four parameterizations, whose
 projection is then searched. Symmetry first: for an isotropic material only coordinates that do not know
 the azimuth are candidates, since a 4D one would spend its texels on learning that turning changes nothing.
+An anisotropic material may use both: one texture for its lobe, another for what does not turn with it.
 """
 
 import torch
@@ -27,12 +28,15 @@ ISOTROPIC_CANDIDATES = (
 )
 ANISOTROPIC_CANDIDATES = (
     "h",
-    "theta_i-theta_o",
     "theta_h-theta_d",
+    "theta_i-theta_o",
+    "theta_i-delta_phi",
     "wi",
     "d",
     "half-diff",
+    "isotropic-in-out",
     "in-out",
+    "isotropic-half-diff",
 )
 WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01)
 

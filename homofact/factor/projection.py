@@ -10,7 +10,7 @@ The conjugate π* of a projection is P S with S the swap of its coordinates: π*
 A reciprocal projection that is not its own conjugate looks its texture up twice (thesis 3.2.3).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -121,9 +121,15 @@ class Projection:
         return tuple(x @ matrix.to(x).T for matrix in self.matrices())
 
     def matrices(self) -> tuple[Tensor, ...]:
-        """The matrix of every lookup: P alone, or P and its conjugate P S."""
-        swapped = self.matrix @ torch.tensor(self.system.swap, dtype=self.matrix.dtype)
-        if not self.reciprocal or torch.equal(swapped, self.matrix):
+        """The matrix of every lookup: P alone, or P and its conjugate P S.
+
+        A fixed projection that is its own conjugate is looked up once. A searched one moves, and counts twice
+        even where it happens to be.
+        """
+        swap = torch.tensor(self.system.swap, dtype=self.matrix.dtype)
+        swapped = self.matrix @ swap
+        fixed = self.rotation is None or torch.equal(swap, torch.eye(len(swap), dtype=swap.dtype))
+        if not self.reciprocal or (fixed and torch.equal(swapped, self.matrix)):
             return (self.matrix,)
         return (self.matrix, swapped)
 
@@ -131,10 +137,6 @@ class Projection:
     def lookups(self) -> int:
         """Texture fetches of one evaluation."""
         return len(self.matrices())
-
-    def with_matrix(self, matrix: Tensor) -> "Projection":
-        """The same kind of projection with another (already scaled) matrix."""
-        return replace(self, matrix=matrix, name="searched", rotation=None)
 
 
 # Fixed projections: parameterization and the axes that become the texture's columns and rows.

@@ -65,8 +65,8 @@ class Folded:
             weight += part.weight
         return total / weight
 
-    def best_smoothing(self, start: float) -> tuple[float, float]:
-        """(λ, error) of a descent from `start` over a grid of half decades."""
+    def best_smoothing(self, start: float, stride: int = 1) -> tuple[float, float]:
+        """(λ, error) of a descent from `start` over a grid of `stride` half decades, looking two steps ahead."""
         known: dict[int, float] = {}
 
         def error(step: int) -> float:
@@ -80,9 +80,12 @@ class Folded:
 
         here = 0
         while True:
-            # Two steps at a time over small bumps of the validation error.
-            near = [step for step in (here - 2, here - 1, here + 1, here + 2) if allowed(step)]
+            near = [step for step in (here - stride, here + stride) if allowed(step)]
             best = min([here, *near], key=error)
+            if best == here and stride == 1:
+                # Over a small bump of the validation error.
+                far = [step for step in (here - 2, here + 2) if allowed(step)]
+                best = min([here, *far], key=error)
             if best == here:
                 return start * SMOOTHING_STEP**here, error(here)
             here = best

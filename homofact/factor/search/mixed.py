@@ -1,7 +1,7 @@
 """The search over whole mixes: which kind each texture is, where its projection points, which λ and warp.
 
 A beam search over kinds. At every level each mix in the beam is tried with one more texture of every
-fixed kind, and the best of the beam with one more of every searched kind, refined from several random
+fixed kind, and the best of the beam with one more of a searched kind, refined from several random
 starts of which the losers stop early (successive halving). All textures of a trial are solved together
 and judged by cross-validation with their own best λ. Then the winner is loosened: each fixed texture is
 tried as the searched kind it is a point of, from there downhill, jointly with all others.
@@ -12,14 +12,14 @@ when the time is; what it returns is always the best mix judged so far.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from homofact.errors import Status
-from homofact.factor.kinds import WARP_WIDTHS, is_searched, loosened, make, takes_warp
+from homofact.factor.kinds import WARP_WIDTHS, is_isotropic, is_searched, loosened, make, takes_warp
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection, Warp
 from homofact.factor.search.best import Search
@@ -96,28 +96,31 @@ class MixedSearch:
     def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> Outcome:
         """Choose up to `textures` textures, of the kinds in candidates[j] for texture j (its last entry from there on).
 
-        Where a list of kinds is given texture by texture, all of them are used.
+        Where a list of kinds is given texture by texture, or only one kind, all textures are used.
         """
         pinned = len(candidates) > 1 or len(candidates[0]) == 1
         notes: list[str] = []
         status = Status.CONVERGED
         beam = [EMPTY]
         try:
-            for term in range(textures):
-                kinds = candidates[min(term, len(candidates) - 1)]
-                trials = list(self._level(beam, kinds, term + 1, pinned))
-                whole = [mix for mix in trials if len(mix.kinds) == term + 1]
-                if self._late() and (pinned or term + 1 < textures):
+            for term in range(1, textures + 1):
+                # No texture may use up the time of those after it.
+                self._deadline = self._began + self._settings.seconds * term / textures
+                kinds = candidates[min(term, len(candidates)) - 1]
+                trials = sorted(self._level(beam, kinds, term, textures, pinned), key=lambda mix: mix.error)
+                if self._late():
                     status = Status.BUDGET
-                if not whole:
-                    notes.append(f"the time was up after {term} of {textures} textures: give it a larger budget")
+                if not trials:
+                    notes.append(f"the time was up after {term - 1} of {textures} textures: give it a larger budget")
                     break
-                whole.sort(key=lambda mix: mix.error)
-                if not pinned and beam[0].error * ENOUGH < whole[0].error:
-                    notes.append(f"{term} of {textures} textures kept: one more does not lower the validation error")
+                if not pinned and beam[0].error * ENOUGH < trials[0].error:
+                    notes.append(
+                        f"{term - 1} of {textures} textures kept: one more does not lower the validation error"
+                    )
                     break
-                beam = _distinct(whole)[:BEAM]
+                beam = _distinct(trials)[:BEAM]
                 self._best = beam[0]
+            self._deadline = self._began + self._settings.seconds
             if not pinned:
                 self._loosen()
         except KeyboardInterrupt:
@@ -127,38 +130,52 @@ class MixedSearch:
             notes.append(f"interrupted after {len(self._best.kinds)} of {textures} textures")
         return Outcome(self._best, status, self._evaluations, tuple(self._trace), tuple(notes))
 
-    def _level(self, beam: list[Mix], kinds: tuple[str, ...], term: int, pinned: bool) -> Iterator[Mix]:
-        """Every mix of the beam with one more texture; at least one trial, whatever the time."""
-        fixed = [(mix, kind) for mix in beam for kind in kinds if not is_searched(kind)]
-        searched = [(beam[0], kind) for kind in kinds if is_searched(kind)]
-        lowest = float("inf")
-        for number, (mix, kind) in enumerate(fixed + searched):
-            if self._late() and (number > 0 or (mix.kinds and not pinned)):
-                return
+    def _level(self, beam: list[Mix], kinds: tuple[str, ...], term: int, textures: int, pinned: bool) -> list[Mix]:
+        """The mixes of the beam with one more texture, as many as the time allows, and at least one."""
+        trials: list[Mix] = []
+        # Loosening finds what a fixed kind is near to; a search from random starts is for the last texture, and
+        # for kinds that know the azimuth, where no fixed kind is near.
+        searched = [
+            kind for kind in kinds if is_searched(kind) and (pinned or term == textures or not is_isotropic(kind))
+        ]
+        fixed = [kind for kind in kinds if not is_searched(kind)]
+        # The best mix with every kind comes first, so that a short budget has seen them all beside it.
+        growths = [(beam[0], kind) for kind in fixed + searched]
+        growths += [(mix, kind) for mix in beam[1:] for kind in fixed]
+        for mix, kind in growths:
+            if trials and self._late():
+                break
             if kind in mix.kinds and not is_searched(kind) and not pinned:
                 continue
-            for trial in self._grown(mix, kind):
-                lowest = min(lowest, trial.error)
-                if self._progress is not None:
-                    self._progress(term, self._evaluations, lowest)
+            for warp in self._warps(mix, kind, trials):
+                if trials and self._late():
+                    break
+                trial = self._grown(mix, kind, warp)
+                trials.append(trial)
                 if not self._best.kinds:
                     self._best = trial
                 self._note(trial.error)
-                yield trial
+                if self._progress is not None:
+                    self._progress(term, self._evaluations, min(each.error for each in trials))
+        return trials
 
-    def _grown(self, base: Mix, kind: str) -> Iterator[Mix]:
-        """`base` with one more texture of this kind, for every warp that may be chosen still."""
-        warps: list[Warp | None] = [base.warp]
-        if takes_warp(kind) and base.warp is None:
-            warps += [Warp(width) for width in WARP_WIDTHS]
-        for number, warp in enumerate(warps):
-            if number > 0 and self._late():
-                return
-            if is_searched(kind):
-                projections = self._refined_start(base, kind, warp)
-            else:
-                projections = (*base.projections, self._make(kind, warp))
-            yield self._judge((*base.kinds, kind), projections, base.smoothing)
+    def _warps(self, base: Mix, kind: str, trials: list[Mix]) -> list[Warp | None]:
+        """The warps to try: the base's own where it has one, else all, or for a search the best two met so far."""
+        if base.warp is not None or not takes_warp(kind):
+            return [base.warp]
+        every: list[Warp | None] = [None, *(Warp(width) for width in WARP_WIDTHS)]
+        if not is_searched(kind):
+            return every
+        met = [mix.warp for mix in sorted(trials, key=lambda mix: mix.error) if takes_warp(mix.kinds[-1])]
+        return list(dict.fromkeys(met))[:2] if met else every
+
+    def _grown(self, base: Mix, kind: str, warp: Warp | None) -> Mix:
+        """`base` with one more texture of this kind, refined where it has something to refine."""
+        if is_searched(kind):
+            projections = self._refined_start(base, kind, warp)
+        else:
+            projections = (*base.projections, self._make(kind, warp))
+        return self._judge((*base.kinds, kind), projections, base.smoothing)
 
     def _refined_start(self, base: Mix, kind: str, warp: Warp | None) -> tuple[Projection, ...]:
         """Successive halving over random starts: half of them, the better ones, go on with more steps."""
@@ -211,7 +228,7 @@ class MixedSearch:
         if self._settings.smoothing is not None:
             given = self._settings.smoothing
             return Mix(kinds, projections, given, folded.error(given))
-        return Mix(kinds, projections, *folded.best_smoothing(smoothing))
+        return Mix(kinds, projections, *folded.best_smoothing(smoothing, stride=2))
 
     def _make(self, kind: str, warp: Warp | None) -> Projection:
         return make(kind, self._settings.reciprocal, warp, self._generator, self._settings.bound)
@@ -228,11 +245,11 @@ class MixedSearch:
 
 
 def _distinct(mixes: list[Mix]) -> list[Mix]:
-    """The mixes without those that hold the same kinds and warp as a better one before them."""
-    seen: set[tuple[tuple[str, ...], Warp | None]] = set()
+    """The mixes without those that hold the same kinds as a better one before them: a beam of one kind is none."""
+    seen: set[tuple[str, ...]] = set()
     result = []
     for mix in mixes:
-        key = (tuple(sorted(mix.kinds)), mix.warp)
+        key = tuple(sorted(mix.kinds))
         if key not in seen:
             seen.add(key)
             result.append(mix)
