@@ -7,7 +7,10 @@
 The names here are loaded when first used, so that `import homofact` stays quick.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from homofact.api import fit, load, read
 
 __version__ = "0.1.0"
 __all__ = ["__version__", "fit", "load", "read"]

@@ -23,6 +23,8 @@ ISOTROPIC_CANDIDATES = (
     "theta_d-phi_d",
     "theta_h-phi_d",
     "theta_i-delta_phi",
+    "theta_i",
+    "theta_d",
     "isotropic-half-diff",
     "isotropic-in-out",
 )

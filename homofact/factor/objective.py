@@ -22,7 +22,7 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.factor.projection import Projection, row_bounds
-from homofact.factor.textures import LogSamples, Shape, inner_problem
+from homofact.factor.textures import LogSamples, Shape, Smoothing, inner_problem
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.quaternion import Pair, rotation3
 from homofact.linear.least_squares import LeastSquares
@@ -53,7 +53,7 @@ class Objective:
         samples: LogSamples,
         projections: tuple[Projection, ...],
         shapes: tuple[Shape, ...],
-        smoothing: float,
+        smoothing: Smoothing,
         bound: str = "disc",
     ) -> None:
         self._bound = bound
@@ -66,6 +66,16 @@ class Objective:
         """The vector (V,) of the projections given at construction."""
         parts = [_numbers(p.rotation) for p in self._projections if p.rotation is not None]
         return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
+
+    def parts(self) -> list[slice]:
+        """Where each searched projection stands in the vector."""
+        result, begin = [], 0
+        for projection in self._projections:
+            if projection.rotation is not None:
+                length = _numbers(projection.rotation).shape[0]
+                result.append(slice(begin, begin + length))
+                begin += length
+        return result
 
     def projections(self, vector: Tensor) -> tuple[Projection, ...]:
         """The projections that a vector stands for."""

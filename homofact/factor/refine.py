@@ -18,7 +18,7 @@ from torch import Tensor
 
 from homofact.factor.factorization import Term, sum_of_terms
 from homofact.factor.homomorphism import LogTransform
-from homofact.factor.textures import LogSamples, centred, inner_problem
+from homofact.factor.textures import LogSamples, Smoothing, centred, inner_problem
 from homofact.linear.solvers import solve
 
 STEPS = 8
@@ -26,7 +26,7 @@ ENDS = 1e-3
 
 
 def refine_looks(
-    samples: LogSamples, terms: tuple[Term, ...], smoothing: float, transform: LogTransform
+    samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, transform: LogTransform
 ) -> tuple[tuple[Term, ...], dict[str, float]]:
     """(refined terms, {"log_mse_before", "log_mse_after", "cosine_mse_before", "cosine_mse_after", "steps"}).
 
@@ -86,7 +86,7 @@ def refine_looks(
 
 
 def _solve_by_channel(
-    samples: LogSamples, terms: tuple[Term, ...], weights: Tensor, targets: Tensor, smoothing: float
+    samples: LogSamples, terms: tuple[Term, ...], weights: Tensor, targets: Tensor, smoothing: Smoothing
 ) -> tuple[Tensor, ...]:
     projections = tuple(term.projection for term in terms)
     shapes = tuple(term.size for term in terms)

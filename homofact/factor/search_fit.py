@@ -11,7 +11,6 @@ import time
 from dataclasses import replace
 
 import torch
-from torch import Tensor
 
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
@@ -31,9 +30,10 @@ from homofact.factor.search.best import Search
 from homofact.factor.search.gradient import Gradient
 from homofact.factor.search.mixed import MixedSearch, MixSettings, Outcome
 from homofact.factor.search.nlopt import Nlopt
+from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
-from homofact.factor.validation import Folded, deal_folds
+from homofact.factor.validation import Folded, Partition, deal
 from homofact.linear.threads import one_thread
 
 FOLDS = 4
@@ -42,27 +42,38 @@ COARSE_SHARE = 0.6  # of the budget, for choosing the mix; the rest is for refin
 
 
 def search_named(name: str) -> Search:
-    """The search over one vector of projections by name: "gradient", or "nlopt-" and an algorithm of nlopt."""
+    """The search over one vector of projections by name: "gradient", "powell", or "nlopt-" and nlopt's algorithm."""
     if name == "gradient":
         return Gradient()
+    if name == "powell":
+        return OneAtATime()
     if name.startswith("nlopt-"):
         return Nlopt(name.removeprefix("nlopt-"))
-    raise BadInput(f"search: found {name!r}, expected gradient, or nlopt-NAME such as nlopt-PRAXIS")
+    raise BadInput(f"search: found {name!r}, expected gradient, powell, or nlopt-NAME such as nlopt-PRAXIS")
+
+
+def pinned_kinds(settings: FitSettings) -> tuple[str, ...] | None:
+    """The kinds that `settings.parameterization` names: one for all textures, or one each; None where it has none.
+
+    Raises BadInput for an unknown kind, and for a list of another length than there are textures.
+    """
+    if settings.parameterization is None:
+        return None
+    pinned = tuple(settings.parameterization.split("+"))
+    for kind in pinned:
+        coordinates_of(kind)
+    if len(pinned) not in (1, settings.textures):
+        raise BadInput(
+            f"parameterization: found {len(pinned)} kinds for {settings.textures} textures, expected one, or one each"
+        )
+    return pinned
 
 
 def candidates_of(samples: Samples, settings: FitSettings) -> tuple[tuple[str, ...], ...]:
     """Which kinds each texture may be: all that suit the material, one for all, or a list, one a texture."""
-    if settings.parameterization is None:
+    pinned = pinned_kinds(settings)
+    if pinned is None:
         return (ISOTROPIC_CANDIDATES if samples.isotropic else ANISOTROPIC_CANDIDATES,)
-    pinned = settings.parameterization.split("+")
-    for kind in pinned:
-        coordinates_of(kind)
-    if len(pinned) == 1:
-        return ((pinned[0],),)
-    if len(pinned) != settings.textures:
-        raise BadInput(
-            f"parameterization: found {len(pinned)} kinds for {settings.textures} textures, expected one, or one each"
-        )
     return tuple((kind,) for kind in pinned)
 
 
@@ -79,12 +90,12 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
     candidates = candidates_of(samples, settings)
     transform = transform_of(samples, settings)
     knows_azimuth = not all(is_isotropic(kind) for kinds in candidates for kind in kinds)
-    full, folds = _prepare(samples, transform, settings, knows_azimuth)
-    coarse, coarse_folds = full, folds
+    full, partitions = _prepare(samples, transform, settings, knows_azimuth)
+    coarse, coarse_partitions = full, partitions
     if 0 < settings.search_samples < full.logs.shape[0]:
         chosen = torch.randperm(full.logs.shape[0], generator=torch.Generator().manual_seed(settings.seed))
         chosen = chosen[: settings.search_samples].sort().values
-        coarse, coarse_folds = full.select(chosen), folds[chosen]
+        coarse, coarse_partitions = full.select(chosen), tuple(p.select(chosen) for p in partitions)
     search = search_named(settings.search)
 
     def tell(term: int, evaluations: int, best: float) -> None:
@@ -101,13 +112,13 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
         COARSE_SHARE * settings.budget,
         settings.seed,
     )
-    outcome = MixedSearch(coarse, coarse_folds, choices, tell).run(settings.textures, candidates)
-    outcome, smoothing = _finish(outcome, full, folds, settings, search, began)
+    outcome = MixedSearch(coarse, coarse_partitions, choices, tell).run(settings.textures, candidates)
+    outcome, smoothing = _finish(outcome, full, partitions, settings, search, began)
     projections = outcome.mix.projections
     shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
     terms, solved = solve_terms(full, projections, shapes, smoothing, settings.solver)
     made = provenance_of(samples, settings) | {
-        "smoothing": smoothing,
+        "smoothing": list(smoothing),
         "kinds": list(outcome.mix.kinds),
         "validation_error": outcome.mix.error,
     }
@@ -134,18 +145,24 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
 
 def _prepare(
     samples: Samples, transform: LogTransform, settings: FitSettings, knows_azimuth: bool
-) -> tuple[LogSamples, Tensor]:
-    """Log samples and their folds; with azimuth copies, all of one measurement in one fold, where kinds need them."""
-    folds = deal_folds(len(samples), FOLDS, settings.seed)
+) -> tuple[LogSamples, tuple[Partition, ...]]:
+    """Log samples and how they are judged; with azimuth copies, one fold to a measurement, where kinds need them."""
+    partitions = deal(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
     if knows_azimuth and samples.isotropic and settings.copies > 1:
         copied = samples.azimuth_copies(settings.copies, settings.seed, settings.mirrored)
-        return LogSamples.of(copied, transform), folds.repeat(len(copied) // len(samples))
-    return LogSamples.of(samples, transform), folds
+        times = len(copied) // len(samples)
+        return LogSamples.of(copied, transform), tuple(partition.repeated(times) for partition in partitions)
+    return LogSamples.of(samples, transform), partitions
 
 
 def _finish(
-    outcome: Outcome, full: LogSamples, folds: Tensor, settings: FitSettings, search: Search, began: float
-) -> tuple[Outcome, float]:
+    outcome: Outcome,
+    full: LogSamples,
+    partitions: tuple[Partition, ...],
+    settings: FitSettings,
+    search: Search,
+    began: float,
+) -> tuple[Outcome, tuple[float, ...]]:
     """Searched projections refined on everything within what is left of the budget, then λ at full size."""
     mix = outcome.mix
     shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
@@ -158,7 +175,7 @@ def _finish(
         if report.status is Status.INTERRUPTED:
             outcome = replace(outcome, status=Status.INTERRUPTED, notes=(*outcome.notes, "interrupted while refining"))
     if settings.smoothing is not None:
-        return outcome, settings.smoothing
-    folded = Folded.of(full, folds, mix.projections, shapes)
-    smoothing, error = folded.best_smoothing(mix.smoothing)
+        return outcome, (settings.smoothing,) * len(mix.kinds)
+    folded = Folded.of(full, partitions, mix.projections, shapes)
+    smoothing, error = folded.best_each(mix.smoothing, stride=1)
     return replace(outcome, mix=replace(mix, smoothing=smoothing, error=error)), smoothing

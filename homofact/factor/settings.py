@@ -7,6 +7,7 @@ from homofact.factor.projection import BOUNDS
 from homofact.linear.solvers import SOLVERS
 
 REFINEMENTS = ("none", "looks")
+VALIDATIONS = ("rings", "random")
 DEFAULT_SMOOTHING = 1e-3
 
 
@@ -28,7 +29,9 @@ class FitSettings:
         and 1e-3 elsewhere.
     together : how many of the last terms are solved together; 0 is all of them (thesis 3.2.2: 2).
     restarts : random starts of the search for each term.
-    search : how `search` refines projections: "gradient", or "nlopt-" and the name of an nlopt algorithm.
+    search : how `search` refines projections: "gradient", "powell", or "nlopt-" and an nlopt algorithm's name.
+    validation : how `search` judges a mix and λ on measurements that lie on rings of θ: by left-out "rings", or at
+        "random", which rewards the faults of each ring. Other samples are left out at random.
     budget : seconds that `search` may take, but for its last solve.
     refine : "none", or "looks" for a last descent on the linear, cosine-weighted error.
     search_size, search_samples : size and sample count of the coarse search; 0 is the full one. The size's None
@@ -50,6 +53,7 @@ class FitSettings:
     together: int = 2
     restarts: int = 6
     search: str = "gradient"
+    validation: str = "rings"
     budget: float = 20.0
     refine: str = "none"
     search_size: int | None = None
@@ -84,6 +88,7 @@ class FitSettings:
             raise BadInput(f"search_size: found {self.search_size}, expected 0 (the full size) or at least 2")
         for name, value, known in (
             ("refine", self.refine, REFINEMENTS),
+            ("validation", self.validation, VALIDATIONS),
             ("solver", self.solver, tuple(SOLVERS)),
             ("bound", self.bound, BOUNDS),
         ):

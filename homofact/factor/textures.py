@@ -24,6 +24,8 @@ from homofact.linear.normal import Lookup
 from homofact.linear.solvers import solve
 
 Shape = tuple[int, int]
+# λ of all textures, or of each.
+Smoothing = float | tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def inner_problem(
     samples: LogSamples,
     projections: tuple[Projection, ...],
     shapes: tuple[Shape, ...],
-    smoothing: float,
+    smoothing: Smoothing,
     masks: tuple[Tensor, ...] | None = None,
 ) -> LeastSquares:
     """The least-squares problem of the texels of all `projections` at once, texture after texture.
@@ -76,8 +78,22 @@ def inner_problem(
         masks = tuple(torch.ones(shape, dtype=torch.bool) for shape in shapes)
     kept = torch.cat([mask.reshape(-1) for mask in masks])
     return LeastSquares(
-        torch.cat(coordinates, 1), tuple(lookups), samples.logs, samples.weights, kept, roughness, smoothing
+        torch.cat(coordinates, 1),
+        tuple(lookups),
+        samples.logs,
+        samples.weights,
+        kept,
+        roughness,
+        per_texel(smoothing, shapes),
     )
+
+
+def per_texel(smoothing: Smoothing, shapes: tuple[Shape, ...]) -> float | Tensor:
+    """λ of every texel (T,), texture after texture; a single λ stays what it is."""
+    if not isinstance(smoothing, tuple):
+        return smoothing
+    values = torch.tensor(smoothing, dtype=torch.float64)
+    return values.repeat_interleave(torch.tensor([rows * columns for rows, columns in shapes]))
 
 
 @lru_cache(maxsize=32)
@@ -90,7 +106,7 @@ def solve_terms(
     samples: LogSamples,
     projections: tuple[Projection, ...],
     shapes: tuple[Shape, ...],
-    smoothing: float,
+    smoothing: Smoothing,
     solver: str,
 ) -> tuple[tuple[Term, ...], Status]:
     """The masked solve: finished terms for fixed projections, constants gathered in the first texture."""

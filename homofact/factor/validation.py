@@ -4,6 +4,12 @@ The samples are dealt into folds; the normal equations of the whole are the sum 
 a fold out is a subtraction, and the error on it is the quadratic form of its own equations. Neither
 touches the samples again: a λ costs one factorization a fold. Copies of one measurement at other
 azimuths belong into one fold, or the left-out fold is known from its copies.
+
+A goniometer measures on rings: few incident angles, few exitant ones, many azimuths, and each ring has
+faults of its own. Left-out samples of such a set always have neighbours on their own rings, so random folds
+reward a fit that knows every ring and nothing between them; on a sphere that shows as bands. So a gridded
+set is judged by leaving out whole rings, of θi and of θo by halves; the outermost stay, since beyond them is
+extrapolation. Random folds are for samples that lie on no rings, or where they are asked for.
 """
 
 from dataclasses import dataclass, replace
@@ -11,14 +17,18 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from homofact.brdf.samples import Samples
 from homofact.factor.projection import Projection
-from homofact.factor.textures import LogSamples, Shape, inner_problem
+from homofact.factor.textures import LogSamples, Shape, Smoothing, inner_problem, per_texel
 from homofact.linear.least_squares import Roughness, penalised_matrix
 from homofact.linear.normal import NormalEquations
 from homofact.linear.solvers import solve_definite
 
 SMOOTHING_STEP = 10**0.5
 SMOOTHING_RANGE = (1e-7, 1e2)
+RING_WIDTH = 1e-3  # radians: angles this close are one ring
+RING_FOLDS = 3
+SAMPLES_ON_A_RING = 8
 
 
 def deal_folds(count: int, folds: int, seed: int) -> Tensor:
@@ -30,73 +40,125 @@ def deal_folds(count: int, folds: int, seed: int) -> Tensor:
 
 
 @dataclass(frozen=True)
-class Folded:
-    """The normal equations of each fold for fixed projections, ready to be asked about any λ."""
+class Partition:
+    """A dealing of samples into folds (N,) int64, −1 for those never left out, and its share of the judgement."""
 
-    parts: tuple[NormalEquations, ...]
+    folds: Tensor
+    share: float
+
+    def select(self, index: Tensor) -> "Partition":
+        """The dealing of the samples at `index`."""
+        return Partition(self.folds[index], self.share)
+
+    def repeated(self, times: int) -> "Partition":
+        """The dealing of `times` copies of all samples, one after another."""
+        return Partition(self.folds.repeat(times), self.share)
+
+
+def deal(samples: Samples, folds: int, seed: int, *, rings: bool) -> tuple[Partition, ...]:
+    """How to judge a fit of `samples`: by left-out rings where they lie on rings and `rings` is set, else at random."""
+    found = [_rings(direction) for direction in (samples.wi, samples.wo)] if rings else []
+    found = [ring for ring in found if ring is not None]
+    if not found:
+        return (Partition(deal_folds(len(samples), folds, seed), 1.0),)
+    return tuple(Partition(ring, 1 / len(found)) for ring in found)
+
+
+def _rings(direction: Tensor) -> Tensor | None:
+    """Folds (N,) of the inner rings of one direction's θ, neighbours apart; None where it does not lie on rings."""
+    theta = torch.atan2(direction[:, :2].norm(dim=1), direction[:, 2])
+    angles, rank = torch.unique((theta / RING_WIDTH).round(), return_inverse=True)
+    if not 4 <= len(angles) <= len(theta) // SAMPLES_ON_A_RING:
+        return None
+    inner = (rank > 0) & (rank < len(angles) - 1)
+    return torch.where(inner, rank % RING_FOLDS, torch.full_like(rank, -1))
+
+
+@dataclass(frozen=True)
+class Folded:
+    """The normal equations of every fold for fixed projections, ready to be asked about any λ."""
+
+    parts: tuple[tuple[NormalEquations, ...], ...]
+    shares: tuple[float, ...]
+    whole: NormalEquations
     roughness: Roughness
     lookups: int
+    shapes: tuple[Shape, ...]
 
     @classmethod
     def of(
-        cls, samples: LogSamples, folds: Tensor, projections: tuple[Projection, ...], shapes: tuple[Shape, ...]
+        cls,
+        samples: LogSamples,
+        partitions: tuple[Partition, ...],
+        projections: tuple[Projection, ...],
+        shapes: tuple[Shape, ...],
     ) -> "Folded":
-        """Accumulate `samples`, fold by fold (`folds` numbers each sample's)."""
-        whole = inner_problem(samples, projections, shapes, 0.0)
-        parts = []
-        for fold in range(int(folds.max()) + 1):
-            own = folds == fold
-            part = replace(
-                whole, coordinates=whole.coordinates[own], targets=whole.targets[own], weights=whole.weights[own]
-            )
-            parts.append(part.data)
-        return cls(tuple(parts), whole.roughness, len(whole.lookups))
+        """Accumulate `samples`, fold by fold of every partition."""
+        problem = inner_problem(samples, projections, shapes, 0.0)
 
-    def error(self, smoothing: float) -> float:
-        """Weighted mean squared log error of every fold under the texels of all others, with this λ."""
-        total, weight = 0.0, 0.0
-        every = _sum(self.parts)
-        for part in self.parts:
-            rest = NormalEquations(
-                every.matrix - part.matrix, every.rhs - part.rhs, every.energy - part.energy, every.weight - part.weight
-            )
-            matrix = penalised_matrix(rest, self.roughness, smoothing, self.lookups)
-            total += part.error(solve_definite(matrix, rest.rhs)[0]) * part.weight
-            weight += part.weight
-        return total / weight
+        def accumulated(own: Tensor) -> NormalEquations:
+            return replace(
+                problem,
+                coordinates=problem.coordinates[own],
+                targets=problem.targets[own],
+                weights=problem.weights[own],
+            ).data
 
-    def best_smoothing(self, start: float, stride: int = 1) -> tuple[float, float]:
-        """(λ, error) of a descent from `start` over a grid of `stride` half decades, looking two steps ahead."""
-        known: dict[int, float] = {}
+        parts = tuple(
+            tuple(accumulated(partition.folds == fold) for fold in range(int(partition.folds.max()) + 1))
+            for partition in partitions
+        )
+        shares = tuple(partition.share for partition in partitions)
+        return cls(parts, shares, problem.data, problem.roughness, len(problem.lookups), shapes)
 
-        def error(step: int) -> float:
-            if step not in known:
-                known[step] = self.error(start * SMOOTHING_STEP**step)
-            return known[step]
+    def error(self, smoothing: Smoothing) -> float:
+        """Mean squared log error of the left-out samples under the texels of all others, with this λ.
 
-        def allowed(step: int) -> bool:
-            low, high = SMOOTHING_RANGE
-            return low <= start * SMOOTHING_STEP**step <= high
+        Weighted by the samples' weights within a partition, by the shares between partitions.
+        """
+        result = 0.0
+        spread = per_texel(smoothing, self.shapes)
+        for parts, share in zip(self.parts, self.shares, strict=True):
+            total, weight = 0.0, 0.0
+            for part in parts:
+                rest = NormalEquations(
+                    self.whole.matrix - part.matrix,
+                    self.whole.rhs - part.rhs,
+                    self.whole.energy - part.energy,
+                    self.whole.weight - part.weight,
+                )
+                matrix = penalised_matrix(rest, self.roughness, spread, self.lookups)
+                total += part.error(solve_definite(matrix, rest.rhs)[0]) * part.weight
+                weight += part.weight
+            result += share * total / weight
+        return result
 
-        here = 0
-        while True:
-            near = [step for step in (here - stride, here + stride) if allowed(step)]
-            best = min([here, *near], key=error)
-            if best == here and stride == 1:
-                # Over a small bump of the validation error.
-                far = [step for step in (here - 2, here + 2) if allowed(step)]
-                best = min([here, *far], key=error)
-            if best == here:
-                return start * SMOOTHING_STEP**here, error(here)
-            here = best
+    def best_smoothing(self, start: tuple[float, ...]) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): from `start` downhill with all of them scaled alike, in decades."""
+        return self._descend(start, [tuple(range(len(start)))], 2)
 
+    def best_each(self, start: tuple[float, ...], stride: int = 2) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): downhill one texture after another, in `stride` half decades."""
+        return self._descend(start, [(j,) for j in range(len(start))], stride)
 
-def _sum(parts: tuple[NormalEquations, ...]) -> NormalEquations:
-    first, *rest = parts
-    matrix, rhs, energy, weight = first.matrix.clone(), first.rhs.clone(), first.energy.clone(), first.weight
-    for part in rest:
-        matrix += part.matrix
-        rhs += part.rhs
-        energy += part.energy
-        weight += part.weight
-    return NormalEquations(matrix, rhs, energy, weight)
+    def _descend(
+        self, start: tuple[float, ...], groups: list[tuple[int, ...]], stride: int
+    ) -> tuple[tuple[float, ...], float]:
+        best, lowest = start, self.error(start)
+        for group in groups:
+            for direction in (stride, -stride):
+                moved = False
+                while True:
+                    trial = tuple(
+                        value * SMOOTHING_STEP**direction if j in group else value for j, value in enumerate(best)
+                    )
+                    low, high = SMOOTHING_RANGE
+                    if not all(low <= trial[j] <= high for j in group):
+                        break
+                    error = self.error(trial)
+                    if error >= lowest:
+                        break
+                    best, lowest, moved = trial, error, True
+                if moved:
+                    break
+        return best, lowest

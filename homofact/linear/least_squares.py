@@ -41,7 +41,8 @@ class LeastSquares:
     """One inner problem: coordinates (N, D), lookups, targets (N, C), weights (N,), and its penalties.
 
     `kept` (T,) marks the unknowns that are solved for; the others are left out and come back as 0.
-    `roughness` holds L, zero outside of `kept`; `smoothing` is λ.
+    `roughness` holds L, zero outside of `kept`; `smoothing` is λ, one for all or one an unknown (T,), equal within
+    a texture.
     """
 
     coordinates: Tensor
@@ -50,7 +51,7 @@ class LeastSquares:
     weights: Tensor
     kept: Tensor
     roughness: Roughness
-    smoothing: float
+    smoothing: float | Tensor
 
     @property
     def unknowns(self) -> int:
@@ -63,9 +64,9 @@ class LeastSquares:
         return accumulate(self.coordinates, self.lookups, self.targets, self.weights, self.unknowns)
 
     @property
-    def penalty_scale(self) -> float:
-        """λ', the weight of the smoothing rows."""
-        return self.smoothing * float(self.weights.sum()) / int(self.kept.sum())
+    def penalty_scale(self) -> Tensor:
+        """λ' (T, 1), the weight of every smoothing row."""
+        return _penalty_scale(self.smoothing, float(self.weights.sum()), int(self.kept.sum()), self.unknowns)
 
     @property
     def ridge(self) -> float:
@@ -74,8 +75,8 @@ class LeastSquares:
 
     def penalty(self, texels: Tensor) -> float:
         """λ'|Ly|² + δ|y|² of texels (T, C), summed over channels."""
-        rough = float((texels * (self.roughness.gram @ texels)).sum())
-        return self.penalty_scale * rough + self.ridge * float(texels.square().sum())
+        rough = float((texels * (self.penalty_scale * (self.roughness.gram @ texels))).sum())
+        return rough + self.ridge * float(texels.square().sum())
 
     def normal(self) -> tuple[Tensor, Tensor]:
         """(BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
@@ -97,10 +98,10 @@ class LeastSquares:
         )
         design.sum_duplicates()
         kept = np.flatnonzero(self.kept.numpy())
-        smooth = scipy.sparse.csr_matrix(self.roughness.rows.numpy()) * np.sqrt(self.penalty_scale)
+        smooth = scipy.sparse.csr_matrix((self.penalty_scale.sqrt() * self.roughness.rows).numpy())
         identity = scipy.sparse.identity(self.unknowns, format="csr") * np.sqrt(self.ridge)
-        stacked = scipy.sparse.vstack([design, smooth, identity], format="csr")[:, kept]
-        targets = np.zeros((stacked.shape[0], self.targets.shape[1]))
+        stacked = scipy.sparse.csr_matrix(scipy.sparse.vstack([design, smooth, identity]))[:, kept]
+        targets = np.zeros((count + 2 * self.unknowns, self.targets.shape[1]))
         targets[:count] = (self.targets * root[:, None]).numpy()
         return scipy.sparse.csr_matrix(stacked), targets
 
@@ -117,15 +118,21 @@ class LeastSquares:
         return float((self.weights[:, None] * difference**2).sum() / self.weights.sum()) / difference.shape[1]
 
 
-def penalised_matrix(data: NormalEquations, roughness: Roughness, smoothing: float, lookups: int) -> Tensor:
+def penalised_matrix(data: NormalEquations, roughness: Roughness, smoothing: float | Tensor, lookups: int) -> Tensor:
     """BᵀWB + λ'LᵀL + δI (T, T) of accumulated samples, all texels kept: `LeastSquares.normal` without samples."""
     unknowns = data.matrix.shape[0]
-    scale = smoothing * data.weight / unknowns
+    scale = _penalty_scale(smoothing, data.weight, unknowns, unknowns)
     return _penalised(data.matrix, roughness, scale, _ridge(data.weight, lookups, unknowns))
 
 
-def _penalised(matrix: Tensor, roughness: Roughness, scale: float, ridge: float) -> Tensor:
-    result = torch.add(matrix, roughness.gram, alpha=scale)
+def _penalty_scale(smoothing: float | Tensor, weight: float, kept: int, unknowns: int) -> Tensor:
+    """λ' (T, 1) = λ · Σw/K."""
+    return torch.as_tensor(smoothing, dtype=torch.float64).expand(unknowns)[:, None] * (weight / kept)
+
+
+def _penalised(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float) -> Tensor:
+    # L is block diagonal and λ' constant within a block, so diag(λ') LᵀL is symmetric.
+    result = torch.addcmul(matrix, scale, roughness.gram)
     result.diagonal().add_(ridge)
     return result
 

@@ -231,7 +231,7 @@ def gradient_torch(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, texels: Tensor
 ) -> tuple[Tensor, float]:
     """As `gradient`, by automatic differentiation on any device."""
-    matrices = [lookup.matrix.to(coordinates).requires_grad_() for lookup in lookups]
+    matrices = [lookup.matrix.to(coordinates).clone().requires_grad_() for lookup in lookups]
     found = torch.zeros_like(targets)
     for lookup, matrix in zip(lookups, matrices, strict=True):
         x = coordinates[:, lookup.start : lookup.start + matrix.shape[1]]
@@ -241,7 +241,7 @@ def gradient_torch(
     result = torch.zeros(len(lookups), 2, 4, dtype=torch.float64, device=coordinates.device)
     for number, part in enumerate(torch.autograd.grad(total, matrices)):
         result[number, :, : part.shape[1]] = part
-    return result, float(total)
+    return result, float(total.detach())
 
 
 @numba.njit(cache=True, nogil=True)

@@ -54,18 +54,18 @@ def solve_definite(matrix: Tensor, rhs: Tensor) -> tuple[Tensor, Status]:
 def qr(problem: LeastSquares) -> Solution:
     """Orthogonal least squares: R of all rows, block after block, then back substitution."""
     rows, targets = problem.rows()
-    width = rows.shape[1]
+    width = int(problem.kept.sum())
     top = np.zeros((0, width + targets.shape[1]))
-    for begin in range(0, rows.shape[0], BLOCK):
+    for begin in range(0, len(targets), BLOCK):
         piece = slice(begin, begin + BLOCK)
-        block = np.hstack([rows[piece].toarray(), targets[piece]])
+        block = np.hstack([np.asarray(rows[piece].todense()), targets[piece]])
         reduced = scipy.linalg.qr(np.vstack([top, block]), mode="r", check_finite=False)[0]
         top = np.asarray(reduced)[: width + targets.shape[1]]
     factor, right = top[:width, :width], top[:width, width:]
     diagonal = np.abs(np.diag(factor))
     if diagonal.min() <= diagonal.max() * width * np.finfo(float).eps:
-        solution = scipy.linalg.lstsq(factor, right)[0]
-        return Solution(problem.expand(torch.from_numpy(np.ascontiguousarray(solution))), Status.FALLBACK, 0)
+        shortest = torch.linalg.lstsq(torch.from_numpy(factor), torch.from_numpy(right), driver="gelsd").solution
+        return Solution(problem.expand(shortest), Status.FALLBACK, 0)
     solution = scipy.linalg.solve_triangular(factor, right)
     return Solution(problem.expand(torch.from_numpy(np.ascontiguousarray(solution))), Status.DIRECT, 0)
 
@@ -73,7 +73,7 @@ def qr(problem: LeastSquares) -> Solution:
 def lsmr(problem: LeastSquares) -> Solution:
     """LSMR on the rows, a channel at a time; BUDGET where a channel ran out of iterations."""
     rows, targets = problem.rows()
-    limit = 20 * rows.shape[1]
+    limit = 20 * int(problem.kept.sum())
     answers = [
         scipy.sparse.linalg.lsmr(rows, target, atol=TOLERANCE, btol=TOLERANCE, conlim=0, maxiter=limit)
         for target in targets.T

@@ -13,10 +13,9 @@ when the time is; what it returns is always the best mix judged so far.
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
-from torch import Tensor
 
 from homofact.errors import Status
 from homofact.factor.kinds import WARP_WIDTHS, is_isotropic, is_searched, loosened, make, takes_warp
@@ -24,7 +23,7 @@ from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection, Warp
 from homofact.factor.search.best import Search
 from homofact.factor.textures import LogSamples, texture_shape
-from homofact.factor.validation import Folded
+from homofact.factor.validation import Folded, Partition
 
 FIRST_SMOOTHING = 1e-3
 ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
@@ -33,11 +32,11 @@ BEAM = 4
 
 @dataclass(frozen=True)
 class Mix:
-    """Chosen projections with their kinds, the λ that goes with them, and their validation error."""
+    """Chosen projections with their kinds, the λ of every texture, and their validation error."""
 
     kinds: tuple[str, ...]
     projections: tuple[Projection, ...]
-    smoothing: float
+    smoothing: tuple[float, ...]
     error: float
 
     @property
@@ -46,7 +45,7 @@ class Mix:
         return next((p.warp for p in self.projections if p.warp is not None), None)
 
 
-EMPTY = Mix((), (), FIRST_SMOOTHING, float("inf"))
+EMPTY = Mix((), (), (), float("inf"))
 
 
 @dataclass(frozen=True)
@@ -80,12 +79,12 @@ class MixedSearch:
     def __init__(
         self,
         samples: LogSamples,
-        folds: Tensor,
+        partitions: tuple[Partition, ...],
         settings: MixSettings,
         progress: Callable[[int, int, float], None] | None = None,
     ) -> None:
         """`progress` is called with (term, evaluations, best validation error) after every trial."""
-        self._samples, self._folds, self._settings, self._progress = samples, folds, settings, progress
+        self._samples, self._partitions, self._settings, self._progress = samples, partitions, settings, progress
         self._generator = torch.Generator().manual_seed(settings.seed)
         self._began = time.perf_counter()
         self._deadline = self._began + settings.seconds
@@ -98,21 +97,26 @@ class MixedSearch:
 
         Where a list of kinds is given texture by texture, or only one kind, all textures are used.
         """
-        pinned = len(candidates) > 1 or len(candidates[0]) == 1
+        pinned = all(len(kinds) == 1 for kinds in candidates)
         notes: list[str] = []
         status = Status.CONVERGED
-        beam = [EMPTY]
+        beam: list[Mix] = [EMPTY]
         try:
             for term in range(1, textures + 1):
                 # No texture may use up the time of those after it.
                 self._deadline = self._began + self._settings.seconds * term / textures
-                kinds = candidates[min(term, len(candidates)) - 1]
-                trials = sorted(self._level(beam, kinds, term, textures, pinned), key=lambda mix: mix.error)
-                if self._late():
+                if term > 1 and self._late() and not pinned:
                     status = Status.BUDGET
-                if not trials:
                     notes.append(f"the time was up after {term - 1} of {textures} textures: give it a larger budget")
                     break
+                kinds = candidates[min(term, len(candidates)) - 1]
+                trials = sorted(self._level(beam, kinds, term, textures, pinned), key=lambda mix: mix.error)
+                if term > 1:
+                    best = [self._settled(mix) for mix in _distinct(trials)[:BEAM]]
+                    trials = sorted(best, key=lambda mix: mix.error)
+                    self._note(trials[0].error)
+                if self._late():
+                    status = Status.BUDGET
                 if not pinned and beam[0].error * ENOUGH < trials[0].error:
                     notes.append(
                         f"{term - 1} of {textures} textures kept: one more does not lower the validation error"
@@ -175,7 +179,7 @@ class MixedSearch:
             projections = self._refined_start(base, kind, warp)
         else:
             projections = (*base.projections, self._make(kind, warp))
-        return self._judge((*base.kinds, kind), projections, base.smoothing)
+        return self._judge((*base.kinds, kind), projections, _with_one_more(base.smoothing))
 
     def _refined_start(self, base: Mix, kind: str, warp: Warp | None) -> tuple[Projection, ...]:
         """Successive halving over random starts: half of them, the better ones, go on with more steps."""
@@ -184,7 +188,7 @@ class MixedSearch:
         while True:
             refined = []
             for projections in starts:
-                refined.append(self._descend(projections, base.smoothing, steps))
+                refined.append(self._descend(projections, _with_one_more(base.smoothing), steps))
                 if self._late():
                     break
             refined.sort(key=lambda pair: pair[0])
@@ -194,7 +198,7 @@ class MixedSearch:
             steps *= 2
 
     def _descend(
-        self, projections: tuple[Projection, ...], smoothing: float, steps: int
+        self, projections: tuple[Projection, ...], smoothing: tuple[float, ...], steps: int
     ) -> tuple[float, tuple[Projection, ...]]:
         objective = Objective(self._samples, projections, self._shapes(projections), smoothing, self._settings.bound)
         search = self._settings.search.limited(steps)
@@ -222,13 +226,21 @@ class MixedSearch:
                 self._best = trial
                 self._note(trial.error)
 
-    def _judge(self, kinds: tuple[str, ...], projections: tuple[Projection, ...], smoothing: float) -> Mix:
-        folded = Folded.of(self._samples, self._folds, projections, self._shapes(projections))
+    def _judge(self, kinds: tuple[str, ...], projections: tuple[Projection, ...], smoothing: tuple[float, ...]) -> Mix:
+        folded = Folded.of(self._samples, self._partitions, projections, self._shapes(projections))
         self._evaluations += 1
         if self._settings.smoothing is not None:
-            given = self._settings.smoothing
+            given = (self._settings.smoothing,) * len(kinds)
             return Mix(kinds, projections, given, folded.error(given))
-        return Mix(kinds, projections, *folded.best_smoothing(smoothing, stride=2))
+        return Mix(kinds, projections, *folded.best_smoothing(smoothing))
+
+    def _settled(self, mix: Mix) -> Mix:
+        """The mix with λ chosen texture by texture, which is dearer than one for all."""
+        if self._settings.smoothing is not None or self._late():
+            return mix
+        folded = Folded.of(self._samples, self._partitions, mix.projections, self._shapes(mix.projections))
+        smoothing, error = folded.best_each(mix.smoothing)
+        return replace(mix, smoothing=smoothing, error=error)
 
     def _make(self, kind: str, warp: Warp | None) -> Projection:
         return make(kind, self._settings.reciprocal, warp, self._generator, self._settings.bound)
@@ -242,6 +254,11 @@ class MixedSearch:
     def _note(self, error: float) -> None:
         if not self._trace or error < self._trace[-1][2]:
             self._trace.append((time.perf_counter() - self._began, self._evaluations, error))
+
+
+def _with_one_more(smoothing: tuple[float, ...]) -> tuple[float, ...]:
+    """The λs of a mix that grows: the new texture starts with the last one's, or the usual first."""
+    return (*smoothing, smoothing[-1] if smoothing else FIRST_SMOOTHING)
 
 
 def _distinct(mixes: list[Mix]) -> list[Mix]:

@@ -66,11 +66,12 @@ class Nlopt:
         best = Best(seconds)
         began = time.perf_counter()
         nlopt.srand(seed)
-        # nlopt prints nothing and swallows exceptions of a callback only as its own error types.
         ended: BaseException | None = None
 
         def function(x: np.ndarray, slope: np.ndarray) -> float:
             nonlocal ended
+            if ended is not None:
+                return best.value
             vector = torch.from_numpy(np.array(x))
             try:
                 if slope.size > 0:
@@ -81,8 +82,10 @@ class Nlopt:
                     value = objective.error(vector)
                 best.offer(value, vector)
             except (BudgetSpent, KeyboardInterrupt) as stop:
+                # Some algorithms call once more after an exception: nlopt's own way out is a flag.
                 ended = stop
-                raise nlopt.ForcedStop from stop
+                optimizer.force_stop()
+                value = best.value
             return value
 
         optimizer = self._optimizer(start.shape[0])
@@ -92,16 +95,12 @@ class Nlopt:
             optimizer.optimize(start.numpy())
             if optimizer.last_optimize_result() == nlopt.MAXEVAL_REACHED:
                 status = Status.BUDGET
-        except nlopt.ForcedStop:
-            if isinstance(ended, KeyboardInterrupt):
-                if best.vector is None:
-                    raise ended from None
-                status = Status.INTERRUPTED
-            else:
-                status = Status.BUDGET
-        except (nlopt.RoundoffLimited, RuntimeError):
-            # nlopt gives up where rounding hides the descent; the best so far stands.
-            status = Status.CONVERGED if best.vector is not None else Status.BUDGET
+        except (nlopt.ForcedStop, nlopt.RoundoffLimited, nlopt.runtime_error) as stop:
+            # Ours, or nlopt's own giving up where rounding hides the descent: the best so far stands.
+            if best.vector is None:
+                raise ended or stop from None
+        if ended is not None:
+            status = Status.INTERRUPTED if isinstance(ended, KeyboardInterrupt) else Status.BUDGET
         return best.finish(status, best.evaluations, time.perf_counter() - began, seed)
 
     def _optimizer(self, dimension: int) -> nlopt.opt:

@@ -31,11 +31,17 @@ class Powell:
     tolerance: float = 3e-3
     sweeps: int = 6
 
-    def minimize(self, function: Callable[[Pair], float], start: Pair, seed: int = 0) -> tuple[Pair, Report]:
+    def minimize(
+        self,
+        function: Callable[[Pair], float],
+        start: Pair,
+        seed: int = 0,
+        basis: tuple[Pair, ...] | None = None,
+    ) -> tuple[Pair, Report]:
         """The best rotation found from `start`, and the report (residual: its error).
 
         Status CONVERGED when a sweep gained less than `tolerance` of the error, BUDGET when the sweeps ran out.
-        `seed` is only passed on to the report.
+        `seed` is only passed on to the report; `basis` are the first directions, None the thesis's six.
         """
         began = time.perf_counter()
         evaluations = 0
@@ -55,7 +61,7 @@ class Powell:
             )
             return ((direction**t @ point).normalized(), value) if value < error else (point, error)
 
-        directions = [_unit_speed(direction) for direction in basis_rotations()]
+        directions = [_unit_speed(direction) for direction in basis or basis_rotations()]
         point, error = start, measure(start)
         status, sweep = Status.BUDGET, 0
         for sweep in range(1, self.sweeps + 1):  # noqa: B007 (the count is reported)

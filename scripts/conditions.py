@@ -1,0 +1,88 @@
+"""What every script of figures shares: the conditions they were made under, tables, where files are."""
+
+import argparse
+import os
+import platform
+from collections.abc import Iterable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+CORNELL = ("garnet_red", "krylon_blue", "cayman")
+
+
+def data_folder(given: Path | None) -> Path:
+    """The folder of real measurements: `given`, or $HOMOFACT_DATA, or ../shared/data beside the project."""
+    if given is not None:
+        return given
+    return Path(os.environ.get("HOMOFACT_DATA", ROOT.parent / "shared" / "data"))
+
+
+def cornell_files(folder: Path) -> tuple[list[Path], list[str]]:
+    """(the Cornell paints that are there, a message for each that is not)."""
+    files = [folder / "cornell" / f"{name}.brdf" for name in CORNELL]
+    missing = [
+        f"skipped {file.stem}: no {file} (--data FOLDER or HOMOFACT_DATA names the real measurements)"
+        for file in files
+        if not file.is_file()
+    ]
+    return [file for file in files if file.is_file()], missing
+
+
+def machine() -> str:
+    """Processor, cores, threads and versions, in one line; imports no library, so that it costs no memory."""
+    processor = platform.processor() or platform.machine()
+    model = _model_name()
+    threads = ", ".join(
+        f"{name}={os.environ[name]}" for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if name in os.environ
+    )
+    libraries = ", ".join(f"{name} {version(name)}" for name in ("homofact", "torch", "numba", "numpy", "scipy"))
+    return (
+        f"{processor}{f' ({model})' if model else ''}, {os.cpu_count()} cores, {threads or 'default threads'},"
+        f" {platform.system()}, Python {platform.python_version()}, {libraries}"
+    )
+
+
+def _model_name() -> str:
+    """The processor's name where the system tells it, which platform.processor often does not."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return ""
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "")
+
+
+def markdown(header: Sequence[str], rows: Iterable[Sequence[object]], text_columns: int = 1) -> str:
+    """A Markdown table; the columns after the first `text_columns` are flush right."""
+    rules = ["---" if column < text_columns else "---:" for column in range(len(header))]
+    lines = [header, rules, *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def figure(value: float) -> str:
+    """Three digits, without an exponent where that is readable."""
+    return f"{value:.3g}" if value == 0 or 1e-4 <= abs(value) < 1e4 else f"{value:.2e}"
+
+
+def spread(values: Sequence[float]) -> str:
+    """Mean and sample standard deviation: "0.0681 ± 0.0012"; the mean alone of one value."""
+    mean = sum(values) / len(values)
+    if len(values) == 1:
+        return figure(mean)
+    deviation = (sum((value - mean) ** 2 for value in values) / (len(values) - 1)) ** 0.5
+    return f"{figure(mean)} ± {deviation:.2g}"
+
+
+def write(path: Path, text: str) -> None:
+    """Write beside, then rename."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.partial")
+    beside.write_text(text, encoding="utf-8")
+    os.replace(beside, path)
+
+
+def parser_of(description: str | None) -> argparse.ArgumentParser:
+    """A parser with what every script takes: its first line as description, and --short."""
+    parser = argparse.ArgumentParser(description=(description or "").split("\n")[0])
+    parser.add_argument("--short", action="store_true", help="a smoke test of seconds; its figures mean nothing")
+    return parser

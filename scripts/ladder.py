@@ -1,0 +1,78 @@
+"""All counts of textures from one search: the rows of 1 to n textures cost one n-texture fit.
+
+`fit_cole` is greedy and draws from one seeded stream, so the projections of its first j terms are those of
+a fit with j textures; only the final solve at full size is made again for each j.
+"""
+
+import time
+from dataclasses import dataclass, replace
+
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import Source
+from homofact.errors import Report
+from homofact.evaluate.compare import HELD_OUT, Row, training_samples
+from homofact.evaluate.metrics import measure
+from homofact.factor.factorization import Factorization
+from homofact.factor.fit import Progress, fit_cole, provenance_of, solve_greedily
+from homofact.factor.settings import FitSettings
+from homofact.factor.textures import LogSamples, residual
+
+
+@dataclass
+class _Cost:
+    """Evaluations and seconds up to the end of each term, gathered from the progress of a fit."""
+
+    began: float
+    terms: dict[int, tuple[int, float]]
+
+    def __call__(self, progress: Progress) -> None:
+        self.terms[progress.term] = (progress.evaluations, time.perf_counter() - self.began)
+
+
+def split(source: Source, settings: FitSettings) -> tuple[Samples, Samples]:
+    """(training with its azimuth copies, held out and turned), the split of `evaluate.compare.fit_and_measure`."""
+    train, test = source.samples.split(HELD_OUT, settings.seed)
+    return training_samples(source, train, settings), test.rotated_at_random(settings.seed)
+
+
+def ladder(source: Source, settings: FitSettings) -> list[Row]:
+    """Rows of `cole` for 1, 2, … settings.textures textures, each as `fit_and_measure` would give it.
+
+    Evaluations and seconds of row j are those of the search up to term j with its own final solve; the
+    status is that of the whole search.
+    """
+    settings = replace(settings, method="cole")
+    if settings.epsilon is None:
+        settings = replace(settings, epsilon=source.default_epsilon)
+    train, test = split(source, settings)
+    cost = _Cost(time.perf_counter(), {})
+    whole = fit_cole(train, settings, cost)
+    transform = whole.factorization.transform
+    projections = tuple(term.projection for term in whole.factorization.terms)
+    data = LogSamples.of(train, transform)
+    rows, evaluations = [], 0
+    for count in range(1, len(projections) + 1):
+        began = time.perf_counter()
+        chosen = replace(settings, textures=count)
+        terms, _ = solve_greedily(data, projections[:count], chosen)
+        fitted = Factorization(terms, transform, train.channels, provenance_of(train, chosen))
+        evaluations += cost.terms[count][0]
+        seconds = cost.terms[count][1] + time.perf_counter() - began
+        error = float((residual(data, terms) ** 2).mean())
+        report = Report(whole.report.status, 0, evaluations, seconds, error, settings.seed)
+        errors = [measure(fitted, samples, transform) for samples in (train, test)]
+        rows.append(
+            Row(
+                source.name,
+                chosen,
+                fitted,
+                report,
+                errors[0],
+                errors[1],
+                len(source.samples),
+                source.seconds_read,
+                seconds,
+                source.seconds_read + seconds,
+            )
+        )
+    return rows
