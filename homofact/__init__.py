@@ -9,10 +9,11 @@ The names here are loaded when first used, so that `import homofact` stays quick
 
 from typing import TYPE_CHECKING, Any
 
+from homofact.version import __version__
+
 if TYPE_CHECKING:
     from homofact.api import fit, load, read
 
-__version__ = "0.1.0"
 __all__ = ["__version__", "fit", "load", "read"]
 
 

@@ -14,7 +14,6 @@ from typing import Any
 
 import torch
 
-from homofact import __version__
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.factor.factorization import Factorization, Term
@@ -26,6 +25,7 @@ from homofact.factor.textures import LogSamples, inner_problem, residual, solve_
 from homofact.geometry.quaternion import Pair
 from homofact.linear.solvers import solve
 from homofact.linear.threads import one_thread
+from homofact.version import __version__
 
 
 @dataclass(frozen=True)

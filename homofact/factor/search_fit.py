@@ -176,6 +176,9 @@ def _finish(
             outcome = replace(outcome, status=Status.INTERRUPTED, notes=(*outcome.notes, "interrupted while refining"))
     if settings.smoothing is not None:
         return outcome, (settings.smoothing,) * len(mix.kinds)
+    deadline = began + settings.budget
+    if time.perf_counter() > deadline:
+        return outcome, mix.smoothing
     folded = Folded.of(full, partitions, mix.projections, shapes)
-    smoothing, error = folded.best_each(mix.smoothing, stride=1)
+    smoothing, error = folded.best_each(mix.smoothing, stride=1, deadline=deadline)
     return replace(outcome, mix=replace(mix, smoothing=smoothing, error=error)), smoothing

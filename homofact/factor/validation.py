@@ -12,6 +12,7 @@ set is judged by leaving out whole rings, of θi and of θo by halves; the outer
 extrapolation. Random folds are for samples that lie on no rings, or where they are asked for.
 """
 
+import time
 from dataclasses import dataclass, replace
 
 import torch
@@ -133,16 +134,30 @@ class Folded:
             result += share * total / weight
         return result
 
-    def best_smoothing(self, start: tuple[float, ...]) -> tuple[tuple[float, ...], float]:
-        """(λ of every texture, error): from `start` downhill with all of them scaled alike, in decades."""
-        return self._descend(start, [tuple(range(len(start)))], 2)
+    def best_smoothing(
+        self, start: tuple[float, ...], deadline: float = float("inf")
+    ) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): from `start` downhill with all of them scaled alike, in decades.
 
-    def best_each(self, start: tuple[float, ...], stride: int = 2) -> tuple[tuple[float, ...], float]:
-        """(λ of every texture, error): downhill one texture after another, in `stride` half decades."""
-        return self._descend(start, [(j,) for j in range(len(start))], stride)
+        No step is begun after `deadline` (on the clock of time.perf_counter).
+        """
+        return self._descend(start, [tuple(range(len(start)))], 2, deadline)
+
+    def best_each(
+        self, start: tuple[float, ...], stride: int = 2, deadline: float = float("inf")
+    ) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): downhill one texture after another, in `stride` half decades.
+
+        No step is begun after `deadline` (on the clock of time.perf_counter).
+        """
+        return self._descend(start, [(j,) for j in range(len(start))], stride, deadline)
 
     def _descend(
-        self, start: tuple[float, ...], groups: list[tuple[int, ...]], stride: int
+        self,
+        start: tuple[float, ...],
+        groups: list[tuple[int, ...]],
+        stride: int,
+        deadline: float,
     ) -> tuple[tuple[float, ...], float]:
         best, lowest = start, self.error(start)
         for group in groups:
@@ -153,7 +168,7 @@ class Folded:
                         value * SMOOTHING_STEP**direction if j in group else value for j, value in enumerate(best)
                     )
                     low, high = SMOOTHING_RANGE
-                    if not all(low <= trial[j] <= high for j in group):
+                    if not all(low <= trial[j] <= high for j in group) or time.perf_counter() > deadline:
                         break
                     error = self.error(trial)
                     if error >= lowest:

@@ -41,9 +41,17 @@ def cholesky(problem: LeastSquares) -> Solution:
 
 def solve_definite(matrix: Tensor, rhs: Tensor) -> tuple[Tensor, Status]:
     """(x, status) of a positive definite system (T, T), (T, C); the minimum norm where it is only semidefinite."""
-    factor, info = torch.linalg.cholesky_ex(matrix)
-    if int(info) == 0:
-        return torch.cholesky_solve(rhs, factor), Status.DIRECT
+    if matrix.device.type == "cpu":
+        # LAPACK as scipy brings it: two to four times as fast as torch's on these sizes.
+        factorize, substitute = scipy.linalg.get_lapack_funcs(("potrf", "potrs"), (matrix.numpy(), rhs.numpy()))
+        factor, info = factorize(matrix.numpy().T, lower=1, clean=0)
+        if info == 0:
+            solution, _ = substitute(factor, rhs.numpy(), lower=1)
+            return torch.from_numpy(np.ascontiguousarray(solution)), Status.DIRECT
+    else:
+        factor, info = torch.linalg.cholesky_ex(matrix)
+        if int(info) == 0:
+            return torch.cholesky_solve(rhs, factor), Status.DIRECT
     values, vectors = torch.linalg.eigh(matrix)
     # Directions under the rounding of the largest eigenvalue carry no information.
     sound = values > values[-1] * matrix.shape[0] * torch.finfo(matrix.dtype).eps

@@ -5,7 +5,8 @@ import pytest
 import torch
 from problems import CATALOGUE, Problem, dense_rows, planted
 
-from homofact.linear.normal import accumulate_compiled, accumulate_torch
+from homofact.linear import normal
+from homofact.linear.normal import accumulate_compiled, accumulate_torch, gradient, warm_up
 
 
 @pytest.mark.parametrize("case", CATALOGUE, ids=lambda case: case.name)
@@ -46,3 +47,18 @@ def test_the_quadratic_form_gives_the_mean_error() -> None:
     expected = float((problem.weights[:, None] * difference**2).sum() / problem.weights.sum()) / 2
     assert problem.data.error(texels) == pytest.approx(expected, rel=1e-11)
     assert problem.mean_error(texels) == pytest.approx(expected, rel=1e-12)
+
+
+def test_warming_up_compiles_what_a_fit_calls() -> None:
+    warm_up()
+    compiled = [len(kernel.signatures) for kernel in (normal._accumulate, normal._gradient)]
+    problem = planted("after", samples=50).problem
+    accumulate_compiled(problem.coordinates, problem.lookups, problem.targets, problem.weights, problem.unknowns)
+    gradient(
+        problem.coordinates,
+        problem.lookups,
+        problem.targets,
+        problem.weights,
+        torch.zeros(problem.unknowns, 2).double(),
+    )
+    assert [len(kernel.signatures) for kernel in (normal._accumulate, normal._gradient)] == compiled

@@ -232,14 +232,14 @@ class MixedSearch:
         if self._settings.smoothing is not None:
             given = (self._settings.smoothing,) * len(kinds)
             return Mix(kinds, projections, given, folded.error(given))
-        return Mix(kinds, projections, *folded.best_smoothing(smoothing))
+        return Mix(kinds, projections, *folded.best_smoothing(smoothing, self._deadline))
 
     def _settled(self, mix: Mix) -> Mix:
         """The mix with λ chosen texture by texture, which is dearer than one for all."""
         if self._settings.smoothing is not None or self._late():
             return mix
         folded = Folded.of(self._samples, self._partitions, mix.projections, self._shapes(mix.projections))
-        smoothing, error = folded.best_each(mix.smoothing)
+        smoothing, error = folded.best_each(mix.smoothing, deadline=self._deadline)
         return replace(mix, smoothing=smoothing, error=error)
 
     def _make(self, kind: str, warp: Warp | None) -> Projection:
