@@ -1,4 +1,4 @@
-"""Which channels to work in: R, G, B; the spectrum as it was measured; or luminance alone."""
+"""Which channels to work in: R, G, B; the spectrum as it was measured; luminance; or one of them alone."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -91,6 +91,34 @@ class LuminanceOf:
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """CIE Y (N, 1) in sr⁻¹, without the cosine."""
         return _luminance(self.base.evaluate(wi, wo))
+
+
+@dataclass(frozen=True)
+class OneChannel:
+    """One channel of a `Reflectance`, itself a `Reflectance`."""
+
+    base: Reflectance
+    name: str
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The name alone."""
+        return (self.name,)
+
+    @property
+    def nbytes(self) -> int:
+        """Those of all channels."""
+        return self.base.nbytes
+
+    @property
+    def fetches(self) -> int:
+        """Those of all channels."""
+        return self.base.fetches
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """BRDF values (N, 1) in sr⁻¹, without the cosine."""
+        column = self.base.channels.index(self.name)
+        return self.base.evaluate(wi, wo)[:, column : column + 1]
 
 
 def _luminance(rgb: Tensor) -> Tensor:

@@ -4,9 +4,11 @@
 `grid` is fixed and needs no seed.
 """
 
+from typing import Protocol
+
 import torch
 
-from homofact.brdf.analytic import AnalyticModel
+from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_cosine_weighted, draw_in_discs, grid_of_pairs
@@ -16,14 +18,24 @@ DEFAULT_COUNT = 45_000
 RADIUS_SQUARED = 0.98
 
 
+class Drawable(Reflectance, Protocol):
+    """A reflectance that is defined everywhere and says whether it is isotropic: a model, a whole table."""
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether the value is unchanged when both directions are turned about the normal together."""
+        ...
+
+
 def sample_model(
-    model: AnalyticModel,
+    model: Drawable,
     count: int = DEFAULT_COUNT,
     scheme: str = "discs",
     seed: int = 0,
     radius_squared: float = RADIUS_SQUARED,
+    noise_free: bool = True,
 ) -> Samples:
-    """`count` noise-free samples of `model`, weights 1.
+    """`count` samples of `model`, weights 1; `noise_free` is what provenance["sampling"] says of its values.
 
     `radius_squared` cuts the rim of the parabolic discs, u² + v² below it, in the scheme `discs` alone. The
     grid's count is the nearest that a square grid in the discs can give, and `seed` does not touch it.
@@ -36,7 +48,7 @@ def sample_model(
     if not 0 < radius_squared <= 1:
         raise BadInput(f"sampling radius squared: found {radius_squared}, expected above 0 and at most 1")
     generator = torch.Generator().manual_seed(seed)
-    facts: dict[str, object] = {"scheme": scheme, "noise_free": True}
+    facts: dict[str, object] = {"scheme": scheme, "noise_free": noise_free}
     if scheme == "discs":
         wi, wo = draw_in_discs(count, generator, radius_squared)
         facts |= {"seed": seed, "radius_squared": radius_squared}

@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
+from homofact.brdf.coverage import holes, spread
+from homofact.brdf.faults import evaluated_faults
 from homofact.brdf.materials import material
-from homofact.brdf.readers import read_samples
+from homofact.brdf.readers import open_file
+from homofact.brdf.readers.reading import Drawing
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import DEFAULT_COUNT, sample_model
@@ -27,12 +30,13 @@ class Source:
     """A BRDF to work on.
 
     `samples` to fit, `reflectance` to draw and compare with: the model itself, or the interpolated
-    measurement. `default_epsilon` is the ε of the log transform where none is asked for; `seconds_read` the
-    wall time of reading or sampling.
+    measurement. Samples of `kind` "material" and "drawn" (a file that is a reflectance by itself) were drawn
+    at all azimuths, those of "measurement" are where they were measured. `default_epsilon` is the ε of the
+    log transform where none is asked for; `seconds_read` the wall time of reading or sampling.
     """
 
     name: str
-    kind: Literal["material", "measurement"]
+    kind: Literal["material", "measurement", "drawn"]
     samples: Samples
     reflectance: Reflectance
     default_epsilon: float
@@ -44,7 +48,8 @@ def open_source(
 ) -> Source:
     """The source that `text` names: material:NAME, or the path of a file whose content is sniffed.
 
-    `count`, `scheme` and `seed` are how a material is sampled; a measurement has the samples it has. Raises
+    `count`, `scheme` and `seed` are how a material, or a model in a file, is sampled; a measurement has the
+    samples it has. FILE#NAME picks one material of a file that holds several. Raises
     BadInput for an unknown material, all that is wrong with a file, and channels that the source cannot give.
     """
     begun = time.perf_counter()
@@ -65,15 +70,21 @@ def open_source(
         reflectance = LuminanceOf(found.model) if channels == "luminance" else found.model
         seconds = time.perf_counter() - begun
         return Source(found.name, "material", samples, reflectance, NOISE_FREE_EPSILON, seconds)
-    samples = read_samples(text, channels)
-    samples = replace(samples, provenance=samples.provenance | {"file": Path(text).name})
+    reading = open_file(text, channels, Drawing(count, scheme, seed))
+    samples = replace(reading.samples, provenance=reading.samples.provenance | {"file": Path(text).name})
     epsilon = NOISE_FREE_EPSILON if samples.provenance.get("noise_free") is True else MEASURED_EPSILON
     seconds = time.perf_counter() - begun
-    return Source(Path(text).name, "measurement", samples, Scattered(samples, epsilon=epsilon), epsilon, seconds)
+    reflectance = Scattered(samples, epsilon=epsilon) if reading.reflectance is None else reading.reflectance
+    drawn = reading.reflectance is not None and "sampling" in samples.provenance
+    return Source(Path(text).name, "drawn" if drawn else "measurement", samples, reflectance, epsilon, seconds)
 
 
 def describe(source: Source) -> dict[str, Any]:
-    """What is in a source, JSON-able: format, comments, wavelengths, counts, ranges of angles and values."""
+    """What is in a source, JSON-able: format, units, comments, wavelengths, counts, angles, values, faults.
+
+    `units` says what factors were found and undone, `spread_degrees` is `coverage.spread`, and the faults are
+    those that the reader met, those of the whole (`faults.evaluated_faults`) and the holes (`coverage.holes`).
+    """
     samples = source.samples
     facts = samples.provenance
     values = samples.values
@@ -85,12 +96,14 @@ def describe(source: Source) -> dict[str, Any]:
         "source": source.name,
         "kind": source.kind,
         "format": facts.get("format", "unknown"),
+        "units": facts.get("units", "1/sr, no cosine"),
         "comments": facts.get("comments", []),
         "wavelengths_nm": facts.get("wavelengths_nm"),
         "samples": len(samples),
         "channels": list(samples.channels),
         "isotropic": samples.isotropic,
         **ranges,
+        "spread_degrees": spread(samples),
         "values_per_sr": {
             name: {
                 "min": float(values[:, c].min()),
@@ -100,13 +113,23 @@ def describe(source: Source) -> dict[str, Any]:
             }
             for c, name in enumerate(samples.channels)
         },
-        "faults": facts.get("faults", {}),
+        "faults": facts.get("faults", {})
+        | evaluated_faults(samples, source.reflectance, own=not _made_of_samples(source.reflectance))
+        | {"holes": holes(samples)},
         "colour": facts.get("colour"),
         "sampling": facts.get("sampling"),
         "material": {key: facts[key] for key in ("material", "model", "parameters") if key in facts} or None,
         "default_epsilon": source.default_epsilon,
         "seconds_read": source.seconds_read,
     }
+
+
+def _made_of_samples(reflectance: Reflectance) -> bool:
+    """Whether it interpolates samples, looking through luminance and single channels."""
+    inner: Any = reflectance
+    while hasattr(inner, "base"):
+        inner = inner.base
+    return isinstance(inner, Scattered)
 
 
 def _plain(value: Any) -> Any:

@@ -23,18 +23,24 @@ OBSERVER = "CIE 1931 2 Degree Standard Observer"
 ILLUMINANT = "D65"
 # Y of linear sRGB: the middle row of RGB → XYZ (IEC 61966-2-1, derived from primaries and white).
 LUMINANCE = (0.21263901, 0.71516868, 0.07219232)
+# Linear sRGB from CIE XYZ with D65 white: the inverse of the primaries' matrix (IEC 61966-2-1).
+FROM_XYZ = (
+    (3.2404542, -1.5371385, -0.4985314),
+    (-0.9692660, 1.8760108, 0.0415560),
+    (0.0556434, -0.2040259, 1.0572252),
+)
 _RASTER = np.arange(360.0, 781.0)
 # Without these the blue or the red primary would be made up of end values.
 _NEEDED = (450.0, 650.0)
 
 
 def to_rgb(
-    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT
+    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT, clip: bool = True
 ) -> tuple[Tensor, dict[str, Any]]:
     """Linear sRGB (N, 3) in sr⁻¹ of spectra (N, W) in sr⁻¹ at `wavelengths` in nm, and the facts (JSON-able).
 
-    Colours outside the gamut have a negative channel: it is set to 0, and facts["clipped"] counts those per
-    channel. Raises BadInput for wavelengths that do not fit, do not rise or leave out blue or red, and for an
+    Colours outside the gamut have a negative channel: it is set to 0 unless `clip` is false (a picture counts and
+    clips what leaves the gamut itself), and facts["clipped"] counts those per channel. Raises BadInput for wavelengths that do not fit, do not rise or leave out blue or red, and for an
     unknown illuminant.
     """
     weights = _weights(_checked(spectra, wavelengths), illuminant)
@@ -43,7 +49,7 @@ def to_rgb(
     facts = _facts(wavelengths, illuminant, weights[1])
     facts["space"] = "linear sRGB"
     facts["clipped"] = {name: int(count) for name, count in zip("RGB", clipped, strict=True)}
-    return rgb.clamp_min(0), facts
+    return rgb.clamp_min(0) if clip else rgb, facts
 
 
 def to_luminance(

@@ -3,11 +3,12 @@
 import pytest
 import torch
 
-from homofact.brdf.channels import LuminanceOf, as_channels, spectral_names, wavelengths_of
+from homofact.brdf.channels import LuminanceOf, OneChannel, as_channels, spectral_names, wavelengths_of
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.source import open_source
 from homofact.brdf.spectral import LUMINANCE
 from homofact.errors import BadInput
 
@@ -79,3 +80,13 @@ def test_luminance_weights_are_srgbs() -> None:
     space = colour.RGB_COLOURSPACES["sRGB"]
     row = colour.normalised_primary_matrix(space.primaries, space.whitepoint)[1]
     assert list(LUMINANCE) == pytest.approx(list(row), abs=1e-8)
+
+
+def test_one_channel_reflects_as_that_column() -> None:
+    source = open_source("material:lafortune-blue-paint", count=50)
+    one = OneChannel(source.reflectance, "G")
+    wi, wo = source.samples.wi, source.samples.wo
+    assert (one.channels, one.nbytes, one.fetches) == (
+        ("G",), source.reflectance.nbytes, source.reflectance.fetches,
+    )  # fmt: skip
+    assert torch.equal(one.evaluate(wi, wo), source.reflectance.evaluate(wi, wo)[:, 1:2])

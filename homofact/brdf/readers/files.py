@@ -24,6 +24,15 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     return data
 
 
+def split_member(path: str | os.PathLike[str]) -> tuple[str, str | None]:
+    """(file, member) of "FILE#MEMBER"; no member where there is no "#", or where a file has that very name."""
+    text = os.fspath(path)
+    file, mark, member = text.rpartition("#")
+    if not mark or not file or os.path.exists(text):
+        return text, None
+    return file, member
+
+
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
     """Write a file beside its place, then rename it: a failure, BadInput, leaves no half file."""
     target = Path(path)

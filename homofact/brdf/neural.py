@@ -1,0 +1,75 @@
+"""A small network as a BRDF (Sztrajman, Rainer, Ritschel and Weyrich 2021, section 3): 6 → 21 → 21 → 3.
+
+f = max(0, exp(W2 relu(W1 relu(W0 x + b0) + b1) + b2) − 1), a value a colour channel, in sr⁻¹. The input x is
+(h, d) with the configuration turned about the normal until h lies in the xz-plane: h = (sin θh, 0, cos θh),
+and d is ωi in the frame of h, (e·ωi, s·ωi, h·ωi) with e the direction in which θh grows and s = n × e.
+Swapping ωi and ωo sends (dx, dy) to (−dx, −dy); φd is therefore taken modulo π, as the MERL tables do on
+which the networks were trained, and the value is reciprocal exactly. At h = n, where no azimuth is left, φd
+is 0.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.analytic.common import AnalyticModel
+from homofact.errors import BadInput
+from homofact.geometry.directions import normalize
+
+LAYERS = ((6, 21), (21, 21), (21, 3))
+# Rounding leaves dy of either sign for configurations in one plane, and φd = 0 and π would be told apart by it.
+_IN_PLANE = {torch.float64: 1e-12, torch.float32: 1e-6}
+
+
+@dataclass(frozen=True)
+class NeuralBrdf(AnalyticModel):
+    """The network of the module's head, isotropic and reciprocal, in the dtype of the directions it is asked for.
+
+    `weights` are three matrices (inputs, outputs) and `biases` three vectors, of the sizes of `LAYERS`. Raises
+    BadInput for other sizes and numbers that are not finite.
+    """
+
+    weights: tuple[Tensor, Tensor, Tensor]
+    biases: tuple[Tensor, Tensor, Tensor]
+
+    def __post_init__(self) -> None:
+        """Refuse other sizes and numbers that are not finite."""
+        for k, (weight, bias, shape) in enumerate(zip(self.weights, self.biases, LAYERS, strict=True)):
+            for name, tensor, expected in ((f"w{k}", weight, shape), (f"b{k}", bias, shape[1:])):
+                if tuple(tensor.shape) != expected:
+                    raise BadInput(f"network: {name} has shape {tuple(tensor.shape)}, expected {expected}")
+                if not bool(torch.isfinite(tensor).all()):
+                    raise BadInput(f"network: {name} is not finite, expected finite numbers")
+
+    @property
+    def nbytes(self) -> int:
+        """2700: 675 numbers as float32."""
+        return 4 * sum(tensor.numel() for tensor in (*self.weights, *self.biases))
+
+    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """The network at the pair's (h, d)."""
+        layers = [(w.to(wi), b.to(wi)) for w, b in zip(self.weights, self.biases, strict=True)]
+        x = network_input(wi, wo)
+        for weight, bias in layers[:-1]:
+            x = torch.relu(x @ weight + bias)
+        weight, bias = layers[-1]
+        return torch.expm1(x @ weight + bias).clamp_min(0)
+
+
+def network_input(wi: Tensor, wo: Tensor) -> Tensor:
+    """(hx, 0, hz, dx, dy, dz) of the module's head, (N, 6), φd in [0, π)."""
+    h = normalize(wi + wo)
+    tolerance = _IN_PLANE.get(wi.dtype, 1e-3)
+    sin_h = torch.hypot(h[:, 0], h[:, 1])
+    on_axis = sin_h <= tolerance
+    safe = torch.where(on_axis, torch.ones_like(sin_h), sin_h)
+    cos_phi, sin_phi = h[:, 0] / safe, h[:, 1] / safe
+    across = wi[:, 1] * cos_phi - wi[:, 0] * sin_phi
+    along = (wi[:, 0] * cos_phi + wi[:, 1] * sin_phi) * h[:, 2] - wi[:, 2] * sin_h
+    turned = (across < -tolerance) | ((across.abs() <= tolerance) & (along < 0))
+    sign = torch.where(turned, -1.0, 1.0).to(wi)
+    along, across = sign * along, sign * across
+    along = torch.where(on_axis, torch.hypot(wi[:, 0], wi[:, 1]), along)
+    across = torch.where(on_axis, torch.zeros_like(across), across)
+    return torch.stack((sin_h, torch.zeros_like(sin_h), h[:, 2], along, across, (wi * h).sum(-1)), -1)

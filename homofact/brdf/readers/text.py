@@ -1,0 +1,64 @@
+"""What the text formats share: lines with their numbers, tables of numbers, and errors that name the line."""
+
+import math
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from homofact.errors import BadInput
+
+
+def numbered_lines(raw: bytes) -> Iterator[tuple[int, str]]:
+    """(line number from 1, text without surrounding blanks) of every line that is not blank."""
+    for number, line in enumerate(raw.decode("latin-1").split("\n"), 1):
+        stripped = line.strip()
+        if stripped:
+            yield number, stripped
+
+
+def check_last_line(path: object, raw: bytes, number: int) -> None:
+    """Raise BadInput where line `number`, the last, has no line end: its last number may be cut."""
+    if not raw.endswith((b"\n", b"\r")):
+        raise BadInput(
+            f"{path}: line {number} has no line end, so its last number may be cut;"
+            " expected a whole file (or add the line end)"
+        )
+
+
+def number_table(
+    path: object, lines: Iterable[tuple[int, str]], columns: int, what: str, separator: str | None = None
+) -> tuple[np.ndarray, list[int]]:
+    """The numbers (rows, columns) of `lines` in float64, and the line of each row.
+
+    `what` says what the columns are, for the error; `separator` None is blanks. Raises BadInput naming the
+    line for another number of columns and for what is no finite number.
+    """
+    values: list[float] = []
+    numbers: list[int] = []
+    for number, line in lines:
+        words = line.split(separator)
+        if len(words) != columns:
+            raise BadInput(f"{path}: line {number}: {len(words)} columns, expected {columns} ({what})")
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = [math.nan]
+        # float() takes "1_0" too, which no measurement means.
+        if not all(map(math.isfinite, row)) or "_" in line:
+            bad = next(word for word in words if not _is_finite(word))
+            raise BadInput(f"{path}: line {number}: found {short(bad.strip())}, expected a finite number")
+        values += row
+        numbers.append(number)
+    return np.array(values, dtype=np.float64).reshape(-1, columns), numbers
+
+
+def short(word: str) -> str:
+    """A word in quotes, cut where it is long."""
+    return repr(word if len(word) <= 40 else word[:37] + "...")
+
+
+def _is_finite(word: str) -> bool:
+    try:
+        return math.isfinite(float(word)) and "_" not in word
+    except ValueError:
+        return False

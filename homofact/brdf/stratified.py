@@ -1,0 +1,82 @@
+"""A smaller sample set that still covers highlight and grazing: drawn by cells, not by chance alone.
+
+A dense measurement has most of its samples where little happens. Cells of (√θh, θd, φd), 12 × 6 × 4 with finer
+θh towards the highlight, each give the same number of samples, or all they have where that is fewer. Within
+each cell the drawn ones' weights are scaled up to the sum of all of that cell, so that a fit to the subset
+minimises an estimate of the same objective. Fewer samples than occupied cells make the grid coarser first:
+no cell is left out.
+"""
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.coverage import occupied_cells
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput
+from homofact.geometry.coordinates import coordinate_system
+
+GRIDS = ((12, 6, 4), (6, 3, 2), (3, 2, 1), (2, 1, 1), (1, 1, 1))
+
+
+def stratified_subset(samples: Samples, count: int, seed: int) -> Samples:
+    """At most `count` of the samples, drawn without replacement by `seed` as the module's head says, in old order.
+
+    provenance["subset"] says of how many and by which cells. Samples that are no more than `count` stay as they
+    are. Raises BadInput for a count below 1.
+    """
+    if count < 1:
+        raise BadInput(f"subset: found {count}, expected at least 1 sample")
+    if count >= len(samples):
+        return samples
+    place = (coordinate_system("isotropic-half-diff").evaluate(samples.wi, samples.wo) + 1) / 2
+    place[:, 0] = place[:, 0].clamp_min(0).sqrt()
+    for grid in GRIDS:
+        _, cell, sizes = torch.unique(occupied_cells(place, grid), return_inverse=True, return_counts=True)
+        if len(sizes) <= count:
+            break
+    generator = torch.Generator().manual_seed(seed)
+    order = torch.randperm(len(samples), generator=generator).to(cell.device)
+    order = order[cell[order].argsort(stable=True)]
+    # Samples lie cell by cell now, at random inside each; the first of each cell are taken.
+    first = sizes.cumsum(0) - sizes
+    rank = torch.arange(len(samples), device=cell.device) - first[cell[order]]
+    index = order[rank < _quotas(sizes, count, generator)[cell[order]]].sort().values
+    weights = _carried(samples.weights, cell, index, len(sizes))
+    facts = {
+        "of": len(samples),
+        "samples": len(index),
+        "cells": len(sizes),
+        "grid": {"sqrt_theta_h": grid[0], "theta_d": grid[1], "phi_d": grid[2]},
+        "seed": seed,
+    }
+    provenance = samples.provenance | {"subset": facts}
+    return replace(samples.select(index), weights=weights, provenance=provenance)
+
+
+def _quotas(sizes: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    """How many each cell gives: one level for all, less where a cell has less, `count` together."""
+    low, high = 0, count
+    while low < high:
+        middle = (low + high + 1) // 2
+        low, high = (middle, high) if int(sizes.clamp_max(middle).sum()) <= count else (low, middle - 1)
+    quotas = sizes.clamp_max(low)
+    richer = (sizes > low).nonzero()[:, 0]
+    left = count - int(quotas.sum())
+    chosen = torch.randperm(len(richer), generator=generator)[:left].to(sizes.device)
+    quotas[richer[chosen]] += 1
+    return quotas
+
+
+def _carried(weights: Tensor, cell: Tensor, index: Tensor, cells: int) -> Tensor:
+    """The weights of the drawn samples, scaled so that each cell's sum is what it was."""
+
+    def totals(where: Tensor, values: Tensor) -> Tensor:
+        return torch.zeros(cells, dtype=values.dtype, device=values.device).index_add_(0, where, values)
+
+    drawn, here = weights[index], cell[index]
+    whole, part = totals(cell, weights)[here], totals(here, drawn)[here]
+    # A cell whose drawn samples all weigh nothing is carried by them alike.
+    alike = whole / totals(here, torch.ones_like(drawn))[here]
+    return torch.where(part > 0, drawn * whole / part.clamp_min(torch.finfo(weights.dtype).tiny), alike)

@@ -1,0 +1,93 @@
+"""`homofact convert`: a source written in another format, chosen by the ending of the new file.
+
+.csv, .npz and .dat (ALTA text) hold samples: those of the measurement, or drawn from the model. .binary (MERL)
+is a full table: the source's own where it is one, else the model or the interpolated samples at its bins.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from homofact.cli import options as o
+from homofact.cli.places import check_file
+from homofact.cli.screen import Screen
+from homofact.cli.subject import check_source, open_subject
+from homofact.errors import BadInput
+
+if TYPE_CHECKING:
+    from homofact.brdf.source import Source
+
+_ENDINGS = (".binary", ".csv", ".npz", ".dat")
+
+
+def convert(
+    context: typer.Context,
+    source: Annotated[str, typer.Argument(metavar="IN", help="A measurement's file, or material:NAME.")],
+    target: Annotated[
+        Path, typer.Argument(metavar="OUT", help="The new file: .binary (MERL), .csv, .npz or .dat (ALTA).")
+    ],
+    channels: o.Channels = None,
+    count: o.Count = None,
+    scheme: o.Scheme = None,
+    seed: o.Seed = None,
+    config: o.ConfigFile = None,
+    force: o.Force = None,
+    as_json: o.AsJson = False,
+    quiet: o.Quiet = False,
+) -> None:
+    """Write a measurement or a named material in another format, by the ending of OUT."""
+    from homofact.config import load_config
+
+    settings = load_config(config, o.given(context))
+    check_source(settings)
+    check_file(target, *_ENDINGS)
+    if target.exists() and not settings.output.force:
+        raise BadInput(f"{target}: exists already, expected a new file (or --force)")
+    screen = Screen(as_json, quiet)
+    with screen.bar() as bar:
+        bar.stage("reading")
+        subject = open_subject(settings)
+        bar.stage("writing")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        facts = _write(target, subject)
+    answer = {"source": subject.name, "out": str(target), "bytes": target.stat().st_size, **facts}
+    if not quiet:
+        screen.show(f"{target}: {facts['format']}, {answer['bytes']} bytes", *facts["notes"])
+    screen.answer(answer)
+
+
+def _write(target: Path, subject: "Source") -> dict[str, Any]:
+    """Write the source in the format of the file's ending; what was written, and what got lost."""
+    from homofact.brdf.source import NOISE_FREE_EPSILON
+    from homofact.brdf.writers import alta, csv, merl
+
+    noise_free = subject.default_epsilon == NOISE_FREE_EPSILON
+    facts_of_source = subject.samples.provenance | ({"noise_free": True} if noise_free else {})
+    samples = replace(subject.samples, provenance=facts_of_source)
+    comments = (f"converted from {subject.name}", *samples.provenance.get("comments", ()))
+    facts: dict[str, Any] = {"samples": len(samples), "channels": list(samples.channels), "notes": []}
+    ending = target.suffix.lower()
+    if ending == ".binary":
+        counts = merl.write(target, subject.reflectance)
+        facts |= {"format": "merl", "samples": counts["written"], "channels": ["R", "G", "B"], "bins": counts}
+        if not samples.isotropic:
+            facts["notes"].append("an anisotropic source: the table holds the cut with h in the xz-plane")
+        if not hasattr(subject.reflectance, "raw") and subject.kind == "measurement":
+            facts["notes"].append("bins between and beyond the samples are interpolated")
+    elif ending == ".csv":
+        csv.write(target, samples, comments)
+        facts["format"] = "csv"
+    elif ending == ".npz":
+        from homofact.brdf.readers import npz
+
+        header = {"comments": list(comments), "noise_free": noise_free}
+        npz.write(target, samples, header)
+        facts["format"] = "npz"
+    else:
+        alta.write(target, samples, comments=comments)
+        facts["format"] = "alta"
+    if ending in (".npz", ".dat") and bool((samples.weights != 1).any()):
+        facts["notes"].append("weights are not kept in this format")
+    return facts

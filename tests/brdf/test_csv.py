@@ -1,0 +1,143 @@
+"""CSV with a stated header: the three forms of directions, round trips, each way a file can be wrong."""
+
+import math
+from pathlib import Path
+
+import pytest
+import torch
+
+from homofact.brdf.channels import spectral_names
+from homofact.brdf.materials import material
+from homofact.brdf.readers import csv, read_samples
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import sample_model
+from homofact.brdf.source import open_source
+from homofact.brdf.writers import csv as writer
+from homofact.errors import BadInput
+from homofact.geometry.directions import to_spherical
+
+PAINT = sample_model(material("lafortune-blue-paint").model, 60)
+GOOD = (
+    "# a paint\n# isotropic: true\ntheta_i,phi_i,theta_o,phi_o,R,G,B\n0.1,0.2,0.3,0.4,1,2,3\n0.5,0,0.6,3,0,0.25,1e-3\n"
+)
+
+
+def file_of(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "table.txt"
+    path.write_bytes(text.encode("latin-1"))
+    return path
+
+
+def test_angles_in_radians(tmp_path: Path) -> None:
+    samples = read_samples(file_of(tmp_path, GOOD))
+    assert samples.channels == ("R", "G", "B")
+    assert samples.isotropic
+    assert samples.values.tolist() == [[1, 2, 3], [0, 0.25, 1e-3]]
+    angles = [*to_spherical(samples.wi), *to_spherical(samples.wo)]
+    assert [float(x[0]) for x in angles] == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert samples.provenance["comments"] == ["a paint"]
+    assert samples.provenance["faults"] == {"exact_zeros": 1, "samples_with_zeros": 1}
+
+
+def test_angles_in_degrees_columns_in_any_order_and_windows_line_ends(tmp_path: Path) -> None:
+    text = "Y , phi_o_deg,theta_o_deg,phi_i_deg,theta_i_deg\r\n0.5,180,30,0,90\r\n"
+    samples = csv.read(file_of(tmp_path, text))
+    assert not samples.isotropic
+    assert samples.channels == ("Y",)
+    assert torch.allclose(samples.wi, torch.tensor([[1.0, 0, 0]]).double(), atol=1e-15)
+    assert torch.allclose(samples.wo, torch.tensor([[-0.5, 0, math.sqrt(0.75)]]).double(), atol=1e-15)
+
+
+def test_vectors_and_weights_come_back_bit_for_bit(tmp_path: Path) -> None:
+    weights = torch.rand(60, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    samples = Samples.make(
+        PAINT.wi, PAINT.wo, PAINT.values, channels=PAINT.channels, isotropic=True, weights=weights,
+        provenance={"noise_free": True},
+    )  # fmt: skip
+    writer.write(tmp_path / "out.csv", samples, ("blue\npaint",))
+    back = read_samples(tmp_path / "out.csv")
+    for name in ("wi", "wo", "values", "weights"):
+        assert torch.equal(getattr(back, name), getattr(samples, name)), name
+    assert (back.channels, back.isotropic) == (samples.channels, True)
+    assert back.provenance["comments"] == ["blue paint"]
+    assert open_source(str(tmp_path / "out.csv")).default_epsilon == 1e-5
+
+
+def test_without_weights_and_anisotropic(tmp_path: Path) -> None:
+    samples = sample_model(material("ward-brushed").model, 20)
+    writer.write(tmp_path / "out.csv", samples)
+    assert b"weight" not in (tmp_path / "out.csv").read_bytes()
+    back = csv.read(tmp_path / "out.csv")
+    assert not back.isotropic
+    assert torch.equal(back.weights, torch.ones(20, dtype=torch.float64))
+
+
+def test_spectra(tmp_path: Path) -> None:
+    names = spectral_names((400, 450.5, 500, 600, 700))
+    samples = Samples.make(PAINT.wi, PAINT.wo, PAINT.values[:, :1].expand(60, 5), channels=names, isotropic=True)
+    writer.write(tmp_path / "out.csv", samples)
+    assert csv.read(tmp_path / "out.csv", "spectral").channels == names
+    colour = csv.read(tmp_path / "out.csv")
+    assert colour.channels == ("R", "G", "B")
+    assert colour.provenance["wavelengths_nm"][1] == 450.5
+
+
+def test_slightly_long_vectors_are_brought_back_to_length_one(tmp_path: Path) -> None:
+    text = "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,Y\n0,0.6004,0.8,0,0,1.0005,0.5\n0,1,-1e-7,0,0,1,0.5\n"
+    samples = csv.read(file_of(tmp_path, text))
+    assert torch.allclose(samples.wi.norm(dim=1), torch.ones(2, dtype=torch.float64), atol=1e-12)
+    assert float(samples.wi[1, 2]) == 0
+
+
+HEAD = "theta_i,phi_i,theta_o,phi_o,Y\n"
+VECTORS = "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,Y\n"
+BAD = {
+    "no channel": ("theta_i,phi_i,theta_o,phi_o\n0,0,0,0\n", "line 1: no channel beside the directions"),
+    "half the directions": ("theta_i,phi_i,Y\n0,0,1\n", "line 1: directions by theta_i, phi_i; expected all of"),
+    "two forms": ("theta_i,wi_x,Y\n0,0,1\n", "line 1: directions by theta_i, wi_x"),
+    "a name twice": ("theta_i,phi_i,theta_o,phi_o,Y,Y\n0,0,0,0,1,1\n", "line 1: 'Y' names two columns"),
+    "no name": ("theta_i,phi_i,theta_o,phi_o,,Y\n0,0,0,0,1,1\n", "line 1: 6 columns, one without a name"),
+    "no rows": (HEAD, "no samples after the header, expected rows of 5 numbers"),
+    "columns": (HEAD + "0,0,0,1\n", r"line 2: 4 columns, expected 5 \(as the header names\)"),
+    "a word": (HEAD + "0,0,0,0,x\n", "line 2: found 'x', expected a finite number"),
+    "nothing": (HEAD + "0,0,,0,1\n", "line 2: found '', expected a finite number"),
+    "infinite": (HEAD + "0,0,0,0,inf\n", "line 2: found 'inf'"),
+    "negative": (HEAD + "0,0,0,0,1\n\n0,0,0,0,-1\n", "line 4: Y is -1, expected >= 0"),
+    "negative weight": ("weight," + HEAD + "-1,0,0,0,0,1\n", "line 2: weight is -1, expected >= 0"),
+    "under the horizon": (HEAD + "0,0,1.6,0,1\n", r"line 2: theta_o 1.6, .* \(0 to pi/2 radians\)"),
+    "negative angle": (HEAD + "-0.1,0,0,0,1\n", "line 2: theta_i -0.1"),
+    "beyond 90 degrees": (HEAD.replace(",", "_deg,").replace("Y", "Y") + "91,0,0,0,1\n", r"theta_i_deg 91, .*0 to 90"),
+    "long vector": (VECTORS + "0,0,2,0,0,1,1\n", r"line 2: wi \[0.0, 0.0, 2.0\], expected a unit vector"),
+    "vector under the horizon": (VECTORS + "0,0,1,0,0.6,-0.8,1\n", r"line 2: wo \[0.0, 0.6, -0.8\]"),
+    "cut": ((HEAD + "0,0,0,0,1\n0,0,0,0,0.1")[:-1], "line 3 has no line end"),
+    "isotropic maybe": ("# isotropic: maybe\n" + HEAD, "line 1: isotropic is 'maybe', expected true or false"),
+    "weights of nothing": ("theta_i,phi_i,theta_o,phi_o,weight\n0,0,0,0,1\n", "no channel beside"),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BAD.values(), ids=list(BAD))
+def test_bad_files_name_file_and_line(tmp_path: Path, text: str, message: str) -> None:
+    path = file_of(tmp_path, text)
+    with pytest.raises(BadInput, match=message) as caught:
+        read_samples(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_only_comments(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="only comments, expected a header"):
+        csv.read(file_of(tmp_path, "# isotropic: true\n"))
+
+
+@pytest.mark.parametrize("name", ["a,b", "theta_i", "weight", " a", "", "#a"])
+def test_writer_refuses_names_that_it_cannot_hold(tmp_path: Path, name: str) -> None:
+    samples = Samples.make(PAINT.wi, PAINT.wo, PAINT.values[:, :1], channels=(name,), isotropic=True)
+    with pytest.raises(BadInput, match="expected a name without commas"):
+        writer.write(tmp_path / "x", samples)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_sniff() -> None:
+    assert csv.sniff(GOOD.encode())
+    for other in (b"", b"a,b,c\n1,2,3\n", b"theta_i phi_i\n", b"\xff\xfe\0"):
+        assert not csv.sniff(other)

@@ -1,0 +1,123 @@
+"""`homofact convert`: every ending, what survives, what is refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from homofact.brdf.materials import material
+from homofact.brdf.readers import read_samples
+from homofact.brdf.sampling import sample_model
+from homofact.brdf.source import open_source
+from homofact.brdf.writers import csv, merl
+from homofact.cli.main import main
+
+MATERIAL = "material:lafortune-clay"
+SYNTHETIC = Path(__file__).resolve().parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
+
+
+@pytest.mark.parametrize(("ending", "name"), [(".csv", "csv"), (".npz", "npz"), (".dat", "alta")])
+def test_samples_survive(tmp_path: Path, ending: str, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "deep" / f"clay{ending}"
+    assert main(["convert", MATERIAL, str(out), "--count", "80", "--seed", "4", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["format"], answer["samples"], answer["out"]) == (name, 80, str(out))
+    assert answer["bytes"] == out.stat().st_size
+    back = read_samples(out)
+    assert back.provenance["format"] == name
+    expected = sample_model(material("lafortune-clay").model, 80, seed=4)
+    assert torch.equal(back.values, expected.values)
+    assert torch.allclose((back.wi * back.wo).sum(1), (expected.wi * expected.wo).sum(1), atol=1e-12)
+    assert back.isotropic
+    # What was noise-free stays so where the format can say it.
+    assert open_source(str(out)).default_epsilon == (1e-2 if ending == ".dat" else 1e-5)
+
+
+def test_a_model_becomes_a_merl_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "clay.binary"
+    assert main(["convert", MATERIAL, str(out), "--count", "10"]) == 0
+    assert f"{out}: merl, 34992012 bytes" in capsys.readouterr().out.replace("\n", "")
+    table = open_source(str(out)).reflectance
+    samples = sample_model(material("lafortune-clay").model, 500)
+    keep = (samples.wi[:, 2] > 0.1) & (samples.wo[:, 2] > 0.1)
+    error = (table.evaluate(samples.wi[keep], samples.wo[keep]) / samples.values[keep] - 1).abs()
+    assert float(error.median()) < 0.002
+
+
+def test_a_merl_table_stays_as_it_is(tmp_path: Path) -> None:
+    first, second = tmp_path / "first.binary", tmp_path / "second.binary"
+    merl.write(first, material("phong-10").model, (6, 8, 16))
+    assert main(["convert", str(first), str(second), "-q"]) == 0
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_weights_are_kept_in_csv_and_their_loss_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "table.binary"
+    merl.write(table, material("phong-10").model, (6, 8, 16))
+    assert main(["convert", str(table), str(tmp_path / "a.csv")]) == 0
+    assert "weights are not kept" not in capsys.readouterr().out
+    assert torch.equal(read_samples(tmp_path / "a.csv").weights, read_samples(table).weights)
+    assert main(["convert", str(table), str(tmp_path / "a.dat")]) == 0
+    assert "weights are not kept" in capsys.readouterr().out
+
+
+def test_a_spectral_measurement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "paint.csv"
+    assert main(["convert", str(SYNTHETIC), str(out), "--channels", "spectral", "-q"]) == 0
+    assert capsys.readouterr().out == ""
+    back, first = (read_samples(path, "spectral") for path in (out, SYNTHETIC))
+    assert torch.equal(back.values, first.values)
+    assert back.channels == first.channels
+    assert back.provenance["comments"][0] == "converted from synthetic_cornell.brdf"
+
+
+def test_an_existing_file_wants_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "clay.csv"
+    out.write_text("mine")
+    arguments = ["convert", MATERIAL, str(out), "--count", "10"]
+    assert main(arguments) == 2
+    assert "exists already, expected a new file (or --force)" in capsys.readouterr().err
+    assert out.read_text() == "mine"
+    assert main([*arguments, "--force"]) == 0
+    assert len(read_samples(out)) == 10
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ([MATERIAL, "{here}/a.txt"], r"a.txt: ends in '.txt', expected .binary or .csv or .npz or .dat"),
+        ([MATERIAL, "{here}/a"], "a: ends in nothing, expected .binary"),
+        ([MATERIAL, "{here}"], "is a folder, expected a file's name"),
+        ([MATERIAL, "/proc/homofact/a.csv"], "cannot be written"),
+        (["{here}/none.brdf", "{here}/a.csv"], "none.brdf: no such file"),
+        (["material:clay", "{here}/a.csv"], "material: found 'clay'"),
+        ([MATERIAL], "Missing argument 'OUT'"),
+    ],
+)
+def test_one_line_names_what_is_wrong(
+    arguments: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["convert", *(each.format(here=tmp_path) for each in arguments)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert expected in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_anisotropy_that_a_table_cannot_hold_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "brushed.csv"
+    csv.write(path, sample_model(material("ward-brushed").model, 40))
+    whole = merl.write
+
+    def small(target: Path, source: object) -> dict[str, int]:
+        return whole(target, source, (4, 4, 8))  # type: ignore[arg-type]
+
+    monkeypatch.setattr(merl, "write", small)
+    assert main(["convert", str(path), str(tmp_path / "out.binary")]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "an anisotropic source: the table holds the cut" in shown
+    assert "bins between and beyond the samples are interpolated" in shown
