@@ -1,0 +1,168 @@
+"""Charts of error against cost: which fits are run, and each of them on the same split of its source.
+
+A plan is methods × textures × sizes × searches, less what a method ignores. Each finished run becomes a
+line of a CSV at once, so that an interrupted chart goes on where it stopped; what is not in it is fitted
+and measured as in a comparison.
+"""
+
+import dataclasses
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+
+from homofact.baselines.mccool import PROJECTIONS
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import Source
+from homofact.errors import BadInput, HomofactError, Status
+from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
+from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure, training_samples
+from homofact.evaluate.machine import machine
+from homofact.evaluate.methods import check_settings, method
+from homofact.factor.fit import ProgressCallback
+from homofact.factor.settings import FitSettings
+from homofact.version import __version__
+
+
+@dataclass(frozen=True)
+class Run:
+    """One fit of a chart; `label` is the method as it was asked for ("mccool:wi+h")."""
+
+    label: str
+    settings: FitSettings
+
+    @property
+    def series(self) -> str:
+        """What it shares with its like in a chart: the method, and the search where the method takes one."""
+        return series_name(self.label, self.search)
+
+    @property
+    def search(self) -> str:
+        """The search's name, empty where the method takes none."""
+        return "" if "search" in method(self.settings.method).ignores else self.settings.search
+
+    @property
+    def name(self) -> str:
+        """The run in words."""
+        return f"{self.series}, {self.settings.textures} × {self.settings.size}²"
+
+
+def plan(
+    methods: Mapping[str, FitSettings], textures: Sequence[int], sizes: Sequence[int], searches: Sequence[str]
+) -> tuple[Run, ...]:
+    """Every run of a chart, smallest textures first; `methods` gives each label the settings that it starts from.
+
+    What a method ignores is not multiplied out: McCool's list is run once a size. Raises BadInput for an
+    empty list and for all that `check_settings` and the settings themselves refuse.
+    """
+    for name, found in (("methods", methods), ("textures", textures), ("sizes", sizes), ("searches", searches)):
+        if not found:
+            raise BadInput(f"{name}: found none, expected at least one")
+    runs: dict[Run, None] = {}
+    for label, base in methods.items():
+        ignored = method(base.method).ignores
+        counts = (len(base.projections or PROJECTIONS),) if "textures" in ignored else textures
+        for size in sizes:
+            for count in counts:
+                for search in (base.search,) if "search" in ignored else searches:
+                    run = Run(label, replace(base, textures=count, size=size, search=search))
+                    check_settings(run.settings)
+                    runs[run] = None
+    return tuple(runs)
+
+
+def identity(source: Source, digest: str, run: Run, held_out: float, where: str) -> Identity:
+    """The identity of `run` on a source whose samples have this digest, on the machine `where`."""
+    settings = run.settings
+    if settings.epsilon is None:
+        settings = replace(settings, epsilon=source.default_epsilon)
+    ignored = method(settings.method).ignores
+    used = {each.name: getattr(settings, each.name) for each in fields(settings) if each.name not in ignored}
+    words = [f"{name}={'+'.join(value) if isinstance(value, tuple) else value}" for name, value in used.items()]
+    return Identity(digest, " ".join([*words, f"held_out={held_out}"]), where, __version__)
+
+
+def samples_digest(samples: Samples, kind: str) -> str:
+    """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels and kind."""
+    digest = hashlib.sha256(f"{kind} {samples.isotropic} {samples.channels}".encode())
+    for tensor in (samples.wi, samples.wo, samples.values, samples.weights):
+        digest.update(str(tuple(tensor.shape)).encode())
+        digest.update(tensor.cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()[:16]
+
+
+def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:
+    """The line of a run that ended with `row`."""
+    return ChartRow(
+        source=row.source,
+        label=run.label,
+        search=run.search,
+        textures_asked=run.settings.textures,
+        size=run.settings.size,
+        textures=len(row.factorization.terms),
+        bytes=row.factorization.nbytes,
+        fetches=row.factorization.fetches,
+        evaluations=row.report.evaluations,
+        status=row.report.status.value,
+        seconds_read=row.seconds_read,
+        seconds_fit=row.seconds_fit,
+        seconds_total=row.seconds_total,
+        held_out=row.held_out,
+        train=row.train,
+        epsilon=row.factorization.transform.epsilon,
+        seed=row.settings.seed,
+        samples=row.samples,
+        channels=" ".join(row.factorization.channels),
+        held_out_part=held_out,
+        notes="; ".join(row.report.notes),
+        **dataclasses.asdict(wanted),
+    )
+
+
+def run_chart(
+    source: Source,
+    runs: Sequence[Run],
+    ledger: Ledger,
+    held_out: float = HELD_OUT,
+    started: Callable[[int, Run], None] | None = None,
+    progress: ProgressCallback | None = None,
+) -> list[ChartRow]:
+    """The lines of all `runs` on `source`, in their order; those in `ledger` are not fitted again.
+
+    `started` is called with the place of every run that is fitted. A fit that was interrupted is no line, even
+    where it kept something: KeyboardInterrupt passes on, with every finished run in the ledger.
+    """
+    digest, where = samples_digest(source.samples, source.kind), machine()
+    rows: list[ChartRow] = []
+    warm: set[str] = set()
+    for place, run in enumerate(runs):
+        wanted = identity(source, digest, run, held_out, where)
+        row = ledger.find(wanted)
+        if row is None:
+            if started is not None:
+                started(place, run)
+            if run.settings.method not in warm:
+                _warm_up(source, run.settings)
+                warm.add(run.settings.method)
+            try:
+                fitted = fit_and_measure(source, run.settings, held_out, progress)
+            except BadInput as error:
+                raise BadInput(f"{run.name}: {error}") from error
+            if fitted.report.status is Status.INTERRUPTED:
+                raise KeyboardInterrupt
+            row = finished(run, fitted, held_out, wanted)
+            ledger.append(row)
+        # One fit may be asked for under two names ("mccool" and "mccool:wi+h").
+        rows.append(replace(row, label=run.label))
+    return rows
+
+
+def _warm_up(source: Source, settings: FitSettings) -> None:
+    """A throw-away fit of a few samples, so that no run's time holds what is paid once (compilation, first calls)."""
+    small = replace(settings, size=4, search_size=4, search_samples=0, restarts=1, copies=1, budget=0.05, epsilon=0.01)
+    # What is wrong with the samples or the settings, the fit itself will say.
+    with suppress(HomofactError):
+        samples = training_samples(source, source.samples.subset(64, settings.seed), small)
+        fitted = method(settings.method).fit(samples, small, None)
+        if fitted.report.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt

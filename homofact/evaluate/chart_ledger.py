@@ -1,0 +1,188 @@
+"""The CSV of a chart: one line a finished run, and how it is known which run a line stands for.
+
+A line stands for a run only where everything agrees that could change it: the samples (by hash), every
+setting that the method reads, the part held out, and, since its times are compared too, the machine and
+the version.
+"""
+
+import csv
+import io
+import os
+import typing
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from homofact.brdf.readers.files import write_bytes
+from homofact.errors import BadInput
+from homofact.evaluate.metrics import SixErrors
+from homofact.version import __version__
+
+
+def series_name(label: str, search: str) -> str:
+    """The name of a series: "cole", "search (gradient)"."""
+    return f"{label} ({search})" if search else label
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What decides whether a line of a CSV stands for a run."""
+
+    samples_sha256: str
+    settings: str
+    machine: str
+    version: str
+
+
+@dataclass(frozen=True)
+class ChartRow:
+    """A finished run, as it stands in the CSV.
+
+    `textures_asked` may be more than `textures`, where the search found one more not worth having. Times in
+    seconds, `bytes` of float32 texels, `held_out` the part of the samples; `samples_sha256` and `settings`
+    (all that the method reads) say what the line stands for. The errors are in the units of `metrics`.
+    """
+
+    source: str
+    label: str
+    search: str
+    textures_asked: int
+    size: int
+    textures: int
+    bytes: int
+    fetches: int
+    evaluations: int
+    status: str
+    seconds_read: float
+    seconds_fit: float
+    seconds_total: float
+    held_out: SixErrors = field(metadata={"prefix": "held_out_"})
+    train: SixErrors = field(metadata={"prefix": "train_"})
+    epsilon: float
+    seed: int
+    samples: int
+    channels: str
+    held_out_part: float
+    notes: str
+    settings: str
+    samples_sha256: str
+    machine: str
+    version: str
+
+    @property
+    def series(self) -> str:
+        """What it shares with its like in a chart: the method, and the search where the method takes one."""
+        return series_name(self.label, self.search)
+
+    @property
+    def name(self) -> str:
+        """The run in words, with the textures that were kept."""
+        return f"{self.series}, {self.textures} × {self.size}²"
+
+    @property
+    def is_reference(self) -> bool:
+        """Whether this is McCool's own factorization, which others are set beside."""
+        return self.label == "mccool"
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form: that of a comparison's row, and what the CSV has beyond it."""
+        plain = {each.name: getattr(self, each.name) for each in fields(self) if "prefix" not in each.metadata}
+        seconds = {name: plain.pop(f"seconds_{name}") for name in ("read", "fit", "total")}
+        return {
+            **plain,
+            "method": self.label.partition(":")[0],
+            "channels": self.channels.split(),
+            "seconds": seconds,
+            "error": {"train": self.train.record(), "held_out": self.held_out.record()},
+        }
+
+
+def _columns() -> dict[str, tuple[str, str, type]]:
+    """Of the CSV: each column's field of `ChartRow`, its metric (empty for a plain field) and its type."""
+    types = typing.get_type_hints(ChartRow)
+    columns: dict[str, tuple[str, str, type]] = {}
+    for each in fields(ChartRow):
+        if "prefix" in each.metadata:
+            columns |= {f"{each.metadata['prefix']}{of.name}": (each.name, of.name, float) for of in fields(SixErrors)}
+        else:
+            columns[each.name] = (each.name, "", types[each.name])
+    return columns
+
+
+_COLUMNS = _columns()
+
+
+class Ledger:
+    """The CSV of a chart: the lines that are there, and one more with every run that ends.
+
+    Lines of other settings stay in the file and are never taken for a run's own.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], fresh: bool = False) -> None:
+        """Read what `path` holds, or with `fresh` begin anew (the file is replaced with the first line).
+
+        Raises BadInput for a file that is none of ours, is damaged, or was written by another version.
+        """
+        self.path = Path(path)
+        self._lines: dict[Identity, ChartRow] = {}
+        if not fresh and self.path.exists():
+            self._lines = {_identity_of(row): row for row in _read(self.path)}
+
+    def __len__(self) -> int:
+        """How many lines there are."""
+        return len(self._lines)
+
+    def find(self, wanted: Identity) -> ChartRow | None:
+        """The line that stands for this run, or None."""
+        return self._lines.get(wanted)
+
+    def append(self, row: ChartRow) -> None:
+        """One more line, in the file before this returns. Raises BadInput where it cannot be written."""
+        self._lines[_identity_of(row)] = row
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(_COLUMNS)
+        writer.writerows(_cells(each) for each in self._lines.values())
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(self.path, text.getvalue().encode())
+
+
+def _identity_of(row: ChartRow) -> Identity:
+    return Identity(**{each.name: getattr(row, each.name) for each in fields(Identity)})
+
+
+def _cells(row: ChartRow) -> list[Any]:
+    whole = [(getattr(row, name), metric) for name, metric, _ in _COLUMNS.values()]
+    return [getattr(value, metric) if metric else value for value, metric in whole]
+
+
+def _read(path: Path) -> list[ChartRow]:
+    """The lines of a chart's CSV; floats are written in full, so they come back as they were."""
+    remedy = "expected a new folder, or --force to begin anew"
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            lines = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BadInput(f"{path}: cannot be read as a chart's CSV ({error}), {remedy}") from error
+    if not lines or lines[0] != list(_COLUMNS):
+        raise BadInput(f"{path}: found other columns than those of homofact {__version__}, {remedy}")
+    rows = []
+    for number, cells in enumerate(lines[1:], 2):
+        if len(cells) != len(_COLUMNS):
+            raise BadInput(f"{path}, line {number}: found {len(cells)} cells of {len(_COLUMNS)}, {remedy}")
+        plain: dict[str, Any] = {}
+        for (column, (name, metric, kind)), cell in zip(_COLUMNS.items(), cells, strict=True):
+            try:
+                value = kind(cell)
+            except ValueError as error:
+                raise BadInput(f"{path}, line {number}: {column} is {cell!r}, {remedy}") from error
+            if metric:
+                plain.setdefault(name, {})[metric] = value
+            else:
+                plain[name] = value
+        whole: dict[str, Any] = {k: SixErrors(**v) if isinstance(v, dict) else v for k, v in plain.items()}
+        row = ChartRow(**whole)
+        if row.version != __version__:
+            raise BadInput(f"{path}, line {number}: found a result of homofact {row.version}, {remedy}")
+        rows.append(row)
+    return rows

@@ -1,0 +1,164 @@
+"""Where labels go beside crowded points: near their own, on nothing else.
+
+Each label tries a ring of places round its point, and nearer rings first. The cost of a place is what
+the label would cover (other labels, points, lines, the edge) and how far it is; labels are put down one
+after the other and then moved again in turn until none gains. Deterministic, for some tens of labels.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+_RINGS = (4.0, 7.0, 12.0, 18.0, 26.0, 36.0, 48.0)  # from a point's edge to its label's, in points
+_ANGLES = 24
+_SWEEPS = 12
+LEADER = 10.0  # beyond this distance a line should lead from the point to its label
+
+
+@dataclass(frozen=True)
+class Place:
+    """A label's box (x0, y0, x1, y1), and whether it is so far from its point that a line should lead there."""
+
+    box: tuple[float, float, float, float]
+    leader: bool
+
+
+def place_labels(
+    points: Sequence[tuple[float, float]],
+    sizes: Sequence[tuple[float, float]],
+    bounds: tuple[float, float, float, float],
+    *,
+    others: Sequence[tuple[float, float]] = (),
+    lines: Sequence[tuple[float, float]] = (),
+    radius: float = 4.0,
+) -> list[Place]:
+    """A place for every label of `sizes` (width, height) beside its point, all in one unit (1/72 inch).
+
+    `points` and `others` are discs of `radius` to be left free, `lines` are places along lines to be left free
+    where that is possible, `bounds` (x0, y0, x1, y1) is what the labels should stay within.
+    """
+    if not points:
+        return []
+    discs = np.array([*points, *others], dtype=float)
+    along = np.array(lines, dtype=float).reshape(-1, 2)
+    trials = [_trials(point, size, radius) for point, size in zip(points, sizes, strict=True)]
+    alone = [
+        _cost_alone(boxes, rings, np.array(point), discs, along, bounds, radius)
+        for (boxes, rings), point in zip(trials, points, strict=True)
+    ]
+    paths = [np.stack([_leader(point, box) for box in boxes]) for (boxes, _), point in zip(trials, points, strict=True)]
+    chosen = [int(costs.argmin()) for costs in alone]
+    for _ in range(_SWEEPS):
+        moved = False
+        for i, (boxes, rings) in enumerate(trials):
+            others_of = [j for j in range(len(trials)) if j != i]
+            rest = np.array([trials[j][0][chosen[j]] for j in others_of]).reshape(-1, 4)
+            theirs = np.array([paths[j][chosen[j]] for j in others_of]).reshape(-1, 2)
+            shared = _overlap(boxes, rest)
+            struck = _inside(rest, paths[i].reshape(-1, 2)).any(0).reshape(len(boxes), -1).sum(1) * (rings > LEADER)
+            costs = alone[i] + 40.0 * (shared > 0).sum(1) + 0.5 * shared.sum(1)
+            costs += 6.0 * (_inside(boxes, theirs).sum(1) + struck)
+            best = int(costs.argmin())
+            if costs[best] < costs[chosen[i]] - 1e-9:
+                chosen[i], moved = best, True
+        if not moved:
+            break
+    places = []
+    for (boxes, rings), j in zip(trials, chosen, strict=True):
+        x0, y0, x1, y1 = (float(value) for value in boxes[j])
+        places.append(Place((x0, y0, x1, y1), bool(rings[j] > LEADER)))
+    return places
+
+
+def _trials(point: tuple[float, float], size: tuple[float, float], radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes (T, 4) round a point whose nearest edge is at the ring's distance, and their rings (T,)."""
+    boxes, rings = [], []
+    for ring in _RINGS:
+        for k in range(_ANGLES):
+            angle = 2 * math.pi * k / _ANGLES
+            dx, dy = math.cos(angle), math.sin(angle)
+            # The box slides along the ring: beside the point its middle is level, above it is centred.
+            centre_x = point[0] + dx * (radius + ring) + _side(dx) * size[0] / 2
+            centre_y = point[1] + dy * (radius + ring) + _side(dy) * size[1] / 2
+            boxes.append(
+                (centre_x - size[0] / 2, centre_y - size[1] / 2, centre_x + size[0] / 2, centre_y + size[1] / 2)
+            )
+            rings.append(ring)
+    return np.array(boxes), np.array(rings)
+
+
+def _side(cosine: float) -> float:
+    """−1 to 1: on which side of its point a box stands in this direction, level or centred in between."""
+    return max(-1.0, min(1.0, 1.6 * cosine))
+
+
+def _cost_alone(
+    boxes: np.ndarray,
+    rings: np.ndarray,
+    point: np.ndarray,
+    discs: np.ndarray,
+    along: np.ndarray,
+    bounds: tuple[float, float, float, float],
+    radius: float,
+) -> np.ndarray:
+    """What each place costs whatever the other labels do: (T,)."""
+    x0, y0, x1, y1 = bounds
+    outside = (
+        np.clip(x0 - boxes[:, 0], 0, None)
+        + np.clip(y0 - boxes[:, 1], 0, None)
+        + np.clip(boxes[:, 2] - x1, 0, None)
+        + np.clip(boxes[:, 3] - y1, 0, None)
+    )
+    covered = _inside(boxes, discs, radius).sum(1)
+    crossed = _inside(boxes, along, 1.0).sum(1)
+    # A label that is as near to another point as to its own, or a leader over one, would name the wrong one.
+    foreign = discs[np.hypot(*(discs - point).T) > 1e-6]
+    doubtful = (_gap(boxes, foreign) < (rings + radius + 2)[:, None]).sum(1)
+    misled = np.zeros(len(boxes))
+    for t in np.flatnonzero(rings > LEADER):
+        line = _leader((float(point[0]), float(point[1])), boxes[t])
+        if len(foreign):
+            gaps = np.hypot(line[:, None, 0] - foreign[None, :, 0], line[:, None, 1] - foreign[None, :, 1])
+            misled[t] = (gaps.min(0) < radius).sum()
+    return (
+        0.4 * rings
+        + 30.0 * covered
+        + 4.0 * crossed
+        + 3.0 * outside
+        + 40.0 * (outside > 0)
+        + 15.0 * misled
+        + 2.5 * doubtful
+    )
+
+
+def nearest_edge(point: tuple[float, float], box: Sequence[float]) -> tuple[float, float]:
+    """The place on a box that is nearest to a point."""
+    return min(max(point[0], box[0]), box[2]), min(max(point[1], box[1]), box[3])
+
+
+def _leader(point: tuple[float, float], box: np.ndarray) -> np.ndarray:
+    """Places (9, 2) along the line from a point to its label."""
+    end = np.array(nearest_edge(point, [float(value) for value in box]))
+    return np.array(point) + np.linspace(0.1, 0.9, 9)[:, None] * (end - np.array(point))
+
+
+def _gap(boxes: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """How far each place (P, 2) is from each box, 0 in it: (T, P)."""
+    x, y = places[None, :, 0], places[None, :, 1]
+    gap_x = np.maximum(np.maximum(boxes[:, None, 0] - x, x - boxes[:, None, 2]), 0)
+    gap_y = np.maximum(np.maximum(boxes[:, None, 1] - y, y - boxes[:, None, 3]), 0)
+    return np.hypot(gap_x, gap_y)
+
+
+def _inside(boxes: np.ndarray, places: np.ndarray, margin: float = 0.0) -> np.ndarray:
+    """Whether each place (P, 2) is within `margin` of each box: (T, P)."""
+    return _gap(boxes, places) <= margin
+
+
+def _overlap(boxes: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """Shared area of each box (T, 4) with each of the rest (R, 4), a gap kept between words: (T, R)."""
+    width = np.minimum(boxes[:, None, 2], rest[None, :, 2]) - np.maximum(boxes[:, None, 0], rest[None, :, 0]) + 4
+    height = np.minimum(boxes[:, None, 3], rest[None, :, 3]) - np.maximum(boxes[:, None, 1], rest[None, :, 1]) + 1
+    return np.clip(width, 0, None) * np.clip(height, 0, None)

@@ -1,0 +1,65 @@
+"""Logarithmic axes that a person can read: a few round ticks, each with its number, none between them."""
+
+import math
+from collections.abc import Callable
+
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+# Leading digits of the ticks in a decade, from sparse to dense.
+_DIGITS = ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
+
+
+def round_ticks(low: float, high: float, fewest: int = 3, most: int = 7) -> list[float]:
+    """Round numbers from `low` to `high`, both above 0: `most` at most, and `fewest` at least where the digits allow.
+
+    The ticks are 1, 1–3, 1–2–5 or denser in every decade; over many decades only every second, third … one.
+    """
+    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
+    ticks: list[float] = []
+    for digits in _DIGITS:
+        stride = 1
+        while True:
+            decades = [decade for decade in range(first, last + 1) if decade % stride == 0]
+            found = [digit * 10.0**decade for decade in decades for digit in digits]
+            found = [tick for tick in found if low * (1 - 1e-9) <= tick <= high * (1 + 1e-9)]
+            if len(found) <= most:
+                break
+            if len(digits) > 1:  # too dense: the sparser ones before stand
+                return ticks
+            stride += 1
+        ticks = found
+        if len(ticks) >= fewest:
+            break
+    return ticks
+
+
+def plain_number(value: float) -> str:
+    """A tick's number as people write it: 0.02, 500, and powers of ten beyond that."""
+    if 1e-4 <= value < 1e5:
+        return f"{value:.10f}".rstrip("0").rstrip(".")
+    exponent = math.floor(math.log10(value) + 1e-9)
+    digit = value / 10.0**exponent
+    return f"$10^{{{exponent}}}$" if abs(digit - 1) < 1e-6 else f"${digit:g}\\cdot10^{{{exponent}}}$"
+
+
+def set_ticks(axis: Axis, ticks: list[float], words: Callable[[float], str] = plain_number) -> None:
+    """Put these ticks on an axis (an Axes' xaxis or yaxis) and no others."""
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: words(value)))
+    axis.set_minor_locator(NullLocator())
+
+
+def log_x(axes: Axes, low: float, high: float, fewest: int = 3, most: int = 7) -> None:
+    """A logarithmic x axis from `low` to `high` with round ticks."""
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    set_ticks(axes.xaxis, round_ticks(low, high, fewest, most))
+
+
+def log_y(axes: Axes, low: float, high: float, fewest: int = 5, most: int = 9) -> None:
+    """A logarithmic y axis from `low` to `high` with round ticks."""
+    axes.set_yscale("log")
+    axes.set_ylim(low, high)
+    set_ticks(axes.yaxis, round_ticks(low, high, fewest, most))

@@ -1,0 +1,24 @@
+"""The machine that a time was measured on, in one line: a time without it says nothing."""
+
+import os
+import platform
+from importlib.metadata import version
+from pathlib import Path
+
+
+def machine() -> str:
+    """Processor, cores, threads asked for, system, and the versions of what does the work."""
+    processor = " ".join(part for part in (platform.machine(), _model_name()) if part)
+    threads = [f"{name}={os.environ[name]}" for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if name in os.environ]
+    libraries = [f"{name} {version(name)}" for name in ("torch", "numba")]
+    system = f"{platform.system()}, Python {platform.python_version()}"
+    return ", ".join((processor, f"{os.cpu_count()} cores", *threads, system, *libraries))
+
+
+def _model_name() -> str:
+    """The processor's name where the system tells it, which platform.processor often does not."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return ""
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "")
