@@ -8,6 +8,7 @@ other value, since only a missing key falls through. The sections:
     [fit]                # `factor.settings.FitSettings`, all but its seed
     [evaluate]           # `EvaluateSettings`
     [compare]            # `CompareSettings`
+    [chart]              # `ChartSettings`
     [output]             # `OutputSettings`
     [render]             # `RenderSettings`
 
@@ -34,16 +35,20 @@ class SourceSettings:
     """What is read: a file's path or `material:NAME`, its channels, and how a model is sampled.
 
     `channels` is rgb, luminance, spectral or one channel's name; `count` (pairs of directions) and
-    `scheme` count for analytic models only.
+    `scheme` count for analytic models only. `subset` above 0 is the most samples that a fit is given, drawn by
+    cells (`brdf.stratified`).
     """
 
     path: str | None = None
     channels: str = "rgb"
     count: int = 45_000
     scheme: str = "discs"
+    subset: int = 0
 
     def __post_init__(self) -> None:
         """Refuse a count that leaves nothing to fit."""
+        if self.subset < 0:
+            raise BadInput(f"subset: found {self.subset}, expected at least 1, or 0 for all samples")
         if self.count < 1:
             raise BadInput(f"count: found {self.count}, expected at least 1")
 
@@ -64,17 +69,43 @@ class EvaluateSettings:
 class CompareSettings:
     """`methods` are fitted side by side; `plot` is the figure's file, where one is wanted.
 
+    `metrics` names what they are measured by: six, all, or single metrics.
+
     A method is a name, or `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`).
     """
 
     methods: tuple[str, ...] = ("mccool", "cole", "search")
     plot: str | None = None
+    metrics: tuple[str, ...] = ("six",)
 
     def __post_init__(self) -> None:
         """Refuse an empty list and a method named twice."""
         if not self.methods or len(set(self.methods)) < len(self.methods):
             found = ", ".join(self.methods) if self.methods else "none"
             raise BadInput(f"methods: found {found}, expected at least one, none twice")
+
+
+@dataclass(frozen=True)
+class ChartSettings:
+    """What a chart runs on each of `sources`: methods × counts of textures × sizes × searches.
+
+    A method is named as for a comparison; McCool's fixed lists take neither counts nor searches, and only
+    `search` takes searches. No sources means the one of [source].
+    """
+
+    sources: tuple[str, ...] = ()
+    methods: tuple[str, ...] = ("mccool", "cole", "search")
+    textures: tuple[int, ...] = (1, 2, 3)
+    sizes: tuple[int, ...] = (8, 16, 32)
+    searches: tuple[str, ...] = ("gradient",)
+
+    def __post_init__(self) -> None:
+        """Refuse an empty list and an entry named twice."""
+        for field in fields(self):
+            found = getattr(self, field.name)
+            if (not found and field.name != "sources") or len(set(found)) < len(found):
+                listed = ", ".join(map(str, found)) if found else "none"
+                raise BadInput(f"{field.name}: found {listed}, expected at least one, none twice")
 
 
 @dataclass(frozen=True)
@@ -118,6 +149,7 @@ class Config:
     fit: FitSettings
     evaluate: EvaluateSettings
     compare: CompareSettings
+    chart: ChartSettings
     output: OutputSettings
     render: RenderSettings
 
@@ -127,6 +159,7 @@ _SECTIONS: dict[str, Any] = {
     "fit": FitSettings,
     "evaluate": EvaluateSettings,
     "compare": CompareSettings,
+    "chart": ChartSettings,
     "output": OutputSettings,
     "render": RenderSettings,
 }

@@ -12,18 +12,21 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # A room may import itself and these. The root's __init__ is the library's front door and may open every room.
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
-    "geometry": {"errors"},
-    "linear": {"errors"},
-    "brdf": {"errors", "geometry", "linear"},
-    "factor": {"errors", "geometry", "linear", "brdf"},
-    "baselines": {"errors", "geometry", "linear", "brdf", "factor"},
-    "evaluate": {"errors", "geometry", "linear", "brdf", "factor", "baselines"},
-    "render": {"errors", "geometry", "linear", "brdf", "factor", "baselines"},
-    "export": {"errors", "geometry", "linear", "brdf", "factor", "baselines", "render"},
-    "api": {"errors", "geometry", "linear", "brdf", "factor", "baselines", "evaluate", "render", "export"},
-    "config": {"errors", "geometry", "linear", "brdf", "factor", "baselines", "evaluate", "render", "export"},
+    "version": set(),
+    "geometry": {"errors", "version"},
+    "linear": {"errors", "version"},
+    "brdf": {"errors", "version", "geometry", "linear"},
+    "factor": {"errors", "version", "geometry", "linear", "brdf"},
+    "baselines": {"errors", "version", "geometry", "linear", "brdf", "factor"},
+    "evaluate": {"errors", "version", "geometry", "linear", "brdf", "factor", "baselines"},
+    "render": {"errors", "version", "geometry", "linear", "brdf", "factor", "baselines"},
+    "export": {"errors", "version", "geometry", "linear", "brdf", "factor", "baselines", "render"},
+    "api": {"errors", "version", "geometry", "linear", "brdf", "factor", "baselines", "evaluate", "render", "export"},
+    "config": {
+        "errors", "version", "geometry", "linear", "brdf", "factor", "baselines", "evaluate", "render", "export",
+    },
     "cli": {
-        "errors", "geometry", "linear", "brdf", "factor", "baselines", "evaluate", "render", "export", "api",
+        "errors", "version", "geometry", "linear", "brdf", "factor", "baselines", "evaluate", "render", "export", "api",
         "config",
     },
 }  # fmt: skip

@@ -39,9 +39,9 @@ def to_rgb(
 ) -> tuple[Tensor, dict[str, Any]]:
     """Linear sRGB (N, 3) in sr⁻¹ of spectra (N, W) in sr⁻¹ at `wavelengths` in nm, and the facts (JSON-able).
 
-    Colours outside the gamut have a negative channel: it is set to 0 unless `clip` is false (a picture counts and
-    clips what leaves the gamut itself), and facts["clipped"] counts those per channel. Raises BadInput for wavelengths that do not fit, do not rise or leave out blue or red, and for an
-    unknown illuminant.
+    Colours outside the gamut have a negative channel: it is set to 0 unless `clip` is false (a picture counts
+    and clips what leaves the gamut itself), and facts["clipped"] counts those per channel. Raises BadInput for
+    wavelengths that do not fit, do not rise or leave out blue or red, and for an unknown illuminant.
     """
     weights = _weights(_checked(spectra, wavelengths), illuminant)
     rgb = spectra @ torch.from_numpy(weights[0].copy()).to(spectra)

@@ -4,12 +4,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.judging import Judge, chosen_metrics
 from homofact.cli.places import check_file
-from homofact.cli.screen import Screen, say_ending
-from homofact.cli.subject import check_source, method_settings, open_subject
-from homofact.cli.tables import cost_table, error_table
+from homofact.cli.screen import Screen, say_ending, say_subset
+from homofact.cli.subject import check_source, method_settings, open_subject, warmed_up
+from homofact.cli.tables import cost_table, error_table, metric_tables
 
 
 def compare(
@@ -22,10 +24,18 @@ def compare(
             show_default=False,
         ),
     ] = None,
+    metrics: Annotated[
+        str | None,
+        typer.Option(
+            help="six, all, or names with commas (an unknown one lists them). Default: six.",
+            show_default=False,
+        ),
+    ] = None,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the errors (.png, .pdf, .svg).")] = None,
     channels: o.Channels = None,
     count: o.Count = None,
     scheme: o.Scheme = None,
+    subset: o.Subset = None,
     held_out: o.HeldOut = None,
     textures: o.Textures = None,
     size: o.Size = None,
@@ -37,6 +47,7 @@ def compare(
     together: o.Together = None,
     restarts: o.Restarts = None,
     search: o.Search = None,
+    validation: o.Validation = None,
     budget: o.Budget = None,
     refine: o.Refine = None,
     search_size: o.SearchSize = None,
@@ -58,6 +69,7 @@ def compare(
     if target is not None:
         check_file(target, ".png", ".pdf", ".svg")
     fits = {label: method_settings(settings.fit, label) for label in settings.compare.methods}
+    names = chosen_metrics(settings.compare.metrics)
 
     from homofact.evaluate.compare import fit_and_measure
     from homofact.evaluate.plot import plot_rows
@@ -67,21 +79,28 @@ def compare(
     with screen.bar() as bar:
         bar.stage("reading")
         subject = open_subject(settings)
+        warmed_up(screen)
         rows = {}
         for label, fit in fits.items():
             bar.stage(label)
-            rows[label] = fit_and_measure(subject, fit, settings.evaluate.held_out, bar)
+            rows[label] = fit_and_measure(subject, fit, settings.evaluate.held_out, bar, settings.source.subset)
+        bar.stage("measuring")
+        judge = Judge(subject, settings.evaluate.held_out, names)
+        values = {label: judge.measure(row) for label, row in rows.items()}
+        conditions = judge.conditions()
         if target is not None:
             bar.stage("drawing")
             target.parent.mkdir(parents=True, exist_ok=True)
             replace_file(target, lambda beside: plot_rows(beside, list(rows.values())))
     for label, row in rows.items():
         say_ending(screen, row.report, label)
-    records = {label: row.record() for label, row in rows.items()}
-    screen.show(error_table(records), cost_table(records))
+    records = {label: row.record() | {"metrics": values[label]} for label, row in rows.items()}
+    say_subset(screen, next(iter(records.values())))
+    screen.show(error_table(records), *metric_tables(values), *map(Text, conditions), cost_table(records))
     answer: dict[str, Any] = {
         "source": subject.name,
         "rows": [{"label": label, **each} for label, each in records.items()],
+        "metric_conditions": conditions,
     }
     if target is not None:
         screen.note(f"The figure: {target}")

@@ -8,8 +8,8 @@ import typer
 
 from homofact.cli import options as o
 from homofact.cli.places import check_folder
-from homofact.cli.screen import Screen, plain, say_ending
-from homofact.cli.subject import check_source, display_of, method_settings, open_subject
+from homofact.cli.screen import Screen, plain, say_ending, say_subset
+from homofact.cli.subject import check_source, display_of, method_settings, open_subject, warmed_up
 from homofact.cli.tables import cost_table, error_table, figure
 from homofact.errors import BadInput
 
@@ -22,6 +22,7 @@ def factorize(
     channels: o.Channels = None,
     count: o.Count = None,
     scheme: o.Scheme = None,
+    subset: o.Subset = None,
     held_out: o.HeldOut = None,
     method: o.Method = None,
     textures: o.Textures = None,
@@ -34,6 +35,7 @@ def factorize(
     together: o.Together = None,
     restarts: o.Restarts = None,
     search: o.Search = None,
+    validation: o.Validation = None,
     budget: o.Budget = None,
     refine: o.Refine = None,
     search_size: o.SearchSize = None,
@@ -73,13 +75,16 @@ def factorize(
     with screen.bar() as bar:
         bar.stage("reading")
         subject = open_subject(settings)
+        warmed_up(screen)
         bar.stage(fit.method)
-        row = fit_and_measure(subject, fit, settings.evaluate.held_out, bar)
+        row = fit_and_measure(subject, fit, settings.evaluate.held_out, bar, settings.source.subset)
         rows = {fit.method: row}
         baseline = replace(fit, method="mccool", projections=())
         if baseline != fit:
             bar.stage("McCool's projections")
-            rows["McCool"] = fit_and_measure(subject, baseline, settings.evaluate.held_out)
+            rows["McCool"] = fit_and_measure(
+                subject, baseline, settings.evaluate.held_out, subset=settings.source.subset
+            )
         records = {label: each.record() for label, each in rows.items()}
         record = {**records[fit.method], "out": str(folder)}
         if "McCool" in records:
@@ -103,6 +108,7 @@ def factorize(
             force=settings.output.force,
         )
     say_ending(screen, row.report)
+    say_subset(screen, record)
     if not quiet:
         screen.show(
             error_table(records),
@@ -119,5 +125,11 @@ def caption(record: dict[str, Any]) -> list[str]:
     return [
         f"log MSE {figure(held['log_mse'])} held out, {figure(train['log_mse'])} training",
         f"log MAE {figure(held['log_mae'])}, MAE {figure(held['mae'])} sr⁻¹ held out",
-        f"{record['textures']} textures, {record['bytes']} bytes, {record['fetches']} fetches",
+        f"{counted(record['textures'], 'texture')}, {record['bytes']} bytes, {counted(record['fetches'], 'fetch')}",
     ]
+
+
+def counted(number: int, noun: str) -> str:
+    """The number with its noun, in the plural where it is not 1."""
+    plural = f"{noun}es" if noun.endswith("ch") else f"{noun}s"
+    return f"{number} {noun if number == 1 else plural}"

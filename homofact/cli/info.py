@@ -1,16 +1,26 @@
 """`homofact info`: what is in a file, or what a named material is."""
 
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 
 from homofact.cli import options as o
+from homofact.cli.places import check_file
 from homofact.cli.screen import Screen
-from homofact.cli.subject import check_source, open_subject
+from homofact.cli.subject import check_source, display_of, open_subject
 from homofact.cli.tables import facts_table
+
+if TYPE_CHECKING:
+    from homofact.brdf.source import Source
 
 
 def info(
     context: typer.Context,
     source: o.Source = None,
+    drawing: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw a slice, lobes and a lit sphere.")
+    ] = None,
     channels: o.Channels = None,
     count: o.Count = None,
     scheme: o.Scheme = None,
@@ -24,6 +34,8 @@ def info(
 
     settings = load_config(config, o.given(context))
     check_source(settings)
+    if drawing is not None:
+        check_file(drawing, ".png")
 
     from homofact.brdf.source import describe
 
@@ -32,7 +44,25 @@ def info(
         bar.stage("reading")
         subject = open_subject(settings)
         facts = describe(subject)
+        if drawing is not None:
+            bar.stage("drawing")
+            facts |= _draw(drawing, subject)
     # A model's name and parameters read better as rows of their own.
     rows = {name: value for name, value in facts.items() if name != "material"}
     screen.show(facts_table(subject.name, rows | (facts.get("material") or {})))
     screen.answer(facts)
+
+
+def _draw(picture: Path, subject: "Source") -> dict[str, Any]:
+    """Draw the picture; its file, and what it was drawn with."""
+    from homofact.render.info_picture import info_picture
+
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    report = info_picture(
+        picture,
+        subject.name,
+        subject.reflectance,
+        measured=subject.samples if subject.kind == "measurement" else None,
+        to_rgb=display_of(subject.samples.channels),
+    )
+    return {"plot": {"file": str(picture), "exposure": report.exposure, "clipped": report.clipped[0]}}

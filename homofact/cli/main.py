@@ -14,9 +14,9 @@ from typing import Annotated
 import typer
 from typer.main import get_command
 
-from homofact import __version__
-from homofact.cli import compare, factorize, info, render
+from homofact.cli import chart, compare, convert, factorize, info, render
 from homofact.errors import BadInput
+from homofact.version import __version__
 
 app = typer.Typer(
     name="homofact",
@@ -26,6 +26,8 @@ app = typer.Typer(
 )
 app.command("factorize")(factorize.factorize)
 app.command("compare")(compare.compare)
+app.command("chart")(chart.chart)
+app.command("convert")(convert.convert)
 app.command("info")(info.info)
 app.command("render")(render.render)
 

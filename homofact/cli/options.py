@@ -12,6 +12,12 @@ import typer
 from homofact.errors import BadInput
 
 _SOURCE, _FIT, _OUTPUT = "The source", "The fit", "Output"
+# `factor.kinds.KINDS`, written out like the defaults.
+KINDS = (
+    "wi", "wo", "h", "d", "theta_h-theta_d", "theta_d-phi_d", "theta_h-phi_d", "theta_i-theta_o",
+    "theta_i-delta_phi", "theta_h", "theta_d", "theta_i", "in-out", "half-diff", "isotropic-half-diff",
+    "isotropic-in-out",
+)  # fmt: skip
 
 Source = Annotated[
     str | None,
@@ -41,6 +47,14 @@ Scheme = Annotated[
         rich_help_panel=_SOURCE,
     ),
 ]
+Subset = Annotated[
+    int | None,
+    typer.Option(
+        help="Most samples that a fit is given, drawn by cells; 0 is all. Default: 0.",
+        show_default=False,
+        rich_help_panel=_SOURCE,
+    ),
+]
 HeldOut = Annotated[
     float | None,
     typer.Option(
@@ -61,7 +75,8 @@ Size = Annotated[int | None, _fit("Texels on a side of a texture.", "16")]
 Parameterization = Annotated[
     str | None,
     _fit(
-        "What textures are indexed by; for cole in-out or half-diff, for search one kind or one each (A+B).",
+        "What textures are indexed by. For cole half-diff or in-out. For search one kind for all, or one each joined"
+        f" by +: {', '.join(KINDS)}.",
         "by method",
     ),
 ]
@@ -72,9 +87,14 @@ Reciprocal = Annotated[
 Solver = Annotated[str | None, _fit("Of the inner problem: cholesky, qr, lsmr, cg or qmr.", "cholesky")]
 Smoothing = Annotated[float | None, _fit("Weight of the Laplacian, in samples a texel.", "by method")]
 Epsilon = Annotated[float | None, _fit("Of the log transform, in units of the mean.", "by the source")]
-Together = Annotated[int | None, _fit("How many of the last textures are solved together; 0 is all.", "2")]
+Together = Annotated[int | None, _fit("How many of the last textures cole solves together; 0 is all.", "2")]
 Restarts = Annotated[int | None, _fit("Random starts of the search for each texture.", "6")]
-Search = Annotated[str | None, _fit("How search refines: gradient, or nlopt-NAME such as nlopt-PRAXIS.", "gradient")]
+Search = Annotated[
+    str | None, _fit("How search refines: gradient, powell, or nlopt-NAME such as nlopt-PRAXIS.", "gradient")
+]
+Validation = Annotated[
+    str | None, _fit("What search leaves out to judge by: rings of a goniometer, or samples at random.", "rings")
+]
 Budget = Annotated[float | None, _fit("Seconds that search may take.", "20.0")]
 Refine = Annotated[str | None, _fit("looks: a last descent of search on the linear error; or none.", "none")]
 SearchSize = Annotated[int | None, _fit("Texels on a side during the search; 0 is --size.", "by method")]
@@ -107,8 +127,15 @@ _KEYS = {
     "channels": "source.channels",
     "count": "source.count",
     "scheme": "source.scheme",
+    "subset": "source.subset",
     "held_out": "evaluate.held_out",
+    "sources": "chart.sources",
     "methods": "compare.methods",
+    "chart_methods": "chart.methods",
+    "texture_counts": "chart.textures",
+    "sizes": "chart.sizes",
+    "searches": "chart.searches",
+    "metrics": "compare.metrics",
     "plot": "compare.plot",
     "out": "output.folder",
     "force": "output.force",
@@ -131,6 +158,7 @@ _KEYS = {
         "together",
         "restarts",
         "search",
+        "validation",
         "budget",
         "refine",
         "search_size",
@@ -141,7 +169,8 @@ _KEYS = {
         "projections",
     )
 }
-_LISTS = ("methods", "projections")
+_LISTS = ("methods", "metrics", "chart_methods", "searches", "projections")
+_COUNTS = {"texture_counts": "textures", "sizes": "sizes"}
 
 
 def given(context: typer.Context) -> dict[str, Any]:
@@ -151,10 +180,23 @@ def given(context: typer.Context) -> dict[str, Any]:
         value = context.params.get(name)
         if name in _LISTS and value is not None:
             value = tuple(part.strip() for part in value.split(",") if part.strip())
+        elif name in _COUNTS and value is not None:
+            value = _whole_numbers(_COUNTS[name], value)
+        elif name == "sources":
+            value = tuple(value) if value else None
+        elif name == "parameterization" and value is not None:
+            value = "+".join(part.strip() for part in value.split("+"))
         elif name == "light" and value is not None:
             value = _direction(value)
         values[key] = str(value) if isinstance(value, Path) else value
     return values
+
+
+def _whole_numbers(option: str, text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(part) for part in text.split(",") if part.strip())
+    except ValueError as error:
+        raise BadInput(f"{option}: found {text!r}, expected whole numbers with commas") from error
 
 
 def _direction(text: str) -> tuple[float, float, float]:

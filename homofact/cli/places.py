@@ -17,6 +17,13 @@ def check_folder(folder: Path, force: bool) -> None:
     _try_writing(folder.resolve().parent)
 
 
+def check_place(folder: Path) -> None:
+    """Refuse a folder for several files that is a file itself or cannot be made or written. Raises BadInput."""
+    if folder.exists() and not folder.is_dir():
+        raise BadInput(f"{folder}: is a file, expected a folder")
+    _try_writing(folder.resolve())
+
+
 def check_file(path: Path, *endings: str) -> None:
     """Refuse a file that is a folder, has none of the `endings`, or is in a closed place. Raises BadInput."""
     if path.is_dir():

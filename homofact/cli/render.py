@@ -45,7 +45,7 @@ def render(
     check_file(target, ".png")
 
     from homofact.export.result import open_result
-    from homofact.render.compare_picture import sphere_picture
+    from homofact.render.compare_picture import caption, sphere_picture
     from homofact.render.environment import read_environment
     from homofact.render.light import DEFAULT_LIGHT, DirectionalLight
 
@@ -70,7 +70,7 @@ def render(
             seed=settings.seed,
         )
     if not quiet:
-        screen.show(f"The picture: {target}", f"{lit.describe()}, exposure {report.exposure:.4g}")
+        screen.show(f"The picture: {target}", caption(lit, report))
     screen.answer(
         {
             "result": str(result),

@@ -64,18 +64,28 @@ class Bar:
     def __init__(self, progress: Progress | None = None, task: TaskID | None = None) -> None:
         """A silent bar, unless it is given one of rich's to move."""
         self._progress, self._task, self._stage = progress, task, ""
+        self._done, self._runs = 0, 1
 
     def stage(self, name: str) -> None:
         """A new stage of unknown length: the bar pulses until a fit reports."""
-        self._stage = name
+        self._stage, self._done, self._runs = name, 0, 1
         self._update(name, "", None, 0)
+
+    def run(self, name: str, done: int, runs: int) -> None:
+        """One fit of several, of which `done` are behind it: the bar is over all of them."""
+        self._stage, self._done, self._runs = f"{done + 1}/{runs} {name}", done, runs
+        self._update(self._stage, "", float(runs), done)
 
     def __call__(self, at: FitProgress) -> None:
         """Show a fit's term, restart, evaluations and best error."""
         done = at.term - 1 + (at.restart - 1) / max(at.restarts, 1)
         best = f"best {at.best:.4g}" if math.isfinite(at.best) else ""
         what = f"{self._stage}: term {at.term}/{at.terms}, restart {at.restart}/{at.restarts}"
-        self._update(what, f"{at.evaluations} evaluations {best}", float(at.terms), done)
+        figures = f"{at.evaluations} evaluations {best}"
+        if self._runs == 1:
+            self._update(what, figures, float(at.terms), done)
+        else:
+            self._update(what, figures, float(self._runs), self._done + done / max(at.terms, 1))
 
     def _update(self, what: str, figures: str, total: float | None, completed: float) -> None:
         if self._progress is not None and self._task is not None:
@@ -136,6 +146,13 @@ def say_ending(screen: Screen, report: Report, label: str = "") -> None:
         screen.note(f"homofact: {about}{report.status.remedy}")
     for note in report.notes:
         screen.note(f"homofact: {about}{note}")
+
+
+def say_subset(screen: Screen, record: dict[str, Any]) -> None:
+    """How many of the training samples a fit was given, where it was not all."""
+    drawn = record["subset"]
+    if drawn is not None:
+        screen.note(f"homofact: fitted to {drawn['samples']} of {drawn['of']} samples, from {drawn['cells']} cells")
 
 
 def plain(value: Any) -> Any:

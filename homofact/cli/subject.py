@@ -1,7 +1,7 @@
 """What a command works on: the source of the configuration, methods by label, how to show it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from homofact.errors import BadInput
@@ -9,8 +9,8 @@ from homofact.errors import BadInput
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from homofact.brdf.reflectance import Reflectance
     from homofact.brdf.source import Source
+    from homofact.cli.screen import Screen
     from homofact.config import Config
     from homofact.factor.settings import FitSettings
 
@@ -23,7 +23,7 @@ def check_source(settings: "Config") -> None:
 
 def open_subject(settings: "Config") -> "Source":
     """The configured source, read or sampled, in all its channels or in one of them. Raises BadInput."""
-    from homofact.brdf.channels import CHANNELS
+    from homofact.brdf.channels import CHANNELS, OneChannel
     from homofact.brdf.source import open_source
 
     check_source(settings)
@@ -46,41 +46,23 @@ def open_subject(settings: "Config") -> "Source":
     return replace(source, samples=source.samples.channel(wanted), reflectance=OneChannel(source.reflectance, wanted))
 
 
-@dataclass(frozen=True)
-class OneChannel:
-    """One channel of a `Reflectance`, itself a `Reflectance`."""
+def warmed_up(screen: "Screen") -> None:
+    """Make the compiled kernels ready before a fit is timed, and say so once, where they had to be compiled."""
+    from homofact.linear.normal import warm_up
 
-    base: "Reflectance"
-    name: str
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """The name alone."""
-        return (self.name,)
-
-    @property
-    def nbytes(self) -> int:
-        """Those of all channels."""
-        return self.base.nbytes
-
-    @property
-    def fetches(self) -> int:
-        """Those of all channels."""
-        return self.base.fetches
-
-    def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """BRDF values (N, 1) in sr⁻¹, without the cosine."""
-        column = self.base.channels.index(self.name)
-        return self.base.evaluate(wi, wo)[:, column : column + 1]
+    seconds = warm_up()
+    if seconds > 0:
+        screen.note(f"homofact: compiled its kernels in {seconds:.0f} s; from now on they are loaded")
 
 
 def method_settings(base: "FitSettings", label: str) -> "FitSettings":
     """The settings that a method's label stands for: `base` with its method and fixed projections.
 
     A label is a method's name, or `mccool:` and projections joined with "+". Raises BadInput for an
-    unknown method, an unknown projection, and for projections behind a method that searches its own.
+    unknown method, an unknown projection, for projections behind a method that searches its own, and for
+    another setting that the method has no such value of.
     """
-    from homofact.evaluate.methods import method
+    from homofact.evaluate.methods import check_settings, method
     from homofact.factor.projection import fixed_projection
 
     name, colon, listed = label.partition(":")
@@ -90,16 +72,19 @@ def method_settings(base: "FitSettings", label: str) -> "FitSettings":
         raise BadInput(f"method: found {label!r}, expected projections behind mccool only, as in mccool:wi+h")
     for each in projections:
         fixed_projection(each, base.reciprocal)
-    return replace(base, method=name, projections=projections)
+    settings = replace(base, method=name, projections=projections)
+    check_settings(settings)
+    return settings
 
 
 def display_of(channels: Sequence[str]) -> "Callable[[Tensor], Tensor] | None":
     """What turns values (N, C) into linear sRGB (N, 3) for a picture; None where they show as they are.
 
-    Spectra become sRGB; one channel shows as grey.
+    Spectra become sRGB, negative where it leaves the gamut, which the picture clips and counts; one channel
+    shows as grey.
     """
     from homofact.brdf.channels import wavelengths_of
     from homofact.brdf.spectral import to_rgb
 
     wavelengths = wavelengths_of(channels) if len(channels) > 1 else None
-    return None if wavelengths is None else lambda values: to_rgb(values, wavelengths)[0]
+    return None if wavelengths is None else lambda values: to_rgb(values, wavelengths, clip=False)[0]

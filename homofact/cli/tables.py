@@ -46,6 +46,44 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     return table
 
 
+def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Table]:
+    """A line a metric, a column a fit, held out; without the six, which have their own table. Five fits a table."""
+    names = [name for name in next(iter(values.values()), {}) if name not in METRICS]
+    labels = list(values) if names else []
+    tables = []
+    for first in range(0, len(labels), 5):
+        table = _table("Held out, or of the fit (psnr, ssim: more is better)")
+        table.add_column("", no_wrap=True)
+        for label in labels[first : first + 5]:
+            table.add_column(Text(label), justify="right", overflow="fold", min_width=8)
+        for name in names:
+            table.add_row(name, *(figure(values[label][name]) for label in labels[first : first + 5]))
+        tables.append(table)
+    return tables
+
+
+def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | None) -> Table:
+    """One line a run: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended."""
+    table = _table(title)
+    _column(table, "", left=True)
+    for name in ("textures", "error", "of McCool", "bytes", "fetches", "fit s"):
+        _column(table, name)
+    table.add_column("ended", no_wrap=True)
+    several = len({record["search"] for record in records if record["search"]}) > 1
+    for record in records:
+        held = record["error"]["held_out"]["log_mse"]
+        table.add_row(
+            Text(f"{record['label']} {record['search'] if several else ''}".strip()),
+            f"{record['textures']} × {record['size']}²",
+            Text(figure(held), "bold"),
+            "–" if base is None else f"×{held / base:.2f}" if held >= 0.1 * base else f"×{held / base:.2g}",
+            *(str(record[name]) for name in ("bytes", "fetches")),
+            f"{record['seconds']['fit']:.3g}",
+            str(record["status"]),
+        )
+    return table
+
+
 def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
     """Names and values, those that say nothing left out; values wrap in their column."""
     table = _table(title)

@@ -12,6 +12,7 @@ from typing import Any
 
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
+from homofact.brdf.stratified import stratified_subset
 from homofact.errors import Report
 from homofact.evaluate.methods import method
 from homofact.evaluate.metrics import SixErrors, measure
@@ -38,7 +39,10 @@ class Row:
     seconds_total: float
 
     def record(self) -> dict[str, Any]:
-        """The JSON form of the row (times in seconds, sizes in bytes as float32 texels)."""
+        """The JSON form of the row (times in seconds, sizes in bytes as float32 texels).
+
+        "subset" says what was drawn from the training samples, None where the fit had them all.
+        """
         return {
             "source": self.source,
             "method": self.settings.method,
@@ -47,6 +51,7 @@ class Row:
             "bytes": self.factorization.nbytes,
             "fetches": self.factorization.fetches,
             "samples": self.samples,
+            "subset": self.factorization.provenance.get("source", {}).get("subset"),
             "status": self.report.status.value,
             "evaluations": self.report.evaluations,
             "seed": self.settings.seed,
@@ -67,18 +72,30 @@ def training_samples(source: Source, train: Samples, settings: FitSettings) -> S
     return train
 
 
+def held_out_samples(source: Source, held_out: float, seed: int) -> Samples:
+    """The samples that fits of `seed` are tested on: left out of the fit, and turned at random."""
+    return source.samples.split(held_out, seed)[1].rotated_at_random(seed)
+
+
 def fit_and_measure(
     source: Source,
     settings: FitSettings,
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,
+    subset: int = 0,
 ) -> Row:
-    """Fit one method on the source's split by `settings.seed`, and measure it on both parts."""
+    """Fit one method on the source's split by `settings.seed`, and measure it on both parts.
+
+    A `subset` above 0 fits (and measures as training) at most so many samples, drawn by cells after the split
+    (`brdf.stratified`): the held-out samples, and so their errors, are the same with and without it.
+    """
     began = time.perf_counter()
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
     fitting = method(settings.method)
     train, test = source.samples.split(held_out, settings.seed)
+    if subset > 0:
+        train = stratified_subset(train, subset, settings.seed)
     train, test = training_samples(source, train, settings), test.rotated_at_random(settings.seed)
     begin_fit = time.perf_counter()
     fitted = fitting.fit(train, settings, progress)

@@ -6,24 +6,42 @@ from dataclasses import dataclass
 from homofact.baselines.mccool import fit_mccool
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.factor.fit import Fit, ProgressCallback, fit_cole
-from homofact.factor.search_fit import fit_search
+from homofact.factor.fit import PARAMETERIZATIONS, Fit, ProgressCallback, fit_cole
+from homofact.factor.search_fit import fit_search, pinned_kinds, search_named
 from homofact.factor.settings import FitSettings
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way to fit, and whether isotropic measurements must be copied to other azimuths for it beforehand."""
+    """A way to fit.
+
+    `wants_copies`: whether isotropic measurements must be copied to other azimuths for it beforehand.
+    `ignores`: the settings that it has no use for; two fits that differ in nothing else are the same fit.
+    """
 
     fit: Callable[[Samples, FitSettings, ProgressCallback | None], Fit]
     wants_copies: bool
+    ignores: frozenset[str]
 
 
 METHODS: dict[str, Method] = {
-    "search": Method(fit_search, wants_copies=False),
-    "cole": Method(fit_cole, wants_copies=True),
-    "mccool": Method(fit_mccool, wants_copies=True),
-}
+    "search": Method(fit_search, wants_copies=False, ignores=frozenset({"together", "projections"})),
+    "cole": Method(
+        fit_cole,
+        wants_copies=True,
+        ignores=frozenset({"search", "validation", "budget", "refine", "projections"}),
+    ),
+    "mccool": Method(
+        fit_mccool,
+        wants_copies=True,
+        ignores=frozenset(
+            {
+                "textures", "parameterization", "together", "restarts", "search", "validation", "budget",
+                "refine", "search_size", "search_samples", "bound",
+            }
+        ),
+    ),
+}  # fmt: skip
 
 
 def method(name: str) -> Method:
@@ -31,3 +49,19 @@ def method(name: str) -> Method:
     if name not in METHODS:
         raise BadInput(f"method: found {name!r}, expected one of {', '.join(METHODS)}")
     return METHODS[name]
+
+
+def check_settings(settings: FitSettings) -> None:
+    """Raise BadInput for what can be known to be wrong before there are samples.
+
+    That is an unknown method, a search that does not exist, and a parameterization that is none of the method's.
+    """
+    ignored = method(settings.method).ignores
+    if "search" not in ignored:
+        search_named(settings.search)
+        pinned_kinds(settings)
+    elif "parameterization" not in ignored and settings.parameterization not in (None, *PARAMETERIZATIONS):
+        raise BadInput(
+            f"parameterization: found {settings.parameterization!r},"
+            f" expected {' or '.join(PARAMETERIZATIONS)} for {settings.method}"
+        )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from homofact.evaluate.compare import Row
+from homofact.evaluate.log_axis import log_x
 
 _METRICS = (
     ("log_mse", "log space, mean squared (Cole error)"),
@@ -32,7 +33,7 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row]) -> None:
             axis.bar_label(bars, fmt="%.3g", padding=3, fontsize=8)
         axis.set_xscale("log")
         low, high = axis.get_xlim()
-        axis.set_xlim(low / 2, high * 6)  # room for the numbers
+        log_x(axis, low / 2, high * 6, most=5)  # room for the numbers
         axis.set_yticks(list(places), names, fontsize=9)
         axis.invert_yaxis()
         axis.set_title(title, fontsize=10)

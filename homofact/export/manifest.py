@@ -7,7 +7,6 @@ form); a reader in another language needs this file and the EXR textures, nothin
 import json
 import os
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from homofact.export.images import exr_channel_names
 from homofact.factor.factorization import Factorization, Term
 from homofact.geometry.quaternion import Pair
 from homofact.render.files import replace_file
+from homofact.version import __version__
 
 FORMAT = "homofact manifest"
 FORMAT_VERSION = 1
@@ -63,7 +63,7 @@ def manifest(factorization: Factorization, files: Sequence[Mapping[str, str]]) -
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
-        "homofact_version": package_version(),
+        "homofact_version": __version__,
         "channels": list(factorization.channels),
         "exr_channels": list(exr_channel_names(factorization.channels)),
         "epsilon": factorization.transform.epsilon,
@@ -79,14 +79,6 @@ def manifest(factorization: Factorization, files: Sequence[Mapping[str, str]]) -
         "provenance": factorization.provenance,
         "conventions": CONVENTIONS,
     }
-
-
-def package_version() -> str:
-    """The installed version of homofact, or "unknown" where it runs from a bare folder."""
-    try:
-        return version("homofact")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def write_json(path: str | os.PathLike[str], obj: Any) -> None:

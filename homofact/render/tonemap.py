@@ -46,13 +46,18 @@ def tonemap(image: SphereImage, exposure: float, background: float = BACKGROUND)
 
     One channel becomes grey. Raises BadInput for an exposure that is not above 0.
     """
-    if not 0 < exposure < float("inf"):
-        raise BadInput(f"exposure: found {exposure}, expected above 0")
+    pixels = (displayed(image, exposure, background) * 255).round().to(torch.uint8)
     exposed = image.radiance * exposure
     inside = image.coverage > 0
     clipped = (((exposed > 1) | (exposed < 0)).any(2) & inside).sum() / inside.sum().clamp_min(1)
+    return ToneMapped(pixels, float(clipped))
+
+
+def displayed(image: SphereImage, exposure: float, background: float = BACKGROUND) -> Tensor:
+    """The same picture before its rounding to 8 bits: (H, W, 3) in [0, 1], sRGB curve, clipped; same errors."""
+    if not 0 < exposure < float("inf"):
+        raise BadInput(f"exposure: found {exposure}, expected above 0")
     share = image.coverage[..., None]
     # Clipped before blending: a bright limb would otherwise eat its smooth edge.
-    blended = exposed.clamp(0, 1) * share + background * (1 - share)
-    pixels = (encode_srgb(blended) * 255).round().to(torch.uint8)
-    return ToneMapped(pixels.expand(-1, -1, 3).contiguous(), float(clipped))
+    blended = (image.radiance * exposure).clamp(0, 1) * share + background * (1 - share)
+    return encode_srgb(blended).expand(-1, -1, 3).contiguous()

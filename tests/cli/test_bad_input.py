@@ -10,7 +10,9 @@ from typer.main import get_command
 import homofact.brdf.source
 from homofact import __version__
 from homofact.cli.main import app, main
+from homofact.cli.options import KINDS
 from homofact.config import Config, load_config
+from homofact.factor import kinds
 from homofact.factor.settings import FitSettings
 
 MATERIAL = "material:phong-10"
@@ -36,6 +38,11 @@ CASES = {
     "zero epsilon": ([*COMPARE, "--epsilon", "0"], r"epsilon: found 0\.0, expected"),
     "no restarts": ([*COMPARE, "--restarts", "0"], r"restarts: found 0, expected"),
     "no samples": ([*COMPARE, "--count", "0"], r"count: found 0, expected at least 1"),
+    "negative subset": ([*COMPARE, "--subset", "-1"], r"subset: found -1, expected at least 1, or 0 for all"),
+    "unknown metric": (
+        [*COMPARE, "--metrics", "psrn"],
+        r"metrics: found 'psrn', expected six, all, or some of log_mse",
+    ),
     "too few samples": ([*COMPARE, "--count", "2"], r"too few to hold out"),
     "all held out": ([*COMPARE, "--held-out", "1"], r"held_out: found 1\.0, expected between 0 and 1"),
     "unknown solver": ([*COMPARE, "--solver", "magic"], r"solver: found 'magic', expected one of .*qmr"),
@@ -180,8 +187,13 @@ def test_the_defaults_in_the_help_are_the_real_ones() -> None:
     config: Config = load_config()
     real = {field.name: getattr(config.fit, field.name) for field in fields(FitSettings)}
     real |= {"channels": config.source.channels, "count": config.source.count, "scheme": config.source.scheme}
+    real |= {"subset": config.source.subset}
     real |= {"held_out": config.evaluate.held_out, "pixels": config.render.size}
-    real |= {"methods": ",".join(config.compare.methods)}
+    real |= {"methods": ",".join(config.compare.methods), "chart_methods": ",".join(config.chart.methods)}
+    real |= {"metrics": ",".join(config.compare.metrics)}
+    real |= {"texture_counts": ",".join(map(str, config.chart.textures))}
+    real |= {name: ",".join(map(str, getattr(config.chart, name))) for name in ("sizes", "searches")}
+    assert kinds.KINDS == KINDS
     words = {True: "on", (): "McCool's own"}
     by = {name: "by method" for name in ("parameterization", "smoothing", "search_size")}
     by["epsilon"] = "by the source"

@@ -14,9 +14,7 @@ import torch
 
 import homofact
 import homofact.evaluate.compare
-from homofact.brdf.source import open_source
 from homofact.cli.main import main
-from homofact.cli.subject import OneChannel
 from homofact.errors import SolverFailure, Status
 
 METRICS = {"log_mse", "log_mae", "log_max", "mse", "mae", "max"}
@@ -175,16 +173,6 @@ def test_one_channel_of_a_source_is_that_column(run: Callable[..., Ran], tmp_pat
     out = tmp_path / "o"
     assert run("factorize", *SMALL, *FAST, "--method", "mccool", "--channels", "G", "--out", out, "-q").code == 0
     assert homofact.load(str(out / "factorization.npz")).channels == ("G",)
-
-
-def test_one_channel_reflects_as_that_column() -> None:
-    source = open_source("material:lafortune-blue-paint", count=50)
-    one = OneChannel(source.reflectance, "G")
-    wi, wo = source.samples.wi, source.samples.wo
-    assert (one.channels, one.nbytes, one.fetches) == (
-        ("G",), source.reflectance.nbytes, source.reflectance.fetches,
-    )  # fmt: skip
-    assert torch.equal(one.evaluate(wi, wo), source.reflectance.evaluate(wi, wo)[:, 1:2])
 
 
 def test_render_draws_a_result_under_another_light(run: Callable[..., Ran], result: Path, tmp_path: Path) -> None:

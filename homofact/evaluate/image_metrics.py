@@ -1,0 +1,132 @@
+"""How different two pictures of a lit sphere look: PSNR, SSIM, CIEDE2000, ΔE_ITP and FLIP.
+
+A picture is (H, W, 3), sRGB with its transfer curve (IEC 61966-2-1), D65 white, values in [0, 1] and not
+rounded to 8 bits, as `render.tonemap.displayed` makes it: both pictures at one exposure, chosen from the
+source, each channel clipped to the gamut before the comparison, over one grey. What the clipping hid no
+metric sees. Means are over the pixels of `mask` (H, W), those that show the sphere: the surroundings, equal
+by construction, would flatter every fit.
+
+The libraries are an extra; what is missing is said by `MissingDependency`.
+"""
+
+import importlib
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput, MissingDependency
+
+# Luminance of white, in cd/m², for the metric that wants an absolute one.
+WHITE_LUMINANCE = 100.0
+PIXELS_PER_DEGREE = 67.0
+_EXTRA = "pip install 'homofact[metrics]'"
+
+
+def psnr(source: Tensor, fit: Tensor, mask: Tensor) -> float:
+    """Peak signal-to-noise ratio in dB, peak 1, of the encoded values (scikit-image); ∞ where they are equal."""
+    metrics = _library("scikit-image")
+    a, b, inside = _checked(source, fit, mask)
+    if np.array_equal(a[inside], b[inside]):
+        return math.inf
+    return float(metrics.peak_signal_noise_ratio(a[inside], b[inside], data_range=1.0))
+
+
+def ssim(source: Tensor, fit: Tensor, mask: Tensor) -> float:
+    """Structural similarity (Wang et al. 2004), 1 where equal; scikit-image with the paper's own window.
+
+    Gaussian of σ = 1.5, population covariance, data range 1, mean over channels and the mask's pixels. Raises
+    BadInput for pictures under 11 pixels, the window.
+    """
+    metrics = _library("scikit-image")
+    a, b, inside = _checked(source, fit, mask)
+    if min(inside.shape) < 11:
+        raise BadInput(f"SSIM: found a picture of {inside.shape[1]} × {inside.shape[0]}, expected at least 11 × 11")
+    _, each = metrics.structural_similarity(
+        a, b, data_range=1.0, channel_axis=2, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, full=True
+    )
+    return float(each[inside].mean())
+
+
+def ciede2000(source: Tensor, fit: Tensor, mask: Tensor) -> float:
+    """Mean CIEDE2000 difference (CIE 142-2001), L*a*b* against the D65 white of sRGB; 1 is about just noticeable."""
+    colour = _library("colour-science")
+    labs = [
+        colour.XYZ_to_Lab(xyz, colour.RGB_COLOURSPACES["sRGB"].whitepoint) for xyz in _xyz(colour, source, fit, mask)
+    ]
+    return float(np.mean(colour.delta_E(*labs, method="CIE 2000")))
+
+
+def delta_e_itp(source: Tensor, fit: Tensor, mask: Tensor) -> float:
+    """Mean ΔE_ITP (ITU-R BT.2124-0), white shown at 100 cd/m²; 1 is about just noticeable."""
+    colour = _library("colour-science")
+    first, second = (
+        colour.XYZ_to_ICtCp(xyz * WHITE_LUMINANCE, method="ITU-R BT.2100-2 PQ")
+        for xyz in _xyz(colour, source, fit, mask)
+    )
+    return float(np.mean(colour.delta_E(first, second, method="ITP")))
+
+
+def flip(source: Tensor, fit: Tensor, mask: Tensor) -> float:
+    """Mean LDR-FLIP (Andersson et al. 2020) in [0, 1], seen at 67 pixels a degree; 0 where equal."""
+    evaluator = _library("flip-evaluator")
+    a, b, inside = _checked(source, fit, mask)
+    pictures = (np.ascontiguousarray(x, dtype=np.float32) for x in (a, b))
+    error, _, _ = evaluator.evaluate(
+        *pictures,
+        "LDR",
+        inputsRGB=True,
+        applyMagma=False,
+        computeMeanError=False,
+        parameters={"ppd": PIXELS_PER_DEGREE},
+    )
+    return float(np.asarray(error, dtype=np.float64).reshape(*inside.shape, -1)[..., 0][inside].mean())
+
+
+IMAGE_METRICS: dict[str, Callable[[Tensor, Tensor, Tensor], float]] = {
+    "psnr": psnr,
+    "ssim": ssim,
+    "ciede2000": ciede2000,
+    "delta_e_itp": delta_e_itp,
+    "flip": flip,
+}
+_NEEDS = {"psnr": "scikit-image", "ssim": "scikit-image", "flip": "flip-evaluator"}
+_MODULES = {"scikit-image": "skimage.metrics", "flip-evaluator": "flip_evaluator", "colour-science": "colour"}
+
+
+def check_libraries(names: Sequence[str]) -> None:
+    """Raise MissingDependency where a metric of `names` lacks its library, before anything is fitted."""
+    for name in names:
+        if name in _NEEDS:
+            _library(_NEEDS[name])
+
+
+def _library(package: str) -> Any:
+    try:
+        return importlib.import_module(_MODULES[package])
+    except ImportError as error:
+        raise MissingDependency(f"metrics: {package} is not installed, expected it: {_EXTRA}") from error
+
+
+def _checked(source: Tensor, fit: Tensor, mask: Tensor) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Both pictures and the mask as arrays. Raises BadInput for shapes, ranges and masks that cannot be."""
+    shape = tuple(mask.shape)
+    for name, picture in (("source", source), ("fit", fit)):
+        if tuple(picture.shape) != (*shape, 3):
+            raise BadInput(f"{name} picture: shape {tuple(picture.shape)}, expected {(*shape, 3)} like the mask")
+        if not bool(((picture >= 0) & (picture <= 1)).all()):
+            raise BadInput(f"{name} picture: values outside [0, 1], expected encoded sRGB")
+    if not bool(mask.any()):
+        raise BadInput("mask: found no pixels, expected at least one")
+    first, second = (picture.to(torch.float64).cpu().numpy() for picture in (source, fit))
+    return first, second, mask.to(torch.bool).cpu().numpy()
+
+
+def _xyz(colour: Any, source: Tensor, fit: Tensor, mask: Tensor) -> tuple[np.ndarray, np.ndarray]:
+    """CIE XYZ (n, 3) of the mask's pixels in both, Y of white 1, D65."""
+    a, b, inside = _checked(source, fit, mask)
+    first, second = (np.asarray(colour.sRGB_to_XYZ(picture[inside])) for picture in (a, b))
+    return first, second
