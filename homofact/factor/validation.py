@@ -106,7 +106,7 @@ class Folded:
             ).data
 
         parts = tuple(
-            tuple(accumulated(partition.folds == fold) for fold in range(int(partition.folds.max()) + 1))
+            tuple(accumulated(partition.folds == fold) for fold in partition.folds.unique().tolist() if fold >= 0)
             for partition in partitions
         )
         shares = tuple(partition.share for partition in partitions)

@@ -96,6 +96,18 @@ def test_a_gridded_set_is_judged_by_whole_inner_rings() -> None:
     assert torch.equal(deal(turned, 4, 0, rings=True)[0].folds, partitions[0].folds.repeat(2))
 
 
+def test_four_rings_are_enough_and_leave_no_empty_fold() -> None:
+    """Two inner rings of θi in three possible folds: a fold that nothing is in must not be judged."""
+    whole = _goniometer()
+    theta = torch.acos(whole.wi[:, 2].clamp(-1, 1))
+    samples = whole.select(theta < 0.17 * 4.5)
+    partitions = deal(samples, 4, 0, rings=True)
+    assert len(partitions) == 2
+    assert len(set(partitions[0].folds.tolist()) - {-1}) == 2
+    logs = LogSamples(samples.wi, samples.wo, samples.wi[:, :1] + samples.wo[:, 2:], samples.weights)
+    assert 0 < Folded.of(logs, partitions, PROJECTIONS, SHAPES).error(1e-3) < 1
+
+
 def test_other_sets_are_judged_at_random() -> None:
     scattered = Samples.make(
         *draw_in_discs(500, torch.Generator().manual_seed(0)), torch.ones(500, 1), channels=("Y",), isotropic=True
