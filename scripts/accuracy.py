@@ -21,11 +21,11 @@ from conditions import cornell_files, data_folder, figure, machine, markdown
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.scattered import Scattered
-from homofact.brdf.source import Source, open_source
+from homofact.brdf.source import MEASURED_EPSILON, NOISE_FREE_EPSILON, Source, open_source
 from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.methods import method
 from homofact.evaluate.metrics import measure
-from homofact.factor.homomorphism import MEASURED_EPSILON, NOISE_FREE_EPSILON, LogTransform
+from homofact.factor.homomorphism import LogTransform
 from homofact.factor.settings import FitSettings
 
 

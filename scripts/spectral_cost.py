@@ -19,8 +19,8 @@ import torch
 from conditions import cornell_files, data_folder, figure, machine, markdown, parser_of, write
 
 from homofact.brdf.samples import Samples
-from homofact.brdf.source import open_source
-from homofact.factor.homomorphism import MEASURED_EPSILON, LogTransform
+from homofact.brdf.source import MEASURED_EPSILON, open_source
+from homofact.factor.homomorphism import LogTransform
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, solve_terms, texture_shape

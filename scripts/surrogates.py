@@ -19,10 +19,11 @@ from conditions import data_folder, figure, machine, markdown
 from homofact.brdf.readers.nbrdf import load, material_names
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.source import MEASURED_EPSILON
 from homofact.errors import Status
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
-from homofact.factor.homomorphism import MEASURED_EPSILON, LogTransform
+from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms, texture_shape
 from homofact.factor.validation import Folded, deal

@@ -15,9 +15,10 @@ from typing import Any
 import torch
 
 from homofact.brdf.samples import Samples
+from homofact.brdf.source import NOISE_FREE_EPSILON
 from homofact.errors import BadInput, Report, Status
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.homomorphism import NOISE_FREE_EPSILON, LogTransform
+from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection
 from homofact.factor.search.powell import Powell
 from homofact.factor.settings import FitSettings

@@ -13,9 +13,6 @@ from torch import Tensor
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 
-NOISE_FREE_EPSILON = 1e-5
-MEASURED_EPSILON = 1e-2
-
 
 @dataclass(frozen=True)
 class LogTransform:

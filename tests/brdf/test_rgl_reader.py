@@ -16,6 +16,7 @@ from homofact.brdf.readers.reading import Drawing
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.source import describe, open_source
 from homofact.errors import BadInput
+from homofact.geometry.directions import draw_in_discs
 
 
 def without(name: str) -> dict[str, np.ndarray]:
@@ -123,8 +124,12 @@ def test_missing_fields_are_named(tmp_path: Path, name: str) -> None:
 
 
 def test_fields_that_a_value_does_not_need_may_be_missing(tmp_path: Path) -> None:
-    for name in ("luminance", "description", "jacobian"):
-        rgl.load(write_tensors(tmp_path / "a", without(name)))
+    wi, wo = draw_in_discs(50, torch.Generator().manual_seed(0), 0.9)
+    whole = rgl.load(write_tensors(tmp_path / "a", constant())).evaluate(wi, wo)
+    for name in ("luminance", "description"):
+        assert torch.equal(rgl.load(write_tensors(tmp_path / "a", without(name))).evaluate(wi, wo), whole)
+    # Without a jacobian the density counts as 1: another value, but one.
+    assert bool(torch.isfinite(rgl.load(write_tensors(tmp_path / "a", without("jacobian"))).evaluate(wi, wo)).all())
 
 
 def test_spectra_need_their_wavelengths(tmp_path: Path) -> None:

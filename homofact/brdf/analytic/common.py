@@ -6,6 +6,7 @@ between a direction and the half vector comes from |ωi + ωo|/2, which is the s
 """
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -21,7 +22,7 @@ Colour = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class AnalyticModel:
+class AnalyticModel(ABC):
     """Base of the models: a `Reflectance` that reads no table.
 
     Subclasses declare their parameters as fields (`Colour` fields have one number a channel) and write
@@ -45,9 +46,9 @@ class AnalyticModel:
         """0: nothing is looked up."""
         return 0
 
+    @abstractmethod
     def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
         """The model's values (N, C) in sr⁻¹ for directions on or above the horizon."""
-        raise NotImplementedError
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, linear, without the cosine; 0 where a direction is under the horizon.
