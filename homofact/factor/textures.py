@@ -4,8 +4,9 @@ This is the floor between projections (which know directions) and the linear roo
 coordinates, lookups and unknowns).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import torch
 from torch import Tensor
@@ -24,6 +25,7 @@ from homofact.linear.normal import Lookup
 from homofact.linear.solvers import solve
 
 Shape = tuple[int, int]
+CHUNK = 65_536
 # λ of all textures, or of each.
 Smoothing = float | tuple[float, ...]
 
@@ -67,18 +69,20 @@ def inner_problem(
 
     Without `masks` every texel is an unknown, so that the problem does not jump as a projection moves.
     """
-    coordinates, lookups, start, offset = [], [], 0, 0
+    width = sum(projection.system.dimension for projection in projections)
+    coordinates = torch.empty(samples.wi.shape[0], width, dtype=samples.wi.dtype, device=samples.wi.device)
+    lookups, start, offset = [], 0, 0
     for projection, shape in zip(projections, shapes, strict=True):
-        x = projection.prepare(samples.wi, samples.wo)
-        coordinates.append(x)
+        end = start + projection.system.dimension
+        in_chunks(projection.prepare, samples.wi, samples.wo, coordinates[:, start:end])
         lookups += [Lookup(start, matrix, shape, offset) for matrix in projection.matrices()]
-        start, offset = start + x.shape[1], offset + shape[0] * shape[1]
+        start, offset = end, offset + shape[0] * shape[1]
     roughness = _roughness(shapes) if masks is None else Roughness(torch.block_diag(*map(laplacian, masks)))
     if masks is None:
         masks = tuple(torch.ones(shape, dtype=torch.bool) for shape in shapes)
     kept = torch.cat([mask.reshape(-1) for mask in masks])
     return LeastSquares(
-        torch.cat(coordinates, 1),
+        coordinates,
         tuple(lookups),
         samples.logs,
         samples.weights,
@@ -170,4 +174,15 @@ def residual(samples: LogSamples, terms: tuple[Term, ...]) -> Tensor:
     """f̃ minus what `terms` already explain, (N, C)."""
     if not terms:
         return samples.logs
-    return samples.logs - sum_of_terms(terms, samples.wi, samples.wo)
+    explained = torch.empty_like(samples.logs)
+    in_chunks(partial(sum_of_terms, terms), samples.wi, samples.wo, explained)
+    return samples.logs - explained
+
+
+def in_chunks(function: Callable[[Tensor, Tensor], Tensor], wi: Tensor, wo: Tensor, result: Tensor) -> None:
+    """Write the function's values of pairs (N, 3) into `result` (N, k), `CHUNK` pairs at a time.
+
+    What a chunk needs on the way (a frame, stencils) is many times its result, and does not grow with N.
+    """
+    for begin in range(0, wi.shape[0], CHUNK):
+        result[begin : begin + CHUNK] = function(wi[begin : begin + CHUNK], wo[begin : begin + CHUNK])

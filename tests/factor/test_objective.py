@@ -4,6 +4,7 @@ import pytest
 import torch
 from problems import CATALOGUE, Problem
 
+from homofact.factor import textures
 from homofact.factor.homomorphism import LogTransform
 from homofact.factor.kinds import make
 from homofact.factor.objective import Objective
@@ -98,6 +99,23 @@ def test_compiled_and_automatic_derivatives_agree(case: Problem) -> None:
     expected, expected_value = gradient_torch(*arguments)
     assert value == pytest.approx(expected_value, rel=1e-11)
     assert torch.allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_chunks_give_what_the_whole_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    wi, wo = draw_in_discs(1000, torch.Generator().manual_seed(0))
+    projection = make("half-diff", True, Warp(0.1), torch.Generator().manual_seed(1), "disc")
+    whole = projection.prepare(wi, wo)
+    monkeypatch.setattr(textures, "CHUNK", 300)
+    sizes: list[int] = []
+
+    def counted(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+        sizes.append(len(a))
+        return projection.prepare(a, b)
+
+    found = torch.full_like(whole, torch.nan)
+    textures.in_chunks(counted, wi, wo, found)
+    assert torch.equal(found, whole)
+    assert sizes == [300, 300, 300, 100]
 
 
 def test_log_samples_follow_the_transform() -> None:
