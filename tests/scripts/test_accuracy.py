@@ -1,0 +1,39 @@
+"""The accuracy programs in their short forms: what they print is what was found, on the real measurements."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+
+
+@pytest.fixture(autouse=True)
+def scripts_on_the_path(monkeypatch: pytest.MonkeyPatch, real_data: Path) -> None:
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    monkeypatch.setenv("HOMOFACT_DATA", str(real_data))
+
+
+def rows(text: str) -> list[list[str]]:
+    """The cells of every table line below a header."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def test_left_out_samples_and_left_out_rings_disagree_on_garnet(capsys: pytest.CaptureFixture[str]) -> None:
+    """The reason for judging by rings: a second texture over θi wins by samples and loses by rings."""
+    importlib.import_module("accuracy").main(["--only", "rings", "--short"])
+    found = {(mix, judged): float(error) for _, mix, judged, error, _ in rows(capsys.readouterr().out)}
+    one, two = "theta_h-theta_d", "theta_h-theta_d · theta_i"
+    assert found[two, "samples"] < 0.8 * found[one, "samples"]
+    assert found[two, "rings"] > found[one, "rings"]
+
+
+def test_the_surrogates_table_holds_both_sizes(capsys: pytest.CaptureFixture[str]) -> None:
+    importlib.import_module("surrogates").main(["--short"])
+    small, large = rows(capsys.readouterr().out)
+    assert [small[0], small[1], large[0], large[1]] == ["16² + 16", "3.19", "32² + 32", "12.38"]
+    for row in (small, large):
+        median, ninetieth, most = map(float, row[2:5])
+        assert 0 < median <= ninetieth <= most < 0.1
+        assert 0 < float(row[5]) < 0.015
