@@ -101,6 +101,11 @@ class Screen:
         self._out = _Console(highlight=False)
         self._err = _Console(stderr=True, highlight=False)
 
+    @property
+    def on_terminal(self) -> bool:
+        """Whether a person reads the notes as they come; a pipe is not told what passes."""
+        return self._err.is_terminal
+
     def note(self, text: str) -> None:
         """A line on stderr, unless quiet; never wrapped."""
         if not self.quiet:

@@ -47,12 +47,12 @@ def open_subject(settings: "Config") -> "Source":
 
 
 def warmed_up(screen: "Screen") -> None:
-    """Make the compiled kernels ready before a fit is timed, and say so once, where they had to be compiled."""
+    """Make the compiled kernels ready before a fit is timed, and say so once on a terminal, where it took compiling."""
     from homofact.linear.normal import warm_up
 
     seconds = warm_up()
-    if seconds > 0:
-        screen.note(f"homofact: compiled its kernels in {seconds:.0f} s; from now on they are loaded")
+    if seconds > 0 and screen.on_terminal:
+        screen.note(f"homofact: compiled its kernels in {seconds:.1f} s; from now on they are loaded")
 
 
 def method_settings(base: "FitSettings", label: str) -> "FitSettings":
