@@ -11,7 +11,9 @@ every eighth file, and the growth of the whole process over all of a reader's fi
 """
 
 import argparse
+import ctypes
 import io
+import platform
 import random
 import resource
 import struct
@@ -242,6 +244,17 @@ def fuzz(module: ModuleType, whole: bytes, count: int, seed: int, folder: Path) 
     return tally
 
 
+def give_back_freed_memory() -> None:
+    """Have glibc return freed arrays to the system at once: holes in its heap are no reader's memory.
+
+    Without it the process grows by some 16 KB a damaged RGL file of 660 KB, for good.
+    """
+    if platform.libc_ver()[0] == "glibc":
+        library = ctypes.CDLL(None)
+        for parameter in (-3, -1):  # M_MMAP_THRESHOLD, M_TRIM_THRESHOLD
+            library.mallopt(parameter, 65_536)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the fuzzing and print a line a reader. Returns 1 where anything was wrong."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -251,6 +264,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--whole", nargs="*", default=[], metavar="NAME=FILE", help="whole files to damage instead")
     parser.add_argument("--keep", type=Path, help="where to leave the files that went wrong")
     options = parser.parse_args(arguments)
+    give_back_freed_memory()
     warnings.simplefilter("error")
     failed = 0
     with tempfile.TemporaryDirectory() as name:

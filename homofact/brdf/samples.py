@@ -15,6 +15,8 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 
+MOST_COPIES = 1_500_000
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -138,17 +140,25 @@ class Samples:
 
         return replace(self, wi=turn(self.wi), wo=turn(self.wo))
 
-    def azimuth_copies(self, count: int, seed: int, mirrored: bool = True) -> "Samples":
+    def azimuth_copies(self, count: int, seed: int, mirrored: bool = True, most: int = MOST_COPIES) -> "Samples":
         """`count` copies of every sample, each at its own azimuth, and mirrored ones beside them.
 
         The azimuths are stratified: copy k of a sample is turned by (k + u)·2π/count with u uniform by
-        `seed`. Weights are divided by the number of copies, so the sum of weights is unchanged. Raises
+        `seed`. Weights are divided by the number of copies, so the sum of weights is unchanged. Where that
+        would be more than `most` samples there are fewer copies, and at last one of each sample, at a random
+        azimuth: a million samples (a full MERL table) cover all azimuths as they are. Raises
         BadInput for anisotropic samples, where a turned copy is a lie.
         """
         if not self.isotropic:
             raise BadInput("azimuth copies: the samples are anisotropic, expected an isotropic material")
-        generator = torch.Generator().manual_seed(seed)
         n, total = len(self), count * (2 if mirrored else 1)
+        allowed = max(1, most // n)
+        if allowed < 2 and mirrored:
+            return self.rotated_at_random(seed)
+        if allowed < total:
+            count = allowed // (2 if mirrored else 1)
+            total = count * (2 if mirrored else 1)
+        generator = torch.Generator().manual_seed(seed)
         stratum = torch.arange(count, dtype=torch.float64).repeat(total // count).repeat_interleave(n)
         jitter = torch.rand(n * total, dtype=torch.float64, generator=generator)
         angles = ((stratum + jitter) * (2 * torch.pi / count)).to(self.wi.device)

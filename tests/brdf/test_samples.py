@@ -204,3 +204,14 @@ def test_turning_by_a_known_angle() -> None:
     turned = samples.turned(torch.full((2,), math.pi / 2, dtype=torch.float64))
     expected = torch.tensor([[0.0, 1.0, 0.0], [0.0, 0.6, 0.8]], dtype=torch.float64)
     assert torch.allclose(turned.wi, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize(("most", "expected"), [(3 * N, 2 * N), (N, N), (1, N), (100 * N, 16 * N)])
+def test_copies_stay_under_the_limit_and_keep_the_weight(most: int, expected: int) -> None:
+    samples = make()
+    copies = samples.azimuth_copies(8, seed=1, most=most)
+    assert len(copies) == expected
+    assert float(copies.weights.sum()) == pytest.approx(float(samples.weights.sum()), rel=1e-12)
+    assert torch.equal(copies.values, samples.values.repeat(expected // N, 1))
+    turn = to_spherical(copies.wi)[1] - to_spherical(samples.wi)[1].repeat(expected // N)
+    assert float(turn.std()) > 0.5
