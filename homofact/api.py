@@ -15,7 +15,8 @@ from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
 from homofact.evaluate.compare import training_samples
 from homofact.evaluate.methods import method
-from homofact.factor.factorization import Factorization
+from homofact.export.result import open_result
+from homofact.factor.fitted import Fitted
 from homofact.factor.settings import FitSettings
 
 
@@ -27,7 +28,7 @@ def read(source: str, *, channels: str = "rgb", count: int = 45_000, seed: int =
     return open_source(source, channels=channels, count=count, seed=seed)
 
 
-def fit(source: Source | Samples, **settings: Any) -> Factorization:
+def fit(source: Source | Samples, **settings: Any) -> Fitted:
     """Factor all samples of a source by `FitSettings(**settings)`; nothing is held out.
 
     Use `homofact.evaluate.compare.fit_and_measure` for a fit with an honest error. Bare `Samples` are taken
@@ -46,6 +47,6 @@ def fit(source: Source | Samples, **settings: Any) -> Factorization:
     return method(chosen.method).fit(training_samples(source, source.samples, chosen), chosen, None).factorization
 
 
-def load(path: str) -> Factorization:
-    """A factorization that `save` wrote, bit-identical. Raises BadInput for anything else."""
-    return Factorization.load(path)
+def load(path: str) -> Fitted:
+    """What `save` wrote, or the result in a folder, bit-identical. Raises BadInput for anything else."""
+    return open_result(path)

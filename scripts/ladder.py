@@ -12,6 +12,7 @@ from homofact.brdf.source import Source
 from homofact.errors import Report
 from homofact.evaluate.compare import HELD_OUT, Row, training_samples
 from homofact.evaluate.metrics import measure
+from homofact.evaluate.verdict import judge
 from homofact.factor.factorization import Factorization
 from homofact.factor.fit import Progress, fit_cole, provenance_of, solve_greedily
 from homofact.factor.settings import FitSettings
@@ -54,13 +55,14 @@ def ladder(source: Source, settings: FitSettings) -> list[Row]:
     for count in range(1, len(projections) + 1):
         began = time.perf_counter()
         chosen = replace(settings, textures=count)
-        terms, _ = solve_greedily(data, projections[:count], chosen)
+        terms = solve_greedily(data, projections[:count], chosen).terms
         fitted = Factorization(terms, transform, train.channels, provenance_of(train, chosen))
         evaluations += cost.terms[count][0]
         seconds = cost.terms[count][1] + time.perf_counter() - began
         error = float((residual(data, terms) ** 2).mean())
         report = Report(whole.report.status, 0, evaluations, seconds, error, settings.seed)
         errors = [measure(fitted, samples, transform) for samples in (train, test)]
+        verdict = judge(fitted, report, chosen, train, test, (errors[0], errors[1]))
         rows.append(
             Row(
                 source.name,
@@ -73,6 +75,7 @@ def ladder(source: Source, settings: FitSettings) -> list[Row]:
                 source.seconds_read,
                 seconds,
                 source.seconds_read + seconds,
+                verdict,
             )
         )
     return rows

@@ -64,8 +64,8 @@ def fit(samples: Samples, size: int) -> tuple[Factorization, Status]:
     assert best is not None
     _, projections, smoothing = best
     shapes = tuple(texture_shape(projection, size) for projection in projections)
-    terms, status = solve_terms(logs, projections, shapes, smoothing, "cholesky")
-    return Factorization(terms, transform, samples.channels), status
+    solved = solve_terms(logs, projections, shapes, smoothing, "cholesky")
+    return Factorization(solved.terms, transform, samples.channels), solved.status
 
 
 def male(found: torch.Tensor, samples: Samples) -> float:

@@ -8,6 +8,7 @@ import time
 
 from homofact.brdf.samples import Samples
 from homofact.errors import Report
+from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization
 from homofact.factor.fit import Fit, ProgressCallback, provenance_of, transform_of
 from homofact.factor.projection import fixed_projection
@@ -27,7 +28,11 @@ def fit_mccool(samples: Samples, settings: FitSettings, progress: ProgressCallba
     transform = transform_of(samples, settings)
     data = LogSamples.of(samples, transform)
     shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
-    terms, status = solve_terms(data, projections, shapes, settings.fixed_smoothing, settings.solver)
+    solved = solve_terms(data, projections, shapes, settings.fixed_smoothing, settings.solver, settings.robust)
+    terms = solved.terms
+    if settings.confidence:
+        terms = with_deviations(data, terms, settings.fixed_smoothing)
     factorization = Factorization(terms, transform, samples.channels, provenance_of(samples, settings))
-    error = float((residual(data, terms) ** 2).mean())
-    return Fit(factorization, Report(status, 1, 1, time.perf_counter() - began, error, settings.seed))
+    error = float((residual(data, solved.terms) ** 2).mean())
+    seconds = time.perf_counter() - began
+    return Fit(factorization, Report(solved.status, 1, 1, seconds, error, settings.seed, details=solved.details()))

@@ -15,12 +15,13 @@ from homofact.brdf.readers.reading import Drawing
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import DEFAULT_COUNT, sample_model
+from homofact.brdf.scatter import local_scatter
 from homofact.brdf.scattered import Scattered
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
 
 MATERIAL_PREFIX = "material:"
-# ε of the log transform: noise-free values bear the thesis's, measured ones the floor of their noise.
+# ε of the log transform: noise-free values bear the thesis's, measured ones at least this (`measured_epsilon`).
 NOISE_FREE_EPSILON = 1e-5
 MEASURED_EPSILON = 1e-2
 
@@ -72,11 +73,22 @@ def open_source(
         return Source(found.name, "material", samples, reflectance, NOISE_FREE_EPSILON, seconds)
     reading = open_file(text, channels, Drawing(count, scheme, seed))
     samples = replace(reading.samples, provenance=reading.samples.provenance | {"file": Path(text).name})
-    epsilon = NOISE_FREE_EPSILON if samples.provenance.get("noise_free") is True else MEASURED_EPSILON
+    epsilon = NOISE_FREE_EPSILON if samples.provenance.get("noise_free") is True else measured_epsilon(samples)
     seconds = time.perf_counter() - begun
     reflectance = Scattered(samples, epsilon=epsilon) if reading.reflectance is None else reading.reflectance
     drawn = reading.reflectance is not None and "sampling" in samples.provenance
     return Source(Path(text).name, "drawn" if drawn else "measurement", samples, reflectance, epsilon, seconds)
+
+
+def measured_epsilon(samples: Samples) -> float:
+    """ε for a measurement: 1e-2, or the scatter of its dark samples (`brdf.scatter`) where that is over twice as much.
+
+    At most 0.2: a larger scatter is no floor of dark samples any more.
+    """
+    scatter = local_scatter(samples)
+    if scatter is None or scatter.floor <= 2 * MEASURED_EPSILON:
+        return MEASURED_EPSILON
+    return min(float(f"{scatter.floor:.1g}"), 0.2)
 
 
 def describe(source: Source) -> dict[str, Any]:

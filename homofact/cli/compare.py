@@ -12,6 +12,7 @@ from homofact.cli.places import check_file
 from homofact.cli.screen import Screen, say_ending, say_subset
 from homofact.cli.subject import check_source, method_settings, open_subject, warmed_up
 from homofact.cli.tables import cost_table, error_table, metric_tables
+from homofact.cli.verdicts import brief_lines, refuse_findings
 
 
 def compare(
@@ -54,9 +55,14 @@ def compare(
     search_samples: o.SearchSamples = None,
     copies: o.Copies = None,
     mirrored: o.Mirrored = None,
+    robust: o.Robust = None,
+    confidence: o.Confidence = None,
     bound: o.Bound = None,
+    map: o.Map = None,
+    decomposition: o.Decomposition = None,
     seed: o.Seed = None,
     config: o.ConfigFile = None,
+    strict: o.Strict = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -84,6 +90,8 @@ def compare(
         for label, fit in fits.items():
             bar.stage(label)
             rows[label] = fit_and_measure(subject, fit, settings.evaluate.held_out, bar, settings.source.subset)
+            if strict:
+                refuse_findings(rows[label].verdict, label)
         bar.stage("measuring")
         judge = Judge(subject, settings.evaluate.held_out, names)
         values = {label: judge.measure(row) for label, row in rows.items()}
@@ -96,7 +104,8 @@ def compare(
         say_ending(screen, row.report, label)
     records = {label: row.record() | {"metrics": values[label]} for label, row in rows.items()}
     say_subset(screen, next(iter(records.values())))
-    screen.show(error_table(records), *metric_tables(values), *map(Text, conditions), cost_table(records))
+    screen.show(error_table(records), *metric_tables(values), *(Text(each) for each in conditions), cost_table(records))
+    screen.show(*brief_lines({label: row.verdict for label, row in rows.items()}))
     answer: dict[str, Any] = {
         "source": subject.name,
         "rows": [{"label": label, **each} for label, each in records.items()],

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.places import check_folder
 from homofact.cli.screen import Screen, plain, say_ending, say_subset
 from homofact.cli.subject import check_source, display_of, method_settings, open_subject, warmed_up
 from homofact.cli.tables import cost_table, error_table, figure
+from homofact.cli.verdicts import refuse_findings, verdict_lines
 from homofact.errors import BadInput
 
 
@@ -42,10 +44,15 @@ def factorize(
     search_samples: o.SearchSamples = None,
     copies: o.Copies = None,
     mirrored: o.Mirrored = None,
+    robust: o.Robust = None,
+    confidence: o.Confidence = None,
     bound: o.Bound = None,
+    map: o.Map = None,
+    decomposition: o.Decomposition = None,
     projections: o.Projections = None,
     seed: o.Seed = None,
     config: o.ConfigFile = None,
+    strict: o.Strict = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -78,6 +85,8 @@ def factorize(
         warmed_up(screen)
         bar.stage(fit.method)
         row = fit_and_measure(subject, fit, settings.evaluate.held_out, bar, settings.source.subset)
+        if strict:
+            refuse_findings(row.verdict, fit.method)
         rows = {fit.method: row}
         baseline = replace(fit, method="mccool", projections=())
         if baseline != fit:
@@ -113,6 +122,7 @@ def factorize(
         screen.show(
             error_table(records),
             cost_table(records),
+            *(Text(line) for line in verdict_lines(row.verdict)),
             f"{folder}: factorization.npz, manifest.json, report.json, every texture as .exr and .png",
             f"The picture: {folder / 'compare.png'}",
         )

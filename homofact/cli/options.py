@@ -69,14 +69,14 @@ def _fit(help: str, default: str, *names: str) -> Any:
     return typer.Option(*names, help=f"{help} Default: {default}.", show_default=False, rich_help_panel=_FIT)
 
 
-Method = Annotated[str | None, _fit("search, cole (the thesis) or mccool.", "search")]
-Textures = Annotated[int | None, _fit("How many textures at most.", "2")]
+Method = Annotated[str | None, _fit("search, cole (the thesis), mccool, svd or nmf.", "search")]
+Textures = Annotated[int | None, _fit("How many textures at most; terms of svd and nmf.", "2")]
 Size = Annotated[int | None, _fit("Texels on a side of a texture.", "16")]
 Parameterization = Annotated[
     str | None,
     _fit(
-        "What textures are indexed by. For cole half-diff or in-out. For search one kind for all, or one each joined"
-        f" by +: {', '.join(KINDS)}.",
+        "What textures are indexed by. For cole, svd and nmf half-diff or in-out. For search one kind for all, or"
+        f" one each joined by +: {', '.join(KINDS)}.",
         "by method",
     ),
 ]
@@ -101,10 +101,24 @@ SearchSize = Annotated[int | None, _fit("Texels on a side during the search; 0 i
 SearchSamples = Annotated[int | None, _fit("Samples during the search; 0 is all.", "8000")]
 Copies = Annotated[int | None, _fit("Azimuth copies of an isotropic measurement.", "8")]
 Mirrored = Annotated[bool | None, _fit("Mirrored copies beside them.", "on", "--mirrored/--no-mirrored")]
+Robust = Annotated[
+    bool | None, _fit("Give outliers little weight in the last solve (Huber).", "off", "--robust/--no-robust")
+]
+Confidence = Annotated[
+    bool | None,
+    _fit("Leave every texel's standard deviation beside the textures.", "off", "--confidence/--no-confidence"),
+]
 Bound = Annotated[str | None, _fit("How a projection fills its texture: disc, or the thesis's cube.", "disc")]
 Projections = Annotated[str | None, _fit("Fixed projections for mccool, by name, with commas.", "McCool's own")]
+Map = Annotated[
+    str | None, _fit("Of directions to textures, for svd and nmf: parabolic, orthographic or polar.", "parabolic")
+]
+Decomposition = Annotated[
+    str | None, _fit("How svd finds its terms: eigen, svd, power, or normalized (one term).", "by symmetry")
+]
 
 Seed = Annotated[int | None, typer.Option(help="Of sampling, split and search. Default: 0.", show_default=False)]
+Strict = Annotated[bool, typer.Option("--strict", help="Refuse a fit that the verdict finds fault with: exit 2.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on stdout, all else on stderr.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no notes.")]
 ConfigFile = Annotated[
@@ -165,8 +179,12 @@ _KEYS = {
         "search_samples",
         "copies",
         "mirrored",
+        "robust",
+        "confidence",
         "bound",
         "projections",
+        "map",
+        "decomposition",
     )
 }
 _LISTS = ("methods", "metrics", "chart_methods", "searches", "projections")

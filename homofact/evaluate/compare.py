@@ -16,8 +16,9 @@ from homofact.brdf.stratified import stratified_subset
 from homofact.errors import Report
 from homofact.evaluate.methods import method
 from homofact.evaluate.metrics import SixErrors, measure
-from homofact.factor.factorization import Factorization
+from homofact.evaluate.verdict import Verdict, judge
 from homofact.factor.fit import ProgressCallback
+from homofact.factor.fitted import Fitted
 from homofact.factor.settings import FitSettings
 
 HELD_OUT = 0.2
@@ -29,7 +30,7 @@ class Row:
 
     source: str
     settings: FitSettings
-    factorization: Factorization
+    factorization: Fitted
     report: Report
     train: SixErrors
     held_out: SixErrors
@@ -37,6 +38,7 @@ class Row:
     seconds_read: float
     seconds_fit: float
     seconds_total: float
+    verdict: Verdict
 
     def record(self) -> dict[str, Any]:
         """The JSON form of the row (times in seconds, sizes in bytes as float32 texels).
@@ -58,6 +60,7 @@ class Row:
             "epsilon": self.factorization.transform.epsilon,
             "mean": dict(zip(self.factorization.channels, self.factorization.transform.mean.tolist(), strict=True)),
             "seconds": {"read": self.seconds_read, "fit": self.seconds_fit, "total": self.seconds_total},
+            "verdict": self.verdict.record(),
             "error": {"train": self.train.record(), "held_out": self.held_out.record()},
         }
 
@@ -96,13 +99,15 @@ def fit_and_measure(
     train, test = source.samples.split(held_out, settings.seed)
     if subset > 0:
         train = stratified_subset(train, subset, settings.seed)
+    measured = train
     train, test = training_samples(source, train, settings), test.rotated_at_random(settings.seed)
     begin_fit = time.perf_counter()
     fitted = fitting.fit(train, settings, progress)
     seconds_fit = time.perf_counter() - begin_fit
     factorization = fitted.factorization
-    errors = [measure(factorization, samples, factorization.transform) for samples in (train, test)]
+    errors = tuple(measure(factorization, samples, factorization.transform) for samples in (train, test))
     total = source.seconds_read + time.perf_counter() - began
+    verdict = judge(factorization, fitted.report, settings, measured, test, (errors[0], errors[1]))
     return Row(
         source.name,
         settings,
@@ -114,6 +119,7 @@ def fit_and_measure(
         source.seconds_read,
         seconds_fit,
         total,
+        verdict,
     )
 
 

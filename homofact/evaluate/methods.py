@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from homofact.baselines.mccool import fit_mccool
+from homofact.baselines.svd import fit_nmf, fit_svd, nmf_parameterization, svd_parameterization
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.factor.fit import PARAMETERIZATIONS, Fit, ProgressCallback, fit_cole
@@ -24,12 +25,24 @@ class Method:
     ignores: frozenset[str]
 
 
+# A decomposition of a matrix has neither projections to search nor a linear system to solve.
+_NO_SOLVE = frozenset(
+    {
+        "solver", "smoothing", "together", "restarts", "search", "validation", "budget", "refine", "search_size",
+        "search_samples", "copies", "mirrored", "bound", "projections", "robust", "confidence",
+    }
+)  # fmt: skip
+
 METHODS: dict[str, Method] = {
-    "search": Method(fit_search, wants_copies=False, ignores=frozenset({"together", "projections"})),
+    "search": Method(
+        fit_search,
+        wants_copies=False,
+        ignores=frozenset({"together", "projections", "map", "decomposition"}),
+    ),
     "cole": Method(
         fit_cole,
         wants_copies=True,
-        ignores=frozenset({"search", "validation", "budget", "refine", "projections"}),
+        ignores=frozenset({"search", "validation", "budget", "refine", "projections", "map", "decomposition"}),
     ),
     "mccool": Method(
         fit_mccool,
@@ -37,10 +50,12 @@ METHODS: dict[str, Method] = {
         ignores=frozenset(
             {
                 "textures", "parameterization", "together", "restarts", "search", "validation", "budget",
-                "refine", "search_size", "search_samples", "bound",
+                "refine", "search_size", "search_samples", "bound", "map", "decomposition",
             }
         ),
     ),
+    "svd": Method(fit_svd, wants_copies=False, ignores=_NO_SOLVE),
+    "nmf": Method(fit_nmf, wants_copies=False, ignores=_NO_SOLVE | {"decomposition", "seed"}),
 }  # fmt: skip
 
 
@@ -57,7 +72,11 @@ def check_settings(settings: FitSettings) -> None:
     That is an unknown method, a search that does not exist, and a parameterization that is none of the method's.
     """
     ignored = method(settings.method).ignores
-    if "search" not in ignored:
+    if settings.method == "svd":
+        svd_parameterization(settings)
+    elif settings.method == "nmf":
+        nmf_parameterization(settings)
+    elif "search" not in ignored:
         search_named(settings.search)
         pinned_kinds(settings)
     elif "parameterization" not in ignored and settings.parameterization not in (None, *PARAMETERIZATIONS):

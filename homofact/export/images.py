@@ -103,7 +103,7 @@ def texture_picture(term: Term, channels: Sequence[str]) -> tuple[np.ndarray, st
     range of at least 1. Three channels are shown as red, green, blue; more as the mean logarithms of the
     last, middle and first third (long wavelengths red); fewer as grey.
     """
-    shown, words = _three(term.texture.cpu(), channels)
+    shown, words = three_channels(term.texture.cpu(), channels)
     mask = term.mask.cpu()
     inside = shown[mask] if bool(mask.any()) else shown.reshape(-1, 3)
     low, high = float(inside.min()), float(inside.max())
@@ -111,12 +111,8 @@ def texture_picture(term: Term, channels: Sequence[str]) -> tuple[np.ndarray, st
     low, high = low - spare, high + spare
     grey = ((shown - low) / (high - low)).clamp(0, 1) * 255
     rows, columns = term.size
-    tall, wide = -(-SIDE // rows), -(-SIDE // columns)
-    pixels = _enlarged(grey.round().to(torch.uint8).numpy(), tall, wide)
-    outside = _enlarged((~mask).numpy(), tall, wide)
-    y, x = np.mgrid[: outside.shape[0], : outside.shape[1]]
-    hatch = np.where(((x + y) % 8 < 2)[..., None], HATCH, OUTSIDE)
-    pixels = np.where(outside[..., None], hatch, pixels).astype(np.uint8)
+    tall, wide = _magnification(rows, columns)
+    pixels = enlarged_and_hatched(grey.round().to(torch.uint8), mask)
     description = (
         f"log texture p, 8 bit = 255 (p - low)/(high - low), low = {low:.6g}, high = {high:.6g}; {words};"
         f" row 0 (v = -1) on top, column 0 (u = -1) at the left; {columns} x {rows} texels enlarged {wide} x"
@@ -136,7 +132,7 @@ def write_textures(folder: Path, factorization: Factorization) -> list[dict[str,
     return files
 
 
-def _three(texture: Tensor, channels: Sequence[str]) -> tuple[Tensor, str]:
+def three_channels(texture: Tensor, channels: Sequence[str]) -> tuple[Tensor, str]:
     """(rows, columns, 3) to look at, and words for what the three are."""
     count = len(channels)
     if count == 3:
@@ -146,6 +142,19 @@ def _three(texture: Tensor, channels: Sequence[str]) -> tuple[Tensor, str]:
     first, middle, last = (part.mean(2) for part in torch.tensor_split(texture, 3, 2))
     words = f"red, green, blue = last, middle, first third of {count} channels"
     return torch.stack((last, middle, first), 2), words
+
+
+def enlarged_and_hatched(pixels: Tensor, mask: Tensor) -> np.ndarray:
+    """(H, W, 3) uint8 of pixels (rows, columns, 3) uint8 in whole squares; hatched yellow where not `mask`."""
+    tall, wide = _magnification(*mask.shape)
+    outside = _enlarged((~mask).numpy(), tall, wide)
+    y, x = np.mgrid[: outside.shape[0], : outside.shape[1]]
+    hatch = np.where(((x + y) % 8 < 2)[..., None], HATCH, OUTSIDE)
+    return np.where(outside[..., None], hatch, _enlarged(pixels.numpy(), tall, wide)).astype(np.uint8)
+
+
+def _magnification(rows: int, columns: int) -> tuple[int, int]:
+    return -(-SIDE // rows), -(-SIDE // columns)
 
 
 def _enlarged(pixels: np.ndarray, tall: int, wide: int) -> np.ndarray:

@@ -11,10 +11,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from homofact.baselines.separable import FORMAT as SEPARABLE
+from homofact.baselines.separable import Separable, read_archive
 from homofact.errors import BadInput
 from homofact.export.images import write_textures
 from homofact.export.manifest import manifest, write_json
+from homofact.export.separable_files import separable_manifest, write_separable_textures
 from homofact.factor.factorization import Factorization
+from homofact.factor.fitted import Fitted
 
 FACTORIZATION = "factorization.npz"
 MANIFEST = "manifest.json"
@@ -46,7 +50,7 @@ def check_result_folder(folder: str | os.PathLike[str], force: bool) -> None:
 def write_result(
     folder: str | os.PathLike[str],
     *,
-    factorization: Factorization,
+    factorization: Fitted,
     report: dict[str, Any],
     pictures: Callable[[Path], None] | None = None,
     force: bool = False,
@@ -65,7 +69,7 @@ def write_result(
         target.parent.mkdir(parents=True, exist_ok=True)
         partial.mkdir()
         factorization.save(partial / FACTORIZATION)
-        write_json(partial / MANIFEST, manifest(factorization, write_textures(partial, factorization)))
+        write_json(partial / MANIFEST, _with_textures(partial, factorization))
         write_json(partial / REPORT, report)
         if pictures is not None:
             pictures(partial)
@@ -81,14 +85,25 @@ def write_result(
         raise
 
 
-def open_result(place: str | os.PathLike[str]) -> Factorization:
-    """The factorization of a result folder or of a saved file. Raises BadInput where there is none."""
+def open_result(place: str | os.PathLike[str]) -> Fitted:
+    """The fit of a result folder or of a saved file. Raises BadInput where there is none."""
     target = Path(place)
     if target.is_dir():
         if not (target / FACTORIZATION).is_file():
             raise BadInput(f"{target}: found no {FACTORIZATION} in the folder, expected a result of a fit")
         target = target / FACTORIZATION
+    if read_archive(target)[1].get("format") == SEPARABLE:
+        return Separable.load(target)
     return Factorization.load(target)
+
+
+def _with_textures(folder: Path, fitted: Fitted) -> dict[str, Any]:
+    """Write the textures to `folder`; the manifest that goes with them."""
+    if isinstance(fitted, Separable):
+        return separable_manifest(fitted, write_separable_textures(folder, fitted))
+    if isinstance(fitted, Factorization):
+        return manifest(fitted, write_textures(folder, fitted))
+    raise BadInput(f"result: found a {type(fitted).__name__}, expected a factorization or a separable one")
 
 
 def _swap(partial: Path, target: Path) -> None:

@@ -31,12 +31,14 @@ class Term:
     """One texture and the projection that indexes it.
 
     `texture` is (rows, columns, C) float64, logarithms; `mask` (rows, columns) is True where the texel is
-    reached by the projected domain (or next to such a texel), False where its value is only filler.
+    held by samples and smoothing, False where its value is only filler. `deviation` (rows, columns, C), where it was
+    asked for, is how far a texel would move in another measurement (`factor.confidence`), in log units; 0 in filler.
     """
 
     projection: Projection
     texture: Tensor
     mask: Tensor
+    deviation: Tensor | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -104,6 +106,8 @@ class Factorization:
         for j, term in enumerate(self.terms):
             arrays[f"texture_{j}"] = term.texture.cpu().numpy()
             arrays[f"mask_{j}"] = term.mask.cpu().numpy()
+            if term.deviation is not None:
+                arrays[f"deviation_{j}"] = term.deviation.cpu().numpy()
             arrays[f"matrix_{j}"] = term.projection.matrix.cpu().numpy()
             rotation = term.projection.rotation
             if isinstance(rotation, Pair):
@@ -147,6 +151,8 @@ class Factorization:
                 raise BadInput(f"{target}: texture {j} has shape {found}, expected {expected}")
             if tuple(term.mask.shape) != tuple(term.texture.shape[:2]) or not bool(torch.isfinite(term.texture).all()):
                 raise BadInput(f"{target}: texture {j} or its mask is damaged, expected finite texels and their mask")
+            if term.deviation is not None and term.deviation.shape != term.texture.shape:
+                raise BadInput(f"{target}: deviation {j} has another shape than its texture, expected the same")
         return result
 
 
@@ -174,4 +180,10 @@ def _restore(described: dict[str, Any], data: dict[str, Any], j: int) -> Term:
         rotation,
         None if described["warp"] is None else Warp(float(described["warp"])),
     )
-    return Term(projection, torch.from_numpy(data[f"texture_{j}"]), torch.from_numpy(data[f"mask_{j}"]))
+    deviation = data.get(f"deviation_{j}")
+    return Term(
+        projection,
+        torch.from_numpy(data[f"texture_{j}"]),
+        torch.from_numpy(data[f"mask_{j}"]),
+        None if deviation is None else torch.from_numpy(deviation),
+    )

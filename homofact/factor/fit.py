@@ -17,12 +17,14 @@ import torch
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import NOISE_FREE_EPSILON
 from homofact.errors import BadInput, Report, Status
+from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization, Term
+from homofact.factor.fitted import Fitted
 from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection
 from homofact.factor.search.powell import Powell
 from homofact.factor.settings import FitSettings
-from homofact.factor.textures import LogSamples, inner_problem, residual, solve_terms, texture_shape
+from homofact.factor.textures import LogSamples, Solved, inner_problem, residual, solve_terms, texture_shape
 from homofact.geometry.quaternion import Pair
 from homofact.linear.solvers import solve
 from homofact.linear.threads import one_thread
@@ -43,9 +45,9 @@ class Progress:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted factorization and the report of how it was reached."""
+    """What was fitted (by most methods a `Factorization`) and the report of how it was reached."""
 
-    factorization: Factorization
+    factorization: Fitted
     report: Report
 
 
@@ -76,13 +78,14 @@ def provenance_of(samples: Samples, settings: FitSettings) -> dict[str, Any]:
     }
 
 
-def solve_greedily(
-    samples: LogSamples, projections: tuple[Projection, ...], settings: FitSettings
-) -> tuple[tuple[Term, ...], Status]:
-    """Textures of given projections, at full size: the last `together` solved jointly as each term arrives."""
+def solve_greedily(samples: LogSamples, projections: tuple[Projection, ...], settings: FitSettings) -> Solved:
+    """Textures of given projections, at full size: the last `together` solved jointly as each term arrives.
+
+    The figures of the system are the last solve's.
+    """
     together = len(projections) if settings.together == 0 else settings.together
     terms: tuple[Term, ...] = ()
-    status = Status.DIRECT
+    solved = None
     first = len(projections) if together >= len(projections) else 1
     for count in range(first, len(projections) + 1):
         begin = max(0, count - together)
@@ -90,9 +93,10 @@ def solve_greedily(
         rest = replace(samples, logs=residual(samples, terms))
         last = projections[begin:count]
         shapes = tuple(texture_shape(p, settings.size) for p in last)
-        solved, status = solve_terms(rest, last, shapes, settings.fixed_smoothing, settings.solver)
-        terms = (*terms, *solved)
-    return terms, status
+        solved = solve_terms(rest, last, shapes, settings.fixed_smoothing, settings.solver, settings.robust)
+        terms = (*terms, *solved.terms)
+    assert solved is not None  # there is at least one projection
+    return replace(solved, terms=terms)
 
 
 @one_thread
@@ -129,13 +133,18 @@ def fit_cole(samples: Samples, settings: FitSettings, progress: ProgressCallback
             reports += report
             chosen = (*chosen, best)
             shapes = tuple(texture_shape(p, size) for p in chosen[begin:])
-            solved, _ = solve_terms(rest, chosen[begin:], shapes, settings.fixed_smoothing, settings.solver)
-            coarse_terms = (*coarse_terms[:begin], *solved)
+            solved = solve_terms(rest, chosen[begin:], shapes, settings.fixed_smoothing, settings.solver)
+            coarse_terms = (*coarse_terms[:begin], *solved.terms)
     except KeyboardInterrupt:
         if not chosen:
             raise
         interrupted = True
-    terms, status = solve_greedily(full, chosen, settings)
+    solved = solve_greedily(full, chosen, settings)
+    terms, status = solved.terms, solved.status
+    if settings.confidence and 0 < settings.together < len(terms):
+        raise BadInput("confidence: textures were solved a few at a time, expected --together 0 (all at once) with it")
+    if settings.confidence:
+        terms = with_deviations(full, terms, settings.fixed_smoothing)
     factorization = Factorization(terms, transform, samples.channels, provenance_of(samples, settings))
     error = float((residual(full, terms) ** 2).mean())
     if interrupted:
@@ -150,6 +159,7 @@ def fit_cole(samples: Samples, settings: FitSettings, progress: ProgressCallback
         seconds=time.perf_counter() - began,
         residual=error,
         seed=settings.seed,
+        details=solved.details(),
     )
     return Fit(factorization, report)
 

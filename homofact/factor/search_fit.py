@@ -14,6 +14,7 @@ import torch
 
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
+from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization
 from homofact.factor.fit import Fit, Progress, ProgressCallback, provenance_of, transform_of
 from homofact.factor.homomorphism import LogTransform
@@ -116,7 +117,8 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
     outcome, smoothing = _finish(outcome, full, partitions, settings, search, began)
     projections = outcome.mix.projections
     shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
-    terms, solved = solve_terms(full, projections, shapes, smoothing, settings.solver)
+    solved = solve_terms(full, projections, shapes, smoothing, settings.solver, settings.robust)
+    terms = solved.terms
     made = provenance_of(samples, settings) | {
         "smoothing": list(smoothing),
         "kinds": list(outcome.mix.kinds),
@@ -126,11 +128,13 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
     if settings.refine == "looks":
         terms, account = refine_looks(full, terms, smoothing, transform)
         made["refine"] = account
+    if settings.confidence:
+        terms = with_deviations(full, terms, smoothing)
     factorization = Factorization(terms, transform, samples.channels, made)
     return Fit(
         factorization,
         Report(
-            Status.FALLBACK if solved is Status.FALLBACK else outcome.status,
+            Status.FALLBACK if solved.status is Status.FALLBACK else outcome.status,
             iterations=len(outcome.trace),
             evaluations=outcome.evaluations,
             seconds=time.perf_counter() - began,
@@ -138,7 +142,7 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
             seed=settings.seed,
             trace=outcome.trace,
             notes=notes,
-            details=made,
+            details=made | solved.details(),
         ),
     )
 

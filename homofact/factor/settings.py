@@ -8,6 +8,8 @@ from homofact.linear.solvers import SOLVERS
 
 REFINEMENTS = ("none", "looks")
 VALIDATIONS = ("rings", "random")
+MAPS = ("parabolic", "orthographic", "polar")
+DECOMPOSITIONS = ("eigen", "svd", "power", "normalized")
 DEFAULT_SMOOTHING = 1e-3
 
 
@@ -17,12 +19,13 @@ class FitSettings:
 
     Attributes
     ----------
-    method : name of the method ("search", "cole", "mccool").
-    textures : how many textures at most; McCool's own list has two.
+    method : name of the method ("search", "cole", "mccool", "svd", "nmf").
+    textures : how many textures at most; McCool's own list has two. For `svd` and `nmf` the number of terms.
     size : texels on a side of a texture.
     epsilon : ε of the log transform; None takes the source's default.
     parameterization : for `cole` the coordinates that a projection acts on ("in-out" or "half-diff", None is
-        half-diff); for `search` the kind of every texture, or of each one joined by "+" (None: it chooses).
+        half-diff), as for `svd` (None is in-out) and `nmf` (half-diff); for `search` the kind of every texture,
+        or of each one joined by "+" (None: it chooses).
     reciprocal : enforce reciprocity through the conjugate projections (thesis 3.2.3).
     solver : linear solver of the inner problem, a name in `linear.solvers.SOLVERS`.
     smoothing : λ of the Laplacian, in units of samples a texel; None is found from the data by `search`,
@@ -38,7 +41,12 @@ class FitSettings:
         is 16 for `search` and 12 for `cole`.
     copies, mirrored : azimuth copies of isotropic measurements, and whether mirrored ones stand beside them.
     bound : how a projection is scaled to its texture, by the "disc" or the thesis's 4-"cube".
+    map : direction map of `svd` and `nmf`: "parabolic", "orthographic" or "polar".
+    decomposition : how `svd` finds its terms: "eigen", "svd", "power", or "normalized" (one term, never negative); None
+        is "eigen" for a reciprocal in-out fit and "svd" elsewhere.
     projections : fixed projections by name for `mccool`; empty is McCool's own list.
+    robust : give outliers little weight in the last solve (Huber's weights, `linear.robust`).
+    confidence : leave the standard deviation of every texel with the textures (`factor.confidence`).
     seed : of every random choice in the fit.
     """
 
@@ -62,6 +70,10 @@ class FitSettings:
     mirrored: bool = True
     bound: str = "disc"
     projections: tuple[str, ...] = ()
+    map: str = "parabolic"
+    decomposition: str | None = None
+    robust: bool = False
+    confidence: bool = False
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -91,6 +103,8 @@ class FitSettings:
             ("validation", self.validation, VALIDATIONS),
             ("solver", self.solver, tuple(SOLVERS)),
             ("bound", self.bound, BOUNDS),
+            ("map", self.map, MAPS),
+            ("decomposition", DECOMPOSITIONS[0] if self.decomposition is None else self.decomposition, DECOMPOSITIONS),
         ):
             if value not in known:
                 raise BadInput(f"{name}: found {value!r}, expected one of {', '.join(known)}")

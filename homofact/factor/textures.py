@@ -5,27 +5,35 @@ coordinates, lookups and unknowns).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
+import numpy as np
 import torch
+from scipy.ndimage import binary_dilation, distance_transform_edt
 from torch import Tensor
 
 from homofact.brdf.samples import Samples
 from homofact.errors import Status
 from homofact.factor.factorization import Term, sum_of_terms
+from homofact.factor.gauge import gauge_rows
 from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection
 from homofact.geometry.coordinates import CoordinateSystem
 from homofact.geometry.parabolic import to_disc
+from homofact.linear.condition import condition_estimate, determined_share
 from homofact.linear.laplacian import laplacian
 from homofact.linear.least_squares import LeastSquares, Roughness
 from homofact.linear.mask import covered
 from homofact.linear.normal import Lookup
+from homofact.linear.robust import huber_weights
 from homofact.linear.solvers import solve
 
 Shape = tuple[int, int]
 CHUNK = 65_536
+REACH = 1 / 8  # of a texture's side: how far from the samples smoothing may fill texels
+ROBUST_STEPS = 20
+ROBUST_ENDS = 1e-4  # change of the weight taken away, in shares of all weight
 # λ of all textures, or of each.
 Smoothing = float | tuple[float, ...]
 
@@ -106,23 +114,80 @@ def _roughness(shapes: tuple[Shape, ...]) -> Roughness:
     return Roughness(torch.block_diag(*(laplacian(torch.ones(shape, dtype=torch.bool)) for shape in shapes)))
 
 
+@dataclass(frozen=True)
+class Solved:
+    """Finished terms and how sound their system was.
+
+    `condition` is the 1-norm condition number of the normal matrix; `determined` the share of solved texels that
+    samples hold rather than smoothing alone; `outliers` the share of the samples' weight that a robust solve took away.
+    """
+
+    terms: tuple[Term, ...]
+    status: Status
+    condition: float
+    determined: float
+    outliers: float = 0.0
+
+    def details(self) -> dict[str, float]:
+        """The figures by name, JSON-able, for a report."""
+        return {"condition": self.condition, "determined": self.determined, "outliers": self.outliers}
+
+
 def solve_terms(
     samples: LogSamples,
     projections: tuple[Projection, ...],
     shapes: tuple[Shape, ...],
     smoothing: Smoothing,
     solver: str,
-) -> tuple[tuple[Term, ...], Status]:
-    """The masked solve: finished terms for fixed projections, constants gathered in the first texture."""
-    masks = tuple(domain_mask(p, shape) for p, shape in zip(projections, shapes, strict=True))
-    solution = solve(inner_problem(samples, projections, shapes, smoothing, masks), solver)
+    robust: bool = False,
+) -> Solved:
+    """The masked solve: finished terms for fixed projections, constants gathered in the first texture.
+
+    The unknowns are the texels in reach of a sample; the others of the projected domain take the value of the
+    nearest of these, since smoothing alone would carry the last ramp on into the dark. The gauge is held in closed
+    form (`factor.gauge`). `robust` solves again with Huber's weights until they settle.
+    """
+    domains = tuple(domain_mask(p, shape) for p, shape in zip(projections, shapes, strict=True))
+    whole = inner_problem(samples, projections, shapes, smoothing, domains)
+    masks = _reached(whole.data.matrix.diagonal(), domains)
+    roughness = Roughness(torch.block_diag(*map(laplacian, masks)))
+    kept = torch.cat([mask.reshape(-1) for mask in masks])
+    problem = whole.within(kept, roughness, gauge_rows(projections, masks))
+    solution, taken = solve(problem, solver), 0.0
+    for _ in range(ROBUST_STEPS if robust else 0):
+        share = huber_weights(problem.residuals(solution.texels))
+        before, taken = taken, 1 - float((share * samples.weights).sum() / samples.weights.sum())
+        problem = replace(problem, weights=samples.weights * share)
+        solution = solve(problem, solver)
+        if abs(taken - before) < ROBUST_ENDS:
+            break
+    matrix, _ = problem.normal()
+    data = problem.data.matrix.diagonal()[kept]
     terms, begin = [], 0
     for projection, shape, mask in zip(projections, shapes, masks, strict=True):
         count = shape[0] * shape[1]
         texture = solution.texels[begin : begin + count].reshape(*shape, -1)
         terms.append(Term(projection, _filled(texture, mask), mask))
         begin += count
-    return centred(tuple(terms)), solution.status
+    return Solved(
+        centred(tuple(terms)),
+        solution.status,
+        condition_estimate(matrix),
+        determined_share(data, float(samples.weights.mean())),
+        taken,
+    )
+
+
+def _reached(diagonal: Tensor, domains: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+    """The texels of each domain that a sample reads, or that are within `REACH` of the side from one that is."""
+    masks, begin = [], 0
+    for domain in domains:
+        read = diagonal[begin : begin + domain.numel()].reshape(domain.shape) > 0
+        begin += domain.numel()
+        steps = max(1, round(REACH * max(domain.shape)))
+        near = binary_dilation(read.numpy(), np.ones((3, 3)), iterations=steps)
+        masks.append(domain & torch.from_numpy(near))
+    return tuple(masks)
 
 
 def centred(terms: tuple[Term, ...]) -> tuple[Term, ...]:
@@ -136,14 +201,16 @@ def centred(terms: tuple[Term, ...]) -> tuple[Term, ...]:
     for term in rest:
         mean = term.texture[term.mask].mean(0)
         moved = moved + mean * term.projection.lookups
-        centred_rest.append(Term(term.projection, term.texture - mean, term.mask))
-    head = Term(first.projection, first.texture + moved / first.projection.lookups, first.mask)
+        centred_rest.append(replace(term, texture=term.texture - mean))
+    head = replace(first, texture=first.texture + moved / first.projection.lookups)
     return (head, *centred_rest)
 
 
 def _filled(texture: Tensor, mask: Tensor) -> Tensor:
-    """Texels outside of the mask take the mean inside: never read, but harmless to filters and mipmaps."""
-    return torch.where(mask[..., None], texture, texture[mask].mean(0))
+    """Texels outside of the mask take the value of the nearest inside: a safe guess, and harmless to filters."""
+    places = np.asarray(distance_transform_edt(~mask.numpy(), return_distances=False, return_indices=True))
+    row, column = torch.from_numpy(places).long()
+    return texture[row, column]
 
 
 def domain_mask(projection: Projection, shape: Shape) -> Tensor:

@@ -4,13 +4,16 @@ Minimise over texels y (T, C)
 
     Σn wn |fn − (By)n|² + λ' |Ly|² + δ |y|².
 
-λ' = λ · (Σ w)/T, samples a texel, so that one λ means the same at every size. δ fixes the gauge on
-purpose: a constant, and where projections overlap a ramp, can move from one texture to another without
-changing the sum (and Laplacian rows do not see either). A ridge of 1e-9 of the mean diagonal picks the
-smallest texels among the equals and is far too weak to bend the fit.
+λ' = λ · (Σ w)/T, samples a texel, so that one λ means the same at every size. δ, 1e-9 of the mean diagonal, picks
+the smallest texels where nothing else holds them and is far too weak to bend the fit.
+
+A constant, and where projections overlap a ramp, can move from one texture to another without changing the sum, and
+Laplacian rows do not see either. Where as many rows Zᵀ as there are such directions are given (orthonormal columns Z,
+`gauge`), the term μ |Zᵀy|² with μ the mean diagonal holds them at zero: all else is blind to these directions, so its
+minimum stays what it was, and the system is as well posed as it is without them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -42,7 +45,7 @@ class LeastSquares:
 
     `kept` (T,) marks the unknowns that are solved for; the others are left out and come back as 0.
     `roughness` holds L, zero outside of `kept`; `smoothing` is λ, one for all or one an unknown (T,), equal within
-    a texture.
+    a texture. `gauge` is Z (T, G) of the module's head, zero outside of `kept`; None holds nothing.
     """
 
     coordinates: Tensor
@@ -52,6 +55,7 @@ class LeastSquares:
     kept: Tensor
     roughness: Roughness
     smoothing: float | Tensor
+    gauge: Tensor | None = None
 
     @property
     def unknowns(self) -> int:
@@ -73,6 +77,17 @@ class LeastSquares:
         """δ, the weight of the texels themselves."""
         return _ridge(float(self.weights.sum()), len(self.lookups), int(self.kept.sum()))
 
+    @property
+    def gauge_scale(self) -> float:
+        """μ, the weight of the gauge rows."""
+        return self.ridge / RELATIVE_RIDGE
+
+    def within(self, kept: Tensor, roughness: Roughness, gauge: Tensor | None) -> "LeastSquares":
+        """The same samples for other kept unknowns, without another pass over them."""
+        result = replace(self, kept=kept, roughness=roughness, gauge=gauge)
+        result.__dict__["data"] = self.data
+        return result
+
     def penalty(self, texels: Tensor) -> float:
         """λ'|Ly|² + δ|y|² of texels (T, C), summed over channels."""
         rough = float((texels * (self.penalty_scale * (self.roughness.gram @ texels))).sum())
@@ -82,12 +97,14 @@ class LeastSquares:
         """(BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
         kept = self.kept
         matrix = _penalised(self.data.matrix, self.roughness, self.penalty_scale, self.ridge)
+        if self.gauge is not None:
+            matrix.addmm_(self.gauge, self.gauge.T, alpha=self.gauge_scale)
         if bool(kept.all()):
             return matrix, self.data.rhs
         return matrix[kept][:, kept], self.data.rhs[kept]
 
     def rows(self) -> tuple[scipy.sparse.csr_matrix, np.ndarray]:
-        """The stacked sparse rows [√W B; √λ' L; √δ I] (·, K) and targets [√W f; 0; 0] (·, C)."""
+        """The stacked sparse rows [√W B; √λ' L; √δ I; √μ Zᵀ] (·, K) and targets [√W f; 0; 0; 0] (·, C)."""
         numbers, values = stencil_rows(self.coordinates, self.lookups)
         count = numbers.shape[0]
         root = self.weights.sqrt()
@@ -100,8 +117,10 @@ class LeastSquares:
         kept = np.flatnonzero(self.kept.numpy())
         smooth = scipy.sparse.csr_matrix((self.penalty_scale.sqrt() * self.roughness.rows).numpy())
         identity = scipy.sparse.identity(self.unknowns, format="csr") * np.sqrt(self.ridge)
-        stacked = scipy.sparse.csr_matrix(scipy.sparse.vstack([design, smooth, identity]))[:, kept]
-        targets = np.zeros((count + 2 * self.unknowns, self.targets.shape[1]))
+        gauge = np.zeros((0, self.unknowns)) if self.gauge is None else self.gauge.numpy().T * np.sqrt(self.gauge_scale)
+        held = scipy.sparse.csr_matrix(gauge)
+        stacked = scipy.sparse.csr_matrix(scipy.sparse.vstack([design, smooth, identity, held]))[:, kept]
+        targets = np.zeros((stacked.shape[0], self.targets.shape[1]))
         targets[:count] = (self.targets * root[:, None]).numpy()
         return scipy.sparse.csr_matrix(stacked), targets
 
@@ -111,11 +130,15 @@ class LeastSquares:
         result[self.kept] = solution
         return result
 
-    def mean_error(self, texels: Tensor) -> float:
-        """Weighted mean over samples and channels of (f − By)², by a pass over the samples."""
+    def residuals(self, texels: Tensor) -> Tensor:
+        """f − By (N, C), by a pass over the samples."""
         numbers, values = stencil_rows(self.coordinates, self.lookups)
-        difference = self.targets - (texels[numbers] * values[..., None]).sum(1)
-        return float((self.weights[:, None] * difference**2).sum() / self.weights.sum()) / difference.shape[1]
+        return self.targets - (texels[numbers] * values[..., None]).sum(1)
+
+    def mean_error(self, texels: Tensor) -> float:
+        """Weighted mean over samples and channels of (f − By)²."""
+        squares = self.residuals(texels) ** 2
+        return float((self.weights[:, None] * squares).sum() / self.weights.sum()) / squares.shape[1]
 
 
 def penalised_matrix(data: NormalEquations, roughness: Roughness, smoothing: float | Tensor, lookups: int) -> Tensor:

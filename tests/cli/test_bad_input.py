@@ -194,9 +194,9 @@ def test_the_defaults_in_the_help_are_the_real_ones() -> None:
     real |= {"texture_counts": ",".join(map(str, config.chart.textures))}
     real |= {name: ",".join(map(str, getattr(config.chart, name))) for name in ("sizes", "searches")}
     assert kinds.KINDS == KINDS
-    words = {True: "on", (): "McCool's own"}
+    words = {True: "on", False: "off", (): "McCool's own"}
     by = {name: "by method" for name in ("parameterization", "smoothing", "search_size")}
-    by["epsilon"] = "by the source"
+    by |= {"epsilon": "by the source", "decomposition": "by symmetry"}
     seen = set()
     for command in get_command(app).commands.values():  # type: ignore[attr-defined]
         for option in command.params:
@@ -208,7 +208,7 @@ def test_the_defaults_in_the_help_are_the_real_ones() -> None:
             if value is None:
                 expected = by[option.name]
             else:
-                expected = words[value] if value is True or value == () else str(value)
+                expected = words[value] if isinstance(value, bool) or value == () else str(value)
             assert said[1] == expected, f"{command.name} --{option.name}"
             seen.add(option.name)
     assert seen == set(real)

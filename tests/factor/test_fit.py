@@ -95,7 +95,7 @@ def test_textures_but_the_first_have_zero_mean_and_the_mean_error_is_reported() 
     data = LogSamples.of(samples, fit.factorization.transform)
     for term in fit.factorization.terms[1:]:
         assert float(term.texture[term.mask].mean(0).abs().max()) < 1e-12
-    assert float((residual(data, fit.factorization.terms) ** 2).mean()) == pytest.approx(fit.report.residual)
+    assert float((residual(data, tuple(fit.factorization.terms)) ** 2).mean()) == pytest.approx(fit.report.residual)
 
 
 def test_moving_constants_does_not_change_the_sum() -> None:

@@ -1,0 +1,181 @@
+"""Decompositions of a BRDF matrix M (rows: texels of one direction, columns: of the other) into K products.
+
+* `svd`: the best rank-K approximation in the Frobenius norm (Eckart and Young), for any M.
+* `eigen`: for a symmetric M, which reciprocity and equal maps of ωi and ωo give, Σ sk uk ukᵀ with the K
+  eigenvalues of largest size; sk = −1 where the eigenvalue is negative (Wang, Tran and Luebke 2004, 3.2). As good
+  as the SVD, with one texture a term instead of two.
+* `power`: the same by power iteration with deflation (ibid., appendix), to the same numbers.
+* `normalized`: one term, for any M ≥ 0: each row's norm, times the mean of the rows after division by it (Kautz
+  and McCool 1999). We take the 1-norm, so the sum of every row of M is kept.
+
+Factors are scaled like the papers': both sides of a term share its singular value evenly.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from scipy.sparse.linalg import eigsh
+from torch import Tensor
+
+from homofact.errors import BadInput
+
+# Dense up to this many rows, Lanczos above: the same eigenvectors, in seconds instead of minutes.
+DENSE_ROWS = 1200
+# Products of a power iteration between two recombinations.
+POWERS = 4
+
+
+@dataclass(frozen=True)
+class Factors:
+    """M ≈ left diag(signs) rightᵀ.
+
+    `left` (n, K); `right` (m, K), or None where it is `left`; `signs` (K,) of ±1. `converged` says whether an
+    iteration met its tolerance, `iterations` how many there were.
+    """
+
+    left: Tensor
+    right: Tensor | None
+    signs: Tensor
+    converged: bool = True
+    iterations: int = 0
+
+    def product(self) -> Tensor:
+        """The approximation (n, m)."""
+        return (self.left * self.signs) @ (self.left if self.right is None else self.right).T
+
+
+def svd(matrix: Tensor, terms: int) -> Factors:
+    """The K = `terms` leading singular triples of (n, m); fewer where the matrix has fewer."""
+    u, s, vh = torch.linalg.svd(_finite(matrix), full_matrices=False)
+    terms = min(terms, len(s))
+    root = s[:terms].sqrt()
+    return Factors(u[:, :terms] * root, vh[:terms].T * root, torch.ones(terms, dtype=matrix.dtype))
+
+
+def eigen(matrix: Tensor, terms: int) -> Factors:
+    """The `terms` eigenvectors of largest |eigenvalue| of a symmetric (n, n). Raises BadInput where it is not."""
+    _check_symmetric(matrix)
+    n = matrix.shape[0]
+    terms = min(terms, n)
+    if n <= DENSE_ROWS or terms >= n - 1:
+        values, vectors = torch.linalg.eigh(matrix)
+    else:
+        # A start that is never orthogonal to a pattern of the texels by chance, and the same in every run.
+        start = torch.rand(n, dtype=matrix.dtype, generator=torch.Generator().manual_seed(0)).numpy()
+        found, basis = eigsh(matrix.numpy(), k=terms, which="LM", v0=start)
+        values, vectors = torch.from_numpy(found), torch.from_numpy(basis)
+    order = values.abs().argsort(descending=True, stable=True)[:terms]
+    values, vectors = values[order], vectors[:, order]
+    return Factors(vectors * values.abs().sqrt(), None, torch.where(values < 0, -1.0, 1.0).to(matrix.dtype))
+
+
+def power(
+    matrix: Tensor,
+    terms: int,
+    generator: torch.Generator,
+    tolerance: float = 1e-9,
+    most: int = 20_000,
+) -> Factors:
+    """As `eigen`, by power iteration with deflation.
+
+    A vector is done when ‖Mv − λv‖ ≤ `tolerance` |λ1|, λ = vᵀMv, λ1 the first eigenvalue (the paper waits for λ to
+    stand still, which two eigenvalues of nearly one size do long before v does), or after `most` products, which
+    `converged` = False tells of. Every four products the next v is the best combination of v and its last images
+    (Rayleigh-Ritz), where the paper takes the last: BRDF matrices have eigenvalues of one size and opposite sign, and
+    between their vectors the plain iteration swings for ever. A remainder of rounding is not decomposed further.
+    """
+    _check_symmetric(matrix)
+    rest = matrix.clone()
+    n = matrix.shape[0]
+    floor = 1e-14 * float(matrix.norm())
+    vectors, values = [], []
+    converged, total, largest = True, 0, 0.0
+    for _ in range(min(terms, n)):
+        if vectors and float(rest.norm()) <= floor:
+            break
+        v = torch.randn(n, dtype=matrix.dtype, generator=generator)
+        v = v / v.norm()
+        for count in range(1, most // POWERS + 1):
+            v, value, residual = _recombined(rest, v)
+            total += POWERS
+            largest = max(largest, abs(value))
+            if residual <= max(tolerance * largest, floor):
+                break
+            converged &= count < most // POWERS
+        vectors.append(v)
+        values.append(value)
+        rest -= value * torch.outer(v, v)
+    found = torch.tensor(values, dtype=matrix.dtype)
+    # Two of nearly one size may be found in the other order.
+    order = found.abs().argsort(descending=True, stable=True)
+    signs = torch.where(found < 0, -1.0, 1.0).to(matrix.dtype)
+    return Factors((torch.stack(vectors, 1) * found.abs().sqrt())[:, order], None, signs[order], converged, total)
+
+
+def _recombined(matrix: Tensor, v: Tensor) -> tuple[Tensor, float, float]:
+    """(v, λ, ‖Mv − λv‖): the largest Ritz pair of v and its images under 1 … `POWERS` − 1 products."""
+    basis = v[:, None]
+    images = (matrix @ v)[:, None]
+    for _ in range(POWERS - 1):
+        new = images[:, -1]
+        # Twice, so that it is orthogonal to the last digits.
+        for _ in range(2):
+            new = new - basis @ (basis.T @ new)
+        if float(new.norm()) <= 1e-13 * float(images[:, -1].norm()):
+            break
+        new = new / new.norm()
+        basis = torch.cat((basis, new[:, None]), 1)
+        images = torch.cat((images, (matrix @ new)[:, None]), 1)
+    small = basis.T @ images
+    values, turns = torch.linalg.eigh((small + small.T) / 2)
+    # Of several of one size, the one that v is nearest to: else the choice changes sides with every rounding.
+    sizes = values.abs()
+    best = int(torch.where(sizes >= (1 - 1e-9) * sizes.max(), turns[0].abs(), -1.0).argmax())
+    v, image, value = basis @ turns[:, best], images @ turns[:, best], float(values[best])
+    residual = float((image - value * v).norm())
+    return v / v.norm(), value, residual
+
+
+def imputed(matrix: Tensor, valid: Tensor, terms: int, rounds: int = 60) -> Tensor:
+    """(n, m) with the entries that are not `valid` replaced by those of a rank-`terms` approximation of the rest.
+
+    Each round fits the factors to the matrix as it is and reads the missing entries off their product, within the
+    range of the valid ones: what nobody measured then takes no term for itself. The entries given are the start.
+    """
+    if bool(valid.all()) or not bool(valid.any()):
+        return matrix
+    low, high = float(matrix[valid].min()), float(matrix[valid].max())
+    filled = matrix
+    start = torch.rand(matrix.shape[1], min(terms, *matrix.shape), generator=torch.Generator().manual_seed(0))
+    right = filled.T @ (filled @ start.to(matrix))
+    for _ in range(rounds):
+        left = torch.linalg.qr(filled @ right).Q
+        right = filled.T @ left
+        filled = torch.where(valid, matrix, (left @ right.T).clamp(low, high))
+    return filled
+
+
+def normalized(matrix: Tensor) -> Factors:
+    """The one non-negative term of the normalized decomposition. Raises BadInput for a negative entry."""
+    if bool((_finite(matrix) < 0).any()):
+        raise BadInput(f"matrix: found {float(matrix.min()):.4g}, expected no negative entry to normalize")
+    norms = matrix.sum(1, keepdim=True)
+    lit = norms[:, 0] > 0
+    if not bool(lit.any()):
+        return Factors(norms, torch.zeros(matrix.shape[1], 1, dtype=matrix.dtype), torch.ones(1, dtype=matrix.dtype))
+    mean = (matrix[lit] / norms[lit]).mean(0)[:, None]
+    # Both factors alike in size, as the others'.
+    share = (norms.norm() / mean.norm()).sqrt()
+    return Factors(norms / share, mean * share, torch.ones(1, dtype=matrix.dtype))
+
+
+def _finite(matrix: Tensor) -> Tensor:
+    if matrix.ndim != 2 or 0 in matrix.shape or not bool(torch.isfinite(matrix).all()):
+        raise BadInput(f"matrix: found shape {tuple(matrix.shape)} or entries that are not finite, expected a matrix")
+    return matrix
+
+
+def _check_symmetric(matrix: Tensor) -> None:
+    _finite(matrix)
+    if matrix.shape[0] != matrix.shape[1] or float((matrix - matrix.T).abs().max()) > 1e-12 * float(matrix.abs().max()):
+        raise BadInput(f"matrix: found {tuple(matrix.shape)}, not symmetric; expected M = Mᵀ, or the dense SVD")

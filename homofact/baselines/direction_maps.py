@@ -1,0 +1,122 @@
+"""Maps of the upper hemisphere to the texture square, by which separable factors are stored as textures.
+
+* parabolic: (u, v) = (ωx, ωy)/(1 + ωz), the house's map (`geometry.parabolic`);
+* orthographic: (u, v) = (ωx, ωy) (Wang, Tran and Luebke 2004, eq. 7, here in [−1, 1]);
+* polar: u = φ/π, v = 2√(1 − ωz) − 1 (ibid., eq. 8); its first and last column are one meridian, and its first
+  row is the normal.
+
+Texels as everywhere: coordinate −1 is the centre of the first, +1 of the last. The two disc maps leave texels in
+the corners that no direction reads. Texels beyond the rim that a direction does read stand for the nearest point of
+the rim. There f is asked for a little above the horizon (`LEAST_COSINE`), where models that divide by the cosines
+are still finite.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.geometry import parabolic
+
+# The cosine of a texel's direction at the rim: 84.3°. Nearer to the horizon (.05, .01), the first terms of
+# Ashikhmin-Shirley's matrix go to grazing light, and the cosine-weighted error rises.
+LEAST_COSINE = 0.1
+
+
+@dataclass(frozen=True)
+class DirectionMap:
+    """A named map: `to_square` takes unit vectors (..., 3) with z ≥ 0 to (..., 2) in [−1, 1]², `from_square` back.
+
+    `disc` says that the hemisphere fills the unit disc; else it fills the square. `from_square` takes points
+    outside to the nearest of the rim. `_density` is dω/(du dv) of a cosine, up to a constant.
+    """
+
+    name: str
+    disc: bool
+    to_square: Callable[[Tensor], Tensor]
+    _inverse: Callable[[Tensor], Tensor]
+    _density: Callable[[Tensor], Tensor]
+
+    def from_square(self, uv: Tensor) -> Tensor:
+        """Unit vectors (..., 3), z ≥ 0, of points (..., 2)."""
+        if self.disc:
+            radius = uv.norm(dim=-1, keepdim=True)
+            uv = uv / radius.clamp_min(1)
+        return self._inverse(uv)
+
+    def texel_directions(self, size: int) -> Tensor:
+        """Unit vectors (size², 3) of all texel centres, row by row, z ≥ `LEAST_COSINE`."""
+        return raised(self.from_square(texel_centres(size)))
+
+    def texel_weights(self, size: int) -> Tensor:
+        """(size²,) the projected solid angle cosθ dω of every texel, of mean 1 and at least 1% of the largest."""
+        cosine = self.texel_directions(size)[:, 2]
+        weights = cosine * self._density(cosine)
+        weights = weights.clamp_min(0.01 * float(weights.max()))
+        return weights / weights.mean()
+
+    def read(self, size: int) -> Tensor:
+        """(size²,) bool: whether some direction's bilinear stencil reads the texel."""
+        centres = texel_centres(size)
+        if not self.disc:
+            return torch.ones(len(centres), dtype=torch.bool)
+        # A stencil reaches less than one texel from its point: the nearest such point must be in the open disc.
+        nearest = (centres.abs() - 2 / (size - 1)).clamp_min(0)
+        return (nearest**2).sum(1) < 1
+
+
+def texel_centres(size: int) -> Tensor:
+    """(size², 2) texel centres in [−1, 1]², row by row, the first coordinate along a row."""
+    line = torch.linspace(-1, 1, size, dtype=torch.float64)
+    return torch.stack((line.repeat(size), line.repeat_interleave(size)), 1)
+
+
+def raised(w: Tensor) -> Tensor:
+    """Unit vectors (..., 3) with z ≥ `LEAST_COSINE`: those below are raised to it at their azimuth."""
+    flat = w[..., :2]
+    length = flat.norm(dim=-1, keepdim=True)
+    scale = (1 - LEAST_COSINE**2) ** 0.5 / length.clamp_min(1e-300)
+    low = w[..., 2:] < LEAST_COSINE
+    return torch.where(low, torch.cat((flat * scale, torch.full_like(length, LEAST_COSINE)), -1), w)
+
+
+def _to_orthographic(w: Tensor) -> Tensor:
+    return w[..., :2]
+
+
+def _from_orthographic(uv: Tensor) -> Tensor:
+    return torch.cat((uv, (1 - (uv**2).sum(-1, keepdim=True)).clamp_min(0).sqrt()), -1)
+
+
+def _to_polar(w: Tensor) -> Tensor:
+    azimuth = torch.atan2(w[..., 1], w[..., 0]) / math.pi
+    # 1 − z without the cancellation near the normal.
+    drop = (w[..., :2] ** 2).sum(-1) / (1 + w[..., 2])
+    return torch.stack((azimuth, 2 * drop.clamp(0, 1).sqrt() - 1), -1)
+
+
+def _from_polar(uv: Tensor) -> Tensor:
+    drop = ((uv[..., 1] + 1) / 2) ** 2
+    sine = (drop * (2 - drop)).clamp_min(0).sqrt()
+    azimuth = uv[..., 0] * math.pi
+    return torch.stack((sine * torch.cos(azimuth), sine * torch.sin(azimuth), 1 - drop), -1)
+
+
+MAPS = {
+    each.name: each
+    for each in (
+        DirectionMap("parabolic", True, parabolic.to_disc, parabolic.from_disc, lambda z: (1 + z) ** 2),
+        DirectionMap("orthographic", True, _to_orthographic, _from_orthographic, lambda z: 1 / z),
+        DirectionMap("polar", False, _to_polar, _from_polar, lambda z: (1 - z).clamp_min(0).sqrt()),
+    )
+}
+
+
+def direction_map(name: str) -> DirectionMap:
+    """The map called `name`. Raises BadInput that lists the names."""
+    if name not in MAPS:
+        raise BadInput(f"map: found {name!r}, expected one of {', '.join(MAPS)}")
+    return MAPS[name]

@@ -1,0 +1,118 @@
+"""A BRDF at any pair of directions from scattered samples, fit to fill a matrix of millions of entries.
+
+Isotropic samples are interpolated by `brdf.scattered`, whose coordinates azimuth, mirroring and exchange leave alone.
+In four dimensions its thin plates overshoot between samples of a highlight (Ashikhmin-Shirley with Wang's numbers,
+36,000 pairs: mean squared error 2.3 sr⁻² against .14 here), so anisotropic ones are resampled by `LocalPlanes`.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from scipy.spatial import KDTree
+from torch import Tensor
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.brdf.scattered import Scattered
+from homofact.errors import BadInput
+from homofact.geometry.coordinates import coordinate_system
+
+EPSILON = 1e-2
+NEIGHBOURS = 20
+RIDGE = 1e-3
+_CHUNK = 100_000
+# Where the stretch of |h| turns from linear to logarithmic, and how much longer h's axes are than d's.
+_BEND = 0.1
+_HALF_OVER_DIFFERENCE = 1.5
+
+
+def resampled(samples: Samples, reciprocal: bool) -> Reflectance:
+    """What answers for `samples` between them; `reciprocal` lets every anisotropic sample count exchanged, too.
+
+    Raises BadInput for too few samples.
+    """
+    return Scattered(samples) if samples.isotropic else LocalPlanes(samples, reciprocal)
+
+
+@dataclass(frozen=True)
+class LocalPlanes:
+    """A `Reflectance` of `samples` by moving least squares of degree 1 over four coordinates.
+
+    At each place, a plane is fitted to log(f/A + ε) of the nearest samples, with weights that fall to zero at the
+    farthest of them and a light ridge on the slope; the value stays within the range of those logs, so nothing is
+    invented outside what was measured. Coordinates are half and difference vector in their parabolic discs, the half
+    vector's radius stretched near the normal so that a highlight gets room. With `reciprocal` every sample stands
+    exchanged beside itself. A, ε: the mean and 1e-2, as in `brdf.scattered`. Raises BadInput for too few samples.
+    """
+
+    samples: Samples
+    reciprocal: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse too few samples."""
+        if len(self.samples) < self.fetches:
+            raise BadInput(f"samples: {len(self.samples)} are too few to resample, expected at least {self.fetches}")
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Those of the samples."""
+        return self.samples.channels
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of coordinates and logs of all samples in float64."""
+        return len(self.samples) * (4 + len(self.channels)) * 8
+
+    @property
+    def fetches(self) -> int:
+        """Samples read for one value."""
+        return NEIGHBOURS
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        values = torch.zeros(wi.shape[0], len(self.channels), dtype=torch.float64)
+        rows = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0)).nonzero()[:, 0]
+        for part in rows.split(_CHUNK):
+            values[part] = self._at(self._place(wi[part].double(), wo[part].double()))
+        return values.to(wi)
+
+    def _place(self, wi: Tensor, wo: Tensor) -> np.ndarray:
+        place = coordinate_system("half-diff").evaluate(wi, wo)
+        radius = place[:, :2].norm(dim=1, keepdim=True).clamp_min(1e-12)
+        stretch = torch.asinh(radius / _BEND) / torch.asinh(torch.tensor(1 / _BEND, dtype=torch.float64))
+        return torch.cat((place[:, :2] * (_HALF_OVER_DIFFERENCE * stretch / radius), place[:, 2:]), 1).numpy()
+
+    @cached_property
+    def _mean(self) -> Tensor:
+        mean = self.samples.values.mean(0)
+        return torch.where(mean > 0, mean, 1.0)
+
+    @cached_property
+    def _data(self) -> tuple[KDTree, Tensor, Tensor]:
+        """(tree, places (N, k), logs (N, C))."""
+        logs = torch.log(self.samples.values / self._mean + EPSILON)
+        place = self._place(self.samples.wi, self.samples.wo)
+        if self.reciprocal:
+            place = np.concatenate((place, self._place(self.samples.wo, self.samples.wi)))
+            logs = torch.cat((logs, logs))
+        return KDTree(place), torch.from_numpy(place), logs
+
+    def _at(self, place: np.ndarray) -> Tensor:
+        tree, places, logs = self._data
+        distance, index = tree.query(place, k=NEIGHBOURS)
+        near = torch.from_numpy(index)
+        reach = torch.from_numpy(distance)[:, -1:].clamp_min(1e-9) * 1.05
+        offset = (places[near] - torch.from_numpy(place)[:, None]) / reach[..., None]
+        weight = (1 - (offset**2).sum(-1)).clamp_min(0) ** 2
+        rows = torch.cat((torch.ones_like(offset[..., :1]), offset), -1)
+        weighted = rows * weight[..., None]
+        gram = weighted.transpose(1, 2) @ rows
+        ridge = torch.full((rows.shape[2],), RIDGE, dtype=torch.float64)
+        ridge[0] = 1e-12
+        gram = gram + torch.diag(ridge) * weight.sum(1)[:, None, None]
+        found = logs[near]
+        plane = torch.linalg.solve(gram, weighted.transpose(1, 2) @ found)[:, 0]
+        plane = plane.clamp(found.amin(1), found.amax(1))
+        return self._mean * (plane.exp() - EPSILON).clamp_min(0)

@@ -1,0 +1,126 @@
+"""The gauge in closed form: what may move between textures without changing their sum.
+
+A texture sees a lookup's place uv = M x, linear in the coordinates x of its parameterization (stretched, where
+it is warped). Bilinear interpolation reproduces {1, u, v, uv}, and the Laplacian rows of a whole texture vanish on
+them, so neither samples nor smoothing hold a combination Σj (aj + bj·uv + cj uv) that adds to nothing:
+
+    constants        Σj nj aj = 0                       with nj the lookups of texture j
+    ramps            Σj bjᵀ Σl Mjl = 0                  over textures that share coordinates
+    products         Σj cj Σl sym(ujl vjlᵀ) = 0         with ujl, vjl the rows of Mjl
+
+Constants, linear and quadratic forms are independent functions on a domain with an interior, and different
+parameterizations are not linear in each other, so the three conditions stand alone and their solutions are all
+there is: the null space of the problem, however many samples there are. A texture whose conjugate cancels a ramp
+has one by itself.
+
+The gauge that is kept: every texture but the first has zero mean over its mask, and no part along the null ramps and
+products, their own means taken off. So it depends neither on the solver nor on noise, and a factor on the data moves
+the first texture by a constant and no other. `linear.least_squares` holds these rows at zero.
+"""
+
+import torch
+from torch import Tensor
+
+from homofact.factor.projection import Projection, Warp
+
+_RANK = 1e-9
+
+
+def null_space(projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> Tensor:
+    """Orthonormal columns (T, G) that span the null space over all texels; zero outside of `masks` (rows, columns)."""
+    fields, forms = _fields(projections, masks)
+    return _orthonormal(fields @ _null_combinations(forms))
+
+
+def gauge_rows(projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> Tensor:
+    """Orthonormal columns (T, G), as many as `null_space` has: what the gauge of the module's head holds at zero."""
+    fields, forms = _fields(projections, masks)
+    constant = forms[:, 0] != 0
+    owners = torch.cat([torch.full((mask.numel(),), j) for j, mask in enumerate(masks)])
+    inside = torch.cat([mask.reshape(-1) for mask in masks])
+    for j in range(len(masks)):
+        own = (owners == j) & inside
+        centred = fields[own] - fields[own].mean(0)
+        fields[own] = torch.where(constant, fields[own], centred)
+    means = fields[:, constant][:, 1:]
+    ramps = fields[:, ~constant] @ _null_combinations(forms[~constant])
+    return torch.cat((_orthonormal(means), _orthonormal(ramps)), 1)
+
+
+def _null_combinations(forms: Tensor) -> Tensor:
+    """Columns of coefficients (F, G) of the fields whose forms (F, ·) add to nothing."""
+    if forms.shape[0] == 0:
+        return torch.zeros(0, 0, dtype=torch.float64)
+    left, values, _ = torch.linalg.svd(forms, full_matrices=True)
+    return left[:, int((values > _RANK * values[0]).sum()) :]
+
+
+def _orthonormal(columns: Tensor) -> Tensor:
+    """An orthonormal basis of the columns' span."""
+    if columns.shape[1] == 0:
+        return columns
+    basis, sizes, _ = torch.linalg.svd(columns, full_matrices=False)
+    return basis[:, sizes > _RANK * sizes.max().clamp_min(1)]
+
+
+def _fields(projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> tuple[Tensor, Tensor]:
+    """(fields (T, F), forms (F, 1 + V + V²)): every texture's constant, ramps and product as texels, and what they add.
+
+    V counts the variables of all projections, each once: `_variables`.
+    """
+    variables = list(dict.fromkeys(name for projection in projections for name in _variables(projection)))
+    owners = [torch.full((mask.numel(),), j) for j, mask in enumerate(masks)]
+    owner, inside = torch.cat(owners), torch.cat([mask.reshape(-1) for mask in masks])
+    fields, forms = [], []
+    for j, (projection, mask) in enumerate(zip(projections, masks, strict=True)):
+        places = [variables.index(name) for name in _variables(projection)]
+        matrices = [torch.zeros(2, len(variables), dtype=torch.float64) for _ in projection.matrices()]
+        for matrix, own in zip(matrices, projection.matrices(), strict=True):
+            matrix[:, places] = own.double()
+        for form, field in _of_texture(matrices, mask.shape):
+            placed = torch.zeros(len(owner), dtype=torch.float64)
+            placed[owner == j] = field
+            fields.append(placed * inside)
+            forms.append(form)
+    return torch.stack(fields, 1), torch.stack(forms)
+
+
+def _variables(projection: Projection) -> list[tuple[str, str, Warp | None]]:
+    """What each column of the matrix multiplies, by name: a warp makes another variable of the half vector's axes."""
+    names = projection.system.axes
+    return [(projection.coordinates, name, projection.warp if name.endswith("_h") else None) for name in names]
+
+
+def _of_texture(matrices: list[Tensor], shape: torch.Size) -> list[tuple[Tensor, Tensor]]:
+    """(form, texels (T,)) of a texture's constant, ramps and product, from the matrices (2, V) of its lookups."""
+    rows, columns = shape
+    u = torch.linspace(-1, 1, columns, dtype=torch.float64) if columns > 1 else torch.zeros(1, dtype=torch.float64)
+    v = torch.linspace(-1, 1, rows, dtype=torch.float64) if rows > 1 else torch.zeros(1, dtype=torch.float64)
+    across, up = u.repeat(rows), v.repeat_interleave(columns)
+    width = matrices[0].shape[1]
+    linear = torch.stack(matrices).sum(0)
+    product = torch.stack([_symmetric(matrix) for matrix in matrices]).sum(0).reshape(-1)
+
+    def form(constant: float = 0.0, ramp: Tensor | None = None, quadratic: Tensor | None = None) -> Tensor:
+        nothing = torch.zeros(width + width * width, dtype=torch.float64)
+        return torch.cat(
+            (
+                torch.tensor([constant], dtype=torch.float64),
+                nothing[:width] if ramp is None else ramp,
+                nothing[width:] if quadratic is None else quadratic,
+            )
+        )
+
+    found = [(form(constant=float(len(matrices))), torch.ones_like(across))]
+    if columns > 1:
+        found.append((form(ramp=linear[0]), across))
+    if rows > 1:
+        found.append((form(ramp=linear[1]), up))
+    if rows > 1 and columns > 1:
+        found.append((form(quadratic=product), across * up))
+    return found
+
+
+def _symmetric(matrix: Tensor) -> Tensor:
+    outer = matrix[0][:, None] * matrix[1]
+    return (outer + outer.T) / 2

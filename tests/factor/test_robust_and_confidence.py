@@ -1,0 +1,119 @@
+"""What a texel is worth: outliers that may not bend it, holes that may not invent it, and how far it would move."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from homofact.baselines.mccool import fit_mccool
+from homofact.brdf.materials import material
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import sample_model
+from homofact.errors import BadInput
+from homofact.factor.confidence import with_deviations
+from homofact.factor.factorization import Factorization, Term
+from homofact.factor.fit import fit_cole
+from homofact.factor.homomorphism import LogTransform
+from homofact.factor.projection import fixed_projection
+from homofact.factor.settings import FitSettings
+from homofact.factor.textures import LogSamples, domain_mask, solve_terms
+
+NAMES = ("theta_h-theta_d", "theta_i-theta_o")
+PROJECTIONS = tuple(fixed_projection(name, True) for name in NAMES)
+SHAPES = ((8, 8), (8, 8))
+
+
+def planted(count: int = 4000) -> tuple[LogSamples, LogTransform]:
+    """Log samples that two textures meet exactly, of a glossy material's likeness."""
+    samples = sample_model(material("phong-10").model, count, "discs", 0)
+    transform = LogTransform.of(samples, 1e-2)
+    logs = LogSamples.of(samples, transform)
+    terms = solve_terms(logs, PROJECTIONS, SHAPES, 1e-3, "cholesky").terms
+    exact = Factorization(terms, transform, samples.channels)
+    return replace(logs, logs=exact.evaluate_log(samples.wi, samples.wo)), transform
+
+
+def with_noise(logs: LogSamples, level: float, seed: int) -> LogSamples:
+    generator = torch.Generator().manual_seed(seed)
+    return replace(
+        logs, logs=logs.logs + level * torch.randn(logs.logs.shape, dtype=torch.float64, generator=generator)
+    )
+
+
+def test_outliers_bend_the_plain_solve_and_not_the_robust_one() -> None:
+    logs, _ = planted()
+    spoiled = logs.logs.clone()
+    spoiled[::25] += 8.0
+    outliers = replace(with_noise(logs, 0.01, 0), logs=with_noise(replace(logs, logs=spoiled), 0.01, 0).logs)
+    errors = []
+    for robust in (False, True):
+        solved = solve_terms(outliers, PROJECTIONS, SHAPES, 1e-5, "cholesky", robust)
+        fit = Factorization(solved.terms, LogTransform(1e-2, torch.ones(3).double()), ("R", "G", "B"))
+        errors.append(float((fit.evaluate_log(logs.wi, logs.wo) - logs.logs).square().mean().sqrt()))
+        assert (solved.outliers > 0.03) is robust
+    assert errors[0] > 0.3
+    assert errors[1] < 0.03
+
+
+def test_texels_far_from_all_samples_are_left_out_and_take_the_nearest_value() -> None:
+    logs, _ = planted()
+    theta = torch.acos(logs.wi[:, 2].clamp(-1, 1)), torch.acos(logs.wo[:, 2].clamp(-1, 1))
+    low = (theta[0] < 0.6) & (theta[1] < 0.6)
+    solved = solve_terms(logs.select(low.nonzero()[:, 0]), PROJECTIONS, SHAPES, 1e-5, "cholesky")
+    both = solved.terms[1]
+    domain = domain_mask(both.projection, (8, 8))
+    assert bool((both.mask <= domain).all())
+    assert int(both.mask.sum()) < int(domain.sum())
+    inside = both.texture[both.mask]
+    # No ramp is carried on: outside there is nothing that is not inside.
+    assert float(both.texture.max()) <= float(inside.max()) + 1e-12
+    assert float(both.texture.min()) >= float(inside.min()) - 1e-12
+
+
+def test_the_predicted_deviation_is_the_observed_spread() -> None:
+    """Repeated noise on data that the textures can meet: within 20%, texture by texture and in the median texel."""
+    logs, _ = planted()
+    level, repeats = 0.05, 60
+    solved = [
+        solve_terms(with_noise(logs, level, seed), PROJECTIONS, SHAPES, 1e-3, "cholesky").terms
+        for seed in range(repeats)
+    ]
+    predicted = with_deviations(with_noise(logs, level, 0), solved[0], 1e-3)
+    for j, term in enumerate(predicted):
+        assert term.deviation is not None
+        observed = torch.stack([terms[j].texture for terms in solved]).std(0)[term.mask]
+        expected = term.deviation[term.mask]
+        assert float(observed.square().mean().sqrt() / expected.square().mean().sqrt()) == pytest.approx(1, abs=0.2)
+        assert float((observed / expected).median()) == pytest.approx(1, abs=0.2)
+        # It tells good texels from bad ones, too.
+        assert float(torch.corrcoef(torch.stack((observed[:, 0], expected[:, 0])))[0, 1]) > 0.8
+        assert not bool(term.deviation[~term.mask].any())
+
+
+def test_a_fit_leaves_deviations_that_are_saved_and_read_back(tmp_path) -> None:
+    samples = sample_model(material("phong-10").model, 2000, "discs", 0)
+    settings = FitSettings(method="mccool", size=8, confidence=True)
+    fit = fit_mccool(samples, settings).factorization
+    fit.save(tmp_path / "fit.npz")
+    for one, two in zip(fit.terms, Factorization.load(tmp_path / "fit.npz").terms, strict=True):
+        assert float(one.deviation.max()) > 0
+        assert torch.equal(one.deviation, two.deviation)
+    assert all(
+        term.deviation is None for term in fit_mccool(samples, replace(settings, confidence=False)).factorization.terms
+    )
+
+
+def test_terms_that_were_not_solved_together_have_no_confidence() -> None:
+    samples: Samples = sample_model(material("phong-10").model, 500, "discs", 0)
+    settings = FitSettings(
+        method="cole", textures=3, together=1, size=4, restarts=1, search_samples=200, confidence=True
+    )
+    with pytest.raises(BadInput, match="--together 0"):
+        fit_cole(samples, settings)
+
+
+def test_a_deviation_of_another_shape_is_refused(tmp_path) -> None:
+    term = Term(PROJECTIONS[0], torch.zeros(4, 4, 1).double(), torch.ones(4, 4, dtype=torch.bool), torch.zeros(4, 4, 2))
+    Factorization((term,), LogTransform(1e-2, torch.ones(1).double()), ("Y",)).save(tmp_path / "fit.npz")
+    with pytest.raises(BadInput, match="deviation 0"):
+        Factorization.load(tmp_path / "fit.npz")
