@@ -7,7 +7,7 @@ READY := .venv/.ready
 # The type checker's wrapper would otherwise ask the network for a newer version on every run.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
-.PHONY: demo test install format constraints clean
+.PHONY: demo test nightly stability install format constraints clean
 
 demo: $(READY)
 	$(BIN)/homofact factorize --config configs/blue_paint.toml --force
@@ -21,6 +21,14 @@ test: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2
+
+# Properties on 2000 random problems each instead of 100.
+nightly: $(READY)
+	HYPOTHESIS_PROFILE=nightly OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 tests/factor/test_properties.py
+
+# The atlas of failures, remade with its document: minutes. Real measurements are looked for in HOMOFACT_DATA.
+stability: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/homofact stability --out docs/pictures/stability --document docs/stability.md
 
 install: $(READY)
 

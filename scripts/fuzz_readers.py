@@ -40,6 +40,7 @@ from homofact.brdf.sampling import sample_model
 from homofact.brdf.writers import alta as write_alta
 from homofact.brdf.writers import astm as write_astm
 from homofact.brdf.writers import csv as write_csv
+from homofact.brdf.writers import curet as write_curet
 from homofact.brdf.writers import merl as write_merl
 from homofact.brdf.writers import utia as write_utia
 from homofact.errors import BadInput
@@ -83,6 +84,9 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     shapes = {"w0": (6, 21), "b0": (21,), "w1": (21, 21), "b1": (21,), "w2": (21, 3), "b2": (3,)}
     np.savez_compressed(buffer, **{f"tin/{k}": np.full(v, 0.01, "<f4") for k, v in shapes.items()})  # type: ignore[arg-type]
     made["nbrdf"] = buffer.getvalue()
+    # Its table of directions stays in the folder, beside the damaged files.
+    write_curet.write(folder, sample_model(material("lafortune-clay").model, 205))
+    made["curet"] = (folder / "abrdf.dat").read_bytes()
     return made
 
 

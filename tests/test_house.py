@@ -25,9 +25,12 @@ ALLOWED: dict[str, set[str]] = {
     "config": {
         "errors", "version", "geometry", "linear", "brdf", "factor", "baselines", "evaluate", "render", "export",
     },
+    "scene": {
+        "errors", "version", "geometry", "linear", "brdf", "factor", "baselines", "evaluate", "render", "export",
+    },
     "cli": {
         "errors", "version", "geometry", "linear", "brdf", "factor", "baselines", "evaluate", "render", "export", "api",
-        "config",
+        "config", "scene",
     },
 }  # fmt: skip
 GLOBAL_RANDOMNESS = {

@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 from typer.main import get_command
 
-from homofact.cli import chart, compare, convert, factorize, info, render
+from homofact.cli import chart, compare, convert, factorize, info, render, stability, terms
 from homofact.errors import BadInput
 from homofact.version import __version__
 
@@ -30,6 +30,8 @@ app.command("chart")(chart.chart)
 app.command("convert")(convert.convert)
 app.command("info")(info.info)
 app.command("render")(render.render)
+app.command("stability")(stability.stability)
+app.command("terms")(terms.terms)
 
 # What the machine refuses is for the user to mend, as bad input is.
 _REFUSALS = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT}

@@ -12,6 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from homofact.brdf.coverage import holes
 from homofact.brdf.faults import ALBEDO_DEGREES, albedo, reciprocity_of, reciprocity_of_samples
 from homofact.brdf.samples import Samples
 from homofact.brdf.scatter import local_scatter
@@ -28,11 +29,15 @@ WORTH_A_GAP = 1e-3  # held-out log MSE under which a gap is of no concern
 LARGEST_RECIPROCITY = 0.1
 LARGEST_ALBEDO = 1.02
 LARGEST_CUT = 0.05
-LEAST_EXPLAINED = 0.8
+LEAST_EXPLAINED = 0.9
 PEAK_SHARE, LEAST_PEAK = 0.005, 0.5
 OUTLIER, FEW_OUTLIERS, OUTLIERS_RULE = 6.0, 0.05, 0.5
 LARGEST_SCATTER = 0.2
 WORTH_A_FLOOR = 1e-3
+LARGEST_MISFIT = 0.2
+MISFIT_TO_SCATTER = 3.0
+LARGEST_ZEROS = 0.01
+LARGEST_HOLES = 0.3
 SPREAD_OF_AZIMUTHS = 0.2
 _DRAWN = 2000
 _MOST_SAMPLES = 40_000
@@ -61,6 +66,7 @@ class Verdict:
     condition : 1-norm condition number of the normal matrix; None where no linear system was solved.
     determined : share of texels that samples hold rather than smoothing; None likewise.
     gap : held-out over training log MSE.
+    misfit : root mean squared error of the training logs.
     explained : share of the variance of the held-out logs that the fit explains, of its worst channel.
     peak : fit over data at the brightest training samples, median.
     cut : share of evaluations that are cut at zero while the data are not zero.
@@ -76,6 +82,7 @@ class Verdict:
     condition: float | None
     determined: float | None
     gap: float
+    misfit: float
     explained: float
     peak: float
     cut: float
@@ -126,6 +133,7 @@ def judge(
         condition=report.details.get("condition"),
         determined=report.details.get("determined"),
         gap=errors[1].log_mse / max(errors[0].log_mse, 1e-300),
+        misfit=math.sqrt(errors[0].log_mse),
         explained=_explained(expected, found),
         peak=_peak(drawn.values, values),
         cut=float(((found <= zero + 1e-9) & (expected > zero + math.log(2))).double().mean()),
@@ -194,6 +202,13 @@ def _findings(
             f"{max(verdict.explained, 0):.0%} of the held-out variation is explained, expected {LEAST_EXPLAINED:.0%}",
             "more textures or texels, less smoothing, another method; or data that contradict themselves",
         )
+    if verdict.misfit > max(LARGEST_MISFIT, MISFIT_TO_SCATTER * (verdict.scatter or 0)):
+        agree = "" if verdict.scatter is None else f", while neighbouring samples agree to {verdict.scatter:.0%}"
+        yield Finding(
+            "misfit",
+            f"the fit misses its own samples by {verdict.misfit:.0%} RMS{agree}, expected {LARGEST_MISFIT:.0%}",
+            "more textures or texels, or a method that suits the material better",
+        )
     if verdict.gap > LARGEST_GAP and held_out.log_mse > WORTH_A_GAP:
         yield Finding(
             "gap",
@@ -243,6 +258,20 @@ def _findings(
             "epsilon",
             f"dark samples scatter by {noise:.2g} of the mean and epsilon is {epsilon:.2g}",
             f"--epsilon {noise:.1g}, so that noise near zero does not steer the fit",
+        )
+    zeros = float((train.values == 0).double().mean(0).max())
+    if zeros > LARGEST_ZEROS and epsilon < 1:
+        yield Finding(
+            "zeros",
+            f"{zeros:.0%} of the samples are exactly zero in a channel, expected {LARGEST_ZEROS:.0%}",
+            "a larger --epsilon, or a measurement whose negative values were not cut",
+        )
+    empty = holes(train)["share"] if train.isotropic else 0.0
+    if empty > LARGEST_HOLES:
+        yield Finding(
+            "coverage",
+            f"{empty:.0%} of the pairs of directions hold no sample (homofact info), expected {LARGEST_HOLES:.0%}",
+            "measure there; until then the fit is a guess in these places",
         )
     if verdict.outliers > OUTLIERS_RULE:
         yield Finding(

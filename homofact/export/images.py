@@ -87,6 +87,14 @@ def write_texture_exr(path: str | os.PathLike[str], term: Term, channels: Sequen
     write_exr(path, term.texture.cpu().numpy(), exr_channel_names(channels), comment)
 
 
+def write_deviation_exr(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
+    """The standard deviation of every texel's logarithm, where the term has one. Raises BadInput as `write_exr`."""
+    if term.deviation is None:
+        raise BadInput(f"{path}: the texture has no deviation, expected a fit with --confidence")
+    comment = "standard deviation of the logarithm p; rows as in the texture; 0 outside the mask"
+    write_exr(path, term.deviation.cpu().numpy(), exr_channel_names(channels), comment)
+
+
 def write_texture_png(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
     """One texture for the eye, as the module's head says. Raises BadInput for an unwritable place."""
     pixels, description = texture_picture(term, channels)
@@ -122,12 +130,18 @@ def texture_picture(term: Term, channels: Sequence[str]) -> tuple[np.ndarray, st
 
 
 def write_textures(folder: Path, factorization: Factorization) -> list[dict[str, str]]:
-    """texture_0.exr, texture_0.png and so on into `folder`; the names of each texture's files."""
+    """texture_0.exr, texture_0.png and so on into `folder`; the names of each texture's files.
+
+    A fit with confidence leaves texture_0_deviation.exr and so on beside them.
+    """
     files = []
     for number, term in enumerate(factorization.terms):
         names = {"exr": f"texture_{number}.exr", "png": f"texture_{number}.png"}
         write_texture_exr(folder / names["exr"], term, factorization.channels)
         write_texture_png(folder / names["png"], term, factorization.channels)
+        if term.deviation is not None:
+            names["deviation_exr"] = f"texture_{number}_deviation.exr"
+            write_deviation_exr(folder / names["deviation_exr"], term, factorization.channels)
         files.append(names)
     return files
 

@@ -6,6 +6,9 @@
 * lsmr: Fong and Saunders' iteration on the rows, a channel at a time (scipy).
 * cg, qmr: conjugate gradients and quasi-minimal residual on the normal equations BᵀB as sparse products
   (scipy), a channel at a time. QMR on BᵀB is what the thesis used (3.2.6, eq. 3.7).
+
+The iterative ones work on columns scaled to unit length, to 1e-14 of their residual: at 1e-10 they stopped 1e-5 of
+the texels short of the answer without knowing it (`docs/stability.md`).
 """
 
 from collections.abc import Callable
@@ -20,7 +23,7 @@ from torch import Tensor
 from homofact.errors import BadInput, SolverFailure, Status
 from homofact.linear.least_squares import LeastSquares
 
-TOLERANCE = 1e-10
+TOLERANCE = 1e-14
 BLOCK = 4096
 
 
@@ -80,16 +83,27 @@ def qr(problem: LeastSquares) -> Solution:
 
 def lsmr(problem: LeastSquares) -> Solution:
     """LSMR on the rows, a channel at a time; BUDGET where a channel ran out of iterations."""
-    rows, targets = problem.rows()
+    rows, targets, scale = _equilibrated(problem)
     limit = 20 * int(problem.kept.sum())
     answers = [
         scipy.sparse.linalg.lsmr(rows, target, atol=TOLERANCE, btol=TOLERANCE, conlim=0, maxiter=limit)
         for target in targets.T
     ]
     stopped = any(answer[1] == 7 for answer in answers)
-    solution = torch.from_numpy(np.stack([answer[0] for answer in answers], 1))
+    solution = torch.from_numpy(np.stack([answer[0] for answer in answers], 1) / scale[:, None])
     status = Status.BUDGET if stopped else Status.CONVERGED
     return Solution(problem.expand(solution), status, sum(int(answer[2]) for answer in answers))
+
+
+def _equilibrated(problem: LeastSquares) -> tuple[scipy.sparse.csr_matrix, np.ndarray, np.ndarray]:
+    """(rows with columns of unit length, targets, the columns' lengths (K,)): texels read often and seldom alike.
+
+    Without it an iteration stops when the often read texels are right, whatever the others are. No column is zero:
+    the ridge is in every one.
+    """
+    rows, targets = problem.rows()
+    lengths = np.sqrt(np.asarray(rows.multiply(rows).sum(0)).ravel())
+    return scipy.sparse.csr_matrix(rows @ scipy.sparse.diags(1 / lengths)), targets, lengths
 
 
 def cg(problem: LeastSquares) -> Solution:
@@ -103,7 +117,7 @@ def qmr(problem: LeastSquares) -> Solution:
 
 
 def _krylov(problem: LeastSquares, method: Callable) -> Solution:
-    rows, targets = problem.rows()
+    rows, targets, scale = _equilibrated(problem)
     matrix = (rows.T @ rows).tocsr()
     rhs = rows.T @ targets
     steps = 0
@@ -113,7 +127,7 @@ def _krylov(problem: LeastSquares, method: Callable) -> Solution:
         steps += 1
 
     answers = [method(matrix, column, rtol=TOLERANCE, maxiter=10 * matrix.shape[0], callback=count) for column in rhs.T]
-    solution = torch.from_numpy(np.stack([answer[0] for answer in answers], 1))
+    solution = torch.from_numpy(np.stack([answer[0] for answer in answers], 1) / scale[:, None])
     status = Status.CONVERGED if all(answer[1] == 0 for answer in answers) else Status.BUDGET
     return Solution(problem.expand(solution), status, steps)
 

@@ -4,7 +4,7 @@ import os
 from types import ModuleType
 
 from homofact.brdf.channels import check_channels
-from homofact.brdf.readers import alta, astm, cornell, csv, mdl, merl, nbrdf, npz, rgl, utia
+from homofact.brdf.readers import alta, astm, cornell, csv, curet, mdl, merl, nbrdf, npz, rgl, utia
 from homofact.brdf.readers.files import read_bytes, split_member
 from homofact.brdf.readers.reading import Drawing, Reading
 from homofact.brdf.samples import Samples
@@ -13,7 +13,7 @@ from homofact.errors import BadInput
 # Every reader is a module with NAME, DESCRIPTION, sniff(head) and read(path, channels), and open_file(path,
 # channels, drawing) where the file is a reflectance by itself. The first that knows the head has the file; a
 # format without a header has SIZES, and gets a file of such a size that no head is known of.
-READERS: tuple[ModuleType, ...] = (nbrdf, npz, rgl, mdl, merl, alta, astm, csv, cornell, utia)
+READERS: tuple[ModuleType, ...] = (nbrdf, npz, rgl, mdl, merl, alta, astm, csv, curet, cornell, utia)
 _HEAD = 65_536
 
 

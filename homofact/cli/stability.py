@@ -1,0 +1,105 @@
+"""`homofact stability`: the atlas of where fits and linear solvers fail."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from homofact.cli import options as o
+from homofact.cli.places import check_file, check_place
+from homofact.cli.screen import Screen
+from homofact.errors import BadInput
+
+
+def stability(
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Where the tables and pictures go.", rich_help_panel="Output"),
+    ] = None,
+    document: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.md", help="Write the document of the atlas too.", rich_help_panel="Output"),
+    ] = None,
+    methods: Annotated[
+        str | None, typer.Option(help="Names with commas. All methods unless given.", show_default=False)
+    ] = None,
+    stressors: Annotated[
+        str | None, typer.Option(help="Names with commas. All stressors unless given.", show_default=False)
+    ] = None,
+    short: Annotated[
+        bool, typer.Option("--short", help="The mildest and the fatal strength of each alone, on smaller problems.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of the problems and the fits.")] = 0,
+    as_json: o.AsJson = False,
+    quiet: o.Quiet = False,
+) -> None:
+    """Fit stressed data by every method, and find what goes wrong silently.
+
+    Each cell of methods × stressors × strengths is ok, degraded, refused,
+    or silently wrong. FOLDER gets atlas.csv, atlas.png, solvers.csv and
+    solvers.png. Measurements are looked for in $HOMOFACT_DATA.
+    """
+    if out is None:
+        raise BadInput("out: none given, expected a folder for the atlas (--out)")
+    check_place(out)
+    if document is not None:
+        check_file(document, ".md")
+
+    from homofact.evaluate.machine import machine
+    from homofact.evaluate.methods import METHODS
+    from homofact.evaluate.stability.atlas import Plan, run_atlas, write_csv
+    from homofact.evaluate.stability.cells import Outcome
+    from homofact.evaluate.stability.document import write_document
+    from homofact.evaluate.stability.figure import draw_atlas, draw_solvers
+    from homofact.evaluate.stability.solver_atlas import Answer, run_solvers
+    from homofact.evaluate.stability.stressors import STRESSORS
+
+    plan = Plan(
+        _names("methods", methods, tuple(METHODS)), _names("stressors", stressors, tuple(STRESSORS)), short, seed
+    )
+    screen = Screen(as_json, quiet)
+    with screen.bar() as bar:
+
+        def started(done: int, runs: int, name: str) -> None:
+            bar.run(name, done, runs)
+
+        atlas = run_atlas(plan, started)
+        solvers = run_solvers(seed, short, started)
+    out.mkdir(parents=True, exist_ok=True)
+    files = [out / name for name in ("atlas.csv", "atlas.png", "solvers.csv", "solvers.png")]
+    write_csv(files[0], atlas.cells)
+    draw_atlas(files[1], atlas, plan.settings)
+    write_csv(files[2], solvers)
+    draw_solvers(files[3], solvers)
+    if document is not None:
+        write_document(document, atlas, solvers, out, machine())
+        files.append(document)
+    for note in atlas.notes:
+        screen.note(f"homofact: {note}")
+    counts = atlas.counts()
+    answers = {answer.value: sum(cell.answer is answer for cell in solvers) for answer in Answer}
+    bad = [cell for cell in atlas.cells if cell.outcome in (Outcome.SILENT, Outcome.CRASHED)]
+    worst = [
+        *(f"{c.outcome.value}: {c.method} on {c.stressor} at {c.label} {c.message or f'×{c.factor:.3g}'}" for c in bad),
+        *(
+            f"{c.answer.value}: {c.solver} on {c.system} {c.message}"
+            for c in solvers
+            if c.answer in (Answer.SILENT, Answer.CRASHED)
+        ),
+    ]
+    if not quiet:
+        tally = (", ".join(f"{n} {name}" for name, n in each.items() if n) for each in (counts, answers))
+        for what, text in zip(("fits", "linear solves"), tally, strict=True):
+            screen.show(f"{what}: {text}")
+        screen.show(*worst, *(f"{path}" for path in files))
+    screen.answer({"fits": counts, "solves": answers, "failures": worst, "files": [str(path) for path in files]})
+
+
+def _names(option: str, text: str | None, every: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of an option with commas, all where it is not given."""
+    if text is None:
+        return every
+    names = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+    if not names:
+        raise BadInput(f"{option}: found none, expected some of {', '.join(every)}")
+    return names

@@ -1,0 +1,101 @@
+"""`homofact terms`: how many in-out terms a material needs, and what a homomorphic fit costs instead."""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from homofact.cli import options as o
+from homofact.cli.screen import Screen, say_ending
+from homofact.cli.subject import check_source, open_subject, warmed_up
+from homofact.cli.tables import facts_table
+from homofact.errors import BadInput
+
+if TYPE_CHECKING:
+    from homofact.evaluate.compare import Row
+    from homofact.scene.term_costs import Comparison
+
+
+def terms(
+    context: typer.Context,
+    source: o.Source = None,
+    share: Annotated[float, typer.Option(help="Share of the energy, Σσ², that the terms must hold.")] = 0.99,
+    limit: Annotated[float, typer.Option(help="Greatest angle from the normal, in degrees.")] = 85.0,
+    fit: Annotated[bool, typer.Option("--fit", help="Fit with the default method and compare the costs.")] = False,
+    channels: o.Channels = None,
+    count: o.Count = None,
+    scheme: o.Scheme = None,
+    subset: o.Subset = None,
+    held_out: o.HeldOut = None,
+    seed: o.Seed = None,
+    config: o.ConfigFile = None,
+    as_json: o.AsJson = False,
+    quiet: o.Quiet = False,
+) -> None:
+    """Foretell and count the in-out terms (SVD) that a material needs.
+
+    Foretold from the highest order l* of its half-angle curve as
+    (l* + 1)²/4, counted in its singular values (Mahajan et al. 2008).
+    """
+    from homofact.config import load_config
+
+    settings = load_config(config, o.given(context))
+    check_source(settings)
+    if not 0 < share < 1:
+        raise BadInput(f"share: found {share}, expected between 0 and 1")
+    if not 0 < limit <= 90:
+        raise BadInput(f"limit: found {limit:g} degrees, expected above 0 and at most 90")
+
+    from homofact.scene.term_costs import against_fit, map_bytes
+    from homofact.scene.terms import predicted_terms
+
+    screen = Screen(as_json, quiet)
+    with screen.bar() as bar:
+        bar.stage("reading")
+        subject = open_subject(settings)
+        bar.stage("counting terms")
+        found = predicted_terms(subject.reflectance, share, math.radians(limit))
+        stored = map_bytes(found.measured, len(subject.reflectance.channels))
+        answer: dict[str, Any] = {"source": subject.name} | found.record() | {"bytes": stored}
+        if fit:
+            from homofact.evaluate.compare import fit_and_measure
+
+            warmed_up(screen)
+            bar.stage("fitting")
+            row = fit_and_measure(subject, settings.fit, settings.evaluate.held_out, bar, settings.source.subset)
+            bar.stage("comparing")
+            beside = against_fit(subject, row, found, settings.evaluate.held_out)
+            answer["fit"] = row.record()
+            answer["within_limit"] = beside.record()
+    if not found.settled:
+        screen.note(
+            f"homofact: {found.measured} terms are a rough count: the highlight is too sharp for the finest grid,"
+            f" {found.grid[0]} rings of {found.grid[1]}"
+        )
+    facts: dict[str, Any] = {
+        "energy": f"{share:.4g} of Σσ², directions up to {limit:g}° from the normal",
+        "l*": f"{'' if found.l_star_settled else 'at least '}{found.l_star:.1f}, the order of the half-angle curve",
+        "terms predicted": f"{'' if found.l_star_settled else 'at least '}{found.predicted} = (l* + 1)²/4",
+        "terms measured": f"{'' if found.settled else 'about '}{found.measured} by SVD",
+        "as 32² maps": f"{stored} bytes, two a term ({stored // 2} where reciprocal), {2 * found.measured} fetches",
+    }
+    if fit:
+        facts |= _compared(row, beside)
+        say_ending(screen, row.report)
+    screen.show(facts_table(subject.name, facts))
+    screen.answer(answer)
+
+
+def _compared(row: "Row", beside: "Comparison") -> dict[str, str]:
+    """The lines of a fit beside those of the SVD, Cole errors held out and within the limit."""
+    own, match, fitted = beside.counted, beside.matching, row.factorization
+    return {
+        "Cole error": f"of {beside.samples} held-out samples within the limit, ε = {fitted.transform.epsilon:g}",
+        f"{own.terms} terms": f"{own.error:.4g} with {own.bytes} bytes; {own.negative:.2%} of the values negative",
+        f"fit ({row.settings.method})": f"{beside.fit_error:.4g} with {fitted.nbytes} bytes, {fitted.fetches} fetches",
+        "terms as good as the fit": (
+            "no number of them on this grid"
+            if match is None
+            else f"{match.terms}: {match.error:.4g} with {match.bytes} bytes, {match.fetches} fetches"
+        ),
+    }

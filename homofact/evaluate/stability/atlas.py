@@ -1,0 +1,125 @@
+"""The atlas: all methods on all stressors at all strengths, as cells and as a CSV."""
+
+import csv
+import io
+import os
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from homofact.brdf.readers.files import write_bytes
+from homofact.evaluate.methods import METHODS, method
+from homofact.evaluate.stability.cells import Cell, Fitter, Judged, Outcome, References, fit_row, run_cell
+from homofact.evaluate.stability.problem import Scale, Stressor, unstressed
+from homofact.evaluate.stability.real import Absent
+from homofact.evaluate.stability.stressors import STRESSORS, stressor
+from homofact.factor.settings import FitSettings
+
+# Small fits, so that hundreds of them take minutes. ε is that of measured data.
+BASE_SETTINGS = FitSettings(
+    textures=2, size=8, epsilon=1e-2, restarts=1, budget=0.6, search_size=5, search_samples=250, copies=2
+)
+SHORT_SETTINGS = FitSettings(
+    textures=2, size=8, epsilon=1e-2, restarts=1, budget=0.05, search_size=4, search_samples=100, copies=2
+)
+FULL, SHORT = Scale(), Scale(samples=600, clean=400)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What an atlas runs. `short` takes every stressor's mildest and fatal strength alone, on smaller problems."""
+
+    methods: tuple[str, ...] = tuple(METHODS)
+    stressors: tuple[str, ...] = tuple(STRESSORS)
+    short: bool = False
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse unknown names. Raises BadInput that lists the known ones."""
+        for name in self.methods:
+            method(name)
+        for name in self.stressors:
+            stressor(name)
+
+    @property
+    def scale(self) -> Scale:
+        """How large the problems are."""
+        return SHORT if self.short else FULL
+
+    @property
+    def settings(self) -> FitSettings:
+        """The settings that all fits share."""
+        return replace(SHORT_SETTINGS if self.short else BASE_SETTINGS, seed=self.seed)
+
+    def strengths(self, of: Stressor) -> tuple[float, ...]:
+        """The strengths of a stressor that are run."""
+        return (of.strengths[0], of.strengths[-1]) if self.short and len(of.strengths) > 1 else of.strengths
+
+    def places(self) -> list[tuple[Stressor, float, str]]:
+        """(stressor, strength, method) of every cell, in the order of the atlas."""
+        return [
+            (each, strength, name)
+            for each in map(stressor, self.stressors)
+            for strength in self.strengths(each)
+            for name in self.methods
+        ]
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """The cells of a plan, and every method's fit of the unstressed problem; `notes` say what was left out."""
+
+    plan: Plan
+    cells: tuple[Cell, ...]
+    unstressed: dict[str, Judged]
+    notes: tuple[str, ...]
+
+    def counts(self) -> dict[str, int]:
+        """How many cells there are of every outcome."""
+        found = Counter(cell.outcome for cell in self.cells)
+        return {outcome.value: found[outcome] for outcome in Outcome}
+
+    def of(self, stressor: str, method: str) -> list[Cell]:
+        """The cells of a stressor and a method, mildest first."""
+        return [cell for cell in self.cells if (cell.stressor, cell.method) == (stressor, method)]
+
+
+def run_atlas(plan: Plan, started: Callable[[int, int, str], None] | None = None, fitter: Fitter = fit_row) -> Atlas:
+    """Run every cell; `started(done, all, name)` is called before each. Only an interrupt ends it early."""
+    places = plan.places()
+    references = References(unstressed(plan.seed, plan.scale), plan.settings)
+    cells: list[Cell] = []
+    notes: dict[str, None] = {}
+    for done, (each, strength, name) in enumerate(places):
+        label = each.label(strength)
+        if started is not None:
+            started(done, len(places), f"{each.title} ({label}): {name}")
+        empty = Cell(name, each.name, strength, label, Outcome.NONE)
+        try:
+            cells.append(
+                run_cell(empty, lambda s=each, x=strength: s.stress(x, plan.seed, plan.scale), references, fitter)
+            )
+        except Absent as error:
+            notes[f"{each.title}: {error}"] = None
+            cells.append(Cell(name, each.name, strength, label, Outcome.ABSENT, message=str(error)))
+    return Atlas(plan, tuple(cells), {name: references.common(name, fitter) for name in plan.methods}, tuple(notes))
+
+
+def write_csv(path: str | os.PathLike[str], cells: Sequence[Any]) -> None:
+    """A line for every cell (of one dataclass), floats in full; beside first and then renamed."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [each.name for each in fields(cells[0])]
+    writer.writerow(names)
+    for cell in cells:
+        writer.writerow([_plain(getattr(cell, name)) for name in names])
+    write_bytes(path, text.getvalue().encode())
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return "; ".join(value)
+    if hasattr(value, "value"):
+        return value.value
+    return "" if value is None else value

@@ -1,0 +1,210 @@
+"""One cell of the atlas: a method on a stressed problem, and whether the program says what happened.
+
+The fit is given the stressed samples as a command would give them, with its own held-out part, and says what it says:
+status and verdict. Then it is judged on clean samples that no stress has touched, in log space with one ε for all, and
+its error is set against that of the same method without stress. Notes ("the time was up") do not count as a warning,
+and a finding that the unstressed fit has as well degrades no cell; but a fit that has any finding is not silent.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from torch import Tensor
+
+from homofact.brdf.source import Source
+from homofact.errors import BadInput, SolverFailure, Status
+from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
+from homofact.evaluate.methods import check_settings, method
+from homofact.evaluate.metrics import measure
+from homofact.evaluate.stability.problem import Problem
+from homofact.evaluate.stability.real import Absent
+from homofact.factor.homomorphism import LogTransform
+from homofact.factor.settings import FitSettings
+
+# Of the judgement, whatever the fit's own ε is: values under a hundredth of the mean count alike.
+JUDGING_EPSILON = 1e-2
+DEGRADED = 2.0
+WRONG = 10.0
+# Log MSE under which an error is no concern (an RMS of 5%): a factor over less would measure what nobody sees.
+WORTH_AN_ERROR = 2.5e-3
+
+
+class Outcome(Enum):
+    """What became of a cell; the value is the word in the CSV."""
+
+    OK = "ok"
+    DEGRADED = "degraded"
+    REFUSED = "refused"
+    SILENT = "silently wrong"
+    CRASHED = "crashed"
+    NONE = "not applicable"
+    ABSENT = "skipped"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: `factor` is `error` over `reference`, both log MSE on clean samples; None where there is no fit.
+
+    `said` are the findings of the fit's verdict, `new` how many of them the unstressed fit does not have; `message` is
+    the error of a refusal or a crash.
+    `condition` and `determined` are the verdict's figures, `train` and `held_out` the fit's own log MSE.
+    """
+
+    method: str
+    stressor: str
+    strength: float
+    label: str
+    outcome: Outcome
+    factor: float | None = None
+    error: float | None = None
+    reference: float | None = None
+    said: tuple[str, ...] = ()
+    new: int = 0
+    message: str = ""
+    condition: float | None = None
+    determined: float | None = None
+    train: float | None = None
+    held_out: float | None = None
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A finished fit: its error on the clean samples and what the program says, by the name of each thing said."""
+
+    error: float
+    said: dict[str, str]
+    row: Row
+
+
+Fitter = Callable[[Source, FitSettings], Row]
+
+
+def fit_row(source: Source, settings: FitSettings) -> Row:
+    """The fit and its verdict, as every command makes them."""
+    return fit_and_measure(source, settings, HELD_OUT)
+
+
+def said_of(row: Row) -> dict[str, str]:
+    """What a fit says of itself, a line by the name of each: its verdict's findings, and a status that is a warning.
+
+    A spent budget is none: every searched fit ends so.
+    """
+    said = {finding.name: finding.line() for finding in row.verdict.findings}
+    if row.report.status in (Status.FALLBACK, Status.INTERRUPTED):
+        said.setdefault("status", row.report.status.remedy)
+    return said
+
+
+def classify(factor: float, said: int, new: int) -> Outcome:
+    """What a finished fit is, from its factor (NaN and infinite ones are crashes) and how much was said, and is new."""
+    if not math.isfinite(factor):
+        return Outcome.CRASHED
+    if factor > WRONG and said == 0:
+        return Outcome.SILENT
+    return Outcome.DEGRADED if factor > DEGRADED or new > 0 else Outcome.OK
+
+
+def settings_for(name: str, problem: Problem, base: FitSettings) -> FitSettings | None:
+    """The base settings with the first of the problem's alternatives that the method uses wholly; None without one."""
+    ignored = method(name).ignores
+    for choice in problem.settings:
+        if ignored.isdisjoint(choice):
+            try:
+                settings = replace(base, method=name, **choice)
+                check_settings(settings)
+            except BadInput:
+                continue
+            return settings
+    return None
+
+
+def judge_fit(problem: Problem, settings: FitSettings, fitter: Fitter) -> Judged:
+    """Fit the problem and judge the fit on its clean samples. Raises what the fit raises."""
+    samples = problem.samples
+    source = Source("atlas", problem.kind, samples, _Nothing(samples.channels), settings.epsilon or 0.0, 0.0)
+    row = fitter(source, settings)
+    clean = problem.clean
+    transform = LogTransform.of(clean, JUDGING_EPSILON)
+    return Judged(measure(row.factorization, clean, transform).log_mse, said_of(row), row)
+
+
+def run_cell(empty: Cell, make: Callable[[], Problem], references: "References", fitter: Fitter = fit_row) -> Cell:
+    """Fill in a cell: make the problem, fit it and its reference, and classify.
+
+    Only `Absent` and interrupts pass through.
+    """
+    try:
+        problem = make()
+        settings = settings_for(empty.method, problem, references.base)
+        if settings is None:
+            return replace(empty, outcome=Outcome.NONE)
+        judged = judge_fit(problem, settings, fitter)
+    except Absent:
+        raise
+    except (BadInput, SolverFailure) as error:
+        return replace(empty, outcome=Outcome.REFUSED, message=f"{type(error).__name__}: {error}")
+    except Exception as error:
+        return replace(
+            empty, outcome=Outcome.CRASHED, message=f"{type(error).__name__}: {' '.join(str(error).split())}"
+        )
+    reference = references.of(empty.method, problem, fitter)
+    new = len(judged.said.keys() - reference.said.keys())
+    factor = judged.error / max(reference.error, WORTH_AN_ERROR)
+    verdict = judged.row.verdict
+    return replace(
+        empty,
+        outcome=classify(factor, len(judged.said), new),
+        factor=factor,
+        error=judged.error,
+        reference=reference.error,
+        said=tuple(judged.said.values()),
+        new=new,
+        message="" if math.isfinite(factor) else f"the error is {judged.error}",
+        condition=verdict.condition,
+        determined=verdict.determined,
+        train=judged.row.train.log_mse,
+        held_out=judged.row.held_out.log_mse,
+        seconds=judged.row.seconds_total,
+    )
+
+
+class References:
+    """The unstressed fits, each made once; `common` is the problem of those that name none of their own."""
+
+    def __init__(self, common: Problem, base: FitSettings) -> None:
+        """Nothing is fitted yet."""
+        self.base = base
+        self._common = common
+        self._fitted: dict[tuple[str, str], Judged] = {}
+
+    def common(self, name: str, fitter: Fitter = fit_row) -> Judged:
+        """The fit of the common unstressed problem by the method `name`."""
+        return self.of(name, self._common, fitter)
+
+    def of(self, name: str, problem: Problem, fitter: Fitter) -> Judged:
+        """The unstressed fit that a problem's is set against, by the method `name`.
+
+        A method that does not use the reference's own settings is given the others.
+        """
+        unstressed = problem.reference or self._common
+        key = (name, unstressed.key)
+        if key not in self._fitted:
+            settings = settings_for(name, unstressed, self.base) or replace(self.base, method=name)
+            self._fitted[key] = judge_fit(unstressed, settings, fitter)
+        return self._fitted[key]
+
+
+@dataclass(frozen=True)
+class _Nothing:
+    """The reflectance of a source that is never drawn."""
+
+    channels: tuple[str, ...]
+    nbytes: int = 0
+    fetches: int = 0
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Nobody asks."""
+        raise NotImplementedError

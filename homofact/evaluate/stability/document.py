@@ -1,0 +1,176 @@
+"""The atlas in words: docs/stability.md, one section a stressor with its mechanism, remedy and measured numbers."""
+
+import os
+from pathlib import Path
+
+from homofact.brdf.readers.files import write_bytes
+from homofact.evaluate.stability.atlas import Atlas
+from homofact.evaluate.stability.cells import DEGRADED, JUDGING_EPSILON, WORTH_AN_ERROR, WRONG, Cell, Outcome
+from homofact.evaluate.stability.problem import Stressor
+from homofact.evaluate.stability.solver_atlas import AGREES, AGREES_ILL, SYSTEMS, WELL_POSED, Answer, SolverCell
+from homofact.evaluate.stability.stressors import stressor
+from homofact.version import __version__
+
+_WORDS = {Outcome.REFUSED: "refused", Outcome.CRASHED: "crashed", Outcome.NONE: "–", Outcome.ABSENT: "no data"}
+
+
+def write_document(
+    path: str | os.PathLike[str], atlas: Atlas, solvers: list[SolverCell], pictures: Path, where: str
+) -> None:
+    """Write the document; `pictures` is the folder of atlas.png and solvers.png, `where` the machine's line."""
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    link = Path(os.path.relpath(pictures, target.parent)).as_posix()
+    write_bytes(target, document(atlas, solvers, link, where).encode())
+
+
+def document(atlas: Atlas, solvers: list[SolverCell], link: str, where: str) -> str:
+    """The whole document in Markdown, pictures linked from the folder `link`."""
+    parts = [_head(atlas, link, where), *(_section(atlas, stressor(name)) for name in atlas.plan.stressors)]
+    return "\n\n".join([*parts, _solvers(solvers, link)]) + "\n"
+
+
+def _head(atlas: Atlas, link: str, where: str) -> str:
+    counts = atlas.counts()
+    settings, scale = atlas.plan.settings, atlas.plan.scale
+    tally = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+    base = "\n".join(
+        f"| {name} | {judged.error:.2g} | {judged.row.held_out.log_mse:.2g} |"
+        f" {'; '.join(judged.said.values()) or 'nothing'} |"
+        for name, judged in atlas.unstressed.items()
+    )
+    absent = "".join(f"\n\n{note}." for note in atlas.notes)
+    return f"""\
+<!-- Made by `make stability`: change the paragraphs in homofact/evaluate/stability, not here. -->
+# Where fits fail
+
+{len(atlas.plan.stressors)} stressors, each swept from harmless to fatal, on {len(atlas.plan.methods)} methods:
+{tally}.
+
+![The atlas]({link}/atlas.png)
+
+Every cell is one fit of stressed samples, with the settings that all share ({settings.textures} textures of
+{settings.size}² texels, ε = {settings.epsilon:g}, at most {settings.budget:g} s of search; {scale.samples} samples of a
+Blinn-Phong material with a broad highlight, a fifth of them held out). It is judged on {scale.clean} clean samples that
+the fit never saw, by the mean squared error in log space with ε = {JUDGING_EPSILON:g}, as a factor of the same method's
+error without stress (or of {WORTH_AN_ERROR:g}, an RMS of 5%, where that is smaller).
+
+* **ok**: at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that the unstressed fit's does
+  not.
+* **degraded**: a larger factor, or a verdict that warns (\\* below). Most warnings come before the damage.
+* **refused**: no fit, but one line that names what is wrong.
+* **silently wrong**: over {WRONG:g} times the unstressed error, and no word of it. The atlas exists to find these.
+
+A factor below 1 is not a mistake: some stresses leave an easier problem (a region where the material is constant).
+
+The unstressed fits themselves:
+
+| method | error, clean | error, own held-out | its verdict finds |
+| --- | --- | --- | --- |
+{base}
+
+All numbers are of seed {atlas.plan.seed} and homofact {__version__} on {where}. Searches are bound by time, so another
+machine gives slightly other ones. The whole table is `atlas.csv`; `homofact stability --stressors NAME --methods NAME`
+runs a part.{absent}"""
+
+
+def _section(atlas: Atlas, each: Stressor) -> str:
+    strengths = [each.label(strength) for strength in atlas.plan.strengths(each)]
+    lines = [
+        f"| {each.unit} | {' | '.join(strengths)} |",
+        f"|{' --- |' * (len(strengths) + 1)}",
+        *(
+            f"| {name} | {' | '.join(map(_words, atlas.of(each.name, name)))} |"
+            for name in atlas.plan.methods
+            if any(cell.outcome is not Outcome.NONE for cell in atlas.of(each.name, name))
+        ),
+    ]
+    table = "\n".join(lines)
+    title = each.title[0].upper() + each.title[1:]
+    return (
+        f"## {title}\n\n`{each.name}`. {each.description} {each.mechanism} {_measured(atlas, each)}\n\n"
+        f"**Remedy.** {each.remedy}\n\n{table}"
+    )
+
+
+def _words(cell: Cell) -> str:
+    if cell.factor is None or cell.outcome is Outcome.CRASHED:
+        return _WORDS[cell.outcome]
+    text = f"{cell.factor:.2g}" if cell.factor < 1000 else f"{cell.factor:.1e}"
+    if cell.outcome is Outcome.SILENT:
+        return f"**{text} silent**"
+    return f"{text}\\*" if cell.new else text
+
+
+def _measured(atlas: Atlas, each: Stressor) -> str:
+    """The section's numbers in sentences: the range over methods at the worst strength, and what is said of it."""
+    cells = [cell for cell in atlas.cells if cell.stressor == each.name]
+    worst: dict[str, Cell] = {}
+    for cell in cells:
+        if cell.factor is not None and (cell.method not in worst or cell.factor > (worst[cell.method].factor or 0)):
+            worst[cell.method] = cell
+    sentences = []
+    if worst:
+        ranked = sorted(worst.values(), key=lambda cell: cell.factor or 0)
+        low, high = ranked[0], ranked[-1]
+        if len(ranked) == 1:
+            sentences.append(f"Measured: at worst {low.factor:.2g} times the unstressed error ({low.method}).")
+        else:
+            sentences.append(
+                f"Measured: at its worst {low.factor:.2g} times the unstressed error for {low.method}"
+                f" and {high.factor:.2g} times for {high.method}."
+            )
+        warned = next((cell for cell in reversed(ranked) if cell.new), None)
+        if warned is not None and warned.said:
+            sentences.append(f"What {warned.method} then says: “{warned.said[0]}.”")
+    refused = next((cell for cell in cells if cell.outcome is Outcome.REFUSED), None)
+    if refused is not None:
+        sentences.append(f"From {refused.label} on it is refused: “{refused.message.partition(': ')[2]}.”")
+    silent = [f"{cell.method} at {cell.label}" for cell in cells if cell.outcome is Outcome.SILENT]
+    if silent:
+        sentences.append(f"Nothing is said by {', '.join(silent)}.")
+    return " ".join(sentences)
+
+
+def _solvers(cells: list[SolverCell], link: str) -> str:
+    solvers = list(dict.fromkeys(cell.solver for cell in cells))
+    described = {system.name: system.description for system in SYSTEMS}
+    rows = []
+    for name in dict.fromkeys(cell.system for cell in cells):
+        own = [cell for cell in cells if cell.system == name]
+        answers = " | ".join(_answer(cell) for cell in own)
+        rows.append(f"| {name} | {described[name]} | {own[0].unknowns} | {own[0].condition:.1e} | {answers} |")
+    well = [cell for cell in cells if cell.well_posed and cell.difference is not None]
+    furthest = max((cell.difference or 0.0 for cell in well), default=0.0)
+    silent = [f"{cell.solver} on “{cell.system}”" for cell in cells if cell.answer is Answer.SILENT]
+    table = "\n".join(rows)
+    found = (
+        f"{len(silent)} answers differ without a word: {', '.join(silent)}."
+        if silent
+        else "No answer differs silently."
+    )
+    return f"""\
+## The linear solvers
+
+![The solvers]({link}/solvers.png)
+
+Every solver on the same inner problems. The system is the stacked rows (samples, smoothing, ridge, gauge), its
+condition number that of the normal matrix, from the singular values of the rows; the reference is the minimum-norm
+answer by these, refined in extended precision. A system is called well posed up to a condition number of
+{WELL_POSED:.0e}, and its answers are to agree to {AGREES:.0e} (they do to {furthest:.1e}); beyond, an answer counts as
+the minimum-norm one within {AGREES_ILL:.0e}, and any other is to come with the status `fallback` or `budget`. {found}
+
+The ridge keeps the condition number near 1e10 even where no sample holds a texel, and the gauge rows take four to five
+powers of ten off that of smoothed systems. What is left for a solver to fail on are weights that differ by more than
+the ridge: iterations then end by their count, and say so.
+
+| system | what it is | texels | condition | {" | ".join(solvers)} |
+|{" --- |" * (len(solvers) + 4)}
+{table}"""
+
+
+def _answer(cell: SolverCell) -> str:
+    text = "none" if cell.difference is None else f"{cell.difference:.0e}"
+    if cell.answer is Answer.AGREES:
+        return text
+    return f"{text} ({cell.status})" if cell.answer is Answer.SAYS_SO else f"**{text} silent**"

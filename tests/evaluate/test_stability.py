@@ -1,0 +1,429 @@
+"""The atlas of failures: its stressors stress, its cells are classified by law, its table and document are whole."""
+
+import csv
+import json
+import math
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+import torch
+from PIL import Image
+from torch import Tensor
+
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import Source
+from homofact.cli.main import main
+from homofact.errors import BadInput, SolverFailure, Status
+from homofact.evaluate.compare import Row
+from homofact.evaluate.methods import METHODS
+from homofact.evaluate.stability.atlas import SHORT_SETTINGS, Atlas, Plan, run_atlas, write_csv
+from homofact.evaluate.stability.cells import (
+    Cell,
+    Outcome,
+    References,
+    classify,
+    fit_row,
+    run_cell,
+    said_of,
+    settings_for,
+)
+from homofact.evaluate.stability.document import document
+from homofact.evaluate.stability.figure import draw_atlas, draw_solvers, short_number
+from homofact.evaluate.stability.problem import Problem, Scale, Stressor, unstressed
+from homofact.evaluate.stability.real import Absent
+from homofact.evaluate.stability.solver_atlas import (
+    SYSTEMS,
+    WELL_POSED,
+    Answer,
+    SolverCell,
+    classify_answer,
+    minimum_norm,
+    run_solvers,
+)
+from homofact.evaluate.stability.stressors import STRESSORS
+from homofact.factor.settings import FitSettings
+from homofact.geometry.directions import normalize, to_spherical
+from homofact.linear.solvers import SOLVERS
+
+SCALE = Scale(samples=600, clean=300)
+REAL = ("real-retroreflector", "real-non-reciprocal", "real-negative")
+SYNTHETIC = [each for each in STRESSORS.values() if each.name not in REAL]
+ids = [each.name for each in SYNTHETIC]
+
+
+def make(each: Stressor, place: int) -> Problem | BadInput:
+    try:
+        return each.stress(each.strengths[place], 0, SCALE)
+    except BadInput as error:
+        return error
+
+
+def distance(each: Stressor, place: int) -> float:
+    """How far a strength is from no stress: of the samples' number, places, values and settings; inf where refused."""
+    problem = make(each, place)
+    if isinstance(problem, BadInput):
+        return math.inf
+    base = problem.reference if problem.reference is not None else unstressed(0, SCALE)
+    count = abs(math.log(len(problem.samples) / len(base.samples)))
+    share = problem.settings[0]
+    settings = abs(math.log10(max(share["smoothing"], 1e-9) / 1e-3)) if "smoothing" in share else 0.0
+    settings += share.get("textures", len(share.get("projections", ())) - 1 if "projections" in share else 0)
+    settings += share.get("size", 8) / 8 - 1 + abs(math.log10(share.get("epsilon", 1e-2) / 1e-2)) / 10
+    pairs = [(_marginals(problem.samples)[name], _marginals(base.samples)[name]) for name in _marginals(base.samples)]
+    levels = torch.linspace(0, 1, 400, dtype=torch.float64)
+    moved = sum(float((one.quantile(levels) - two.quantile(levels)).abs().mean()) for one, two in pairs)
+    if len(problem.samples) == len(base.samples):
+        moved += float((pairs[0][0] - pairs[0][1]).square().mean().sqrt())
+        moved += float((problem.samples.wo[:, 2] - base.samples.wo[:, 2]).abs().mean())
+    return count + settings + moved
+
+
+def _marginals(samples: Samples) -> dict[str, Tensor]:
+    """What a stress may move: brightness, light and viewer from the horizon (logarithms), half vector and azimuth."""
+    half = normalize(samples.wi + samples.wo)
+    return {
+        "values": torch.log(samples.values.clamp_min(1e-320)).flatten(),
+        "light": torch.log(samples.wi[:, 2].clamp_min(1e-9)),
+        "viewer": torch.log(samples.wo[:, 2].clamp_min(1e-9)),
+        "half": torch.log(to_spherical(half)[0].clamp_min(1e-6)),
+        "azimuth": to_spherical(samples.wi)[1],
+    }
+
+
+@pytest.mark.parametrize("each", SYNTHETIC, ids=ids)
+def test_a_stressor_grows_from_its_mildest_to_its_fatal_strength(each: Stressor) -> None:
+    mild, fatal = distance(each, 0), distance(each, -1)
+    assert fatal > mild
+    assert fatal > 0.05
+    assert isinstance(make(each, 0), Problem)
+
+
+@pytest.mark.parametrize("each", SYNTHETIC, ids=ids)
+def test_a_stressor_is_made_again_bit_by_bit_and_by_its_seed(each: Stressor) -> None:
+    one, two, other = (each.stress(each.strengths[0], seed, SCALE) for seed in (1, 1, 2))
+    assert torch.equal(one.samples.values, two.samples.values)
+    assert torch.equal(one.clean.wi, two.clean.wi)
+    assert not (one.samples.wi.shape == other.samples.wi.shape and torch.equal(one.samples.wi, other.samples.wi))
+
+
+@pytest.mark.parametrize("each", SYNTHETIC, ids=ids)
+def test_clean_samples_are_not_among_the_measured(each: Stressor) -> None:
+    problem = each.stress(each.strengths[0], 0, SCALE)
+
+    # Heights alone: a stream of chance begun again repeats them, whatever the azimuths.
+    measured, clean = (set(each.wi[:, 2].tolist()) for each in (problem.samples, problem.clean))
+    assert measured.isdisjoint(clean)
+    assert float(problem.clean.values.min()) >= 0
+
+
+def test_there_are_stressors_enough_and_each_is_explained() -> None:
+    assert len(STRESSORS) >= 20
+    for each in STRESSORS.values():
+        assert len(each.strengths) >= 3, each.name
+        assert each.labels == () or len(each.labels) == len(each.strengths)
+        assert min(len(each.description), len(each.mechanism), len(each.remedy)) > 20
+        assert each.description.endswith(".")
+    assert len({each.title for each in STRESSORS.values()}) == len(STRESSORS)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_measurements_are_stressors(name: str, real_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOMOFACT_DATA", str(real_data))
+    each = STRESSORS[name]
+    problem = each.stress(each.strengths[-1], 0, SCALE)
+    assert len(problem.samples) > 20
+    assert len(problem.clean) == SCALE.clean
+
+
+def test_an_absent_measurement_is_skipped_with_a_note(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from homofact.evaluate.stability import real
+
+    real._opened.cache_clear()
+    monkeypatch.setenv("HOMOFACT_DATA", str(tmp_path))
+    with pytest.raises(Absent, match="set HOMOFACT_DATA"):
+        STRESSORS[REAL[0]].stress(1.0, 0, SCALE)
+    atlas = run_atlas(Plan(("mccool",), (REAL[0],), short=True))
+    assert {cell.outcome for cell in atlas.cells} == {Outcome.ABSENT}
+    assert len(atlas.notes) == 1
+    assert "retro-3M-jaune.dat not found" in atlas.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("factor", "said", "new", "outcome"),
+    [
+        (1.0, 0, 0, Outcome.OK),
+        (2.0, 3, 0, Outcome.OK),
+        (1.0, 1, 1, Outcome.DEGRADED),
+        (2.1, 0, 0, Outcome.DEGRADED),
+        (10.0, 0, 0, Outcome.DEGRADED),
+        (10.1, 0, 0, Outcome.SILENT),
+        (10.1, 1, 0, Outcome.DEGRADED),
+        (1e9, 1, 1, Outcome.DEGRADED),
+        (math.nan, 2, 2, Outcome.CRASHED),
+        (math.inf, 2, 2, Outcome.CRASHED),
+    ],
+)
+def test_the_law_of_a_cell(factor: float, said: int, new: int, outcome: Outcome) -> None:
+    assert classify(factor, said, new) is outcome
+
+
+EMPTY = Cell("mccool", "few-samples", 1.0, "1", Outcome.NONE)
+Fitter = Callable[[Source, FitSettings], Row]
+
+
+def references() -> References:
+    return References(unstressed(0, SCALE), SHORT_SETTINGS)
+
+
+def stressed() -> Problem:
+    problem = unstressed(0, SCALE)
+    return problem.measuring(problem.samples.subset(300, 0))
+
+
+def lying(factor: float) -> Fitter:
+    """A fit whose stressed values are `factor` times too large, with a verdict that finds nothing."""
+
+    def fit(source: Source, settings: FitSettings) -> Row:
+        row = fit_row(source, settings)
+        verdict = replace(row.verdict, findings=())
+        if len(source.samples) < SCALE.samples:
+            transform = row.factorization.transform
+            wrong = replace(row.factorization, transform=replace(transform, mean=transform.mean * factor))  # type: ignore[type-var]
+            row = replace(row, factorization=wrong)
+        return replace(row, verdict=verdict)
+
+    return fit
+
+
+def raising(error: Exception) -> Fitter:
+    def fit(source: Source, settings: FitSettings) -> Row:
+        raise error
+
+    return fit
+
+
+def test_a_fit_that_is_wrong_and_says_nothing_is_found() -> None:
+    cell = run_cell(EMPTY, stressed, references(), lying(20.0))
+    assert cell.outcome is Outcome.SILENT
+    assert cell.factor is not None
+    assert cell.error is not None
+    assert cell.reference is not None
+    assert cell.factor == pytest.approx(cell.error / max(cell.reference, 2.5e-3))
+    assert cell.error > 5
+    assert run_cell(EMPTY, stressed, references(), lying(1.0)).outcome is Outcome.OK
+    assert run_cell(EMPTY, stressed, references(), lying(math.nan)).outcome is Outcome.CRASHED
+
+
+def test_a_warning_makes_a_wrong_fit_a_degraded_one() -> None:
+    def warning(source: Source, settings: FitSettings) -> Row:
+        row = lying(20.0)(source, settings)
+        stressed = len(source.samples) < SCALE.samples
+        return replace(row, report=replace(row.report, status=Status.FALLBACK)) if stressed else row
+
+    cell = run_cell(EMPTY, stressed, references(), warning)
+    assert (cell.outcome, cell.new) == (Outcome.DEGRADED, 1)
+    assert "singular" in cell.said[0]
+    # A note is no warning, nor is a spent budget.
+    row = fit_row(*problem_of(unstressed(0, SCALE)))
+    noted = replace(row, report=replace(row.report, status=Status.BUDGET, notes=("the time was up",)))
+    assert said_of(noted) == said_of(row)
+
+
+def problem_of(problem: Problem) -> tuple[Source, FitSettings]:
+    source = Source("atlas", problem.kind, problem.samples, None, 1e-2, 0.0)  # type: ignore[arg-type]
+    return source, replace(SHORT_SETTINGS, method="mccool")
+
+
+@pytest.mark.parametrize(
+    ("error", "outcome"),
+    [
+        (BadInput("samples: one line"), Outcome.REFUSED),
+        (SolverFailure("cholesky: not finite"), Outcome.REFUSED),
+        (ValueError("svd did\nnot converge"), Outcome.CRASHED),
+        (IndexError("out of range"), Outcome.CRASHED),
+    ],
+)
+def test_what_a_fit_raises_is_a_refusal_or_a_crash(error: Exception, outcome: Outcome) -> None:
+    cell = run_cell(EMPTY, stressed, references(), raising(error))
+    assert cell.outcome is outcome
+    assert cell.message == f"{type(error).__name__}: {' '.join(str(error).split())}"
+    assert cell.factor is None
+
+
+def test_an_interrupt_passes_through() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run_cell(EMPTY, stressed, references(), raising(KeyboardInterrupt()))  # type: ignore[arg-type]
+
+
+def test_a_method_is_given_only_settings_that_it_uses() -> None:
+    problem = STRESSORS["coincident"].stress(3, 0, SCALE)
+    found = {name: settings_for(name, problem, SHORT_SETTINGS) for name in METHODS}
+    assert found["mccool"] is not None
+    assert found["mccool"].projections == ("wi", "h", "h", "h")
+    assert found["search"] is not None
+    assert found["search"].textures == 3
+    assert found["cole"] is None
+    for name, settings in found.items():
+        if settings is not None:
+            changed = {f.name for f in fields(settings) if getattr(settings, f.name) != getattr(SHORT_SETTINGS, f.name)}
+            assert METHODS[name].ignores.isdisjoint(changed)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_unstressed_fits_are_worth_stressing(name: str) -> None:
+    """The factors would mean nothing over a fit that is no fit: it must beat the mean by far."""
+    judged = references().common(name)
+    spread = unstressed(0, SCALE).clean.values.log().var(0).mean()
+    assert judged.error < 0.6 * float(spread)
+
+
+SOME = ("few-samples", "negative", "smoothing", "outliers")
+
+
+@pytest.fixture(scope="module")
+def atlas() -> Atlas:
+    return run_atlas(Plan(("mccool", "svd"), SOME, short=True))
+
+
+@pytest.fixture(scope="module")
+def solves() -> list[SolverCell]:
+    return run_solvers(0, short=True)
+
+
+def test_some_cells_of_the_atlas(atlas: Atlas) -> None:
+    found = {(c.stressor, c.method, c.strength): c for c in atlas.cells}
+    assert len(found) == len(atlas.cells) == 2 * len(SOME) * 2
+    assert found["few-samples", "mccool", 1500].outcome is Outcome.OK
+    assert found["negative", "mccool", 0.5].message.startswith("BadInput: samples: values at row")
+    assert found["smoothing", "svd", 1e8].outcome is Outcome.NONE
+    flat = found["smoothing", "mccool", 1e8]
+    assert flat.factor is not None
+    assert flat.factor > 2
+    outliers = found["outliers", "mccool", 0.5]
+    assert outliers.factor is not None
+    assert outliers.factor > 10
+    assert outliers.new > 0
+    assert not {Outcome.SILENT, Outcome.CRASHED} & {cell.outcome for cell in atlas.cells}
+    assert sum(atlas.counts().values()) == len(atlas.cells)
+
+
+def test_the_csv_holds_every_cell(atlas: Atlas, tmp_path: Path) -> None:
+    write_csv(tmp_path / "atlas.csv", atlas.cells)
+    with open(tmp_path / "atlas.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(atlas.cells)
+    assert list(rows[0]) == [each.name for each in fields(Cell)]
+    for row, cell in zip(rows, atlas.cells, strict=True):
+        assert (row["method"], row["stressor"], row["outcome"]) == (cell.method, cell.stressor, cell.outcome.value)
+        assert (float(row["factor"]) if row["factor"] else None) == cell.factor
+
+
+def test_the_document_mentions_every_stressor_and_every_number(atlas: Atlas, solves: list[SolverCell]) -> None:
+    text = document(atlas, solves, "pictures", "an abacus")
+    for name in SOME:
+        each = STRESSORS[name]
+        for part in (f"`{name}`", each.description, each.mechanism, f"**Remedy.** {each.remedy}"):
+            assert part in text
+    for cell in atlas.cells:
+        assert cell.factor is None or f"{cell.factor:.2g}" in text or f"{cell.factor:.1e}" in text
+    for cell in solves:
+        assert f"| {cell.system} |" in text
+    assert "an abacus" in text
+    assert "refused: “samples: values at row" in text
+
+
+def test_the_committed_document_is_of_these_stressors() -> None:
+    text = (Path(__file__).resolve().parents[2] / "docs" / "stability.md").read_text(encoding="utf-8")
+    for each in STRESSORS.values():
+        assert f"`{each.name}`" in text, f"{each.name} is missing: make stability"
+        assert each.mechanism in text, f"{each.name} has changed: make stability"
+    for system in SYSTEMS:
+        assert f"| {system.name} |" in text, f"{system.name} is missing: make stability"
+
+
+def test_pictures_are_drawn(atlas: Atlas, solves: list[SolverCell], tmp_path: Path) -> None:
+    draw_atlas(tmp_path / "a.png", atlas, atlas.plan.settings)
+    draw_solvers(tmp_path / "s.png", solves)
+    for name in ("a.png", "s.png"):
+        with Image.open(tmp_path / name) as image:
+            assert min(image.size) > 300
+            assert len(image.convert("RGB").getcolors(1 << 24) or ()) > 10
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1e-9, "<.1"), (0.25, "0.2"), (2.34, "2.3"), (12.4, "12"), (640, "640"), (2e4, "1e4")]
+)
+def test_a_factor_fits_its_cell(value: float, text: str) -> None:
+    assert short_number(value) == text
+
+
+def test_the_minimum_norm_answer_is_a_minimum_and_exact() -> None:
+    problem = SYSTEMS[0].make(0)
+    texels, condition, rank = minimum_norm(problem)
+    rows, targets = problem.rows()
+    gradient = rows.T @ (targets - rows @ texels[problem.kept].numpy())
+    assert abs(gradient).max() < 1e-9
+    matrix = (rows.T @ rows).toarray()
+    values = torch.linalg.eigvalsh(torch.from_numpy(matrix))
+    assert condition == pytest.approx(float(values[-1] / values[0]), rel=1e-6)
+    assert rank == int(problem.kept.sum())
+
+
+@pytest.mark.parametrize(
+    ("difference", "well_posed", "status", "answer"),
+    [
+        (1e-9, True, Status.CONVERGED, Answer.AGREES),
+        (1e-7, True, Status.CONVERGED, Answer.SILENT),
+        (1e-7, False, Status.CONVERGED, Answer.AGREES),
+        (1e-2, False, Status.DIRECT, Answer.SILENT),
+        (1e-2, False, Status.FALLBACK, Answer.SAYS_SO),
+        (1e-2, False, Status.BUDGET, Answer.SAYS_SO),
+    ],
+)
+def test_the_law_of_an_answer(difference: float, well_posed: bool, status: Status, answer: Answer) -> None:
+    assert classify_answer(difference, well_posed, status) is answer
+
+
+def test_systems_are_well_and_ill_posed() -> None:
+    conditions = [minimum_norm(system.make(0))[1] for system in SYSTEMS[::6]]
+    assert min(conditions) < WELL_POSED < max(conditions)
+
+
+def test_no_solver_is_silently_wrong(solves: list[SolverCell]) -> None:
+    """On well-posed systems all agree to 1e-8; on the others each gives the minimum norm, or says that it does not."""
+    assert {cell.solver for cell in solves} == set(SOLVERS)
+    assert [c for c in solves if c.answer in (Answer.SILENT, Answer.CRASHED)] == []
+
+
+def test_the_command_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, page = tmp_path / "atlas", tmp_path / "docs" / "stability.md"
+    arguments = ["--short", "--methods", "mccool", "--stressors", "negative,zeros", "--document", str(page), "--json"]
+    assert main(["stability", "--out", str(out), *arguments]) == 0
+    captured = capsys.readouterr()
+    answer = json.loads(captured.out)
+    assert answer["fits"]["refused"] == 1
+    assert sorted(path.name for path in out.iterdir()) == ["atlas.csv", "atlas.png", "solvers.csv", "solvers.png"]
+    text = page.read_text(encoding="utf-8")
+    assert "](../atlas/atlas.png)" in text
+    assert "`zeros`" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--methods", "mccool"], "out: none given"),
+        (["--out", "x", "--methods", "gauss"], "method: found 'gauss'"),
+        (["--out", "x", "--stressors", "rust"], "stressors: found 'rust', expected some of few-samples"),
+        (["--out", "x", "--stressors", ","], "stressors: found none"),
+        (["--out", "x", "--document", "a.txt"], "expected .md"),
+    ],
+)
+def test_bad_arguments_are_refused(
+    arguments: list[str], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["stability", *arguments]) == 2
+    assert expected in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
