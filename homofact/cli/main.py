@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 from typer.main import get_command
 
-from homofact.cli import chart, compare, convert, factorize, info, render, stability, terms
+from homofact.cli import chart, compare, convert, factorize, info, plan, render, stability, terms
 from homofact.errors import BadInput
 from homofact.version import __version__
 
@@ -29,6 +29,7 @@ app.command("compare")(compare.compare)
 app.command("chart")(chart.chart)
 app.command("convert")(convert.convert)
 app.command("info")(info.info)
+app.command("plan")(plan.plan)
 app.command("render")(render.render)
 app.command("stability")(stability.stability)
 app.command("terms")(terms.terms)

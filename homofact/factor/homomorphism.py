@@ -13,6 +13,8 @@ from torch import Tensor
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 
+MOST = 80.0  # e⁸⁰ is the largest power that float32 holds
+
 
 @dataclass(frozen=True)
 class LogTransform:
@@ -38,5 +40,9 @@ class LogTransform:
         return torch.log(values / self.mean.to(values) + self.epsilon)
 
     def inverse(self, logs: Tensor) -> Tensor:
-        """Values (N, C) in sr⁻¹, ≥ 0, of logs (N, C)."""
-        return self.mean.to(logs) * (torch.exp(logs) - self.epsilon).clamp_min(0)
+        """Values (N, C) in sr⁻¹, ≥ 0, of logs (N, C).
+
+        Logs above `MOST` count as that, so that texels which ran away (few samples, no smoothing) give absurd
+        values, which the verdict sees, and not infinite ones, which poison every mean.
+        """
+        return self.mean.to(logs) * (torch.exp(logs.clamp_max(MOST)) - self.epsilon).clamp_min(0)

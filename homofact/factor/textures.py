@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 from torch import Tensor
 
 from homofact.brdf.samples import Samples
-from homofact.errors import BadInput, Status
+from homofact.errors import Status
 from homofact.factor.factorization import Term, sum_of_terms
 from homofact.factor.gauge import gauge_rows
 from homofact.factor.homomorphism import LogTransform
@@ -32,7 +32,6 @@ from homofact.linear.solvers import solve
 Shape = tuple[int, int]
 CHUNK = 65_536
 REACH = 1 / 8  # of a texture's side: how far from the samples smoothing may fill texels
-RUNAWAY = 100.0  # log units: 1e43 times the mean is no reflectance, and a few of them overflow
 ROBUST_STEPS = 20
 ROBUST_ENDS = 1e-4  # change of the weight taken away, in shares of all weight
 # λ of all textures, or of each.
@@ -146,8 +145,7 @@ def solve_terms(
 
     The unknowns are the texels in reach of a sample; the others of the projected domain take the value of the
     nearest of these, since smoothing alone would carry the last ramp on into the dark. The gauge is held in closed
-    form (`factor.gauge`). `robust` solves again with Huber's weights until they settle. Raises BadInput where texels
-    run away, as those that one sample hardly reads do without smoothing.
+    form (`factor.gauge`). `robust` solves again with Huber's weights until they settle.
     """
     domains = tuple(domain_mask(p, shape) for p, shape in zip(projections, shapes, strict=True))
     whole = inner_problem(samples, projections, shapes, smoothing, domains)
@@ -163,12 +161,6 @@ def solve_terms(
         solution = solve(problem, solver)
         if abs(taken - before) < ROBUST_ENDS:
             break
-    highest = float(solution.texels.abs().max())
-    if highest > RUNAWAY:
-        raise BadInput(
-            f"smoothing: found {smoothing}, with which a texel runs away to {highest:.3g} log units,"
-            " expected a larger one, fewer texels or more samples"
-        )
     matrix, _ = problem.normal()
     data = problem.data.matrix.diagonal()[kept]
     terms, begin = [], 0

@@ -1,0 +1,213 @@
+"""The light a scene stands in, and what it can excite: lights for pictures, energies by order for theory.
+
+Average over all turnings of the lighting against the surface. With a lobe g(ωi) = f cosθi of one view, B = ∫ L g
+has the mean square Σ_l E_l e_l/(2l+1), E_l = Σ_m L_lm² of the lighting and e_l = Σ_m g_lm² of the lobe: the cross
+terms of (3.5) vanish and every m counts alike. An order that the lighting does not hold costs nothing, however
+sharp the lobe is there. Orders are looked at up to `ORDER`; a directional light holds all of them alike (3.13).
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.render.light import DirectionalLight, EnvironmentMap, Light
+from homofact.scene.harmonics import energy_by_order, harmonics, orders
+from homofact.scene.reflection import directional_lighting, lambertian_filter
+
+ORDER = 32
+UNEXCITED_SHARE = 0.01
+IRRADIANCE_ORDER = 2
+_ROWS = 64
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """Distant light: `lights` in the frame of `render.light` (y up), `words` say what it is and from where.
+
+    Raises BadInput where there is no light or all of it is 0.
+    """
+
+    name: str
+    lights: tuple[Light, ...]
+    words: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse darkness: a relative error has no meaning in it."""
+        lit = any(isinstance(each, EnvironmentMap) or any(each.levels()) for each in self.lights)
+        if not lit:
+            found = "no lights" if not self.lights else "only lights of radiance 0"
+            raise BadInput(f"lighting: found {found}, expected some light")
+
+    @property
+    def has_directional(self) -> bool:
+        """Whether a directional light is in it: then its spectrum does not decay."""
+        return any(isinstance(each, DirectionalLight) and any(each.levels()) for each in self.lights)
+
+    @property
+    def reads(self) -> int:
+        """Directions that must be summed to light one point: the lights, or the texels of a map."""
+        sizes = (each.radiance[..., 0].numel() if isinstance(each, EnvironmentMap) else 1 for each in self.lights)
+        return sum(sizes)
+
+    @cached_property
+    def coefficients(self) -> Tensor:
+        """L_lm up to `ORDER` in the frame of the lights: ((ORDER+1)², C), C 1 or 3."""
+        channels = max(len(_levels(each)) for each in self.lights)
+        total = torch.zeros((ORDER + 1) ** 2, channels, dtype=torch.float64)
+        for each in self.lights:
+            if isinstance(each, EnvironmentMap):
+                total = total + environment_coefficients(each, ORDER)
+            else:
+                levels = torch.tensor(each.levels(), dtype=torch.float64)
+                total = total + directional_lighting(ORDER, each.unit())[:, None] * levels
+        return total
+
+    @cached_property
+    def energies(self) -> Tensor:
+        """E_l = Σ_m L_lm², mean over channels: (ORDER+1,)."""
+        return energy_by_order(self.coefficients).mean(1)
+
+    @property
+    def last_excited(self) -> int | None:
+        """The order l above which the spectrum holds under 1% of its energy; None where `ORDER` does not reach it."""
+        if self.has_directional:
+            return None
+        above = 1 - self.energies.cumsum(0) / self.energies.sum()
+        # What lies past ORDER is not seen: the last order itself is no evidence of an end.
+        found = int((above < UNEXCITED_SHARE).nonzero()[0, 0])
+        return found if found < ORDER - 1 else None
+
+    def describe_spectrum(self) -> str:
+        """In words, which orders the lighting cannot excite."""
+        if self.last_excited is None:
+            return f"excites every order looked at (up to {ORDER})"
+        return f"holds under 1% of its energy above order {self.last_excited}: what a lobe has there is not seen"
+
+    def irradiance(self, normals: Tensor, order: int | None) -> Tensor:
+        """∫ L max(n·ω, 0) dω at unit normals (N, 3), (N, C): by the harmonics up to `order` (3.10), or all of it.
+
+        "All" is exact for directional lights and up to `ORDER` for maps, where Lambert's filter falls like l^−5/2.
+        """
+        if order is not None:
+            gains = lambertian_filter(order)[orders(order)[0]]
+            return harmonics(order, normals) @ (gains[:, None] * self.coefficients[: len(gains)])
+        total = torch.zeros(len(normals), self.coefficients.shape[1], dtype=torch.float64)
+        for each in self.lights:
+            if isinstance(each, EnvironmentMap):
+                gains = lambertian_filter(ORDER)[orders(ORDER)[0]]
+                total = total + harmonics(ORDER, normals) @ (gains[:, None] * environment_coefficients(each, ORDER))
+            else:
+                cosine = (normals @ each.unit()).clamp_min(0)[:, None]
+                total = total + cosine * torch.tensor(each.levels(), dtype=torch.float64)
+        return total
+
+
+def environment_coefficients(light: EnvironmentMap, order: int) -> Tensor:
+    """L_lm ((order+1)², C) of a map, by the centres of its texels at 64 rows or a little more."""
+    radiance = _resized(light.radiance)
+    rows, columns, channels = radiance.shape
+    w = texel_directions(rows, columns, light.turn)
+    weighted = radiance.reshape(-1, channels) * _solid_angles(rows, columns)[:, None]
+    total = torch.zeros((order + 1) ** 2, channels, dtype=torch.float64)
+    for part in torch.arange(len(w)).split(2048):
+        total += harmonics(order, w[part]).T @ weighted[part]
+    return total
+
+
+def texel_directions(rows: int, columns: int, turn: float = 0.0) -> Tensor:
+    """Unit directions (rows·columns, 3) of a lat-long map's texel centres, laid out as `render.light` says."""
+    polar = (torch.arange(rows, dtype=torch.float64) + 0.5) * (math.pi / rows)
+    azimuth = ((torch.arange(columns, dtype=torch.float64) + 0.5) / columns - 0.5) * (2 * math.pi) - turn
+    y = torch.cos(polar)[:, None].expand(-1, columns)
+    around = torch.sin(polar)[:, None]
+    return torch.stack((around * torch.sin(azimuth), y, -around * torch.cos(azimuth)), -1).reshape(-1, 3)
+
+
+def named_lighting(name: str) -> Lighting:
+    """The lighting called `name`. Raises BadInput that lists the names."""
+    if name not in NAMED:
+        raise BadInput(f"lighting.named: found {name!r}, expected one of {', '.join(NAMED)}")
+    make, words = NAMED[name]
+    return Lighting(name, make(), words)
+
+
+def _sun() -> tuple[Light, ...]:
+    return (DirectionalLight((0.5, 0.5, math.sqrt(0.5)), math.pi),)
+
+
+def _sky(ground: float, level: Callable[[Tensor], Tensor], name: str) -> EnvironmentMap:
+    """A sky of radiance level(sin of the elevation) over ground that reflects `ground` of it, Lambertian."""
+    sine = texel_directions(_ROWS, 2 * _ROWS)[:, 1]
+    above = torch.where(sine > 0, level(sine.clamp_min(0)), torch.zeros_like(sine))
+    irradiance = float((above * sine.clamp_min(0) * _solid_angles(_ROWS, 2 * _ROWS)).sum())
+    values = torch.where(sine > 0, above, torch.full_like(sine, ground * irradiance / math.pi))
+    return EnvironmentMap((values / irradiance * math.pi).reshape(_ROWS, 2 * _ROWS, 1), name=name)
+
+
+def _overcast() -> tuple[Light, ...]:
+    return (_sky(0.2, lambda sine: (1 + 2 * sine) / 3, "overcast"),)
+
+
+def _uniform() -> tuple[Light, ...]:
+    return (EnvironmentMap(torch.ones(_ROWS, 2 * _ROWS, 1, dtype=torch.float64), name="uniform"),)
+
+
+def _studio() -> tuple[Light, ...]:
+    w = texel_directions(_ROWS, 2 * _ROWS)
+    values = torch.full((len(w),), 0.05, dtype=torch.float64)
+    for direction, degrees, radiance in (
+        ((0.6, 0.6, 0.6), 25, 8.0),
+        ((-0.8, 0.2, 0.5), 35, 1.5),
+        ((0, 0.5, -1), 20, 4),
+    ):
+        axis = torch.tensor(direction, dtype=torch.float64)
+        values = torch.where(w @ (axis / axis.norm()) > math.cos(math.radians(degrees)), radiance, values)
+    return (EnvironmentMap(values.reshape(_ROWS, 2 * _ROWS, 1), name="studio"),)
+
+
+# Spectra: the sun's E_l = (2l+1)/4π times its flux squared (3.13); uniform L_00 alone (3.19); the others by quadrature.
+NAMED: dict[str, tuple[Callable[[], tuple[Light, ...]], str]] = {
+    "sun": (_sun, "one directional light 45° from the viewer, irradiance π: every order alike (eq. 3.13)"),
+    "overcast": (
+        _overcast,
+        "the CIE overcast sky (Moon and Spencer 1942), (1 + 2 sin elevation)/3 of its zenith, irradiance π, over"
+        " ground that reflects 20%: axial (eq. 3.18)",
+    ),
+    "studio": (
+        _studio,
+        "three soft boxes of 25°, 35° and 20° half width, radiance 8, 1.5 and 4, in a room of .05: our choice",
+    ),
+    "uniform": (_uniform, "radiance 1 from everywhere: order 0 alone (eq. 3.19)"),
+}
+
+
+def _levels(light: Light) -> tuple[float, ...]:
+    return (0.0,) * int(light.radiance.shape[2]) if isinstance(light, EnvironmentMap) else light.levels()
+
+
+def _solid_angles(rows: int, columns: int) -> Tensor:
+    """Steradians of each texel (rows·columns,)."""
+    edges = torch.cos(torch.arange(rows + 1, dtype=torch.float64) * (math.pi / rows))
+    return ((edges[:-1] - edges[1:]) * (2 * math.pi / columns)).repeat_interleave(columns)
+
+
+def _resized(radiance: Tensor) -> Tensor:
+    """A map at 64 rows or more, averaged over blocks or its texels divided: enough for every order up to `ORDER`."""
+    rows, columns, channels = radiance.shape
+    times = -(-_ROWS // rows)
+    if times > 1:
+        return radiance.repeat_interleave(times, 0).repeat_interleave(times, 1)
+    block = rows // _ROWS
+    if block < 2 or rows % block or columns % block:
+        return radiance
+    weights = _solid_angles(rows, columns).reshape(rows, columns, 1)
+
+    def summed(values: Tensor) -> Tensor:
+        return values.reshape(rows // block, block, columns // block, block, -1).sum((1, 3))
+
+    return summed(radiance * weights) / summed(weights.expand(-1, -1, channels))

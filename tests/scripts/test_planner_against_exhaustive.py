@@ -1,0 +1,21 @@
+"""The short form of the planner's comparison: two materials, one lighting, meaningless figures, whole tables."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+
+
+def test_it_prints_its_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    program = importlib.import_module("planner_against_exhaustive")
+    assert program.main(["--short", "--keep", str(tmp_path / "rows.jsonl")]) == 0
+    first = capsys.readouterr().out
+    assert "| all |  | 18 |" in first
+    assert program.main(["--short", "--keep", str(tmp_path / "rows.jsonl")]) == 0
+    again = capsys.readouterr().out
+    assert again.split("\n\n")[1] == first.split("\n\n")[1]
