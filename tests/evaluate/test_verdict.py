@@ -100,12 +100,13 @@ def test_outliers_noise_floor_and_cut_values_are_found() -> None:
 
 def test_one_azimuth_of_an_anisotropic_material_is_found() -> None:
     samples = drawn("ward-brushed")
-    flat = []
+    flat: list[torch.Tensor] = []
     for w in (samples.wi, samples.wo):
         sine = w[:, :2].norm(dim=1) * torch.sign(w[:, 0])
         flat.append(torch.stack((sine, torch.zeros_like(sine), w[:, 2]), 1))
-    values = material("ward-brushed").model.evaluate(*flat)
-    plane = Samples.make(*flat, values, channels=samples.channels, isotropic=False)
+    wi, wo = flat
+    values = material("ward-brushed").model.evaluate(wi, wo)
+    plane = Samples.make(wi, wo, values, channels=samples.channels, isotropic=False)
     assert "azimuth" in names(verdict_on(plane, FitSettings(method="mccool", size=8), "ward-brushed"))
     assert "azimuth" not in names(verdict_on(samples, FitSettings(method="mccool", size=8), "ward-brushed"))
 

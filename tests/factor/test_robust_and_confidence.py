@@ -96,6 +96,8 @@ def test_a_fit_leaves_deviations_that_are_saved_and_read_back(tmp_path) -> None:
     fit = fit_mccool(samples, settings).factorization
     fit.save(tmp_path / "fit.npz")
     for one, two in zip(fit.terms, Factorization.load(tmp_path / "fit.npz").terms, strict=True):
+        assert one.deviation is not None
+        assert two.deviation is not None
         assert float(one.deviation.max()) > 0
         assert torch.equal(one.deviation, two.deviation)
     assert all(
