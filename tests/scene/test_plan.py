@@ -199,7 +199,7 @@ def test_a_walk_finds_the_optimum_with_few_questions() -> None:
                 assert found.asked[found.choice].bytes == min(meeting)
             fits, cases = fits + found.fits, cases + 1
     # Of 28; these errors fall twice as fast with textures as the prior believes.
-    assert fits / cases <= 7
+    assert fits / cases <= 9
 
 
 def test_a_looser_tolerance_never_costs_more() -> None:
