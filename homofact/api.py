@@ -14,7 +14,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
 from homofact.evaluate.compare import training_samples
-from homofact.evaluate.methods import method
+from homofact.evaluate.methods import run
 from homofact.export.result import open_result
 from homofact.factor.fitted import Fitted
 from homofact.factor.settings import FitSettings
@@ -41,10 +41,10 @@ def fit(source: Source | Samples, **settings: Any) -> Fitted:
         known = ", ".join(FitSettings.__dataclass_fields__)
         raise BadInput(f"fit: {error}, expected settings among {known}") from error
     if isinstance(source, Samples):
-        return method(chosen.method).fit(source, chosen, None).factorization
+        return run(source, chosen).factorization
     if chosen.epsilon is None:
         chosen = replace(chosen, epsilon=source.default_epsilon)
-    return method(chosen.method).fit(training_samples(source, source.samples, chosen), chosen, None).factorization
+    return run(training_samples(source, source.samples, chosen), chosen).factorization
 
 
 def load(path: str) -> Fitted:

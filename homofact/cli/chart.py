@@ -73,6 +73,7 @@ def chart(
     mirrored: o.Mirrored = None,
     robust: o.Robust = None,
     confidence: o.Confidence = None,
+    quantize: o.Quantize = None,
     bound: o.Bound = None,
     map: o.Map = None,
     decomposition: o.Decomposition = None,

@@ -108,6 +108,7 @@ Confidence = Annotated[
     bool | None,
     _fit("Leave every texel's standard deviation beside the textures.", "off", "--confidence/--no-confidence"),
 ]
+Quantize = Annotated[str | None, _fit("Texels that png8 or png16 hold exactly, fitted so; or none.", "none")]
 Bound = Annotated[str | None, _fit("How a projection fills its texture: disc, or the thesis's cube.", "disc")]
 Projections = Annotated[str | None, _fit("Fixed projections for mccool, by name, with commas.", "McCool's own")]
 Map = Annotated[
@@ -181,6 +182,7 @@ _KEYS = {
         "mirrored",
         "robust",
         "confidence",
+        "quantize",
         "bound",
         "projections",
         "map",

@@ -14,7 +14,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.brdf.stratified import stratified_subset
 from homofact.errors import Report
-from homofact.evaluate.methods import method
+from homofact.evaluate.methods import method, run
 from homofact.evaluate.metrics import SixErrors, measure
 from homofact.evaluate.verdict import Verdict, judge
 from homofact.factor.fit import ProgressCallback
@@ -95,14 +95,14 @@ def fit_and_measure(
     began = time.perf_counter()
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
-    fitting = method(settings.method)
+    method(settings.method)
     train, test = source.samples.split(held_out, settings.seed)
     if subset > 0:
         train = stratified_subset(train, subset, settings.seed)
     measured = train
     train, test = training_samples(source, train, settings), test.rotated_at_random(settings.seed)
     begin_fit = time.perf_counter()
-    fitted = fitting.fit(train, settings, progress)
+    fitted = run(train, settings, progress)
     seconds_fit = time.perf_counter() - begin_fit
     factorization = fitted.factorization
     errors = tuple(measure(factorization, samples, factorization.transform) for samples in (train, test))

@@ -1,14 +1,16 @@
 """Fitting methods by name: the table that the command line and the comparisons choose from."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from homofact.baselines.mccool import fit_mccool
 from homofact.baselines.svd import fit_nmf, fit_svd, nmf_parameterization, svd_parameterization
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
+from homofact.factor.factorization import Factorization
 from homofact.factor.fit import PARAMETERIZATIONS, Fit, ProgressCallback, fit_cole
-from homofact.factor.search_fit import fit_search, pinned_kinds, search_named
+from homofact.factor.quantize import quantize
+from homofact.factor.search_fit import at_azimuths, fit_search, pinned_kinds, search_named
 from homofact.factor.settings import FitSettings
 
 
@@ -29,7 +31,7 @@ class Method:
 _NO_SOLVE = frozenset(
     {
         "solver", "smoothing", "together", "restarts", "search", "validation", "budget", "refine", "search_size",
-        "search_samples", "copies", "mirrored", "bound", "projections", "robust", "confidence",
+        "search_samples", "copies", "mirrored", "bound", "projections", "robust", "confidence", "quantize",
     }
 )  # fmt: skip
 
@@ -64,6 +66,25 @@ def method(name: str) -> Method:
     if name not in METHODS:
         raise BadInput(f"method: found {name!r}, expected one of {', '.join(METHODS)}")
     return METHODS[name]
+
+
+def run(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
+    """The fit of `settings.method`, its texels rounded where `settings.quantize` asks for it. Raises BadInput."""
+    fit = method(settings.method).fit(samples, settings, progress)
+    if settings.quantize == "none" or not isinstance(fit.factorization, Factorization):
+        return fit
+    return replace(fit, factorization=quantized(fit.factorization, samples, settings))
+
+
+def quantized(factorization: Factorization, samples: Samples, settings: FitSettings) -> Factorization:
+    """A fit of `settings` with texels that `settings.quantize` holds, from the samples that it was given itself.
+
+    Raises BadInput for quantize "none" and as `method`.
+    """
+    if not method(settings.method).wants_copies:
+        knows_azimuth = not all(term.projection.system.isotropic for term in factorization.terms)
+        samples = at_azimuths(samples, settings, knows_azimuth)
+    return quantize(factorization, samples, settings.quantize)
 
 
 def check_settings(settings: FitSettings) -> None:

@@ -27,18 +27,29 @@ FORMAT_VERSION = 1
 
 
 @dataclass(frozen=True)
+class Grid:
+    """The values that a texture of whole numbers can hold: low + k · step per channel (C,), k = 0 … `levels`."""
+
+    low: Tensor
+    step: Tensor
+    levels: int
+
+
+@dataclass(frozen=True)
 class Term:
     """One texture and the projection that indexes it.
 
     `texture` is (rows, columns, C) float64, logarithms; `mask` (rows, columns) is True where the texel is
     held by samples and smoothing, False where its value is only filler. `deviation` (rows, columns, C), where it was
     asked for, is how far a texel would move in another measurement (`factor.confidence`), in log units; 0 in filler.
+    `grid` is there where every texel is one of its values (`factor.quantize`).
     """
 
     projection: Projection
     texture: Tensor
     mask: Tensor
     deviation: Tensor | None = None
+    grid: Grid | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -97,7 +108,7 @@ class Factorization:
             "epsilon": self.transform.epsilon,
             "channels": list(self.channels),
             "provenance": self.provenance,
-            "terms": [_describe(term.projection) for term in self.terms],
+            "terms": [_describe(term) for term in self.terms],
         }
         arrays: dict[str, Any] = {
             "header": np.array(json.dumps(header)),
@@ -108,6 +119,8 @@ class Factorization:
             arrays[f"mask_{j}"] = term.mask.cpu().numpy()
             if term.deviation is not None:
                 arrays[f"deviation_{j}"] = term.deviation.cpu().numpy()
+            if term.grid is not None:
+                arrays[f"grid_{j}"] = torch.stack((term.grid.low, term.grid.step)).cpu().numpy()
             arrays[f"matrix_{j}"] = term.projection.matrix.cpu().numpy()
             rotation = term.projection.rotation
             if isinstance(rotation, Pair):
@@ -156,13 +169,14 @@ class Factorization:
         return result
 
 
-def _describe(projection: Projection) -> dict[str, Any]:
+def _describe(term: Term) -> dict[str, Any]:
+    projection = term.projection
     return {
         "coordinates": projection.coordinates,
         "reciprocal": projection.reciprocal,
         "name": projection.name,
         "warp": None if projection.warp is None else projection.warp.width,
-    }
+    } | ({} if term.grid is None else {"levels": term.grid.levels})
 
 
 def _restore(described: dict[str, Any], data: dict[str, Any], j: int) -> Term:
@@ -181,9 +195,14 @@ def _restore(described: dict[str, Any], data: dict[str, Any], j: int) -> Term:
         None if described["warp"] is None else Warp(float(described["warp"])),
     )
     deviation = data.get(f"deviation_{j}")
+    grid = None
+    if f"grid_{j}" in data:
+        low, step = torch.from_numpy(data[f"grid_{j}"])
+        grid = Grid(low, step, int(described["levels"]))
     return Term(
         projection,
         torch.from_numpy(data[f"texture_{j}"]),
         torch.from_numpy(data[f"mask_{j}"]),
         None if deviation is None else torch.from_numpy(deviation),
+        grid,
     )

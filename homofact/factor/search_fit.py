@@ -152,11 +152,16 @@ def _prepare(
 ) -> tuple[LogSamples, tuple[Partition, ...]]:
     """Log samples and how they are judged; with azimuth copies, one fold to a measurement, where kinds need them."""
     partitions = deal(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
+    copied = at_azimuths(samples, settings, knows_azimuth)
+    times = len(copied) // len(samples)
+    return LogSamples.of(copied, transform), tuple(partition.repeated(times) for partition in partitions)
+
+
+def at_azimuths(samples: Samples, settings: FitSettings, knows_azimuth: bool) -> Samples:
+    """What textures are solved from: azimuth copies of isotropic samples where a projection knows the azimuth."""
     if knows_azimuth and samples.isotropic and settings.copies > 1:
-        copied = samples.azimuth_copies(settings.copies, settings.seed, settings.mirrored)
-        times = len(copied) // len(samples)
-        return LogSamples.of(copied, transform), tuple(partition.repeated(times) for partition in partitions)
-    return LogSamples.of(samples, transform), partitions
+        return samples.azimuth_copies(settings.copies, settings.seed, settings.mirrored)
+    return samples
 
 
 def _finish(

@@ -8,6 +8,7 @@ from homofact.linear.solvers import SOLVERS
 
 REFINEMENTS = ("none", "looks")
 VALIDATIONS = ("rings", "random")
+QUANTIZATIONS = ("none", "png8", "png16")
 MAPS = ("parabolic", "orthographic", "polar")
 DECOMPOSITIONS = ("eigen", "svd", "power", "normalized")
 DEFAULT_SMOOTHING = 1e-3
@@ -47,6 +48,8 @@ class FitSettings:
     projections : fixed projections by name for `mccool`; empty is McCool's own list.
     robust : give outliers little weight in the last solve (Huber's weights, `linear.robust`).
     confidence : leave the standard deviation of every texel with the textures (`factor.confidence`).
+    quantize : "none", or "png8" or "png16": texels that 8 or 16 bits hold exactly, the best of these
+        (`factor.quantize`).
     seed : of every random choice in the fit.
     """
 
@@ -74,6 +77,7 @@ class FitSettings:
     decomposition: str | None = None
     robust: bool = False
     confidence: bool = False
+    quantize: str = "none"
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -101,6 +105,7 @@ class FitSettings:
         for name, value, known in (
             ("refine", self.refine, REFINEMENTS),
             ("validation", self.validation, VALIDATIONS),
+            ("quantize", self.quantize, QUANTIZATIONS),
             ("solver", self.solver, tuple(SOLVERS)),
             ("bound", self.bound, BOUNDS),
             ("map", self.map, MAPS),

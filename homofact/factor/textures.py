@@ -167,7 +167,7 @@ def solve_terms(
     for projection, shape, mask in zip(projections, shapes, masks, strict=True):
         count = shape[0] * shape[1]
         texture = solution.texels[begin : begin + count].reshape(*shape, -1)
-        terms.append(Term(projection, _filled(texture, mask), mask))
+        terms.append(Term(projection, filled(texture, mask), mask))
         begin += count
     return Solved(
         centred(tuple(terms)),
@@ -206,7 +206,7 @@ def centred(terms: tuple[Term, ...]) -> tuple[Term, ...]:
     return (head, *centred_rest)
 
 
-def _filled(texture: Tensor, mask: Tensor) -> Tensor:
+def filled(texture: Tensor, mask: Tensor) -> Tensor:
     """Texels outside of the mask take the value of the nearest inside: a safe guess, and harmless to filters."""
     places = np.asarray(distance_transform_edt(~mask.numpy(), return_distances=False, return_indices=True))
     row, column = torch.from_numpy(places).long()

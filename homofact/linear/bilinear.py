@@ -9,15 +9,18 @@ import torch
 from torch import Tensor
 
 
-def stencil(uv: Tensor, shape: tuple[int, int]) -> tuple[Tensor, Tensor]:
+def stencil(uv: Tensor, shape: tuple[int, int], fractions: int = 0) -> tuple[Tensor, Tensor]:
     """Texel numbers (N, 4) int64 and weights (N, 4), summing to 1, of points (N, 2).
 
     `shape` is (rows, columns). The last cell's right and upper neighbours are the texels themselves, so
-    an index never leaves the texture.
+    an index never leaves the texture. `fractions` above 0 rounds the place within a cell to that many steps, as a
+    GPU's sampler does (256 of them is what Vulkan and Direct3D ask for at least: 8 bits).
     """
     rows, columns = shape
     column, u = _cell(uv[:, 0], columns)
     row, v = _cell(uv[:, 1], rows)
+    if fractions > 0:
+        u, v = (torch.floor(part * fractions + 0.5) / fractions for part in (u, v))
     right = (column + 1).clamp_max(columns - 1)
     above = (row + 1).clamp_max(rows - 1)
     numbers = torch.stack(

@@ -27,12 +27,16 @@ WORTH_A_THREAD = 1_000_000
 
 @dataclass(frozen=True)
 class Lookup:
-    """A bilinear lookup: uv = matrix · x[start : start + k], in a texture of `shape` with first unknown `offset`."""
+    """A bilinear lookup: uv = matrix · x[start : start + k], in a texture of `shape` with first unknown `offset`.
+
+    `fractions` is how many steps a sampler divides a texel into (256 on most hardware); 0 is exact.
+    """
 
     start: int
     matrix: Tensor
     shape: tuple[int, int]
     offset: int
+    fractions: int = 0
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ def stencil_rows(coordinates: Tensor, lookups: tuple[Lookup, ...]) -> tuple[Tens
     numbers, values = [], []
     for lookup in lookups:
         x = coordinates[:, lookup.start : lookup.start + lookup.matrix.shape[1]]
-        texels, weights = stencil(x @ lookup.matrix.to(x).T, lookup.shape)
+        texels, weights = stencil(x @ lookup.matrix.to(x).T, lookup.shape, lookup.fractions)
         numbers.append(texels + lookup.offset)
         values.append(weights)
     return torch.cat(numbers, 1), torch.cat(values, 1)
@@ -142,13 +146,13 @@ def _total(parts: list[np.ndarray]) -> Tensor:
 
 
 def pack(lookups: tuple[Lookup, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Matrices (L, 2, 4) float64 and (start, k, rows, columns, offset) (L, 5) int64, as the kernels read them."""
+    """Matrices (L, 2, 4) float64 and (start, k, rows, columns, offset, fractions) (L, 6) int64: as the kernels do."""
     matrices = np.zeros((len(lookups), 2, 4))
-    layout = np.zeros((len(lookups), 5), dtype=np.int64)
+    layout = np.zeros((len(lookups), 6), dtype=np.int64)
     for number, lookup in enumerate(lookups):
         k = lookup.matrix.shape[1]
         matrices[number, :, :k] = lookup.matrix.numpy()
-        layout[number] = (lookup.start, k, *lookup.shape, lookup.offset)
+        layout[number] = (lookup.start, k, *lookup.shape, lookup.offset, lookup.fractions)
     return matrices, layout
 
 
@@ -168,6 +172,10 @@ def _stencil(x, n, matrices, layout, lookup, numbers, values):  # pragma: no cov
     row = min(int(v), max(rows - 2, 0))
     fu = u - column
     fv = v - row
+    steps = layout[lookup, 5]
+    if steps > 0:
+        fu = np.floor(fu * steps + 0.5) / steps
+        fv = np.floor(fv * steps + 0.5) / steps
     right = 1 if column + 1 < columns else 0
     above = columns if row + 1 < rows else 0
     first = offset + row * columns + column

@@ -1,0 +1,215 @@
+"""Textures of whole numbers: the texels that fit best among those that 8 or 16 bits can hold.
+
+Rounding every texel by itself (`naive`) throws away what the others could make good. With y the minimum of the inner
+problem, other texels q are off by (q − y)ᵀBᵀWB(q − y) at the samples. Smoothing is there to choose y; the small
+steps of whole numbers are rough whatever one does, so it counts here by `SMOOTHNESS` only, which ties texels that no
+sample holds to their neighbours: H = BᵀWB + `SMOOTHNESS` λ'LᵀL + δI. The whole numbers that make (q − y)ᵀH(q − y)
+least are a closest-point problem; it is solved as such problems
+are (Babai 1986, the nearest plane): with H = RᵀR, R upper triangular, the texels are rounded one after the other, the
+last first, each to the value nearest to yk + Σj>k Rkj (yj − qj)/Rkk, which moves the later ones' errors into it. Texels
+that samples hold firmly come first. Then single texels move a step as long as that lowers the objective.
+
+B holds a sampler's weights: it divides a texel into `FRACTIONS` steps, and the minimum is the one for these weights.
+The range of a texture is part of the fit. Constants and ramps that move between textures without changing their sum
+(`factor.gauge`) are moved so that the ranges, and with them the steps, become small: a linear program a channel. And
+a few texels that samples hardly hold may run far out and widen the steps of all others: each end of each range is
+drawn in as far as that lowers the objective, texels beyond it being held at the end.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg
+import torch
+from numba import njit
+from scipy.optimize import linprog
+
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput
+from homofact.factor.factorization import Factorization, Grid, Term
+from homofact.factor.gauge import null_space
+from homofact.factor.textures import LogSamples, Smoothing, filled, inner_problem
+
+# Vulkan 1.3 (subTexelPrecisionBits) and Direct3D 11 (3.2.4.1) ask for 8 bits; hardware gives that.
+FRACTIONS = 256
+SMOOTHNESS = 0.01
+LEVELS = {"png8": 255, "png16": 65535}
+_SWEEPS = 50
+# How much of a range is drawn in at a time, first and last.
+_FIRST_SHARE, _LAST_SHARE = 0.25, 0.01
+
+
+def quantize(factorization: Factorization, samples: Samples, storage: str) -> Factorization:
+    """The factorization with texels that `storage` ("png8", "png16") holds exactly, fitted to `samples` anew.
+
+    Its projections, ε, A and λ (from the provenance) stay. `samples` are those it was solved from, with their azimuth
+    copies where a projection knows the azimuth. Raises BadInput for another storage.
+    """
+    if storage not in LEVELS:
+        raise BadInput(f"quantize: found {storage!r}, expected one of {', '.join(LEVELS)}")
+    settings = factorization.provenance.get("settings", {})
+    logs = LogSamples.of(samples, factorization.transform)
+    found = factorization.provenance.get("smoothing", 1e-3)
+    smoothing = tuple(found) if isinstance(found, list | tuple) else float(found)
+    solved_anew = not settings.get("robust", False) and settings.get("refine", "none") == "none"
+    terms = quantized_terms(logs, factorization.terms, smoothing, LEVELS[storage], solved_anew)
+    provenance = factorization.provenance | {"quantize": storage}
+    return replace(factorization, terms=terms, provenance=provenance)
+
+
+def quantized_terms(
+    samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, levels: int, solved_anew: bool = True
+) -> tuple[Term, ...]:
+    """The terms with the best texels of `levels` + 1 values a channel, and their grids.
+
+    `solved_anew` takes y from these samples and the sampler's weights; else y are the terms' own texels, as it should
+    be where these are not the minimum of the plain problem (robust weights, a refined look).
+    """
+    masks = tuple(term.mask for term in terms)
+    projections = tuple(term.projection for term in terms)
+    problem = inner_problem(samples, projections, tuple(term.size for term in terms), smoothing, masks)
+    sampled = tuple(replace(lookup, fractions=FRACTIONS) for lookup in problem.lookups)
+    problem = replace(problem, lookups=sampled)
+    kept = problem.kept
+    matrix, rhs = problem.normal()
+    owner = torch.cat([torch.full((mask.numel(),), j) for j, mask in enumerate(masks)])[kept].numpy()
+    if solved_anew:
+        best = scipy.linalg.cho_solve(scipy.linalg.cho_factor(matrix.numpy()), rhs.numpy())
+    else:
+        best = torch.cat([term.texture[term.mask] for term in terms]).numpy()
+    best = _smallest_ranges(best, null_space(projections, masks)[kept].numpy(), owner)
+    held = problem.data.matrix[kept][:, kept]
+    closest = _Closest((SMOOTHNESS * matrix + (1 - SMOOTHNESS) * held).numpy(), owner, levels)
+    whole = torch.zeros(kept.shape[0], best.shape[1], dtype=torch.float64)
+    lows, steps = np.zeros((len(terms), best.shape[1])), np.zeros((len(terms), best.shape[1]))
+    for c in range(best.shape[1]):
+        lows[:, c], steps[:, c] = closest.ranges(best[:, c])
+        numbers = closest.numbers(best[:, c], lows[:, c], steps[:, c])
+        whole[kept, c] = torch.from_numpy(lows[owner, c] + steps[owner, c] * numbers)
+    result, begin = [], 0
+    for j, term in enumerate(terms):
+        texture = whole[begin : begin + term.mask.numel()].reshape(*term.size, -1)
+        begin += term.mask.numel()
+        grid = Grid(torch.from_numpy(lows[j]), torch.from_numpy(steps[j]), levels)
+        result.append(replace(term, texture=filled(texture, term.mask), grid=grid))
+    return tuple(result)
+
+
+def naive(terms: tuple[Term, ...], levels: int) -> tuple[Term, ...]:
+    """The terms with every texel rounded by itself within its texture's range: what a plain export does."""
+    result = []
+    for term in terms:
+        inside = term.texture[term.mask]
+        low = inside.amin(0)
+        step = (inside.amax(0) - low).clamp_min(1e-6) / levels
+        numbers = ((term.texture - low) / step).round().clamp(0, levels)
+        result.append(replace(term, texture=low + step * numbers, grid=Grid(low, step, levels)))
+    return tuple(result)
+
+
+def _smallest_ranges(texels: np.ndarray, gauge: np.ndarray, owner: np.ndarray) -> np.ndarray:
+    """Texels (K, C) moved along null directions (K, G) so that the sum of the textures' ranges is least."""
+    count, textures = gauge.shape[1], int(owner.max()) + 1
+    if count == 0:
+        return texels
+    moved = texels.copy()
+    rows = np.arange(len(owner))
+    selector = np.zeros((len(owner), textures))
+    selector[rows, owner] = 1
+    nothing = np.zeros_like(selector)
+    # y + G a ≤ high and −(y + G a) ≤ −low, texture by texture.
+    upper = np.block([[gauge, -selector, nothing], [-gauge, nothing, selector]])
+    cost = np.concatenate([np.zeros(count), np.ones(textures), -np.ones(textures)])
+    for c in range(texels.shape[1]):
+        found = linprog(cost, upper, np.concatenate([-texels[:, c], texels[:, c]]), bounds=(None, None))
+        if found.status == 0:
+            moved[:, c] += gauge @ found.x[:count]
+    return moved
+
+
+class _Closest:
+    """Closest points in the norm of `matrix` H (K, K), for texels of the textures `owner` (K,)."""
+
+    def __init__(self, matrix: np.ndarray, owner: np.ndarray, levels: int) -> None:
+        self.matrix, self.owner, self.levels = matrix, owner, levels
+        # The last is rounded first.
+        self.order = np.argsort(np.diag(matrix), kind="stable")
+        self.upper = scipy.linalg.cholesky(matrix[np.ix_(self.order, self.order)])
+
+    def numbers(self, best: np.ndarray, lows: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Whole numbers n (K,) in 0 … levels for which low + step n is near `best` (K,)."""
+        numbers = np.empty_like(best)
+        numbers[self.order] = self._round(best, lows, steps)[0]
+        step = steps[self.owner]
+        target = (best - lows[self.owner]) / step
+        return _single_steps(self.matrix * step[:, None] * step, target, numbers, self.levels)
+
+    def ranges(self, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(lowest value, step) of every texture: the range of its texels, drawn in at each end while that helps."""
+        ends = np.array(
+            [[best[self.owner == j].min(), best[self.owner == j].max()] for j in range(self.owner.max() + 1)]
+        )
+        ends[:, 1] = np.maximum(ends[:, 1], ends[:, 0] + 1e-6)
+        least = self._objective(best, ends)
+        share = _FIRST_SHARE
+        while share > _LAST_SHARE:
+            improved = False
+            for place in np.ndindex(ends.shape):
+                tried = ends.copy()
+                width = ends[place[0], 1] - ends[place[0], 0]
+                tried[place] += share * width * (1 if place[1] == 0 else -1)
+                objective = self._objective(best, tried)
+                if objective < least:
+                    ends, least, improved = tried, objective, True
+            share = share if improved else share / 2
+        return ends[:, 0], (ends[:, 1] - ends[:, 0]) / self.levels
+
+    def _objective(self, best: np.ndarray, ends: np.ndarray) -> float:
+        return self._round(best, ends[:, 0], (ends[:, 1] - ends[:, 0]) / self.levels)[1]
+
+    def _round(self, best: np.ndarray, lows: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, float]:
+        step = steps[self.owner][self.order]
+        target = (best - lows[self.owner])[self.order] / step
+        return _nearest_plane(self.upper, step, target, self.levels)
+
+
+@njit(cache=True)
+def _nearest_plane(
+    upper: np.ndarray, step: np.ndarray, target: np.ndarray, levels: int
+) -> tuple[np.ndarray, float]:  # pragma: no cover (compiled)
+    """The whole numbers, and what they add to the objective: Σk (Σj≥k Rkj sj (nj − tj))²."""
+    count = len(target)
+    numbers = np.zeros(count)
+    left = np.zeros(count)
+    objective = 0.0
+    for k in range(count - 1, -1, -1):
+        moved = 0.0
+        for j in range(k + 1, count):
+            moved += upper[k, j] * left[j]
+        value = np.floor(target[k] - moved / (upper[k, k] * step[k]) + 0.5)
+        numbers[k] = min(max(value, 0.0), float(levels))
+        left[k] = step[k] * (numbers[k] - target[k])
+        objective += (upper[k, k] * left[k] + moved) ** 2
+    return numbers, objective
+
+
+@njit(cache=True)
+def _single_steps(
+    matrix: np.ndarray, target: np.ndarray, numbers: np.ndarray, levels: int
+) -> np.ndarray:  # pragma: no cover (compiled)
+    count = len(target)
+    slope = matrix @ (numbers - target)
+    for _ in range(_SWEEPS):
+        changed = False
+        for k in range(count):
+            change = np.floor(-slope[k] / matrix[k, k] + 0.5)
+            value = min(max(numbers[k] + change, 0.0), float(levels))
+            change = value - numbers[k]
+            # A move by d changes the objective by d (2 slope + d H).
+            if change * (2 * slope[k] + change * matrix[k, k]) < 0:
+                numbers[k] = value
+                slope += matrix[:, k] * change
+                changed = True
+        if not changed:
+            break
+    return numbers
