@@ -1,0 +1,159 @@
+"""Expressions of a shading program: what one evaluation computes, apart from the language it is printed in.
+
+An `Expression` is a tree over scalars and vectors of up to four components, built with Python's operators. A program
+is a list of `Let` statements, each naming one expression, and a result. The languages print it; C, which has no
+vectors, asks for `component`s; the cost model counts its nodes.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+INFIX = ("+", "-", "*", "/")
+# Functions of one or two arguments; those that work on vectors work component by component, dot excepted.
+FUNCTIONS = ("sqrt", "abs", "exp", "log", "asinh", "acos", "atan2", "dot", "max", "min", "step")
+_AXES = "xyzw"
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A node: `kind` is "constant", "name", "swizzle", "vector", "fetch", an infix operator or a function.
+
+    `dimension` is 1 for a scalar, else the number of components. `values` are a constant's, `text` a name, the letters
+    of a swizzle, or the number of the texture that a fetch reads at its one operand.
+    """
+
+    kind: str
+    dimension: int
+    operands: tuple["Expression", ...] = ()
+    values: tuple[float, ...] = ()
+    text: str = ""
+
+    def __add__(self, other: "Expression | float") -> "Expression":
+        """The sum, component by component; a scalar counts for each."""
+        return _infix("+", self, _expression(other))
+
+    def __radd__(self, other: float) -> "Expression":
+        """The sum with a number on the left."""
+        return _infix("+", _expression(other), self)
+
+    def __sub__(self, other: "Expression | float") -> "Expression":
+        """The difference."""
+        return _infix("-", self, _expression(other))
+
+    def __mul__(self, other: "Expression | float") -> "Expression":
+        """The product, component by component."""
+        return _infix("*", self, _expression(other))
+
+    def __rmul__(self, other: float) -> "Expression":
+        """The product with a number on the left."""
+        return _infix("*", _expression(other), self)
+
+    def __rtruediv__(self, other: float) -> "Expression":
+        """The quotient with a number on the left."""
+        return _infix("/", _expression(other), self)
+
+    def __truediv__(self, other: "Expression | float") -> "Expression":
+        """The quotient."""
+        return _infix("/", self, _expression(other))
+
+    def __getattr__(self, letters: str) -> "Expression":
+        """Components by letter: v.x, v.xy, v.rgb is not among them."""
+        if not letters or set(letters) - set(_AXES[: self.dimension]):
+            raise AttributeError(letters)
+        return Expression("swizzle", len(letters), (self,), text=letters)
+
+
+@dataclass(frozen=True)
+class Let:
+    """One statement: the expression gets a name; `comment` is printed above it where there is one."""
+
+    name: str
+    expression: Expression
+    comment: str = ""
+
+
+def constant(*values: float) -> Expression:
+    """A scalar, or the vector of several values."""
+    return Expression("constant", len(values), values=tuple(float(value) for value in values))
+
+
+def variable(name: str, dimension: int) -> Expression:
+    """What a parameter or an earlier statement called `name` holds."""
+    return Expression("name", dimension, text=name)
+
+
+def vector(*parts: Expression) -> Expression:
+    """The vector of scalars and shorter vectors, in order; a single one is what it is."""
+    if len(parts) == 1:
+        return parts[0]
+    return Expression("vector", sum(part.dimension for part in parts), parts)
+
+
+def call(name: str, *arguments: Expression | float) -> Expression:
+    """A function of `FUNCTIONS`; dot gives a scalar."""
+    parts = tuple(_expression(argument) for argument in arguments)
+    return Expression(name, 1 if name == "dot" else max(part.dimension for part in parts), parts)
+
+
+def fetch(texture: int, uv: Expression, channels: int) -> Expression:
+    """The texture's value at uv in [0, 1]², bilinear and clamped."""
+    return Expression("fetch", channels, (uv,), text=str(texture))
+
+
+def _expression(value: Expression | float) -> Expression:
+    return value if isinstance(value, Expression) else constant(value)
+
+
+def _infix(operator: str, left: Expression, right: Expression) -> Expression:
+    return Expression(operator, max(left.dimension, right.dimension), (left, right))
+
+
+def component(expression: Expression, k: int) -> Expression:
+    """The scalar expression of component k: names become swizzles, everything else is taken apart.
+
+    A fetch has no components: its statement is printed whole.
+    """
+    kind, operands = expression.kind, expression.operands
+    if expression.dimension == 1 and kind != "dot":
+        k = 0
+    if kind == "constant":
+        return constant(expression.values[k])
+    if kind == "name":
+        return expression if expression.dimension == 1 else Expression("swizzle", 1, (expression,), text=_AXES[k])
+    if kind == "swizzle":
+        return component(operands[0], _AXES.index(expression.text[k]))
+    if kind == "vector":
+        for part in operands:
+            if k < part.dimension:
+                return component(part, k)
+            k -= part.dimension
+    if kind == "dot":
+        left, right = operands
+        products = [component(left, i) * component(right, i) for i in range(left.dimension)]
+        return _sum(products)
+    return Expression(kind, 1, tuple(component(operand, k) for operand in operands))
+
+
+def _sum(parts: Sequence[Expression]) -> Expression:
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return total
+
+
+def nodes(expression: Expression) -> Iterator[Expression]:
+    """Every node of the tree, the root first."""
+    yield expression
+    for operand in expression.operands:
+        yield from nodes(operand)
+
+
+def needed(statements: Sequence[Let], result: Expression) -> tuple[Let, ...]:
+    """The statements that the result depends on, in their order: nothing is computed that is not read."""
+    wanted = {node.text for node in nodes(result) if node.kind == "name"}
+    kept = []
+    for statement in reversed(statements):
+        if statement.name in wanted:
+            kept.append(statement)
+            wanted |= {node.text for node in nodes(statement.expression) if node.kind == "name"}
+    return tuple(reversed(kept))

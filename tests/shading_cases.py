@@ -1,0 +1,75 @@
+"""Factorizations that between them use everything a shading program can hold, with random smooth textures."""
+
+import torch
+
+from homofact.baselines.separable import Separable, SeparableTerm
+from homofact.factor.factorization import Factorization, Term
+from homofact.factor.homomorphism import LogTransform
+from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
+from homofact.geometry.quaternion import Pair
+
+
+def random_term(projection: Projection, seed: int, channels: int, size: tuple[int, int] = (9, 12)) -> Term:
+    """A term with texels in ±1, the whole texture inside the mask; one row where the projection has one."""
+    generator = torch.Generator().manual_seed(seed)
+    rows = 1 if bool((projection.matrix[1] == 0).all()) else size[0]
+    texture = torch.rand(rows, size[1], channels, generator=generator, dtype=torch.float64) * 2 - 1
+    return Term(projection, texture, torch.ones(rows, size[1], dtype=torch.bool))
+
+
+def factorization(*projections: Projection, channels: int = 3, epsilon: float = 1e-3) -> Factorization:
+    """A product of random textures under these projections."""
+    mean = torch.tensor([0.3, 0.2, 0.15, 0.1], dtype=torch.float64)[:channels]
+    terms = tuple(random_term(projection, 7 + k, channels) for k, projection in enumerate(projections))
+    return Factorization(terms, LogTransform(epsilon, mean), tuple("RGBA"[:channels]) if channels > 1 else ("Y",))
+
+
+def searched(coordinates: str, seed: int, warp: Warp | None = None) -> Projection:
+    """A projection with a random rotation."""
+    generator = torch.Generator().manual_seed(seed)
+    if coordinates.startswith("isotropic"):
+        quaternion = torch.randn(4, generator=generator, dtype=torch.float64)
+        return Projection.from_rotation(coordinates, quaternion / quaternion.norm(), True, warp=warp)
+    left, right = torch.randn(2, 4, generator=generator, dtype=torch.float64)
+    return Projection.from_rotation(coordinates, Pair(left / left.norm(), right / right.norm()), True, warp=warp)
+
+
+CASES = {
+    f"fixed {name}": factorization(fixed_projection(name, True)) for name in FIXED_PROJECTIONS
+} | {
+    "searched in-out": factorization(searched("in-out", 1)),
+    "searched half-diff": factorization(searched("half-diff", 2)),
+    "searched isotropic half-diff": factorization(searched("isotropic-half-diff", 3)),
+    "searched isotropic in-out": factorization(searched("isotropic-in-out", 4)),
+    "warped half-diff": factorization(searched("half-diff", 5, Warp(0.05))),
+    "warped isotropic half-diff": factorization(searched("isotropic-half-diff", 6, Warp(0.03))),
+    "warped h": factorization(fixed_projection("h", True, Warp(0.1))),
+    "McCool, one channel": factorization(fixed_projection("wi", True), fixed_projection("h", True), channels=1),
+    "five of all kinds": factorization(
+        searched("isotropic-half-diff", 8, Warp(0.03)),
+        searched("isotropic-in-out", 9),
+        searched("half-diff", 10),
+        fixed_projection("theta_h", True),
+        fixed_projection("theta_h-theta_d", True, Warp(0.2)),
+    ),
+}  # fmt: skip
+
+
+def separable(parameterization: str, map_name: str, shared: bool) -> Separable:
+    """A sum of two products of random textures."""
+    generator = torch.Generator().manual_seed(3)
+
+    def texture() -> torch.Tensor:
+        return torch.rand(8, 8, 3, generator=generator, dtype=torch.float64) * 1.5 - 0.3
+
+    signs = (torch.tensor([1.0, 1, 1], dtype=torch.float64), torch.tensor([1.0, -1, 1], dtype=torch.float64))
+    terms = tuple(SeparableTerm(texture(), None if shared else texture(), sign) for sign in signs)
+    transform = LogTransform(1e-3, torch.ones(3, dtype=torch.float64))
+    return Separable(terms, map_name, parameterization, torch.ones(8, 8, dtype=torch.bool), transform, ("R", "G", "B"))
+
+
+SEPARABLE = {
+    f"{kind}, {name}, {'shared' if shared else 'two'}": separable(kind, name, shared)
+    for kind, shared in (("in-out", True), ("in-out", False), ("half-diff", False))
+    for name in ("parabolic", "orthographic", "polar")
+}
