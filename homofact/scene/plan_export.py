@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from homofact.errors import BadInput
+from homofact.export.folders import check_new_folder
 from homofact.export.manifest import write_json
 from homofact.export.result import write_result
 from homofact.scene.plan import MaterialPlan, ScenePlan
@@ -14,14 +14,8 @@ COLOUR = "colour.json"
 
 
 def check_plan_folder(folder: Path, force: bool) -> None:
-    """Raise BadInput where the folder holds something else than a plan, or a plan and `force` is off."""
-    if folder.exists() and not folder.is_dir():
-        raise BadInput(f"{folder}: is a file, expected a folder for the plan")
-    found = sorted(each.name for each in folder.iterdir()) if folder.is_dir() else []
-    if found and PLAN not in found:
-        raise BadInput(f"{folder}: found {found[0]} in it and no {PLAN}, expected a new or empty folder")
-    if found and not force:
-        raise BadInput(f"{folder}: found a plan in it, expected a new folder or --force")
+    """Raise BadInput where `write_plan` could not put a plan: refused as `folders.check_new_folder` says."""
+    check_new_folder(folder, "plan", PLAN, force)
 
 
 def write_plan(folder: Path, plan: ScenePlan, force: bool = False) -> dict[str, str]:

@@ -50,7 +50,7 @@ def test_a_plan_leaves_its_choices_and_a_figure(
     assert json.loads((out / "plan.json").read_text())["materials"][1]["folder"] == "2-cook-torrance-plastic"
     assert figure.stat().st_size > 5000
     assert main([*command]) == 2
-    assert "found a plan in it, expected a new folder or --force" in capsys.readouterr().err
+    assert "found an existing plan, expected a new folder or --force" in capsys.readouterr().err
 
 
 def test_an_impossible_tolerance_is_a_warning_or_refused(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
