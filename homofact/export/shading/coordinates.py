@@ -15,9 +15,9 @@ McCool, r = norm(t − (t·h)h) and q = |(s.y, s.z)| = |s| |t − (t·h)h|:
     parabolic d   = (e.x |s|, s.z e.y − s.y e.z)/(q (2 + |s|))
 
 Where h is the tangent, on the horizon, s.z is kept at `LEAST`, which is the limit of the frame that Python takes
-there and keeps |s| off 0. atan2 keeps the small angles of h and d exact in float32, where acos would lose half of
-their digits: a narrow peak needs them. θi and θo have none, and come from acos. Angles are taken together, one
-function of a vector for all that a fit needs.
+there and keeps |s| off 0. All angles come from atan2: in float32 acos loses half of a small angle's digits, and
+drivers give it only roughly. Angles are taken together, one function of a vector for all that a fit needs. Where φd
+and |φi − φo| are both needed, they share (s × e).z = −2 (ωi × ωo).z.
 
 The parabolic coordinates and the angles are the house's (`geometry.coordinates`), but for their scales, which
 `SCALES` gives as x = factor · raw + offset, to be folded into a matrix.
@@ -89,13 +89,22 @@ def coordinates_of(used: Collection[str]) -> Coordinates:
         axes |= _of_disc("disc_d", "d")
     arcs = [axis for axis in ("theta_i", "theta_o") if axis in used]
     if arcs:
-        cosines = vector(*({"theta_i": wi, "theta_o": wo}[axis].z for axis in arcs))
-        axes |= _packed("theta", call("acos", call("min", cosines, 1.0)), arcs, statements)
+        sides = [{"theta_i": wi, "theta_o": wo}[axis] for axis in arcs]
+        sines = call("sqrt", vector(*(call("dot", w.xy, w.xy) for w in sides)))
+        axes |= _packed("theta", call("atan2", sines, vector(*(w.z for w in sides))), arcs, statements)
+    across = call("abs", wi.x * wo.y - wi.y * wo.x)
+    if {"phi_d", "delta_phi"} <= set(used):
+        statements.append(Let("across", across, "|(wi x wo).z|, half of |(s x e).z|"))
+        across = variable("across", 1)
     parts = {
         "theta_h": lambda: (length["s.xy"], s.z),
         "theta_d": lambda: (length["e"], length["s"]),
-        "phi_d": lambda: (call("abs", s.x * e.y - s.y * e.x), call("abs", e.z) * length["s"]),
-        "delta_phi": lambda: (call("abs", wi.x * wo.y - wi.y * wo.x), call("dot", wi.xy, wo.xy)),
+        "phi_d": lambda: (
+            (across, call("abs", e.z) * length["s"] * 0.5)
+            if "delta_phi" in used
+            else (call("abs", s.x * e.y - s.y * e.x), call("abs", e.z) * length["s"])
+        ),
+        "delta_phi": lambda: (across, call("dot", wi.xy, wo.xy)),
     }
     turns = [axis for axis in parts if axis in used]
     if turns:

@@ -36,7 +36,11 @@ class Language:
 
 def number(value: float) -> str:
     """A constant as float32 holds it, in as few digits as read back to it."""
-    return str(np.float32(value))
+    single = np.float32(value)
+    # str() obeys numpy's print options, which colour-science sets to an older style of fewer digits.
+    if single == 0 or 1e-4 <= abs(single) < 1e16:
+        return np.format_float_positional(single, unique=True, trim="0")
+    return np.format_float_scientific(single, unique=True, trim="-")
 
 
 def render(expression: Expression, language: Language, prefix: str) -> str:

@@ -1,0 +1,97 @@
+"""WebGPU for tests: a shader run over pairs of directions, on whatever adapter there is, a software one included."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+
+_BYTES = {"rgba8unorm": 4, "rgba16float": 8, "rgba32float": 16}
+_FEATURES = ("float32-filterable", "texture-compression-bc")
+
+
+@dataclass(frozen=True)
+class Image:
+    """Bytes of one texture's texels or blocks, rows from the top, and WebGPU's name of their format.
+
+    Formats: rgba8unorm, rgba16float, rgba32float, and for BC6H bc6h-rgb-float.
+    """
+
+    format: str
+    rows: int
+    columns: int
+    data: bytes
+
+    @classmethod
+    def of(cls, texels: np.ndarray) -> "Image":
+        """float32 or uint8 texels (rows, columns, C), as RGBA."""
+        rows, columns, channels = texels.shape
+        wide = np.zeros((rows, columns, 4), texels.dtype)
+        wide[..., :channels] = texels
+        return cls("rgba8unorm" if texels.dtype == np.uint8 else "rgba32float", rows, columns, wide.tobytes())
+
+
+class Gpu:
+    """A device with what the tests need of it."""
+
+    def __init__(self) -> None:
+        """Take the first adapter; skip the test where there is none."""
+        self.wgpu = pytest.importorskip("wgpu", reason="wgpu is missing: pip install homofact[dev]")
+        try:
+            adapter = self.wgpu.gpu.request_adapter_sync(power_preference="high-performance")
+        except Exception as error:
+            pytest.skip(f"no WebGPU adapter ({error}): Debian's mesa-vulkan-drivers has one in software")
+        missing = [feature for feature in _FEATURES if feature not in adapter.features]
+        if missing:
+            pytest.skip(f"the WebGPU adapter {adapter.summary} lacks {', '.join(missing)}")
+        self.device = adapter.request_device_sync(required_features=list(_FEATURES))
+
+    def compiled(self, code: str | bytes):
+        """The shader module of WGSL or SPIR-V, validated by naga."""
+        return self.device.create_shader_module(code=code)
+
+    def run(
+        self, code: str | bytes, images: Sequence[Image], wi: torch.Tensor, wo: torch.Tensor, sampler_at: int
+    ) -> np.ndarray:
+        """What the entry point `main` writes for each pair, (N, 4).
+
+        Group 0 holds the images from binding 0 and a sampler, linear and clamped, at `sampler_at`; group 1 arrays of
+        wi, wo (4 floats each, 3 used) and of the values written. A workgroup takes 64 pairs.
+        """
+        module = self.compiled(code)
+        pipeline = self.device.create_compute_pipeline(layout="auto", compute={"module": module, "entry_point": "main"})
+        own = [{"binding": k, "resource": self._uploaded(image)} for k, image in enumerate(images)]
+        sampler = self.device.create_sampler(mag_filter="linear", min_filter="linear")
+        own.append({"binding": sampler_at, "resource": sampler})
+        count = len(wi)
+        buffers = [self._buffer(directions) for directions in (wi, wo)]
+        usage = self.wgpu.BufferUsage.STORAGE | self.wgpu.BufferUsage.COPY_SRC
+        buffers.append(self.device.create_buffer(size=count * 16, usage=usage))
+        whole = [{"binding": k, "resource": {"buffer": buffer}} for k, buffer in enumerate(buffers)]
+        encoder = self.device.create_command_encoder()
+        work = encoder.begin_compute_pass()
+        work.set_pipeline(pipeline)
+        for group, entries in enumerate((own, whole)):
+            layout = pipeline.get_bind_group_layout(group)
+            work.set_bind_group(group, self.device.create_bind_group(layout=layout, entries=entries))
+        work.dispatch_workgroups(-(-count // 64))
+        work.end()
+        self.device.queue.submit([encoder.finish()])
+        return np.frombuffer(self.device.queue.read_buffer(buffers[2]), np.float32).reshape(count, 4).copy()
+
+    def _buffer(self, directions: torch.Tensor):
+        wide = np.zeros((len(directions), 4), np.float32)
+        wide[:, :3] = directions.numpy()
+        return self.device.create_buffer_with_data(data=wide, usage=self.wgpu.BufferUsage.STORAGE)
+
+    def _uploaded(self, image: Image):
+        size = (image.columns, image.rows, 1)
+        usage = self.wgpu.TextureUsage.TEXTURE_BINDING | self.wgpu.TextureUsage.COPY_DST
+        texture = self.device.create_texture(size=size, format=image.format, usage=usage)
+        # A row of blocks is 16 bytes for 4 columns.
+        pitch = image.columns * _BYTES.get(image.format, 4)
+        rows = image.rows if image.format in _BYTES else image.rows // 4
+        layout = {"bytes_per_row": pitch, "rows_per_image": rows}
+        self.device.queue.write_texture({"texture": texture}, image.data, layout, size)
+        return texture.create_view()
