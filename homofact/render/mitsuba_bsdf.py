@@ -1,0 +1,231 @@
+"""A fitted factorization as a material of Mitsuba 3 (the extra `mitsuba`).
+
+    import mitsuba
+    mitsuba.set_variant("llvm_ad_rgb")
+    homofact.render.mitsuba_bsdf.register()
+    bsdf = mitsuba.load_dict({"type": "homofact", "filename": "out/blue_paint"})
+
+`filename` is a result's folder or its factorization.npz. Mitsuba's ωo, the direction that is asked for, is the light
+and its ωi the viewer where radiance is transported; where importance is, the other way round. `eval` contains the
+cosine, as Mitsuba expects. The material has a front only: put it into `twosided` for both. An anisotropic one needs a
+shape with texture coordinates, whose first gives the tangent.
+
+`sampling` is "lobe", where light is drawn from `lobe_sampling`'s mixture of cosine and lobe, or "cosine", where it is
+drawn from the cosine alone. The texels, `texture_0` and so on in `mitsuba.traverse`, are logarithms and can be
+differentiated; the mixture is not drawn up anew when they change, which costs noise and no correctness.
+
+The channels R, G, B are taken as linear sRGB, and one channel as grey. Variants are rgb and mono, where R, G, B become
+their luminance; spectral and polarized variants are refused, as are fits of a spectrum and sums of products.
+"""
+
+import os
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from homofact.baselines.separable import FORMAT as SEPARABLE
+from homofact.baselines.separable import read_archive
+from homofact.errors import BadInput, MissingDependency
+from homofact.factor.factorization import Factorization
+from homofact.render.lobe_sampling import SCALE, SIGMA, is_isotropic, lobe_sampling
+
+NAME = "homofact"
+SAMPLINGS = ("lobe", "cosine")
+_FACTORIZATION = "factorization.npz"
+_RGB = ("R", "G", "B")
+_LUMINANCE = (0.212671, 0.71516, 0.072169)  # Mitsuba's `luminance`
+
+
+def register(name: str = NAME) -> None:
+    """Make materials of type `name` known to Mitsuba's variant of the moment; call it again for another variant.
+
+    Raises MissingDependency where Mitsuba is not installed, BadInput where no variant is set or one that is refused.
+    What is wrong with a file, Mitsuba reports as a RuntimeError that ends in our line.
+    """
+    material = bsdf_class()
+    _mitsuba().register_bsdf(name, material)
+
+
+def load_bsdf(place: str | os.PathLike[str], sampling: str = "lobe") -> Any:
+    """The material (a `mitsuba.BSDF`) of a result's folder or saved file, to be used in a scene's dictionary.
+
+    `sampling` is one of `SAMPLINGS`. Raises as `register` and `open_factorization`, BadInput and not what Mitsuba
+    makes of it.
+    """
+    material = bsdf_class()
+    properties = _mitsuba().Properties(NAME)
+    properties["filename"] = str(place)
+    properties["sampling"] = sampling
+    return material(properties)
+
+
+def open_factorization(place: str | os.PathLike[str]) -> Factorization:
+    """The factorization of a result's folder or of a saved file; needs no Mitsuba.
+
+    Raises BadInput where there is none, for a sum of products (`svd`, `nmf`), which this material cannot evaluate,
+    and for channels that are neither R, G, B nor one alone.
+    """
+    target = Path(place)
+    if target.is_dir():
+        if not (target / _FACTORIZATION).is_file():
+            raise BadInput(f"{target}: found no {_FACTORIZATION} in the folder, expected a result of a fit")
+        target = target / _FACTORIZATION
+    if read_archive(target)[1].get("format") == SEPARABLE:
+        raise BadInput(f"{target}: found a sum of products (svd or nmf), expected a product of textures")
+    found = Factorization.load(target)
+    if not found.terms:
+        raise BadInput(f"{target}: found no textures, expected at least one")
+    if len(found.channels) != 1 and found.channels != _RGB:
+        names = ", ".join(found.channels[:3]) + (", …" if len(found.channels) > 3 else "")
+        raise BadInput(
+            f"{target}: found the channels {names} ({len(found.channels)} of them), expected R, G, B or one alone:"
+            " fit with --channels rgb"
+        )
+    return found
+
+
+def _mitsuba() -> Any:
+    try:
+        return import_module("mitsuba")
+    except ImportError as error:
+        raise MissingDependency(
+            f"mitsuba: not installed ({error}), expected the extra: pip install 'homofact[mitsuba]'"
+        ) from error
+
+
+def bsdf_class() -> Any:
+    """The subclass of `mitsuba.BSDF` for Mitsuba's variant of the moment. Raises as `register`."""
+    mi = _mitsuba()
+    variant = mi.variant()
+    if variant is None:
+        raise BadInput("mitsuba: no variant is set, expected mitsuba.set_variant('llvm_ad_rgb') or another first")
+    if mi.is_polarized or not (mi.is_rgb or mi.is_monochromatic):
+        raise BadInput(f"mitsuba: found the variant {variant}, expected an rgb or mono one without polarization")
+    return _class_of(variant)
+
+
+@cache
+def _class_of(variant: str) -> Any:
+    """The class of a variant, which is the one that is set."""
+    mi, dr = _mitsuba(), import_module("drjit")
+    from homofact.render.drjit_evaluation import DrJitFactorization
+
+    class FactorizationBSDF(mi.BSDF):
+        """`mitsuba.BSDF` of a factorization; arguments and results are Mitsuba's."""
+
+        def __init__(self, properties: Any) -> None:
+            mi.BSDF.__init__(self, properties)
+            if "filename" not in properties:
+                raise BadInput("homofact material: no filename, expected a result's folder or factorization.npz")
+            self.path = _resolved(mi, str(properties["filename"]))
+            factorization = open_factorization(self.path)
+            self.size = ", ".join(f"{rows} x {columns}" for rows, columns in (t.size for t in factorization.terms))
+            self.fetches = factorization.fetches
+            self.values = DrJitFactorization(factorization, mi)
+            self.sampling = str(properties["sampling"]) if "sampling" in properties else SAMPLINGS[0]
+            if self.sampling not in SAMPLINGS:
+                raise BadInput(
+                    f"homofact material: sampling: found {self.sampling!r}, expected one of {', '.join(SAMPLINGS)}"
+                )
+            isotropic = is_isotropic(factorization)
+            if self.sampling == "lobe":
+                mixture = lobe_sampling(factorization, isotropic)
+                self.lobe = mi.MarginalContinuous2D0(mixture.table.numpy().astype(np.float32))
+                share = mixture.cosine.numpy().astype(np.float32)[:, None]
+                self.share = mi.Texture1f(mi.TensorXf(share), False, False, dr.FilterMode.Linear, dr.WrapMode.Clamp)
+            flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
+            if not isotropic:
+                flags |= mi.BSDFFlags.Anisotropic
+            self.m_components = [flags]
+            self.m_flags = flags
+
+        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            """f cosθ of the light."""
+            return self._value(ctx, si, wo, self._active(ctx, si, wo, active))
+
+        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            """Density of `sample`, in sr⁻¹."""
+            return self._density(si, wo, self._active(ctx, si, wo, active))
+
+        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            """Both at once."""
+            active = self._active(ctx, si, wo, active)
+            return self._value(ctx, si, wo, active), self._density(si, wo, active)
+
+        def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> Any:
+            """A direction, and f cosθ over its density."""
+            wo = mi.warp.square_to_cosine_hemisphere(sample2)
+            if self.sampling == "lobe":
+                share = self.share.eval(si.wi.z, active)[0]
+                place, _ = self.lobe.sample(sample2)
+                wo = dr.select(sample1 < share, wo, mi.reflect(si.wi, _half(place)))
+            active = self._active(ctx, si, wo, active)
+            density = self._density(si, wo, active)
+            active &= density > 0
+            found = dr.zeros(mi.BSDFSample3f)
+            found.wo = wo
+            found.pdf = dr.select(active, density, 0)
+            found.eta = 1
+            found.sampled_type = +mi.BSDFFlags.GlossyReflection
+            found.sampled_component = 0
+            value = self._value(ctx, si, wo, active)
+            return found, dr.select(active, value / dr.maximum(density, 1e-30), 0)
+
+        def traverse(self, callback: Any) -> None:
+            """The textures' logarithms."""
+            for j, texture in enumerate(self.values.textures):
+                callback.put(f"texture_{j}", texture.tensor(), mi.ParamFlags.Differentiable)
+
+        def parameters_changed(self, keys: Any = ()) -> None:
+            """Take changed logarithms over."""
+            for texture in self.values.textures:
+                texture.update_inplace()
+
+        def to_string(self) -> str:
+            """File, textures and fetches."""
+            return f"homofact[filename = {self.path}, textures = {self.size}, fetches = {self.fetches}]"
+
+        def _active(self, ctx: Any, si: Any, wo: Any, active: Any) -> Any:
+            enabled = ctx.is_enabled(mi.BSDFFlags.GlossyReflection, 0)
+            return mi.Mask(active) & enabled & (si.wi.z > 0) & (wo.z > 0)
+
+        def _value(self, ctx: Any, si: Any, wo: Any, active: Any) -> Any:
+            light, viewer = (wo, si.wi) if ctx.mode == mi.TransportMode.Radiance else (si.wi, wo)
+            values = self.values.evaluate(light, viewer, active)
+            if mi.is_monochromatic and len(values) == 3:
+                values = [sum(weight * value for weight, value in zip(_LUMINANCE, values, strict=True))]
+            # One channel is grey in all of Mitsuba's.
+            return mi.Spectrum(*values) * dr.maximum(wo.z, 0)
+
+        def _density(self, si: Any, wo: Any, active: Any) -> Any:
+            if self.sampling == "cosine":
+                return dr.select(active, wo.z / dr.pi, 0)
+            h = dr.normalize(si.wi + dr.select(active, wo, si.wi))
+            squared = h.x * h.x + h.y * h.y
+            s = squared / (2 * (1 + dr.maximum(h.z, 0)))
+            turn = dr.atan2(h.y, h.x) * (0.5 / dr.pi)
+            place = mi.Point2f(dr.select(turn < 0, turn + 1, turn), dr.asinh(s / SIGMA) / SCALE)
+            slope = SCALE * dr.sqrt(SIGMA * SIGMA + s * s)
+            lobe = self.lobe.eval(place) / (4 * dr.pi * slope) / (4 * dr.maximum(dr.dot(h, wo), 1e-12))
+            share = self.share.eval(si.wi.z, active)[0]
+            return dr.select(active, share * wo.z / dr.pi + (1 - share) * lobe, 0)
+
+    def _half(place: Any) -> Any:
+        """The half vector at a point of the table."""
+        s = dr.minimum(SIGMA * dr.sinh(SCALE * place.y), 0.5)
+        sine, cosine = dr.sincos(2 * dr.pi * place.x)
+        radius = 2 * dr.sqrt(s * (1 - s))
+        return mi.Vector3f(radius * cosine, radius * sine, 1 - 2 * s)
+
+    return FactorizationBSDF
+
+
+def _resolved(mi: Any, filename: str) -> str:
+    """The path, sought beside the scene file as Mitsuba does with its own."""
+    if Path(filename).exists():
+        return filename
+    resolver = mi.file_resolver() if hasattr(mi, "file_resolver") else mi.Thread.thread().file_resolver()
+    return str(resolver.resolve(filename))
