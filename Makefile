@@ -17,6 +17,7 @@ demo: $(READY)
 
 # One thread a worker: two processes that both take every core wait for each other several times over.
 test: $(READY)
+	.ci/packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
@@ -38,7 +39,7 @@ $(READY): pyproject.toml constraints.txt
 	  f"homofact needs Python 3.11 or newer, found {sys.version.split()[0]}: make PYTHON=... {sys.argv[1]}")' "$(MAKECMDGOALS)"
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet -c constraints.txt torch==2.13.0
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,metrics]'
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,metrics,nmf,mitsuba]'
 	@touch $@
 
 format: $(READY)
