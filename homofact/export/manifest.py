@@ -16,6 +16,7 @@ from torch import Tensor
 from homofact.errors import BadInput
 from homofact.export.images import exr_channel_names
 from homofact.factor.factorization import Factorization, Term
+from homofact.factor.projection import Projection
 from homofact.geometry.quaternion import Pair
 from homofact.render.files import replace_file
 from homofact.version import __version__
@@ -99,26 +100,35 @@ def _write_text(path: Path, text: str) -> None:
 
 
 def _texture(term: Term, names: Mapping[str, str]) -> dict[str, Any]:
-    projection = term.projection
-    matrices = projection.matrices()
     rows, columns = term.size
     return {
         "files": dict(names),
         "rows": rows,
         "columns": columns,
-        "mask": ["".join("1" if texel else "0" for texel in row) for row in term.mask.tolist()],
-        "projection": {
-            "name": projection.name,
-            "coordinates": projection.coordinates,
-            "axes": list(projection.system.axes),
-            "matrix": projection.matrix.tolist(),
-            "scale": projection.matrix.norm(dim=1).tolist(),
-            "reciprocal": projection.reciprocal,
-            "conjugate_matrix": matrices[1].tolist() if len(matrices) == 2 else None,
-            "lookups": projection.lookups,
-            "warp": None if projection.warp is None else {"width": projection.warp.width},
-            "rotation": _rotation(projection.rotation),
-        },
+        "mask": bits(term.mask),
+        "projection": describe_projection(term.projection),
+    }
+
+
+def bits(mask: Tensor) -> list[str]:
+    """A mask (rows, columns) as one string a row, 1 where it is True."""
+    return ["".join("1" if texel else "0" for texel in row) for row in mask.tolist()]
+
+
+def describe_projection(projection: Projection) -> dict[str, Any]:
+    """The JSON-able description of a projection, as `CONVENTIONS` explains it."""
+    matrices = projection.matrices()
+    return {
+        "name": projection.name,
+        "coordinates": projection.coordinates,
+        "axes": list(projection.system.axes),
+        "matrix": projection.matrix.tolist(),
+        "scale": projection.matrix.norm(dim=1).tolist(),
+        "reciprocal": projection.reciprocal,
+        "conjugate_matrix": matrices[1].tolist() if len(matrices) == 2 else None,
+        "lookups": projection.lookups,
+        "warp": None if projection.warp is None else {"width": projection.warp.width},
+        "rotation": _rotation(projection.rotation),
     }
 
 

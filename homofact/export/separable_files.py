@@ -17,7 +17,7 @@ from torch import Tensor
 from homofact.baselines.separable import Separable
 from homofact.errors import BadInput
 from homofact.export.images import enlarged_and_hatched, exr_channel_names, three_channels, write_exr
-from homofact.export.manifest import CONVENTIONS
+from homofact.export.manifest import CONVENTIONS, bits
 from homofact.render.files import replace_file
 from homofact.version import __version__
 
@@ -74,7 +74,7 @@ def separable_manifest(fitted: Separable, files: Sequence[Mapping[str, Mapping[s
         "parameterization": fitted.parameterization,
         "rows": int(rows),
         "columns": int(columns),
-        "read": ["".join("1" if texel else "0" for texel in row) for row in fitted.read.tolist()],
+        "read": bits(fitted.read),
         "terms": [
             {"files": {side: dict(names) for side, names in entry.items()}, "signs": term.signs.tolist()}
             for term, entry in zip(fitted.terms, files, strict=True)

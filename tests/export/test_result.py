@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from homofact.errors import BadInput
-from homofact.export import result
+from homofact.export import folders, result
 from homofact.export.result import check_result_folder, open_result, write_result
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.homomorphism import LogTransform
@@ -121,18 +121,18 @@ def _interrupt(*_args, **_more):
     raise KeyboardInterrupt
 
 
-STEPS = ["write_textures", "manifest", "write_json", "_swap"]
+STEPS = ["write_textures", "manifest", "write_json"]
 
 
 @pytest.mark.parametrize("exists", [False, True])
 @pytest.mark.parametrize(("fail", "error"), [(_fail, Failure), (_full, BadInput), (_interrupt, KeyboardInterrupt)])
-@pytest.mark.parametrize("step", [*STEPS, "pictures", "save", "rename"])
+@pytest.mark.parametrize("step", [*STEPS, "pictures", "save", "rename", "swap"])
 def test_failure_at_any_step_leaves_everything_as_it_was(tmp_path, monkeypatch, step, fail, error, exists):
     out = tmp_path / "deep" / "out"
     if exists:
         write(out)
     before = snapshot(tmp_path)
-    folders = sorted(path for path in tmp_path.rglob("*") if path.is_dir())
+    places = sorted(path for path in tmp_path.rglob("*") if path.is_dir())
     pictures = picture
     if step == "pictures":
 
@@ -142,6 +142,8 @@ def test_failure_at_any_step_leaves_everything_as_it_was(tmp_path, monkeypatch, 
 
     elif step == "save":
         monkeypatch.setattr(Factorization, "save", fail)
+    elif step == "swap":
+        monkeypatch.setattr(folders, "_swap", fail)
     elif step == "rename":
         honest = os.rename
 
@@ -151,7 +153,7 @@ def test_failure_at_any_step_leaves_everything_as_it_was(tmp_path, monkeypatch, 
                 fail()
             honest(source, target)
 
-        monkeypatch.setattr(result.os, "rename", rename)
+        monkeypatch.setattr(folders.os, "rename", rename)
     else:
         monkeypatch.setattr(result, step, fail)
     with pytest.raises(error) as caught:
@@ -160,7 +162,7 @@ def test_failure_at_any_step_leaves_everything_as_it_was(tmp_path, monkeypatch, 
         assert "No space left" in str(caught.value)
         assert "\n" not in str(caught.value)
     assert snapshot(tmp_path) == before
-    assert sorted(path for path in tmp_path.rglob("*") if path.is_dir()) == folders
+    assert sorted(path for path in tmp_path.rglob("*") if path.is_dir()) == places
 
 
 def test_an_old_result_that_cannot_be_deleted_does_not_undo_the_new(tmp_path, monkeypatch):
@@ -174,7 +176,7 @@ def test_an_old_result_that_cannot_be_deleted_does_not_undo_the_new(tmp_path, mo
         if ".previous-" not in str(path):
             honest(path, ignore_errors=True)
 
-    monkeypatch.setattr(result.shutil, "rmtree", rmtree)
+    monkeypatch.setattr(folders.shutil, "rmtree", rmtree)
     write(out, 1.0, force=True)
     assert json.loads((out / "report.json").read_text()) == {"level": 1.0}
 

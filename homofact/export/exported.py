@@ -1,0 +1,252 @@
+"""The folder for an engine: textures in a format of its choice, shaders that read them, a manifest.
+
+Texels are stored as `encoding` says; the shaders are generated from the fit (`shading`), their constants and the
+scale and bias of its textures in them. The manifest repeats everything as JSON, so that a loader needs no parsing of
+shader text, and so that the folder reads back as a fit (`exported_reader`) whose values are those that the stored
+textures give.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.baselines.separable import Separable, SeparableTerm
+from homofact.errors import BadInput
+from homofact.export.containers.formats import Format
+from homofact.export.encoding import Encoded, encode, encode_term
+from homofact.export.folders import check_new_folder, write_folder
+from homofact.export.images import exr_channel_names
+from homofact.export.manifest import CONVENTIONS, bits, describe_projection, write_json
+from homofact.export.separable_files import EVALUATION, MAPS
+from homofact.export.shading.c_code import c_source
+from homofact.export.shading.cost import Cost, cost_of
+from homofact.export.shading.languages import GLSL, HLSL, WGSL, shader
+from homofact.export.shading.program import Program, program_of
+from homofact.export.shading.separable_program import separable_program
+from homofact.factor.factorization import Factorization, Term
+from homofact.factor.fitted import Fitted
+from homofact.geometry.directions import draw_cosine_weighted
+from homofact.render.files import replace_file
+from homofact.version import __version__
+
+FORMAT = "homofact export"
+FORMAT_VERSION = 1
+MANIFEST = "manifest.json"
+# The file by which an export's folder is known.
+SHADER = "brdf.glsl"
+STORAGE = (
+    "value = scale * t + bias per channel, t the sampled texel: a float as it is, a whole number over 255 (unorm8) or"
+    " 65535 (unorm16), linear, not sRGB; the shaders have it in their constants"
+)
+SAMPLER = (
+    "bilinear, clamped to the edge, no mipmaps; the first row of the file is row 0 at v = 0, a texel's centre is at"
+    " ((column + 1/2)/columns, (row + 1/2)/rows)"
+)
+# How engines call the stored texels.
+_WORDS = {
+    "float32": "32-bit float", "float16": "16-bit float", "unorm8": "8-bit UNORM, not sRGB",
+    "unorm16": "16-bit UNORM", "bc6h": "BC6H_SF16",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A fit as it will be stored: `stored` is the fit with the texels that a sampler finds.
+
+    `textures` are in the order of the shaders' numbers; `cost` is of one evaluation, its bytes those of the texels
+    on the GPU.
+    """
+
+    stored: Factorization | Separable
+    textures: tuple[Encoded, ...]
+    program: Program
+    cost: Cost
+    format: Format
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The textures' file names."""
+        return tuple(f"texture_{k}{self.format.suffix}" for k in range(len(self.textures)))
+
+
+def exported(fitted: Fitted, form: Format) -> Exported:
+    """The fit in a texture format.
+
+    Raises BadInput, named by texture, where the format cannot hold a texture, and for more than four channels.
+    """
+    if isinstance(fitted, Factorization):
+        sizes = [term.size for term in fitted.terms]
+    elif isinstance(fitted, Separable):
+        sizes = [(int(t.shape[0]), int(t.shape[1])) for term in fitted.terms for t in term.textures]
+    else:
+        raise BadInput(f"export: found a {type(fitted).__name__}, expected a factorization or a separable one")
+    channels = len(fitted.channels)
+    if channels > 4:
+        raise BadInput(f"channels: found {channels}, expected at most the 4 of a texture: fit with --channels rgb")
+    for k, (rows, columns) in enumerate(sizes):
+        form.check(rows, columns, channels, f"texture {k}")
+    if isinstance(fitted, Factorization):
+        textures = tuple(encode_term(term, form.storage) for term in fitted.terms)
+        stored, program = decoded_product(fitted, textures), program_of(fitted, textures)
+    else:
+        read = fitted.read
+        textures = tuple(encode(t, read, form.storage) for term in fitted.terms for t in term.textures)
+        stored, program = decoded_sum(fitted, textures), separable_program(fitted, textures)
+    nbytes = sum(form.bytes_of(rows, columns, channels) for rows, columns in sizes)
+    return Exported(stored, textures, program, cost_of(program, nbytes), form)
+
+
+def decoded_product(fitted: Factorization, textures: tuple[Encoded, ...]) -> Factorization:
+    """The factorization with stored texels in place of its own."""
+    terms = (
+        Term(term.projection, texture.decoded(), term.mask)
+        for term, texture in zip(fitted.terms, textures, strict=True)
+    )
+    return replace(fitted, terms=tuple(terms))
+
+
+def decoded_sum(fitted: Separable, textures: tuple[Encoded, ...]) -> Separable:
+    """The separable fit with stored texels in place of its own."""
+    left = iter(textures)
+    terms = []
+    for term in fitted.terms:
+        first = next(left).decoded()
+        terms.append(SeparableTerm(first, None if term.second is None else next(left).decoded(), term.signs))
+    return replace(fitted, terms=tuple(terms))
+
+
+def log_difference(before: Fitted, after: Fitted, pairs: int = 20_000, seed: int = 0) -> float:
+    """Root mean square difference of log((f + εA)/A) of two fits, with the first's ε and A, at random pairs.
+
+    The pairs are cosine-weighted, drawn by `seed`.
+    """
+    wi, wo = draw_cosine_weighted(pairs, torch.Generator().manual_seed(seed))
+    logs = [before.transform.forward(each.evaluate(wi, wo)) for each in (before, after)]
+    return float((logs[0] - logs[1]).square().mean().sqrt())
+
+
+def check_export_folder(folder: str | os.PathLike[str], force: bool) -> None:
+    """Raise BadInput where `write_exported` could not put its files, as `folders.check_new_folder` says."""
+    check_new_folder(folder, "export", SHADER, force)
+
+
+def write_exported(
+    folder: str | os.PathLike[str], made: Exported, errors: Mapping[str, Any], force: bool = False
+) -> dict[str, Any]:
+    """Write textures, shaders and manifest to `folder`, or nothing; the manifest.
+
+    `errors` go into the manifest as they are. Raises BadInput as `check_export_folder` and for a place that turns
+    out not to be writable.
+    """
+    check_export_folder(folder, force)
+    description = export_manifest(made, errors)
+
+    def fill(place: Path) -> None:
+        facts = {"homofactStorage": STORAGE}
+        for name, texture in zip(made.names, made.textures, strict=True):
+            made.format.write(place / name, texture.stored, exr_channel_names(made.stored.channels), facts)
+        for name, text in _codes(made).items():
+            replace_file(place / name, lambda beside, text=text: _write_text(beside, text))
+        write_json(place / MANIFEST, description)
+
+    write_folder(folder, fill)
+    return description
+
+
+def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]:
+    """All that a loader needs beside the texels, JSON-able."""
+    fitted = made.stored
+    textures = [
+        {
+            "file": name,
+            "rows": int(texture.stored.shape[0]),
+            "columns": int(texture.stored.shape[1]),
+            "storage": texture.storage,
+            "scale": texture.scale.tolist(),
+            "bias": texture.bias.tolist(),
+        }
+        for name, texture in zip(made.names, made.textures, strict=True)
+    ]
+    kept = ["frame", "directions", "value", "mask"]
+    if isinstance(fitted, Factorization):
+        what: dict[str, Any] = {
+            "kind": "product",
+            "terms": [
+                {"texture": k, "projection": describe_projection(term.projection), "mask": bits(term.mask)}
+                for k, term in enumerate(fitted.terms)
+            ],
+        }
+        own = {"evaluation": CONVENTIONS["evaluation"]}
+        kept += ["parabolic_map", "half_difference", "coordinates", "warp", "projection", "rotation"]
+    else:
+        shared = fitted.terms[0].second is None
+        what = {
+            "kind": "sum of products",
+            "map": fitted.map,
+            "parameterization": fitted.parameterization,
+            "read": bits(fitted.read),
+            "terms": [
+                {"textures": [k] if shared else [2 * k, 2 * k + 1], "signs": term.signs.tolist()}
+                for k, term in enumerate(fitted.terms)
+            ],
+        }
+        own = {"evaluation": EVALUATION, "map": MAPS[fitted.map]}
+        kept += ["half_difference"]
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "homofact_version": __version__,
+        "texture_format": made.format.name,
+        "channels": list(fitted.channels),
+        "epsilon": fitted.transform.epsilon,
+        "A": {"values": fitted.transform.mean.tolist(), "unit": "1/sr", "meaning": "mean of the training samples"},
+        "textures": textures,
+        **what,
+        "code": {"function": "homofact_evaluate", "files": list(_codes(made))},
+        "cost": made.cost.record(),
+        "errors": dict(errors),
+        "provenance": fitted.provenance,
+        "conventions": {name: CONVENTIONS[name] for name in kept} | own | {"storage": STORAGE, "sampler": SAMPLER},
+    }
+
+
+def _codes(made: Exported) -> dict[str, str]:
+    """The text of each program by file name."""
+    lines = []
+    for k, (name, texture) in enumerate(zip(made.names, made.textures, strict=True)):
+        rows, columns = texture.stored.shape[:2]
+        lines.append(f"Texture {k}: {name}, {columns} x {rows}, {_WORDS[texture.storage]}.")
+    program = replace(made.program, title=(*made.program.title, *lines))
+    texts = {f"brdf{language.suffix}": shader(program, language) for language in (GLSL, HLSL, WGSL)}
+    return texts | {"brdf.c": c_source(_decoding_nothing(made), _texels(made.stored))}
+
+
+def _decoding_nothing(made: Exported) -> Program:
+    """The program for texels that are decoded already, as the C code holds them."""
+    plain = [Encoded("float32", t.numpy(), np.ones(t.shape[2]), np.zeros(t.shape[2])) for t in _textures(made.stored)]
+    program = (
+        program_of(made.stored, plain)
+        if isinstance(made.stored, Factorization)
+        else separable_program(made.stored, plain)
+    )
+    return replace(program, title=(*program.title, f"The texels below are those of {', '.join(made.names)}, decoded."))
+
+
+def _textures(fitted: Factorization | Separable) -> list[Tensor]:
+    if isinstance(fitted, Factorization):
+        return [term.texture for term in fitted.terms]
+    return [texture for term in fitted.terms for texture in term.textures]
+
+
+def _texels(fitted: Factorization | Separable) -> list[np.ndarray]:
+    return [texture.numpy() for texture in _textures(fitted)]
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")

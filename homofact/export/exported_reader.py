@@ -1,0 +1,146 @@
+"""An export's folder read back as a fit: what an engine's textures give, in Python.
+
+The manifest may have been edited by hand: each of its entries is checked, and each texture against it.
+"""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.baselines.direction_maps import MAPS
+from homofact.baselines.matrix import PARAMETERIZATIONS
+from homofact.baselines.separable import Separable, SeparableTerm
+from homofact.errors import BadInput
+from homofact.export.containers.formats import FORMATS, MOST_SIDE
+from homofact.export.encoding import Encoded
+from homofact.export.exported import FORMAT, FORMAT_VERSION, MANIFEST
+from homofact.export.fields import Fields
+from homofact.export.images import exr_channel_names
+from homofact.factor.factorization import Factorization, Term
+from homofact.factor.homomorphism import LogTransform
+from homofact.factor.projection import Projection, Warp
+from homofact.geometry.coordinates import COORDINATES
+from homofact.geometry.quaternion import Pair
+
+_MOST_TERMS = 1000
+
+
+def is_export(folder: str | os.PathLike[str]) -> bool:
+    """Whether a folder's manifest says that it is an export. Raises BadInput for a manifest that is no JSON."""
+    path = Path(folder) / MANIFEST
+    return path.is_file() and Fields.read(path, f"{FORMAT!r}").found.get("format") == FORMAT
+
+
+def open_exported(folder: str | os.PathLike[str]) -> Factorization | Separable:
+    """The fit that an export's textures give.
+
+    Raises BadInput, one line, for a folder without a manifest, a manifest of another format or a newer version, an
+    entry that cannot be meant, and textures that are missing, damaged, or not as the manifest says.
+    """
+    place = Path(folder)
+    fields = Fields.read(place / MANIFEST, f"the manifest of a {FORMAT!r}")
+    fields.text("format", (FORMAT,))
+    version = fields.found.get("format_version")
+    if isinstance(version, int) and version > FORMAT_VERSION:
+        newer = f"{place / MANIFEST}: format version {version}, expected at most {FORMAT_VERSION}: update homofact"
+        raise BadInput(newer)
+    fields.whole("format_version", 1, FORMAT_VERSION)
+    channels = tuple(fields.texts("channels", 4))
+    mean = fields.inner("A").numbers("values", len(channels), above=0)
+    transform = LogTransform(fields.number("epsilon", above=0), torch.tensor(mean, dtype=torch.float64))
+    provenance = fields.inner("provenance").found
+    textures = _textures(place, fields, channels)
+    if fields.text("kind", ("product", "sum of products")) == "product":
+        terms = tuple(_term(each, textures) for each in fields.inners("terms", _MOST_TERMS))
+        return Factorization(terms, transform, channels, provenance)
+    return _sum(fields, textures, transform, channels, provenance)
+
+
+def _textures(place: Path, fields: Fields, channels: tuple[str, ...]) -> list[Tensor]:
+    """The decoded texels of every texture."""
+    form = FORMATS[fields.text("texture_format", FORMATS)]
+    decoded = []
+    for entry in fields.inners("textures", 2 * _MOST_TERMS):
+        name = entry.text("file")
+        if Path(name).name != name:
+            entry.refuse("file", "a file's name in the same folder")
+        shape = (entry.whole("rows", 1, MOST_SIDE), entry.whole("columns", 1, MOST_SIDE), len(channels))
+        entry.text("storage", (form.storage,))
+        scale = np.array(entry.numbers("scale", len(channels), above=0))
+        bias = np.array(entry.numbers("bias", len(channels)))
+        stored = form.read(place / name, len(channels), exr_channel_names(channels))
+        if stored.shape != shape:
+            found, expected = f"{stored.shape[1]} x {stored.shape[0]}", f"{shape[1]} x {shape[0]}"
+            raise BadInput(f"{place / name}: found {found} texels, expected {expected} as in {MANIFEST}")
+        if not np.isfinite(stored.astype(np.float64)).all():
+            raise BadInput(f"{place / name}: a texel is not finite, expected finite texels")
+        # A reader gives blocks as the half floats that a sampler finds.
+        storage = "float16" if form.storage == "bc6h" else form.storage
+        decoded.append(Encoded(storage, stored, scale, bias).decoded())
+    return decoded
+
+
+def _term(fields: Fields, textures: list[Tensor]) -> Term:
+    texture = textures[fields.whole("texture", 0, len(textures) - 1)]
+    mask = torch.tensor(fields.bits("mask", texture.shape[0], texture.shape[1]))
+    return Term(_projection(fields.inner("projection")), texture, mask)
+
+
+def _projection(fields: Fields) -> Projection:
+    name = fields.text("coordinates", COORDINATES)
+    rows = fields.rows("matrix", 2, COORDINATES[name].dimension)
+    warp = None
+    if fields.found.get("warp") is not None:
+        if "half-diff" not in name:
+            fields.refuse("warp", f"null on {name}, which has no half vector")
+        warp = Warp(fields.inner("warp").number("width", above=0))
+    return Projection(
+        name,
+        torch.tensor(rows, dtype=torch.float64),
+        fields.flag("reciprocal"),
+        fields.text("name"),
+        _rotation(fields, COORDINATES[name].dimension),
+        warp,
+    )
+
+
+def _rotation(fields: Fields, dimension: int) -> Pair | Tensor | None:
+    if fields.found.get("rotation") is None:
+        return None
+    inner = fields.inner("rotation")
+    if inner.text("kind", ("pair",) if dimension == 4 else ("single",)) == "single":
+        return torch.tensor(inner.numbers("quaternion", 4), dtype=torch.float64)
+    left, right = (torch.tensor(inner.numbers(side, 4), dtype=torch.float64) for side in ("left", "right"))
+    return Pair(left, right)
+
+
+def _sum(
+    fields: Fields,
+    textures: list[Tensor],
+    transform: LogTransform,
+    channels: tuple[str, ...],
+    provenance: dict[str, Any],
+) -> Separable:
+    terms = []
+    rows, columns = textures[0].shape[:2]
+    if any(texture.shape != textures[0].shape for texture in textures):
+        fields.refuse("textures", "textures of one size in a sum of products")
+    for entry in fields.inners("terms", _MOST_TERMS):
+        numbers = entry.found.get("textures")
+        listed = isinstance(numbers, list) and len(numbers) in (1, 2)
+        if not isinstance(numbers, list) or not listed or not all(k in range(len(textures)) for k in numbers):
+            entry.refuse("textures", f"one or two numbers from 0 to {len(textures) - 1}")
+        signs = entry.numbers("signs", len(channels))
+        if not set(signs) <= {1.0, -1.0}:
+            entry.refuse("signs", "1 or -1 a channel")
+        first, *second = (textures[k] for k in numbers)
+        terms.append(SeparableTerm(first, second[0] if second else None, torch.tensor(signs, dtype=torch.float64)))
+    if len({term.second is None for term in terms}) > 1:
+        fields.refuse("terms", "the same number of textures in every term")
+    read = torch.tensor(fields.bits("read", rows, columns))
+    name, kind = fields.text("map", MAPS), fields.text("parameterization", PARAMETERIZATIONS)
+    return Separable(tuple(terms), name, kind, read, transform, channels, provenance)

@@ -1,0 +1,129 @@
+"""JSON that a person may have edited, read with care: every entry is checked where it is taken.
+
+A `Fields` is one object of the file and knows its own place there, so that what is wrong is said with file and path:
+`manifest.json: textures[0].rows: found "many", expected a whole number from 1 to 16384`.
+"""
+
+import json
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from homofact.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Fields:
+    """An object of a JSON file: its entries `found`, and the words for where it is, for messages."""
+
+    place: str
+    found: dict[str, Any]
+
+    @classmethod
+    def read(cls, path: Path, what: str) -> "Fields":
+        """The object that is a whole file. Raises BadInput for one that is missing or holds no JSON object."""
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise BadInput(f"{path}: cannot be read ({error.strerror}), expected {what}") from error
+        except (ValueError, RecursionError) as error:
+            raise BadInput(f"{path}: not JSON ({error}), expected {what}") from error
+        if not isinstance(found, dict):
+            raise BadInput(f"{path}: found {_short(found)}, expected {what}")
+        return cls(f"{path}: ", found)
+
+    def refuse(self, name: str, expected: str) -> NoReturn:
+        """Raise BadInput that says what is there under `name`, and what is expected."""
+        found = _short(self.found[name]) if name in self.found else "nothing"
+        raise BadInput(f"{self.place}{name}: found {found}, expected {expected}")
+
+    def text(self, name: str, among: Collection[str] = ()) -> str:
+        """A text, one of `among` where that is given."""
+        value = self.found.get(name)
+        if not isinstance(value, str) or (among and value not in among):
+            self.refuse(name, f"one of {', '.join(among)}" if among else "a text")
+        return value
+
+    def whole(self, name: str, least: int, most: int) -> int:
+        """A whole number in a range."""
+        value = self.found.get(name)
+        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+            self.refuse(name, f"a whole number from {least} to {most}")
+        return value
+
+    def flag(self, name: str) -> bool:
+        """True or false."""
+        value = self.found.get(name)
+        if not isinstance(value, bool):
+            self.refuse(name, "true or false")
+        return value
+
+    def numbers(self, name: str, count: int, above: float = -math.inf) -> list[float]:
+        """`count` finite numbers, each greater than `above`."""
+        value = self.found.get(name)
+        if not isinstance(value, list) or len(value) != count or not all(_finite(each, above) for each in value):
+            more = "" if above == -math.inf else f" above {above:g}"
+            self.refuse(name, f"{count} finite numbers{more}")
+        return [float(each) for each in value]
+
+    def number(self, name: str, above: float = -math.inf) -> float:
+        """A finite number greater than `above`."""
+        if not _finite(self.found.get(name), above):
+            self.refuse(name, "a finite number" if above == -math.inf else f"a finite number above {above:g}")
+        return float(self.found[name])
+
+    def rows(self, name: str, count: int, width: int) -> list[list[float]]:
+        """A matrix of finite numbers, `count` rows of `width`."""
+        value = self.found.get(name)
+        if not isinstance(value, list) or len(value) != count or not all(_row(each, width) for each in value):
+            self.refuse(name, f"{count} rows of {width} finite numbers")
+        return [[float(each) for each in row] for row in value]
+
+    def texts(self, name: str, most: int) -> list[str]:
+        """One to `most` different texts."""
+        value = self.found.get(name)
+        right = isinstance(value, list) and 1 <= len(value) <= most and all(isinstance(each, str) for each in value)
+        if not isinstance(value, list) or not right or len(set(value)) < len(value):
+            self.refuse(name, f"1 to {most} different texts")
+        return value
+
+    def bits(self, name: str, count: int, width: int) -> list[list[bool]]:
+        """`count` texts of `width` characters 0 and 1."""
+        value = self.found.get(name)
+        right = isinstance(value, list) and len(value) == count
+        if not isinstance(value, list) or not right or not all(_bits(each, width) for each in value):
+            self.refuse(name, f"{count} texts of {width} characters 0 and 1")
+        return [[character == "1" for character in row] for row in value]
+
+    def inner(self, name: str) -> "Fields":
+        """An object within this one."""
+        value = self.found.get(name)
+        if not isinstance(value, dict):
+            self.refuse(name, "an object")
+        return Fields(f"{self.place}{name}.", value)
+
+    def inners(self, name: str, most: int) -> "list[Fields]":
+        """One to `most` objects."""
+        value = self.found.get(name)
+        if not isinstance(value, list) or not 1 <= len(value) <= most or not all(isinstance(v, dict) for v in value):
+            self.refuse(name, f"1 to {most} objects")
+        return [Fields(f"{self.place}{name}[{k}].", each) for k, each in enumerate(value)]
+
+
+def _finite(value: Any, above: float) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and above < value < math.inf
+
+
+def _row(value: Any, width: int) -> bool:
+    return isinstance(value, list) and len(value) == width and all(_finite(each, -math.inf) for each in value)
+
+
+def _bits(value: Any, width: int) -> bool:
+    return isinstance(value, str) and len(value) == width and set(value) <= {"0", "1"}
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."
