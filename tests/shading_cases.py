@@ -24,14 +24,14 @@ def factorization(*projections: Projection, channels: int = 3, epsilon: float = 
     return Factorization(terms, LogTransform(epsilon, mean), tuple("RGBA"[:channels]) if channels > 1 else ("Y",))
 
 
-def searched(coordinates: str, seed: int, warp: Warp | None = None) -> Projection:
+def searched(coordinates: str, seed: int, warp: Warp | None = None, reciprocal: bool = True) -> Projection:
     """A projection with a random rotation."""
     generator = torch.Generator().manual_seed(seed)
     if coordinates.startswith("isotropic"):
         quaternion = torch.randn(4, generator=generator, dtype=torch.float64)
-        return Projection.from_rotation(coordinates, quaternion / quaternion.norm(), True, warp=warp)
+        return Projection.from_rotation(coordinates, quaternion / quaternion.norm(), reciprocal, warp=warp)
     left, right = torch.randn(2, 4, generator=generator, dtype=torch.float64)
-    return Projection.from_rotation(coordinates, Pair(left / left.norm(), right / right.norm()), True, warp=warp)
+    return Projection.from_rotation(coordinates, Pair(left / left.norm(), right / right.norm()), reciprocal, warp=warp)
 
 
 CASES = {
@@ -41,6 +41,7 @@ CASES = {
     "searched half-diff": factorization(searched("half-diff", 2)),
     "searched isotropic half-diff": factorization(searched("isotropic-half-diff", 3)),
     "searched isotropic in-out": factorization(searched("isotropic-in-out", 4)),
+    "searched in-out, not reciprocal": factorization(searched("in-out", 1, reciprocal=False)),
     "warped half-diff": factorization(searched("half-diff", 5, Warp(0.05))),
     "warped isotropic half-diff": factorization(searched("isotropic-half-diff", 6, Warp(0.03))),
     "warped h": factorization(fixed_projection("h", True, Warp(0.1))),

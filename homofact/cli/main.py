@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 from typer.main import get_command
 
-from homofact.cli import chart, compare, convert, factorize, info, plan, render, stability, terms
+from homofact.cli import chart, compare, convert, export, factorize, info, plan, render, stability, terms, view
 from homofact.errors import BadInput
 from homofact.version import __version__
 
@@ -28,11 +28,13 @@ app.command("factorize")(factorize.factorize)
 app.command("compare")(compare.compare)
 app.command("chart")(chart.chart)
 app.command("convert")(convert.convert)
+app.command("export")(export.export)
 app.command("info")(info.info)
 app.command("plan")(plan.plan)
 app.command("render")(render.render)
 app.command("stability")(stability.stability)
 app.command("terms")(terms.terms)
+app.command("view")(view.view)
 
 # What the machine refuses is for the user to mend, as bad input is.
 _REFUSALS = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT}

@@ -46,6 +46,19 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     return table
 
 
+def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
+    """What storing a fit cost: its errors on `part` of the samples, and how far its logarithms moved."""
+    table = _table(f"Error ({part}; mae in sr⁻¹; moved: RMS of the logarithms from those fitted)")
+    _column(table, "", left=True)
+    names = [name for name in ("log_mse", "log_mae", "mae") if any("held_out" in each for each in errors.values())]
+    for name in (*(name.replace("_", " ") for name in names), "moved"):
+        _column(table, name)
+    for label, each in errors.items():
+        held = each.get("held_out", {})
+        table.add_row(Text(label), *(figure(held.get(name)) for name in names), figure(each["log_difference"]))
+    return table
+
+
 def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Table]:
     """A line a metric, a column a fit, held out; without the six, which have their own table. Five fits a table."""
     names = [name for name in next(iter(values.values()), {}) if name not in METRICS]

@@ -141,6 +141,10 @@ def _title(factorization: Factorization) -> tuple[str, ...]:
 
 
 def name_of(provenance: Mapping[str, Any]) -> str:
-    """What a fit was made from, as its provenance tells: a material's or a file's name, else "samples"."""
+    """What a fit was made from, as its provenance tells: a material's or a file's name, else "samples".
+
+    On one line and without what ends a comment, for shaders begin with it.
+    """
     source = provenance.get("source", {})
-    return str(source.get("material") or source.get("file") or "samples")
+    name = str(source.get("material") or source.get("file") or "samples")
+    return " ".join(name.split()).replace("*/", "* /")

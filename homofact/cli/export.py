@@ -1,0 +1,142 @@
+"""`homofact export`: a result's textures in an engine's format, with the shaders that read them."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.text import Text
+
+from homofact.cli import options as o
+from homofact.cli.screen import Screen
+from homofact.cli.tables import stored_table
+from homofact.errors import BadInput
+
+if TYPE_CHECKING:
+    from homofact.cli.reopening import Reopened
+    from homofact.export.exported import Exported
+    from homofact.factor.fitted import Fitted
+
+HTML = "html"
+# `export.containers.formats.FORMATS`, written out so that --help need not import torch.
+FORMATS = ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h")
+
+
+def export(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")],
+    to: Annotated[Path, typer.Option("--to", metavar="FOLDER", help="Where textures and shaders go.")],
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            help=f"Of the textures: {', '.join(FORMATS)}; or html, the page of homofact view. exr, or what --quantize"
+            " asks for, unless given.",
+            show_default=False,
+        ),
+    ] = None,
+    quantize: Annotated[
+        str | None,
+        typer.Option(
+            help="png8 or png16: solve for the best texels of 8 or 16 bits, instead of rounding each by itself.",
+            show_default=False,
+        ),
+    ] = None,
+    source: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="What the fit was made from: a measurement's file, or material:NAME. Found by itself where it can be.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an export that is there.")] = False,
+    as_json: o.AsJson = False,
+    quiet: o.Quiet = False,
+) -> None:
+    """Write textures and the shaders that read them: GLSL, HLSL, WGSL, C.
+
+    The folder gets the textures, brdf.glsl, brdf.hlsl, brdf.wgsl and
+    brdf.c, each with homofact_evaluate(wi, wo), and manifest.json with
+    all that a loader needs. The error is that of the stored texels.
+    """
+    name = form or quantize or "exr"
+    if quantize is not None and quantize not in ("png8", "png16"):
+        raise BadInput(f"quantize: found {quantize!r}, expected png8 or png16")
+    if quantize is not None and quantize != name:
+        raise BadInput(f"format: found {name!r} with --quantize {quantize}, expected {quantize}")
+    if name == HTML:
+        from homofact.cli.view import NAME, view
+
+        view(result, source, None, to if to.suffix in (".html", ".htm") else to / NAME, force, as_json, quiet)
+        return
+
+    from homofact.cli.reopening import reopen
+    from homofact.cli.viewing import read_report
+    from homofact.export.containers.formats import format_named
+    from homofact.export.exported import check_export_folder, exported, write_exported
+    from homofact.export.result import open_result
+
+    chosen = format_named(name)
+    check_export_folder(to, force)
+    screen = Screen(as_json, quiet)
+    with screen.bar() as bar:
+        bar.stage("reading")
+        fitted = open_result(result)
+        made = exported(fitted, chosen)
+        folder = result if result.is_dir() else result.parent
+        total = read_report(folder).get("samples")
+        found = reopen(fitted, source, (folder, folder.parent), total if isinstance(total, int) and total > 0 else None)
+        rows: dict[str, Exported | Fitted] = {"as fitted": fitted, f"stored as {name}": made}
+        if quantize is not None:
+            bar.stage("solving for whole texels")
+            best = exported(_solved(fitted, found, quantize), chosen)
+            rows = {"as fitted": fitted, "each texel rounded": made, f"solved for {name}": best}
+            made = best
+        bar.stage("measuring and writing")
+        errors = {label: _errors(each, fitted, found) for label, each in rows.items()}
+        description = write_exported(to, made, errors, force)
+    if isinstance(found, str):
+        screen.note(f"homofact: no error on samples: {found}; --source names it")
+    elif not found.known:
+        screen.note("homofact: the fit may have seen the samples that its errors are on")
+    if not quiet:
+        files = [*made.names, *description["code"]["files"], "manifest.json"]
+        cost = made.cost
+        screen.show(
+            stored_table(errors, "held out" if not isinstance(found, str) and found.known else "of the source"),
+            Text(
+                f"One evaluation: {cost.fetches} fetches, {cost.total} operations on vectors and scalars"
+                f" ({cost.scalar} on scalars), {cost.nbytes} bytes of texels."
+            ),
+            f"{to}: {', '.join(files)}",
+        )
+    screen.answer({"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name})
+
+
+def _solved(fitted: "Fitted", found: "Reopened | str", storage: str) -> "Fitted":
+    """The fit with whole texels, solved on the samples that it was made from."""
+    from homofact.cli.reopening import settings_of, training_part
+    from homofact.evaluate.methods import quantized
+    from homofact.factor.factorization import Factorization
+
+    if isinstance(found, str):
+        raise BadInput(f"quantize: {found}, expected the samples to solve on: name them by --source")
+    if not isinstance(fitted, Factorization):
+        raise BadInput("quantize: found a sum of products, expected a product of textures (search, cole or mccool)")
+    return quantized(fitted, training_part(fitted, found), replace(settings_of(fitted), quantize=storage))
+
+
+def _errors(each: "Exported | Fitted", fitted: "Fitted", found: "Reopened | str") -> dict[str, Any]:
+    """What a fit's values are off: from the samples where there are some, and from the fit as it was."""
+    from homofact.cli.reopening import training_part
+    from homofact.evaluate.compare import held_out_samples
+    from homofact.evaluate.metrics import measure
+    from homofact.export.exported import Exported, log_difference
+
+    values = each.stored if isinstance(each, Exported) else each
+    errors: dict[str, Any] = {"log_difference": log_difference(fitted, values)}
+    if not isinstance(found, str):
+        held = held_out_samples(found.source, found.held_out, found.seed)
+        errors["held_out"] = measure(values, held, fitted.transform).record()
+        errors["train"] = measure(values, training_part(fitted, found), fitted.transform).record()
+    return errors

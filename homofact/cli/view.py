@@ -1,0 +1,85 @@
+"""`homofact view`: one self-contained HTML file of a result, to be opened in a browser."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from homofact.cli import options as o
+from homofact.cli.places import check_file
+from homofact.cli.screen import Screen, say_ending
+from homofact.errors import BadInput
+
+NAME = "view.html"
+
+
+def view(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")],
+    source: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="What the fit was made from: a measurement's file, or material:NAME. Found by itself where it can be.",
+            show_default=False,
+        ),
+    ] = None,
+    mesh: Annotated[
+        Path | None, typer.Option(metavar="FILE.obj", help="A mesh (OBJ or PLY) to show the material on.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.html", help="The page. view.html in the result's folder, unless given."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a page that is there.")] = False,
+    as_json: o.AsJson = False,
+    quiet: o.Quiet = False,
+) -> None:
+    """Write a page that shows a result: draggable light and camera.
+
+    One HTML file without network, drawn by WebGL 2: the fit, McCool's
+    projections of the same size, and the source side by side on a sphere
+    or a mesh, their differences, the textures, and the held-out errors.
+    """
+    target = place_of(result) if out is None else out
+    check_page(target, force)
+
+    from homofact.cli.reopening import reopen
+    from homofact.cli.viewing import read_report, write_view
+    from homofact.export.result import open_result
+    from homofact.export.viewer.layers import check_shown
+    from homofact.export.viewer.mesh import read_mesh
+
+    screen = Screen(as_json, quiet)
+    with screen.bar() as bar:
+        bar.stage("reading")
+        fitted = open_result(result)
+        check_shown(fitted.channels)
+        shape = None if mesh is None else read_mesh(mesh)
+        folder = result if result.is_dir() else result.parent
+        report = read_report(folder) if result.is_dir() or result.name == "factorization.npz" else {}
+        total = report.get("samples")
+        total = total if isinstance(total, int) and total > 0 else None
+        found = reopen(fitted, source, (folder, folder.parent), total)
+        page = write_view(target, fitted, found, report=report, mesh=shape, stage=bar.stage)
+    for label, ending in page.reports.items():
+        say_ending(screen, ending, label)
+    if isinstance(found, str):
+        screen.note(f"homofact: the page shows the fit alone: {found}; --source names it")
+    elif not found.known:
+        screen.note("homofact: the fit may have seen the samples that its errors are on: see the page's notes")
+    if not quiet:
+        pictures = " | ".join(page.titles)
+        screen.show(f"The page: {page.file} ({page.size / 1000:.0f} kB): {pictures}")
+    screen.answer({"result": str(result), **page.record})
+
+
+def place_of(result: Path) -> Path:
+    """Where the page of a result goes unless it is said: view.html in its folder, or beside an .npz under its name."""
+    return result / NAME if result.is_dir() else result.with_suffix(".html")
+
+
+def check_page(target: Path, force: bool) -> None:
+    """Refuse a page's place before anything is computed. Raises BadInput."""
+    check_file(target, ".html", ".htm")
+    if target.exists() and not force:
+        raise BadInput(f"{target}: found an existing file, expected a new name or --force")

@@ -1,0 +1,335 @@
+// The shader programs: what a layer's own text is put into, and the layer's textures.
+
+const HEAD = `#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+precision highp sampler3D;
+`;
+
+// What both surfaces share. Frame at a point with normal n: tangent norm(y x n), binormal n x t, as in the project's
+// own renderer, so that its pictures and these are the same.
+const LIGHTING = `
+uniform vec2 u_size;       // the target in pixels
+uniform vec2 u_shift;      // where in the pixel this pass looks
+uniform float u_radius;    // of the unit sphere, in pixels
+uniform mat3 u_camera;     // right, up and towards the viewer, in the world
+uniform vec3 u_towards;    // the light's direction, or the sky's zenith
+uniform int u_light;
+uniform int u_pass;
+out vec4 o_radiance;
+
+const float PI = 3.14159265358979;
+const float EXPONENT = 200.0;
+
+vec3 azimuthal(vec3 n) {
+  vec3 across = vec3(n.z, 0.0, -n.x);
+  float size = length(across);
+  return size > 1e-6 ? across / size : vec3(1.0, 0.0, 0.0);
+}
+
+// Radiance from a direction of the world. Both give an irradiance of about pi on a surface that faces u_towards.
+vec3 surroundings(vec3 w) {
+  float height = dot(w, u_towards);
+  if (u_light == 1) {
+    // The CIE overcast sky, a third as bright at its horizon as at its zenith, over ground of albedo 0.2.
+    return vec3(height >= 0.0 ? (9.0 / 7.0) * (1.0 + 2.0 * height) / 3.0 : 0.2);
+  }
+  // A studio: a square soft box, a narrow strip at its left, and dim walls.
+  vec3 side = azimuthal(u_towards), up = cross(u_towards, side);
+  vec2 box = abs(vec2(dot(w, side), dot(w, up))) / max(height, 1e-3);
+  float key = height > 0.0 ? 1.0 - smoothstep(0.38, 0.46, max(box.x, box.y)) : 0.0;
+  vec3 back = normalize(vec3(0.0, 0.3, 0.0) - side - 0.25 * u_towards);
+  vec3 along = azimuthal(back), over = cross(back, along);
+  float front = dot(w, back);
+  vec2 strip = abs(vec2(dot(w, along), dot(w, over))) / max(front, 1e-3);
+  float rim = front > 0.0 ? (1.0 - smoothstep(0.08, 0.16, strip.x)) * (1.0 - smoothstep(0.6, 0.8, strip.y)) : 0.0;
+  return vec3(4.6 * key + 2.4 * rim + 0.06 + 0.05 * (w.y + 1.0));
+}
+
+// Where the samples of this pixel begin; the layers share them, so that their difference has no grain of its own.
+vec2 grain() {
+  uvec2 p = uvec2(gl_FragCoord.xy);
+  uint h = p.x * 1664525u + p.y * 1013904223u + 374761393u;
+  h ^= h >> 16; h *= 2246822519u; h ^= h >> 13; h *= 3266489917u; h ^= h >> 16;
+  return vec2(float(h & 65535u), float(h >> 16)) / 65536.0;
+}
+
+vec3 under_sky(mat3 frame, vec3 wo) {
+  const int COUNT = 8;
+  vec2 start = grain();
+  vec3 total = vec3(0.0);
+  for (int k = 0; k < COUNT; k++) {
+    // The R2 sequence; half of the samples by the cosine, half by mirroring at half vectors, balance heuristic.
+    vec2 u = fract(start + float(u_pass * COUNT + k) * vec2(0.7548776662, 0.5698402910));
+    float turn = 2.0 * PI * u.y;
+    vec3 wi;
+    if ((k & 1) == 0) {
+      wi = vec3(sqrt(u.x) * cos(turn), sqrt(u.x) * sin(turn), sqrt(1.0 - u.x));
+    } else {
+      float z = pow(1.0 - u.x, 1.0 / (EXPONENT + 1.0)), s = sqrt(max(1.0 - z * z, 0.0));
+      vec3 half_vector = vec3(s * cos(turn), s * sin(turn), z);
+      wi = 2.0 * dot(half_vector, wo) * half_vector - wo;
+    }
+    if (wi.z <= 0.0) continue;
+    vec3 h = normalize(wi + wo);
+    float lobe = (EXPONENT + 1.0) / (2.0 * PI) * pow(max(h.z, 0.0), EXPONENT) / (4.0 * max(dot(h, wo), 1e-6));
+    float density = 0.5 * wi.z / PI + 0.5 * lobe;
+    total += LAYER_evaluate(wi, wo) * surroundings(frame * wi) * (wi.z / density);
+  }
+  return total / float(COUNT);
+}
+
+vec3 radiance(vec3 n, vec3 t, vec3 wo) {
+  mat3 frame = mat3(t, cross(n, t), n);
+  if (u_light != 0) return under_sky(frame, wo);
+  vec3 wi = u_towards * frame;
+  return wi.z > 0.0 ? LAYER_evaluate(wi, wo) * wi.z * PI : vec3(0.0);
+}
+`;
+
+const SPHERE = `
+void main() {
+  vec2 place = (gl_FragCoord.xy + u_shift - 0.5 * u_size) / u_radius;
+  float from_centre = length(place), pixel = 1.0 / u_radius;
+  float coverage = clamp((1.0 - from_centre) * u_radius + 0.5, 0.0, 1.0);
+  if (coverage <= 0.0) { o_radiance = vec4(0.0); return; }
+  // A pixel on the rim is shaded at the middle of its covered part.
+  float outer = min(from_centre + 0.5 * pixel, 1.0);
+  if (outer == 1.0) place *= 0.5 * (from_centre - 0.5 * pixel + 1.0) / from_centre;
+  float height = sqrt(max(1.0 - dot(place, place), 0.0));
+  vec3 n = u_camera * vec3(place, height), t = azimuthal(n);
+  vec3 wo = vec3(dot(t, u_camera[2]), dot(cross(n, t), u_camera[2]), height);
+  o_radiance = vec4(radiance(n, t, wo) * coverage, coverage);
+}
+`;
+
+const CORNERS = `
+in vec2 a_corner;
+void main() { gl_Position = vec4(a_corner, 0.0, 1.0); }
+`;
+
+const MESH_VERTEX = `
+in vec3 a_position;
+in vec2 a_normal;          // octahedral
+uniform vec2 u_size;
+uniform vec2 u_shift;
+uniform float u_radius;
+uniform mat3 u_camera;
+out vec3 v_normal;
+void main() {
+  vec3 n = vec3(a_normal, 1.0 - abs(a_normal.x) - abs(a_normal.y));
+  if (n.z < 0.0) n.xy = (1.0 - abs(n.yx)) * vec2(n.x < 0.0 ? -1.0 : 1.0, n.y < 0.0 ? -1.0 : 1.0);
+  v_normal = n;
+  vec3 seen = (a_position * 2.0 - 1.0) * u_camera;
+  gl_Position = vec4((seen.xy * u_radius - u_shift) * 2.0 / u_size, -0.5 * seen.z, 1.0);
+}
+`;
+
+// A normal between vertices may turn away from a viewer who sees its triangle: it is bent back to just face them.
+const MESH_NORMAL = `
+in vec3 v_normal;
+uniform mat3 u_camera;
+vec3 facing_normal() {
+  vec3 n = normalize(gl_FrontFacing ? v_normal : -v_normal);
+  float towards = dot(n, u_camera[2]);
+  return towards < 0.01 ? normalize(n + (0.01 - towards) * u_camera[2]) : n;
+}
+`;
+
+const MESH = MESH_NORMAL.replace("uniform mat3 u_camera;", "") + `
+void main() {
+  vec3 n = facing_normal(), t = azimuthal(n);
+  vec3 wo = u_camera[2] * mat3(t, cross(n, t), n);
+  o_radiance = vec4(radiance(n, t, wo), 1.0);
+}
+`;
+
+const MESH_PROBE = MESH_NORMAL + `
+out vec4 o_normal;
+void main() { o_normal = vec4(facing_normal(), 1.0); }
+`;
+
+const EVALUATE = `
+uniform sampler2D u_wi, u_wo;
+out vec4 o_value;
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  o_value = vec4(LAYER_evaluate(texelFetch(u_wi, at, 0).xyz, texelFetch(u_wo, at, 0).xyz), 1.0);
+}
+`;
+
+// From the sums of the passes to colours: one exposure and the sRGB curve, or a difference in false colours.
+const DISPLAY = `
+uniform sampler2D u_here, u_there;
+uniform vec2 u_size;
+uniform float u_scale;     // target pixels a pixel of the picture
+uniform float u_passes;
+uniform float u_exposure;
+uniform vec3 u_ground;     // linear
+uniform int u_mode;        // 0 radiance, 1 signed, 2 absolute, 3 ratio in stops
+uniform float u_range;     // what full colour stands for
+uniform vec3 u_ramp[9];
+out vec4 o_colour;
+
+vec4 sums(sampler2D picture) {
+  if (u_scale == 1.0) return texelFetch(picture, ivec2(gl_FragCoord.xy), 0);
+  vec2 at = clamp(gl_FragCoord.xy * u_scale - 0.5, vec2(0.0), floor(u_size * u_scale) - 1.0);
+  ivec2 low = ivec2(at), high = min(low + 1, ivec2(floor(u_size * u_scale)) - 1);
+  vec2 part = at - vec2(low);
+  return mix(
+    mix(texelFetch(picture, low, 0), texelFetch(picture, ivec2(high.x, low.y), 0), part.x),
+    mix(texelFetch(picture, ivec2(low.x, high.y), 0), texelFetch(picture, high, 0), part.x), part.y);
+}
+
+vec3 encode(vec3 c) {
+  c = clamp(c, 0.0, 1.0);
+  return mix(12.92 * c, 1.055 * pow(max(c, vec3(1e-8)), vec3(1.0 / 2.4)) - 0.055, step(vec3(0.0031308), c));
+}
+
+vec3 ramp(float x) {
+  float place = clamp(x, 0.0, 1.0) * 8.0;
+  int below = int(min(place, 7.0));
+  return mix(u_ramp[below], u_ramp[below + 1], place - float(below));
+}
+
+void main() {
+  vec4 here = sums(u_here);
+  float coverage = here.a / u_passes;
+  vec3 radiance = here.rgb / max(here.a, 1e-9);
+  vec3 ground = encode(u_ground);
+  if (u_mode == 0) {
+    vec3 shown = clamp(radiance * u_exposure, 0.0, 1.0);
+    o_colour = vec4(encode(shown * coverage + u_ground * (1.0 - coverage)), 1.0);
+    return;
+  }
+  vec4 there = sums(u_there);
+  const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+  float y = dot(radiance, LUMINANCE) * u_exposure;
+  float reference = dot(there.rgb / max(there.a, 1e-9), LUMINANCE) * u_exposure;
+  float value = y - reference;
+  if (u_mode == 3) value = log2((y + 1e-6) / (reference + 1e-6));
+  value /= u_range;
+  vec3 colour = ramp(u_mode == 2 ? abs(value) : 0.5 + 0.5 * value);
+  o_colour = vec4(mix(ground, colour, coverage), 1.0);
+}
+`;
+
+/** Compiles a program; the attributes' places are fixed: 0 a_corner or a_position, 1 a_normal. */
+function compileProgram(gl, vertex, fragment, what) {
+  const program = gl.createProgram();
+  for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, HEAD + text);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) {
+      throw new Trouble(`The shader of ${what} does not compile on this machine.`,
+        "Please report the text below together with the browser's name and the graphics card. Another browser may do.",
+        (gl.getShaderInfoLog(shader) || "no message from the compiler").trim());
+    }
+    gl.attachShader(program, shader);
+    gl.deleteShader(shader);
+  }
+  gl.bindAttribLocation(program, 0, vertex === MESH_VERTEX ? "a_position" : "a_corner");
+  gl.bindAttribLocation(program, 1, "a_normal");
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
+    throw new Trouble(`The shader of ${what} does not link on this machine.`,
+      "Please report the text below together with the browser's name and the graphics card. Another browser may do.",
+      (gl.getProgramInfoLog(program) || "no message from the linker").trim());
+  }
+  const places = new Map();
+  const count = gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS);
+  for (let k = 0; k < count; k++) {
+    const name = gl.getActiveUniform(program, k).name.replace("[0]", "");
+    places.set(name, gl.getUniformLocation(program, name));
+  }
+  return { program, at: (name) => places.get(name) ?? null };
+}
+
+/** A layer on the GPU: its textures, and its programs, each compiled when it is first needed. */
+class LayerOnGpu {
+  constructor(gl, layer) {
+    this.gl = gl;
+    this.layer = layer;
+    this.programs = {};
+    this.textures = layer.textures.map((texture) => ({ name: texture.name, target: gl.TEXTURE_2D, id: upload2D(gl, texture) }));
+    if (layer.volume) {
+      this.textures.push({ name: layer.volume.name, target: gl.TEXTURE_3D, id: upload3D(gl, layer.volume) });
+    }
+  }
+
+  /** The program of one kind ("sphere", "mesh" or "evaluate"), in use, its textures bound from unit 2 up. */
+  use(kind) {
+    const gl = this.gl;
+    if (!this.programs[kind]) {
+      const call = (text) => text.replaceAll("LAYER_evaluate", `${this.layer.prefix}_evaluate`);
+      const [vertex, rest] = {
+        sphere: [CORNERS, LIGHTING + SPHERE], mesh: [MESH_VERTEX, LIGHTING + MESH], evaluate: [CORNERS, EVALUATE],
+      }[kind];
+      this.programs[kind] = compileProgram(gl, vertex, this.layer.glsl + "\n" + call(rest), `“${this.layer.title}”`);
+    }
+    const found = this.programs[kind];
+    gl.useProgram(found.program);
+    this.textures.forEach((texture, k) => {
+      gl.activeTexture(gl.TEXTURE2 + k);
+      gl.bindTexture(texture.target, texture.id);
+      gl.uniform1i(found.at(texture.name), 2 + k);
+    });
+    return found;
+  }
+}
+
+function parameters(gl, target, filter) {
+  gl.texParameteri(target, gl.TEXTURE_MIN_FILTER, filter);
+  gl.texParameteri(target, gl.TEXTURE_MAG_FILTER, filter);
+  gl.texParameteri(target, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
+  gl.texParameteri(target, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+  if (target === gl.TEXTURE_3D) gl.texParameteri(target, gl.TEXTURE_WRAP_R, gl.CLAMP_TO_EDGE);
+}
+
+function upload2D(gl, texture) {
+  // Float textures are filtered only with an extension; without it they are kept as half floats.
+  const wide = gl.getExtension("OES_texture_float_linear");
+  const [inside, type] = {
+    float32: [wide ? gl.RGBA32F : gl.RGBA16F, gl.FLOAT], float16: [gl.RGBA16F, gl.HALF_FLOAT],
+    uint8: [gl.RGBA8, gl.UNSIGNED_BYTE],
+  }[texture.type];
+  const id = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, id);
+  gl.texImage2D(gl.TEXTURE_2D, 0, inside, texture.columns, texture.rows, 0, gl.RGBA, type, texture.texels);
+  parameters(gl, gl.TEXTURE_2D, gl.LINEAR);
+  return id;
+}
+
+function upload3D(gl, volume) {
+  const wide = gl.getExtension("OES_texture_float_linear");
+  const id = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_3D, id);
+  const [depth, height, width] = volume.size;
+  if (Math.max(depth, height, width) > gl.getParameter(gl.MAX_3D_TEXTURE_SIZE)) {
+    throw new Trouble("The source's table is larger than this machine's 3D textures.",
+      "Make the page without the source, or use another browser.", `${width} × ${height} × ${depth} nodes`);
+  }
+  gl.texImage3D(gl.TEXTURE_3D, 0, wide ? gl.RGBA32F : gl.RGBA16F, width, height, depth, 0, gl.RGBA, gl.FLOAT, volume.texels);
+  parameters(gl, gl.TEXTURE_3D, gl.LINEAR);
+  return id;
+}
+
+/** The source's table: differences of steps become logarithms, red and blue are stored as what they differ from green. */
+async function unpackVolume(packed) {
+  const steps = await unpack(packed.steps);
+  const [, depth, height, width] = packed.steps.shape;
+  const count = depth * height * width;
+  accumulate(steps, 1, width);
+  accumulate(steps, width, height);
+  const texels = new Float32Array(4 * count);
+  for (let i = 0; i < count; i++) {
+    const green = steps[i];
+    texels[4 * i] = (green + steps[count + i]) * packed.step;
+    texels[4 * i + 1] = green * packed.step;
+    texels[4 * i + 2] = (green + steps[2 * count + i]) * packed.step;
+    texels[4 * i + 3] = 1;
+  }
+  return { name: packed.name, size: [depth, height, width], texels };
+}

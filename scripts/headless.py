@@ -1,0 +1,96 @@
+"""A headless Chromium that draws WebGL 2 in software, for programs and tests that open a page.
+
+Debian's packages chromium and chromium-driver, driven by selenium (an extra: pip install 'homofact[dev]'). Every
+browser gets a profile of its own, and flags that keep it off the network.
+"""
+
+import shutil
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from homofact.errors import MissingDependency
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+DRIVERS = ("chromedriver", "chromium.chromedriver")
+# SwiftShader draws WebGL 2 without a graphics card, with float textures, filtered, and float targets.
+WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+QUIET = (
+    "--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--force-device-scale-factor=1",
+    "--hide-scrollbars",
+)  # fmt: skip
+
+
+def found(names: Sequence[str]) -> str:
+    """The first of these programs that is on the PATH. Raises MissingDependency that names it."""
+    for name in names:
+        place = shutil.which(name)
+        if place is not None:
+            return place
+    raise MissingDependency(f"no {names[0]} on the PATH, expected Debian's chromium and chromium-driver, or the like")
+
+
+@contextmanager
+def chromium(profile: Path, *, webgl: bool = True, size: tuple[int, int] = (1440, 900)) -> Iterator[Any]:
+    """A selenium driver with a window of `size` and a fresh `profile` folder; ends with the block.
+
+    Without `webgl` pages find no WebGL at all. Raises MissingDependency where selenium, a browser or its driver is not
+    there.
+    """
+    try:
+        webdriver = import_module("selenium.webdriver")
+        service = import_module("selenium.webdriver.chrome.service").Service
+    except ImportError as error:
+        raise MissingDependency("no selenium, expected it to drive a browser: pip install selenium") from error
+    options = webdriver.ChromeOptions()
+    options.binary_location = found(BROWSERS)
+    drawing = WEBGL if webgl else ("--disable-3d-apis",)
+    for flag in (*QUIET, *drawing, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options, service(found(DRIVERS), log_output=subprocess.DEVNULL))
+    try:
+        resize(driver, size)
+        driver.set_script_timeout(120)
+        driver.set_page_load_timeout(120)
+        yield driver
+    finally:
+        driver.quit()
+
+
+def resize(driver: Any, size: tuple[int, int]) -> None:
+    """Give pages exactly this many pixels, whatever the window keeps for itself."""
+    shape = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", shape)
+
+
+def open_page(driver: Any, page: Path) -> None:
+    """Load a file and wait until it is ready to be asked, or shows its trouble."""
+    driver.get(page.resolve().as_uri())
+    driver.execute_async_script(
+        "const done = arguments[0];"
+        "(window.homofact?.ready ?? Promise.reject()).then(() => done(true), () => done(false));"
+    )
+
+
+def first_frame(driver: Any) -> float:
+    """Milliseconds from the page's start to its first picture on the screen's own side, the GPU's work included."""
+    return driver.execute_async_script(
+        "const done = arguments[0];"
+        "(function wait() { const t = window.homofact.firstFrameMs;"
+        " t == null ? setTimeout(wait, 20) : done(t); })();"
+    )
+
+
+def settled(driver: Any) -> dict[str, Any]:
+    """The page's state when it has nothing left to draw."""
+    return driver.execute_async_script(
+        "const done = arguments[0]; let before = -1, still = 0;"
+        "(function wait() { const now = window.homofact.frames;"
+        " still = now === before && now > 0 ? still + 1 : 0; before = now;"
+        " still > 3 ? done(window.homofact.state) : setTimeout(wait, 60); })();"
+    )

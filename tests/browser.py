@@ -1,0 +1,54 @@
+"""A headless Chromium for tests of pages, one a module; they are skipped with a message where there is none."""
+
+import importlib.util
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from homofact.errors import MissingDependency
+
+
+def _headless() -> ModuleType:
+    """`scripts/headless.py`, which the programs of figures use too."""
+    path = Path(__file__).resolve().parent.parent / "scripts" / "headless.py"
+    spec = importlib.util.spec_from_file_location("headless_chromium", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+headless = _headless()
+
+
+@contextmanager
+def browser(folder: Path, *, webgl: bool = True) -> Iterator[Any]:
+    """A selenium driver with its profile under `folder`; skips the test that asks for it where it cannot start."""
+    started = headless.chromium(folder / "profile", webgl=webgl)
+    try:
+        driver = started.__enter__()
+    except MissingDependency as error:
+        pytest.skip(f"{error}")
+    try:
+        yield driver
+    finally:
+        started.__exit__(None, None, None)
+
+
+def complaints(driver: Any) -> list[str]:
+    """What the page has said on its console since the last call."""
+    return [entry["message"] for entry in driver.get_log("browser")]
+
+
+def requests(driver: Any) -> list[str]:
+    """Addresses that the page has asked for since the last call, those inside itself left out."""
+    import json
+
+    messages = [json.loads(entry["message"])["message"] for entry in driver.get_log("performance")]
+    urls = [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
+    return [url for url in urls if not url.startswith(("data:", "blob:"))]

@@ -1,0 +1,130 @@
+"""`homofact export` from the command line: what it leaves, what it says, what it refuses."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import homofact
+from homofact.cli import export as command
+from homofact.cli.main import main
+from homofact.export.containers.formats import FORMATS
+from homofact.factor.factorization import Factorization
+
+MODEL = ["material:lafortune-blue-paint", "--count", "3000"]
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("results") / "paint"
+    assert main(["factorize", *MODEL, "--method", "mccool", "--size", "8", "--out", str(out), "-q"]) == 0
+    return out
+
+
+def errors(text: str) -> dict:
+    return json.loads(text)["errors"]
+
+
+def test_the_formats_of_the_help_are_those_there_are() -> None:
+    assert tuple(FORMATS) == command.FORMATS
+
+
+def test_an_export_says_what_storing_cost_and_reads_back(result: Path, tmp_path: Path, capsys) -> None:
+    assert main(["export", str(result), "--to", str(tmp_path / "out"), "--format", "png8", "--json"]) == 0
+    found = errors(capsys.readouterr().out)
+    report = json.loads((result / "report.json").read_text())
+    assert found["as fitted"]["held_out"] == pytest.approx(report["error"]["held_out"])
+    assert found["as fitted"]["train"] == pytest.approx(report["error"]["train"])
+    stored = found["stored as png8"]
+    assert stored["held_out"]["log_mse"] != found["as fitted"]["held_out"]["log_mse"]
+    assert 1e-4 < stored["log_difference"] < 0.05
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert manifest["errors"] == found
+    assert isinstance(homofact.load(str(tmp_path / "out")), Factorization)
+
+
+def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path, capsys) -> None:
+    assert main(["export", str(result), "--to", str(tmp_path / "out"), "--quantize", "png8", "--json"]) == 0
+    found = errors(capsys.readouterr().out)
+    assert list(found) == ["as fitted", "each texel rounded", "solved for png8"]
+    assert found["solved for png8"]["log_difference"] < 0.95 * found["each texel rounded"]["log_difference"]
+
+
+def test_the_table_and_the_files_are_on_the_screen(result: Path, tmp_path: Path, capsys) -> None:
+    assert main(["export", str(result), "--to", str(tmp_path / "out"), "--format", "exr16"]) == 0
+    shown = capsys.readouterr().out
+    for words in ("held out", "stored as exr16", "fetches", "brdf.wgsl", "texture_1.exr", "bytes of texels"):
+        assert words in shown, words
+
+
+def test_a_file_that_is_gone_leaves_the_difference_alone(result: Path, tmp_path: Path, capsys) -> None:
+    fitted = homofact.load(str(result))
+    fitted.provenance["source"] = {"file": "gone.brdf"}
+    fitted.save(tmp_path / "fit.npz")
+    assert main(["export", str(tmp_path / "fit.npz"), "--to", str(tmp_path / "out"), "--json"]) == 0
+    streams = capsys.readouterr()
+    assert set(errors(streams.out)["as fitted"]) == {"log_difference"}
+    assert "gone.brdf, is not in the working folder" in streams.err
+    refused = ["export", str(tmp_path / "fit.npz"), "--to", str(tmp_path / "two"), "--quantize", "png8"]
+    assert main(refused) == 2
+    assert "expected the samples to solve on: name them by --source" in capsys.readouterr().err
+    assert not (tmp_path / "two").exists()
+    assert main([*refused, "--source", "material:lafortune-blue-paint"]) == 0
+
+
+def test_html_is_the_page_of_view(result: Path, tmp_path: Path, capsys) -> None:
+    assert main(["export", str(result), "--to", str(tmp_path), "--format", "html", "-q"]) == 0
+    assert (tmp_path / "view.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+def test_sums_of_products_go_the_same_way(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "svd"
+    assert main(["factorize", *MODEL, "--method", "svd", "--size", "8", "--out", str(out), "-q"]) == 0
+    assert main(["export", str(out), "--to", str(tmp_path / "e"), "--format", "png16", "--json"]) == 0
+    assert errors(capsys.readouterr().out)["stored as png16"]["log_difference"] < 0.05
+    again, before = homofact.load(str(tmp_path / "e")), homofact.load(str(out))
+    source = homofact.read("material:lafortune-blue-paint", count=100)
+    pairs = source.samples.wi, source.samples.wo
+    assert np.allclose(again.evaluate(*pairs), before.evaluate(*pairs), atol=1e-3)
+    assert main(["export", str(out), "--to", str(tmp_path / "q"), "--quantize", "png8"]) == 2
+    assert "found a sum of products, expected a product of textures" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (["--format", "tga"], "texture format 'tga', expected one of exr, exr16, png8, png16, ktx2, dds, bc6h"),
+        (["--quantize", "png4"], "quantize: found 'png4', expected png8 or png16"),
+        (["--format", "exr", "--quantize", "png8"], "format: found 'exr' with --quantize png8, expected png8"),
+        (["--source", "none.brdf"], "none.brdf: "),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_and_leaves_nothing(result, tmp_path, capsys, more, message) -> None:
+    assert main(["export", str(result), "--to", str(tmp_path / "out"), *more]) == 2
+    streams = capsys.readouterr()
+    assert message in streams.err
+    assert streams.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_result_itself_is_no_place_for_its_export(result: Path, capsys) -> None:
+    before = {path.name: path.read_bytes() for path in result.iterdir()}
+    assert main(["export", str(result), "--to", str(result), "--force"]) == 2
+    assert "and no export, expected a new or empty folder" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in result.iterdir()} == before
+
+
+def test_results_of_a_newer_version(result: Path, tmp_path: Path, capsys) -> None:
+    shutil.copytree(result, tmp_path / "newer")
+    path = tmp_path / "newer" / "factorization.npz"
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    header = json.loads(str(arrays["header"])) | {"format_version": 99}
+    np.savez(path, **(arrays | {"header": np.array(json.dumps(header))}))  # pyright: ignore[reportArgumentType]
+    assert main(["export", str(tmp_path / "newer"), "--to", str(tmp_path / "out")]) == 2
+    assert "format version 99, expected at most 1: update homofact" in capsys.readouterr().err
+    assert main(["export", str(tmp_path / "none"), "--to", str(tmp_path / "out")]) == 2
+    assert "no such file" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
