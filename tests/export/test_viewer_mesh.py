@@ -80,6 +80,13 @@ CUBES: dict[str, str | bytes] = {
     "ply binary, another element": ply_binary(
         QUADS, struct.pack("<Bf", 1, 2.5) * 3, "element camera 3\nproperty uchar a\nproperty float b\n"
     ),
+    "ply big-endian": b"".join(
+        (
+            ply_binary()[: ply_binary().index(b"end_header\n") + 11].replace(b"little", b"big"),
+            *(struct.pack(">dff", *corner) for corner in CORNERS),
+            *(struct.pack(">BB4I", 9, 4, *quad) for quad in QUADS),
+        )
+    ),
     "obj, tiny": obj().replace(" 2", " 2e-200"),
     "obj, huge": obj().replace(" 2", " 2e200"),
 }
@@ -149,33 +156,29 @@ CASES: dict[str, tuple[str | bytes, str]] = {
     "an index that is none": (obj() + "f a 2 3\n", r"line 15: found 'a' in a face, expected indices as in 1/1/1"),
     "a face of two": (obj() + "f 1 2\n", r"line 15: a face of 2 corners, expected at least 3"),
     "one place": ("v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n", r"all vertices are at one place, expected .* an extent"),
-    "ply without an end": (b"ply\nformat ascii 1.0\n", r"no end_header line, expected a whole PLY header"),
-    "ply of no format": (b"ply\nelement vertex 0\nend_header\n", r"the header names no format or a negative count"),
+    "ply without an end": (b"ply\nformat ascii 1.0\n", r"not a readable PLY \(.*early end"),
+    "ply of no format": (b"ply\nelement vertex 0\nend_header\n", r"not a readable PLY \("),
     "ply of a negative count": (
-        b"ply\nformat ascii 1.0\nelement vertex -1\nend_header\n", r"names no format or a negative count",
+        b"ply\nformat ascii 1.0\nelement vertex -1\nproperty float x\nend_header\n", r"not a readable PLY \(",
     ),
-    "ply, big-endian": (
-        b"ply\nformat binary_big_endian 1.0\nend_header\n",
-        r"the header has 'format binary_big_endian 1\.0', expected format ascii or binary_little_endian",
-    ),
-    "ply of an unknown type": (ply_ascii().replace("float x", "half x"), r"the header has 'property half x', exp"),
-    "ply property of nothing": (b"ply\nformat ascii 1.0\nproperty int x\nend_header\n", r"has 'property int x'"),
+    "ply of an unknown type": (ply_ascii().replace("float x", "half x"), r"not a readable PLY \(.*half"),
+    "ply property of nothing": (b"ply\nformat ascii 1.0\nproperty int x\nend_header\n", r"not a readable PLY \("),
     "ply without vertices": (b"ply\nformat ascii 1.0\nend_header\n", r"no element vertex, expected one with x, y"),
     "ply without z": (ply_ascii().replace("float z", "float depth"), r"vertices have x, y, depth, red, expected"),
     "ply cloud": (
         ply_ascii().split("element face")[0].encode() + b"end_header\n" + b"0 0 0 7\n" * 8,
         r"no faces with vertex_indices, expected a mesh and not a cloud of points",
     ),
-    "ply, lines missing": ("\n".join(ply_ascii().splitlines()[:-1]) + "\n", r"5 of 6 lines of element face"),
-    "ply, a short line": (ply_ascii()[:-6] + "\n", r"6 of 6 lines of element face, or a damaged one, expected what"),
-    "ply, a word": (ply_ascii().replace("4 0 1 3 2", "4 0 1 x 2"), r"6 of 6 lines of element face, or a damaged one"),
-    "ply, a face of two": (ply_binary([(0, 1)] * 6), r"faces of 2 corners, expected at least 3"),
+    "ply, lines missing": ("\n".join(ply_ascii().splitlines()[:-1]) + "\n", r"element 'face': row 5: early end"),
+    "ply, a short line": (ply_ascii()[:-6] + "\n", r"element 'face': row 5.*early end"),
+    "ply, a word": (ply_ascii().replace("4 0 1 3 2", "4 0 1 x 2"), r"element 'face': row 0.*malformed"),
+    "ply, a face of two": (ply_binary([(0, 1)] * 6), r"a face of 2 corners, expected at least 3"),
     "ply, one face of two": (ply_binary([*QUADS[:5], (0, 1)]), r"a face of 2 corners, expected at least 3"),
     "ply, no faces": (ply_binary([]), r"no triangles in it, expected a mesh|no faces"),
     "ply, an index too far": (ply_binary([*QUADS[:5], (0, 1, 3, 8)]), r"a face names vertex 8, expected 0 to 7"),
-    "ply cut in its vertices": (ply_binary()[:250], r"the file ends within element vertex, or it is damaged, exp"),
-    "ply cut in its faces": (ply_binary()[:-1], r"the file ends within element face, or it is damaged, expected 6"),
-    "ply cut in ragged faces": (ply_binary(RAGGED)[:-3], r"the file ends within element face"),
+    "ply cut in its vertices": (ply_binary()[:250], r"element 'vertex': row 3: .*early end-of-file"),
+    "ply cut in its faces": (ply_binary()[:-1], r"element 'face': row 5: .*early end-of-file"),
+    "ply cut in ragged faces": (ply_binary(RAGGED)[:-3], r"element 'face': row 6: .*early end-of-file"),
 }  # fmt: skip
 
 

@@ -1,0 +1,118 @@
+"""The triangles in an OBJ file, by its lines, and in a PLY file, by the library plyfile.
+
+Polygons become fans. Texture coordinates, colours, groups and materials are passed over.
+"""
+
+from io import BytesIO
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+from plyfile import PlyData, PlyParseError
+
+from homofact.errors import BadInput
+
+_INDEX_NAMES = ("vertex_indices", "vertex_index")
+
+
+class Parsed(NamedTuple):
+    """`positions` (V, 3) and, where the file has them, `normals` (V, 3) of any length; `triangles` (T, 3) int64."""
+
+    positions: np.ndarray
+    normals: np.ndarray | None
+    triangles: np.ndarray
+
+
+def _fans(polygons: list[tuple[int, ...]]) -> np.ndarray:
+    """(T, 3) int64 of polygons of three or more corners."""
+    corners = chain.from_iterable((p[0], p[k], p[k + 1]) for p in polygons for k in range(1, len(p) - 1))
+    return np.fromiter(corners, np.int64).reshape(-1, 3)
+
+
+def parse_obj(data: bytes, name: str) -> Parsed:
+    """Lines v, vn and f; a vertex for each pair of position and normal that the faces use.
+
+    Raises BadInput that names the line.
+    """
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise BadInput(f"{name}: neither text nor a PLY file, expected an OBJ or PLY mesh") from error
+    points: list[tuple[float, ...]] = []
+    normals: list[tuple[float, ...]] = []
+    corners: dict[tuple[int, int], int] = {}
+    polygons: list[tuple[int, ...]] = []
+    for number, line in enumerate(text.replace("\\\r\n", " ").replace("\\\n", " ").splitlines(), 1):
+        words = line.split()
+        if not words or words[0] not in ("v", "vn", "f"):
+            continue
+        where = f"{name}: line {number}"
+        if words[0] == "f":
+            polygon = tuple(
+                corners.setdefault(_corner(word, len(points), len(normals), where), len(corners)) for word in words[1:]
+            )
+            if len(polygon) < 3:
+                raise BadInput(f"{where}: a face of {len(polygon)} corners, expected at least 3")
+            polygons.append(polygon)
+            continue
+        try:
+            vector = tuple(float(word) for word in words[1:4])
+        except ValueError:
+            vector = ()
+        if len(vector) != 3:
+            raise BadInput(f"{where}: found {line.strip()[:60]!r}, expected three numbers")
+        (points if words[0] == "v" else normals).append(vector)
+    if not points and not polygons:
+        raise BadInput(f"{name}: no vertices in it, expected an OBJ or PLY mesh")
+    used = np.array(list(corners), np.int64).reshape(-1, 2)
+    positions = np.array(points, np.float64).reshape(-1, 3)[used[:, 0]]
+    directions = None
+    if normals and (used[:, 1] >= 0).any():
+        directions = np.array([*normals, (0.0, 0.0, 0.0)], np.float64)[used[:, 1]]
+    return Parsed(positions, directions, _fans(polygons))
+
+
+def _corner(word: str, points: int, normals: int, where: str) -> tuple[int, int]:
+    """(position, normal) of v, v/vt, v//vn or v/vt/vn, counted from 0; the normal is −1 where there is none."""
+    parts = word.split("/")
+    found = []
+    for what, part, count in (("vertex", parts[0], points), ("normal", parts[2] if len(parts) > 2 else "", normals)):
+        if what == "normal" and not part:
+            found.append(-1)
+            continue
+        try:
+            index = int(part)
+        except ValueError:
+            raise BadInput(f"{where}: found {word[:40]!r} in a face, expected indices as in 1/1/1") from None
+        # Counted from 1, or backwards from the last one so far.
+        if not (1 <= index <= count or -count <= index <= -1):
+            raise BadInput(f"{where}: a face names {what} {index} of {count}, expected 1 to {count}")
+        found.append(index - 1 if index > 0 else count + index)
+    return found[0], found[1]
+
+
+def parse_ply(data: bytes, name: str) -> Parsed:
+    """Elements vertex and face; others are passed over. Raises BadInput for a file that plyfile refuses."""
+    try:
+        found = PlyData.read(BytesIO(data))
+    except (PlyParseError, ValueError, OverflowError, MemoryError, UnicodeDecodeError) as error:
+        raise BadInput(f"{name}: not a readable PLY ({' '.join(str(error).split())}), expected a whole one") from error
+    if "vertex" not in found:
+        raise BadInput(f"{name}: no element vertex, expected one with x, y and z")
+    vertices = found["vertex"].data
+    columns = vertices.dtype.names or ()
+    if not all(axis in columns for axis in "xyz"):
+        raise BadInput(f"{name}: vertices have {', '.join(columns)}, expected x, y and z")
+    positions = np.stack([np.asarray(vertices[axis], np.float64) for axis in "xyz"], 1)
+    normals = None
+    if all(axis in columns for axis in ("nx", "ny", "nz")):
+        normals = np.stack([np.asarray(vertices[axis], np.float64) for axis in ("nx", "ny", "nz")], 1)
+    faces = found["face"].data if "face" in found else None
+    key = next((key for key in _INDEX_NAMES if faces is not None and key in (faces.dtype.names or ())), None)
+    if faces is None or key is None:
+        raise BadInput(f"{name}: no faces with vertex_indices, expected a mesh and not a cloud of points")
+    polygons = [tuple(np.atleast_1d(polygon).tolist()) for polygon in faces[key]]
+    short = min((len(polygon) for polygon in polygons), default=3)
+    if short < 3:
+        raise BadInput(f"{name}: a face of {short} corners, expected at least 3")
+    return Parsed(positions, normals, _fans(polygons))

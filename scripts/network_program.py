@@ -1,0 +1,99 @@
+"""The NBRDF network (`homofact.brdf.neural`) as a shading program and trained on samples: what fits are held against.
+
+The program has no textures. With s = ωi + ωo, e = ωi − ωo, |s| = 2 h·ωi and the turn that brings h into the xz-plane,
+
+    h = (|s.xy|, 0, s.z)/|s|,   dz = |s|/2,   dy = |s.x e.y − s.y e.x|/(2 |s.xy|),
+    dx = ± (s.z (s.xy · e.xy)/|s.xy| − |s.xy| e.z)/(2 |s|),
+
+the sign that of s.x e.y − s.y e.x, for the network takes φd modulo π. Compiled like the textures' program
+(`homofact.export.shading.compiled`), it is as fast as this processor runs the network.
+"""
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.neural import LAYERS, NeuralBrdf, network_input
+from homofact.brdf.samples import Samples
+from homofact.export.shading.expression import Expression, Let, call, constant, variable
+from homofact.export.shading.program import Program
+from homofact.factor.homomorphism import LogTransform
+
+LOSSES = ("cole", "log1p")
+
+
+def network_program(network: NeuralBrdf) -> Program:
+    """The statements of the module's head, one a neuron; three channels."""
+    wi, wo = variable("wi", 3), variable("wo", 3)
+    s, e = variable("s", 3), variable("e", 3)
+    size, flat, across = variable("size", 1), variable("flat", 1), variable("across", 1)
+    along = (s.z * call("dot", s.xy, e.xy) / flat - flat * e.z) / (size * 2)
+    statements = [
+        Let("s", wi + wo),
+        Let("e", wi - wo),
+        Let("size", call("sqrt", call("dot", s, s))),
+        Let("flat", call("max", call("sqrt", call("dot", s.xy, s.xy)), 1e-6)),
+        Let("across", s.x * e.y - s.y * e.x),
+        Let("along", along * (call("step", 0.0, across) * 2 - 1)),
+        Let("x_0", flat / size),
+        Let("x_2", s.z / size),
+        Let("x_4", call("abs", across) / (flat * 2)),
+        Let("x_5", size * 0.5),
+    ]
+    values: list[Expression | None] = [
+        variable("x_0", 1), None, variable("x_2", 1), variable("along", 1), variable("x_4", 1), variable("x_5", 1)
+    ]  # fmt: skip
+    for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+        last = layer == len(LAYERS) - 1
+        new: list[Expression | None] = []
+        for j in range(weight.shape[1]):
+            total = constant(float(bias[j]))
+            for value, factor in zip(values, weight[:, j].tolist(), strict=True):
+                # hy is always 0.
+                if value is not None:
+                    total = total + value * factor
+            name = f"layer_{layer}_{j}"
+            statements.append(Let(name, total if last else call("max", total, 0.0)))
+            new.append(variable(name, 1))
+        values = new
+    above = call("step", 0.0, call("min", wi.z, wo.z))
+    parts = [call("max", call("exp", value) - 1.0, 0.0) * above for value in values if value is not None]
+    result = Expression("vector", 3, tuple(parts))
+    return Program(tuple(statements), result, (), ("R", "G", "B"), ("the network",))
+
+
+def train(samples: Samples, transform: LogTransform, loss: str, steps: int, seed: int = 0) -> NeuralBrdf:
+    """A network trained on samples by so many steps of Adam, batches of 512, the rate falling to nothing.
+
+    `loss` is the mean absolute difference of log(1 + f cosθi), the paper's (3.2: "log1p"), or the Cole error ("cole").
+    """
+    generator = torch.Generator().manual_seed(seed)
+    parameters: list[Tensor] = []
+    for inputs, outputs in LAYERS:
+        span = (6 / (inputs + outputs)) ** 0.5
+        weight = (torch.rand(inputs, outputs, generator=generator) * 2 - 1) * span
+        parameters += [weight.requires_grad_(True), torch.zeros(outputs, requires_grad=True)]
+    x = network_input(samples.wi, samples.wo).float()
+    values, cosine = samples.values.float(), samples.wi[:, 2:].float()
+    targets = transform.forward(samples.values).float()
+    mean, epsilon = transform.mean.float(), transform.epsilon
+    optimiser = torch.optim.Adam(parameters, lr=5e-3)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    for _ in range(steps):
+        rows = torch.randint(len(x), (512,), generator=generator)
+        y = x[rows]
+        for k in range(0, 6, 2):
+            y = y @ parameters[k] + parameters[k + 1]
+            y = torch.relu(y) if k < 4 else y
+        f = torch.expm1(y).clamp_min(0)
+        if loss == "log1p":
+            off = (torch.log1p(f * cosine[rows]) - torch.log1p(values[rows] * cosine[rows])).abs().mean()
+        else:
+            # Below 0 the cut has no slope; the difference of the uncut value has.
+            off = ((f / mean + epsilon).log() - targets[rows]).square().mean() + torch.relu(-y).square().mean()
+        optimiser.zero_grad()
+        off.backward()
+        optimiser.step()
+        schedule.step()
+    weights = tuple(p.detach().double() for p in parameters[0::2])
+    biases = tuple(p.detach().double() for p in parameters[1::2])
+    return NeuralBrdf(weights, biases)  # pyright: ignore[reportArgumentType]

@@ -1,0 +1,109 @@
+"""What whole texels cost: two textures as fitted, each texel rounded to 8 bits by itself, and solved for 8 bits.
+
+    python scripts/quantization.py [--data FOLDER] [--repeats 3] [--short]
+
+Each material is fitted by `search` on training samples, once a seed, and its texels are stored both ways
+(`homofact.factor.quantize`). Errors are Cole errors on the training samples and on samples held out and turned at
+random, then their ratios to the fit in floating point, side by side in one run; `moved` is the root mean square change
+of the logarithms at the held-out samples. Where a fit is far from its samples, what rounding adds to the error may
+have either sign, and `moved` tells what it does.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from statistics import mean
+
+from conditions import cornell_files, data_folder, figure, machine, markdown, parser_of, write
+
+from homofact.brdf.source import open_source
+from homofact.evaluate.compare import held_out_samples, training_samples
+from homofact.evaluate.methods import quantized, run
+from homofact.evaluate.metrics import measure
+from homofact.factor.factorization import Factorization
+from homofact.factor.quantize import LEVELS, naive
+from homofact.factor.settings import FitSettings
+
+MATERIAL, PAINT, STORAGE, HELD_OUT, TARGET = "material:lafortune-blue-paint", "garnet_red", "png8", 0.2, 1.3
+# Textures, and texels a side.
+SIZES = ((2, 16), (5, 32))
+WAYS = ("as fitted", "each texel rounded", "solved for 8 bits")
+
+
+def errors(text: str, textures: int, size: int, seed: int, budget: float) -> dict[str, tuple[float, float, float]]:
+    """Cole errors on training and held-out samples, and how far the logarithms moved, of each of `WAYS`."""
+    source = open_source(text, seed=seed)
+    train = source.samples.split(HELD_OUT, seed)[0]
+    held = held_out_samples(source, HELD_OUT, seed)
+    settings = FitSettings(
+        textures=textures, size=size, epsilon=source.default_epsilon, budget=budget, seed=seed, quantize=STORAGE
+    )
+    train = training_samples(source, train, settings)
+    fitted = run(train, replace(settings, quantize="none")).factorization
+    assert isinstance(fitted, Factorization)
+    fits = (
+        fitted,
+        replace(fitted, terms=naive(fitted.terms, LEVELS[STORAGE])),
+        quantized(fitted, train, settings),
+    )
+    before = fitted.evaluate_log(held.wi, held.wo)
+    return {
+        way: (
+            measure(fit, train, fitted.transform).log_mse,
+            measure(fit, held, fitted.transform).log_mse,
+            float((fit.evaluate_log(held.wi, held.wo) - before).square().mean().sqrt()),
+        )
+        for way, fit in zip(WAYS, fits, strict=True)
+    }
+
+
+def table(
+    texts: Sequence[str], sizes: Sequence[tuple[int, int]], seeds: Sequence[int], budget: float
+) -> tuple[str, float]:
+    """The table as Markdown, and the largest ratio of solved texels, mean over seeds."""
+    rows, worst = [], 0.0
+    for text, (textures, size) in product(texts, sizes):
+        found = [errors(text, textures, size, seed, budget) for seed in seeds]
+        base = [mean(each[WAYS[0]][k] for each in found) for k in (0, 1)]
+        for way in WAYS:
+            values = [mean(each[way][k] for each in found) for k in (0, 1, 2)]
+            ratios = [value / start for value, start in zip(values, base, strict=False)]
+            if way == WAYS[2]:
+                worst = max(worst, *ratios)
+            name = f"{Path(text).stem.removeprefix('material:')}, {textures} × {size}²"
+            rows.append((name, way, *map(figure, (*values[:2], *ratios, values[2]))))
+    header = ("material, textures", "texels", "training", "held out", "of the fit, training", "held out", "moved")
+    return markdown(header, rows, 2), worst
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table."""
+    parser = parser_of(__doc__)
+    parser.add_argument("--data", type=Path)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--out", type=Path)
+    options = parser.parse_args(arguments)
+    files, missing = cornell_files(data_folder(options.data))
+    texts = [MATERIAL, *(str(file) for file in files if file.stem == PAINT)]
+    if len(texts) == 1:
+        print("\n".join(line for line in missing if PAINT in line), file=sys.stderr)
+    repeats, budget = (1, 1.0) if options.short else (options.repeats, 10.0)
+    found, worst = table(texts, SIZES[:1] if options.short else SIZES, range(repeats), budget)
+    text = "\n\n".join(
+        [
+            found,
+            f"Most: {figure(worst)} times the fit in floating point; expected at most {figure(TARGET)}."
+            + (" --short: a smoke test." if options.short else ""),
+            f"At most so many textures; {budget:g} s of search, mean of seeds 0 to {repeats - 1}. {machine()}",
+        ]
+    )
+    print(text)
+    if options.out is not None:
+        write(options.out, text + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""The README's picture of the viewer: the page of the blue paint in a headless browser.
+
+    python scripts/viewer_picture.py [--out docs/pictures/viewer.png]
+
+The page is that of `homofact view` for two searched textures; Debian's chromium and chromium-driver draw it.
+"""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from conditions import ROOT, parser_of
+from headless import chromium, open_page
+from PIL import Image
+
+from homofact.brdf.source import open_source
+from homofact.cli.reopening import Reopened
+from homofact.cli.viewing import write_view
+from homofact.evaluate.compare import HELD_OUT, fit_and_measure
+from homofact.factor.settings import FitSettings
+
+SIZE = (1440, 900)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Fit, write the page, photograph it."""
+    parser = parser_of(__doc__)
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "pictures" / "viewer.png")
+    options = parser.parse_args(arguments)
+    source = open_source("material:lafortune-blue-paint")
+    settings = FitSettings(budget=1.0 if options.short else 20.0)
+    row = fit_and_measure(source, settings, HELD_OUT)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "view.html"
+        reopened = Reopened(source, HELD_OUT, settings.seed, 0, True)
+        write_view(page, row.factorization, reopened, report=row.record())
+        with chromium(Path(folder) / "profile", size=SIZE) as driver:
+            open_page(driver, page)
+            # The pictures are drawn finely once they rest.
+            time.sleep(1.0)
+            options.out.parent.mkdir(parents=True, exist_ok=True)
+            driver.save_screenshot(str(Path(folder) / "shot.png"))
+        # 256 colours are enough for a page, and a third of the bytes.
+        Image.open(Path(folder) / "shot.png").convert("RGB").quantize(256).save(options.out, optimize=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

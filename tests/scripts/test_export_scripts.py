@@ -1,0 +1,111 @@
+"""The programs of the export's figures, in their short forms: what they print holds together."""
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import torch
+
+from homofact.brdf.materials import material
+from homofact.brdf.neural import LAYERS, NeuralBrdf
+from homofact.brdf.sampling import sample_model
+from homofact.evaluate.metrics import measure
+from homofact.export.shading.compiled import compiled_program
+from homofact.factor.homomorphism import LogTransform
+from homofact.geometry.directions import draw_uniform
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def script(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    return importlib.import_module
+
+
+def rows(text: str) -> list[list[str]]:
+    """The cells of all table rows, headers and rules left out."""
+    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("|")]
+    return [
+        cells
+        for number, cells in enumerate(lines)
+        if not set(cells[0]) <= {"-"} and not (number + 1 < len(lines) and set(lines[number + 1][0]) <= {"-"})
+    ]
+
+
+def test_costs_of_shaders(script, capsys: pytest.CaptureFixture[str]) -> None:
+    module = script("cost_of_shading")
+    assert module.main([]) == 0
+    found = {
+        cells[0]: [int(cell) for cell in cells[1:]] for cell_count, cells in enumerate(rows(capsys.readouterr().out))
+    }
+    for name, cells in found.items():
+        assert sum(cells[:7]) == cells[7] <= cells[8], name
+    assert found["SVD, 4 terms"][9] == 8
+    assert found["2 × general in-out"][0] == 4 * 2  # a matrix of two rows a lookup
+    dearest = found[module.DEAREST]
+    assert dearest[9] == 3
+    assert dearest[7] < module.ALLOWED
+    assert dearest[10] == 2 * 16 * 16 * 8
+
+
+def test_whole_texels(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert script("quantization").main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "q.md")]) == 0
+    text = capsys.readouterr().out
+    assert (tmp_path / "q.md").read_text(encoding="utf-8") == text
+    fitted, rounded, solved = rows(text)
+    assert [row[1] for row in (fitted, rounded, solved)] == ["as fitted", "each texel rounded", "solved for 8 bits"]
+    for row in (rounded, solved):
+        for value, ratio, base in zip(row[2:4], row[4:6], fitted[2:4], strict=True):
+            assert float(ratio) == pytest.approx(float(value) / float(base), rel=0.01)
+    assert "smoke test" in text
+
+
+def network(seed: int) -> NeuralBrdf:
+    generator = torch.Generator().manual_seed(seed)
+    weights = tuple(torch.randn(shape, generator=generator, dtype=torch.float64) * 0.4 for shape in LAYERS)
+    biases = tuple(torch.randn(shape[1], generator=generator, dtype=torch.float64) * 0.4 for shape in LAYERS)
+    return NeuralBrdf(weights, biases)  # pyright: ignore[reportArgumentType]
+
+
+def test_the_compiled_network_is_the_network(script) -> None:
+    wi, wo = draw_uniform(3000, torch.Generator().manual_seed(1))
+    fast = compiled_program(script("network_program").network_program(network(0)), [])
+    expected = network(0).evaluate(wi, wo)
+    error = (fast.evaluate(wi, wo) - expected).abs() / expected.clamp_min(1e-2)
+    assert float(error.median()) < 1e-6
+    assert float(torch.quantile(error, 0.99)) < 1e-4
+
+
+def test_a_network_learns_either_loss(script) -> None:
+    module = script("network_program")
+    samples = sample_model(material("lafortune-clay").model, 4000, "discs", 0)
+    transform = LogTransform.of(samples, 1e-2)
+    for loss in module.LOSSES:
+        early, late = (measure(module.train(samples, transform, loss, n), samples, transform).log_mse for n in (1, 400))
+        assert late < 0.05 < early
+
+
+def test_throughput_of_all_ways(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    module = script("throughput")
+    assert module.main(["--short", "--data", str(tmp_path)]) == 0
+    streams = capsys.readouterr()
+    found = {cells[0]: cells[1:] for cells in rows(streams.out)}
+    assert set(found) == {
+        "textures, compiled", "textures, torch", "network, torch", "network alone, torch", "network, compiled",
+        "source", "copy",
+    }  # fmt: skip
+    base = float(found["network, torch"][2])
+    for cells in found.values():
+        assert float(cells[4]) == pytest.approx(float(cells[2]) / base, rel=0.02)
+    assert found["network, torch"][0] == "2700"
+    assert "skipped vch_golden_yellow_rgb" in streams.err
+
+
+def test_a_copy_moves_what_an_evaluation_must(script) -> None:
+    wi, wo = (w.float().numpy() for w in draw_uniform(100, torch.Generator().manual_seed(1)))
+    moved = script("throughput").copy(wi, wo)()
+    assert np.array_equal(moved.numpy(), wi + wo)
