@@ -8,15 +8,12 @@ cut there when it is evaluated (Wang, Tran and Luebke 2004 leave such values in 
 All that an evaluation needs is in one .npz file of plain arrays and a JSON header.
 """
 
-import json
 import os
-import zipfile
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -24,6 +21,7 @@ from homofact.baselines.direction_maps import MAPS, direction_map
 from homofact.baselines.matrix import PARAMETERIZATIONS
 from homofact.errors import BadInput
 from homofact.factor.homomorphism import LogTransform
+from homofact.factor.saved import check_version, read_archive, write_archive
 from homofact.geometry.directions import half_difference
 from homofact.linear.bilinear import lookup
 
@@ -103,7 +101,6 @@ class Separable:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one file (.npz), beside first and then renamed. Raises BadInput for an unwritable place."""
-        target = Path(path)
         header = {
             "format": FORMAT,
             "format_version": FORMAT_VERSION,
@@ -115,7 +112,6 @@ class Separable:
             "provenance": self.provenance,
         }
         arrays: dict[str, Any] = {
-            "header": np.array(json.dumps(header)),
             "mean": self.transform.mean.cpu().numpy(),
             "read": self.read.cpu().numpy(),
         }
@@ -124,14 +120,7 @@ class Separable:
             arrays[f"signs_{k}"] = term.signs.cpu().numpy()
             if term.second is not None:
                 arrays[f"second_{k}"] = term.second.cpu().numpy()
-        beside = target.with_name(f".{target.name}.partial")
-        try:
-            with open(beside, "wb") as file:
-                np.savez(file, **arrays)
-            os.replace(beside, target)
-        except OSError as error:
-            beside.unlink(missing_ok=True)
-            raise BadInput(f"{target}: cannot be written ({error.strerror}), expected a writable place") from error
+        write_archive(path, header, arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Separable":
@@ -140,9 +129,7 @@ class Separable:
         data, header = read_archive(target)
         if header.get("format") != FORMAT:
             raise BadInput(f"{target}: found format {header.get('format')!r}, expected {FORMAT!r}")
-        version = header.get("format_version")
-        if not isinstance(version, int) or version > FORMAT_VERSION:
-            raise BadInput(f"{target}: format version {version!r}, expected at most {FORMAT_VERSION}: update homofact")
+        check_version(target, header, FORMAT_VERSION)
         try:
             terms = tuple(
                 SeparableTerm(
@@ -176,18 +163,3 @@ class Separable:
             whole = all(tuple(t.shape) == shape and bool(torch.isfinite(t).all()) for t in term.textures)
             if not whole or tuple(term.signs.shape) != shape[2:] or (term.second is None) != shared:
                 raise BadInput(f"{target}: term {k} is damaged, expected finite textures of shape {shape}")
-
-
-def read_archive(target: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """(arrays, header) of a saved fit of any kind. Raises BadInput for a file that is none."""
-    try:
-        with open(target, "rb") as file, np.load(file, allow_pickle=False) as archive:
-            data = {name: archive[name] for name in archive.files}
-        header = json.loads(str(data["header"]))
-    except FileNotFoundError as error:
-        raise BadInput(f"{target}: no such file, expected a saved factorization") from error
-    except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
-        raise BadInput(f"{target}: not a saved factorization ({error}), expected the .npz of a fit") from error
-    if not isinstance(header, dict):
-        raise BadInput(f"{target}: not a saved factorization (its header is no object), expected the .npz of a fit")
-    return data, header

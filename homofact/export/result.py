@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.baselines.separable import FORMAT as SEPARABLE
-from homofact.baselines.separable import Separable, read_archive
+from homofact.baselines.separable import Separable
 from homofact.errors import BadInput
 from homofact.export.exported_reader import is_export, open_exported
 from homofact.export.folders import check_new_folder, write_folder
@@ -15,6 +15,7 @@ from homofact.export.manifest import manifest, write_json
 from homofact.export.separable_files import separable_manifest, write_separable_textures
 from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
+from homofact.factor.saved import read_archive
 
 FACTORIZATION = "factorization.npz"
 MANIFEST = "manifest.json"

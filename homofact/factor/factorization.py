@@ -5,20 +5,18 @@ conjugate too. Everything an evaluation needs is in one .npz file of plain array
 readable without homofact; arrays are stored as they are, so a loaded factorization is bit-identical.
 """
 
-import json
 import os
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection, Warp
+from homofact.factor.saved import check_version, read_archive, write_archive
 from homofact.geometry.coordinates import COORDINATES
 from homofact.geometry.quaternion import Pair
 from homofact.linear.bilinear import lookup
@@ -101,7 +99,6 @@ class Factorization:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one file (.npz), beside first and then renamed, so that a failure leaves no half file."""
-        target = Path(path)
         header = {
             "format": "homofact factorization",
             "format_version": FORMAT_VERSION,
@@ -110,10 +107,7 @@ class Factorization:
             "provenance": self.provenance,
             "terms": [_describe(term) for term in self.terms],
         }
-        arrays: dict[str, Any] = {
-            "header": np.array(json.dumps(header)),
-            "mean": self.transform.mean.cpu().numpy(),
-        }
+        arrays: dict[str, Any] = {"mean": self.transform.mean.cpu().numpy()}
         for j, term in enumerate(self.terms):
             arrays[f"texture_{j}"] = term.texture.cpu().numpy()
             arrays[f"mask_{j}"] = term.mask.cpu().numpy()
@@ -127,30 +121,14 @@ class Factorization:
                 arrays[f"rotation_{j}"] = torch.stack((rotation.left, rotation.right)).numpy()
             elif rotation is not None:
                 arrays[f"rotation_{j}"] = rotation.numpy()
-        beside = target.with_name(f".{target.name}.partial")
-        try:
-            with open(beside, "wb") as file:
-                np.savez(file, **arrays)
-            os.replace(beside, target)
-        except OSError as error:
-            beside.unlink(missing_ok=True)
-            raise BadInput(f"{target}: cannot be written ({error.strerror}), expected a writable place") from error
+        write_archive(path, header, arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Factorization":
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
         target = Path(path)
-        try:
-            with open(target, "rb") as file, np.load(file, allow_pickle=False) as archive:
-                data = {name: archive[name] for name in archive.files}
-            header = json.loads(str(data["header"]))
-        except FileNotFoundError as error:
-            raise BadInput(f"{target}: no such file, expected a saved factorization") from error
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise BadInput(f"{target}: not a saved factorization ({error}), expected the .npz of a fit") from error
-        version = header.get("format_version") if isinstance(header, dict) else None
-        if not isinstance(version, int) or version > FORMAT_VERSION:
-            raise BadInput(f"{target}: format version {version!r}, expected at most {FORMAT_VERSION}: update homofact")
+        data, header = read_archive(target)
+        check_version(target, header, FORMAT_VERSION)
         try:
             terms = tuple(_restore(described, data, j) for j, described in enumerate(header["terms"]))
             transform = LogTransform(float(header["epsilon"]), torch.from_numpy(data["mean"]))

@@ -27,9 +27,9 @@ from typing import Any
 import numpy as np
 
 from homofact.baselines.separable import FORMAT as SEPARABLE
-from homofact.baselines.separable import read_archive
 from homofact.errors import BadInput, MissingDependency
 from homofact.factor.factorization import Factorization
+from homofact.factor.saved import read_archive
 from homofact.render.lobe_sampling import SCALE, SIGMA, is_isotropic, lobe_sampling
 
 NAME = "homofact"
