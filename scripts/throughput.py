@@ -12,7 +12,7 @@ cores, each way at its best batch size; a round times every way once, and the be
     network, compiled      the same network by the same compiler as the textures (`network_program`)
     source                 the material's own reflectance in float32: an RGL table, or the model's formula
     Mitsuba's measured     the same RGL file, by Mitsuba 3 where it is installed (f cosθ)
-    copy                   36 bytes moved a pair: 24 read and 12 written, as every way must
+    copy                   36 bytes moved a pair, 24 read and 12 written, as every way must; mostly in the caches
 
 The network is trained here on the same samples, with its paper's loss and with the Cole error, and the better by the
 held-out Cole error counts.
