@@ -86,7 +86,7 @@ def test_a_network_learns_either_loss(script) -> None:
     transform = LogTransform.of(samples, 1e-2)
     for loss in module.LOSSES:
         early, late = (measure(module.train(samples, transform, loss, n), samples, transform).log_mse for n in (1, 400))
-        assert late < 0.05 < early
+        assert late < 0.1 * early
 
 
 def test_throughput_of_all_ways(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
