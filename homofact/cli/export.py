@@ -84,8 +84,7 @@ def export(
         fitted = open_result(result)
         made = exported(fitted, chosen)
         folder = result if result.is_dir() else result.parent
-        total = read_report(folder).get("samples")
-        found = reopen(fitted, source, (folder, folder.parent), total if isinstance(total, int) and total > 0 else None)
+        found = reopen(fitted, source, (folder, folder.parent), read_report(folder))
         rows: dict[str, Exported | Fitted] = {"as fitted": fitted, f"stored as {name}": made}
         if quantize is not None:
             bar.stage("solving for whole texels")

@@ -96,7 +96,7 @@ def factorize(
                 subject, baseline, settings.evaluate.held_out, subset=settings.source.subset
             )
         records = {label: each.record() for label, each in rows.items()}
-        record = {**records[fit.method], "out": str(folder)}
+        record = {**records[fit.method], "opened": settings.source.path, "out": str(folder)}
         if "McCool" in records:
             record["mccool"] = records["McCool"]
         bar.stage("drawing and writing")

@@ -40,19 +40,26 @@ class Reopened:
     known: bool
 
 
-def reopen(fitted: "Fitted", given: str | None, near: Sequence[Path], total: int | None = None) -> Reopened | str:
-    """The source `given`, or the one that the fit's provenance names; words on what is missing where that is gone.
+def reopen(
+    fitted: "Fitted", given: str | None, near: Sequence[Path], report: Mapping[str, Any] | None = None
+) -> Reopened | str:
+    """The source `given`, or the one that the fit was made from; words on what is missing where that is gone.
 
-    A file is looked for in the working folder and then in the folders `near`. `total` is how many samples the source
-    had, where it is known. Raises BadInput for a `given` source that cannot be read or has other channels than the fit.
+    `report` is the result's report.json: it says how the source was named then, and how many samples it had. A file is
+    looked for under that name, in the working folder, and in the folders `near`. Raises BadInput for a `given` source
+    that cannot be read or has other channels than the fit.
     """
+    report = report or {}
+    total, opened = report.get("samples"), report.get("opened")
     facts = _mapping(fitted.provenance.get("source"))
-    named = given or _named(facts, near)
+    named = given or _named(facts, [Path(opened)] if isinstance(opened, str) else [], near)
     if named is None:
         if isinstance(facts.get("file"), str):
-            return f"its source, {facts['file']}, is not in the working folder or beside the result"
+            return (
+                f"its source, {facts['file']}, is neither where it was nor in the working folder nor beside the result"
+            )
         return "the result does not say what it was made from"
-    counts = [] if total is None else [total]
+    counts = [total] if isinstance(total, int) and total > 0 else []
     counts += [count for count in _counts(fitted) if count not in counts]
     first: Reopened | None = None
     for count in counts:
@@ -115,7 +122,7 @@ def _largest_side(fitted: "Fitted") -> int:
     return max([*sides, 2])
 
 
-def _named(facts: Mapping[str, Any], near: Sequence[Path]) -> str | None:
+def _named(facts: Mapping[str, Any], places: Sequence[Path], near: Sequence[Path]) -> str | None:
     """What `open_source` is to be given, or None where nothing is there."""
     material, file = facts.get("material"), facts.get("file")
     if isinstance(material, str):
@@ -123,8 +130,8 @@ def _named(facts: Mapping[str, Any], near: Sequence[Path]) -> str | None:
     if not isinstance(file, str):
         return None
     # FILE#NAME is one material of a file that holds several.
-    places = [folder / file for folder in (Path(), *near)]
-    return next((str(p) for p in places if p.is_file() or Path(str(p).rpartition("#")[0]).is_file()), None)
+    tried = [*places, *(folder / file for folder in (Path(), *near))]
+    return next((str(p) for p in tried if p.is_file() or Path(str(p).rpartition("#")[0]).is_file()), None)
 
 
 def _counts(fitted: "Fitted") -> list[int]:

@@ -57,9 +57,7 @@ def view(
         shape = None if mesh is None else read_mesh(mesh)
         folder = result if result.is_dir() else result.parent
         report = read_report(folder) if result.is_dir() or result.name == "factorization.npz" else {}
-        total = report.get("samples")
-        total = total if isinstance(total, int) and total > 0 else None
-        found = reopen(fitted, source, (folder, folder.parent), total)
+        found = reopen(fitted, source, (folder, folder.parent), report)
         page = write_view(target, fitted, found, report=report, mesh=shape, stage=bar.stage)
     for label, ending in page.reports.items():
         say_ending(screen, ending, label)

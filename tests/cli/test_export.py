@@ -66,7 +66,7 @@ def test_a_file_that_is_gone_leaves_the_difference_alone(result: Path, tmp_path:
     assert main(["export", str(tmp_path / "fit.npz"), "--to", str(tmp_path / "out"), "--json"]) == 0
     streams = capsys.readouterr()
     assert set(errors(streams.out)["as fitted"]) == {"log_difference"}
-    assert "gone.brdf, is not in the working folder" in streams.err
+    assert "gone.brdf, is neither where it was nor in the working folder" in streams.err
     refused = ["export", str(tmp_path / "fit.npz"), "--to", str(tmp_path / "two"), "--quantize", "png8"]
     assert main(refused) == 2
     assert "expected the samples to solve on: name them by --source" in capsys.readouterr().err
@@ -128,3 +128,13 @@ def test_results_of_a_newer_version(result: Path, tmp_path: Path, capsys) -> Non
     assert main(["export", str(tmp_path / "none"), "--to", str(tmp_path / "out")]) == 2
     assert "no such file" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_file_is_found_where_the_fit_was_given_it(tmp_path: Path, monkeypatch, capsys) -> None:
+    (tmp_path / "far").mkdir()
+    shutil.copy(Path(__file__).parents[2] / "data_synthetic" / "synthetic_cornell.brdf", tmp_path / "far" / "p.brdf")
+    monkeypatch.chdir(tmp_path)
+    fit = ["factorize", "far/p.brdf", "--method", "mccool", "--size", "8", "--out", "results/p", "-q"]
+    assert main(fit) == 0
+    assert main(["export", "results/p", "--to", "e", "--quantize", "png8", "--json"]) == 0
+    assert "held_out" in errors(capsys.readouterr().out)["solved for png8"]

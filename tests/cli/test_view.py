@@ -123,7 +123,7 @@ def test_a_file_is_found_beside_the_result_or_in_the_working_folder(
     shutil.move(file, elsewhere)
     ran = run("view", folder, "--json", "--force")
     assert json.loads(ran.out)["source"] is None
-    words = "its source, paint.brdf, is not in the working folder or beside the result"
+    words = "its source, paint.brdf, is neither where it was nor in the working folder nor beside the result"
     assert ran.err == f"homofact: the page shows the fit alone: {words}; --source names it\n"
     shown = data_of(folder / "view.html")
     assert shown["notes"][0] == f"The fit alone: {words}."
@@ -263,6 +263,6 @@ def test_provenance_edited_into_nonsense_is_passed_over(made: Path) -> None:
     other = replace(
         fitted, transform=replace(fitted.transform, mean=fitted.transform.mean * torch.tensor([1, 1, 1.01]))
     )
-    found = reopen(other, None, (), 700)
+    found = reopen(other, None, (), {"samples": 700})
     assert isinstance(found, Reopened)
     assert not found.known
