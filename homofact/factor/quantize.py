@@ -1,13 +1,17 @@
 """Textures of whole numbers: the texels that fit best among those that 8 or 16 bits can hold.
 
 Rounding every texel by itself (`naive`) throws away what the others could make good. With y the minimum of the inner
-problem, other texels q are off by (q − y)ᵀBᵀWB(q − y) at the samples. Smoothing is there to choose y; the small
-steps of whole numbers are rough whatever one does, so it counts here by `SMOOTHNESS` only, which ties texels that no
-sample holds to their neighbours: H = BᵀWB + `SMOOTHNESS` λ'LᵀL + δI. The whole numbers that make (q − y)ᵀH(q − y)
-least are a closest-point problem; it is solved as such problems
-are (Babai 1986, the nearest plane): with H = RᵀR, R upper triangular, the texels are rounded one after the other, the
-last first, each to the value nearest to yk + Σj>k Rkj (yj − qj)/Rkk, which moves the later ones' errors into it. Texels
-that samples hold firmly come first. Then single texels move a step as long as that lowers the objective.
+problem, other texels q give logarithms that are off by B(q − y). What counts is how far they are off at the samples and
+wherever else a renderer may ask: half of the weight is on the samples, half on `PAIRS` cosine-weighted pairs U.
+Smoothing is there to choose y; the small steps of whole numbers are rough whatever one does, so it counts by
+`SMOOTHNESS` only:
+
+    H = ½ BᵀWB/ΣW + ½ UᵀU/|U| + `SMOOTHNESS` (λ'LᵀL + δI)/ΣW.
+
+The whole numbers that make (q − y)ᵀH(q − y) least are a closest-point problem; it is solved as such problems are (Babai
+1986, the nearest plane): with H = RᵀR, R upper triangular, the texels are rounded one after the other, the last first,
+each to the value nearest to yk + Σj>k Rkj (yj − qj)/Rkk, which moves the later ones' errors into it. Texels that are
+held firmly come first. Then single texels move a step as long as that lowers the objective.
 
 B holds a sampler's weights: it divides a texel into `FRACTIONS` steps, and the minimum is the one for these weights.
 The range of a texture is part of the fit. Constants and ramps that move between textures without changing their sum
@@ -23,16 +27,21 @@ import scipy.linalg
 import torch
 from numba import njit
 from scipy.optimize import linprog
+from torch import Tensor
 
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization, Grid, Term
 from homofact.factor.gauge import null_space
+from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, Smoothing, filled, inner_problem
+from homofact.geometry.directions import draw_cosine_weighted
+from homofact.linear.least_squares import LeastSquares
+from homofact.linear.normal import accumulate
 
 # Vulkan 1.3 (subTexelPrecisionBits) and Direct3D 11 (3.2.4.1) ask for 8 bits; hardware gives that.
 FRACTIONS = 256
-SMOOTHNESS = 0.01
+SMOOTHNESS, PAIRS = 1e-4, 20_000
 LEVELS = {"png8": 255, "png16": 65535}
 _SWEEPS = 50
 # How much of a range is drawn in at a time, first and last.
@@ -79,7 +88,10 @@ def quantized_terms(
         best = torch.cat([term.texture[term.mask] for term in terms]).numpy()
     best = _smallest_ranges(best, null_space(projections, masks)[kept].numpy(), owner)
     held = problem.data.matrix[kept][:, kept]
-    closest = _Closest((SMOOTHNESS * matrix + (1 - SMOOTHNESS) * held).numpy(), owner, levels)
+    everywhere = _everywhere(problem, projections)[kept][:, kept]
+    total = float(samples.weights.sum())
+    objective = ((held + everywhere * (total / PAIRS)) / 2 + SMOOTHNESS * (matrix - held)) / total
+    closest = _Closest(objective.numpy(), owner, levels)
     whole = torch.zeros(kept.shape[0], best.shape[1], dtype=torch.float64)
     lows, steps = np.zeros((len(terms), best.shape[1])), np.zeros((len(terms), best.shape[1]))
     for c in range(best.shape[1]):
@@ -93,6 +105,14 @@ def quantized_terms(
         grid = Grid(torch.from_numpy(lows[j]), torch.from_numpy(steps[j]), levels)
         result.append(replace(term, texture=filled(texture, term.mask), grid=grid))
     return tuple(result)
+
+
+def _everywhere(problem: LeastSquares, projections: tuple[Projection, ...]) -> Tensor:
+    """UᵀU (T, T) of `PAIRS` cosine-weighted pairs of directions, all texels."""
+    wi, wo = draw_cosine_weighted(PAIRS, torch.Generator().manual_seed(0))
+    coordinates = torch.cat([projection.prepare(wi, wo) for projection in projections], 1)
+    nothing, ones = torch.zeros(PAIRS, 1, dtype=torch.float64), torch.ones(PAIRS, dtype=torch.float64)
+    return accumulate(coordinates, problem.lookups, nothing, ones, problem.kept.shape[0]).matrix
 
 
 def naive(terms: tuple[Term, ...], levels: int) -> tuple[Term, ...]:

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +14,11 @@ from homofact.errors import BadInput
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
 from homofact.factor.quantize import _Closest, naive, quantize
+from homofact.geometry.directions import draw_cosine_weighted
 from homofact.linear.bilinear import stencil
 from homofact.linear.normal import Lookup, accumulate_compiled, accumulate_torch
+
+SYNTHETIC = Path(__file__).resolve().parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
 
 
 def steps_of(factorization: Factorization) -> list[torch.Tensor]:
@@ -138,3 +142,18 @@ def test_a_samplers_steps_are_in_the_stencil_and_in_both_accumulations() -> None
     exact = accumulate_torch(x, (replace(lookups[0], fractions=0),), f, w, 30)
     assert torch.allclose(compiled.matrix, plain.matrix)
     assert not torch.allclose(exact.matrix, plain.matrix)
+
+
+def test_where_samples_are_few_values_elsewhere_do_not_drift() -> None:
+    source = homofact.read(str(SYNTHETIC))
+    few = source.samples.subset(120, 0)
+    projections = ("theta_h-theta_d", "theta_i-delta_phi")
+    fitted = homofact.fit(few, method="mccool", size=16, projections=projections, epsilon=1e-2)
+    assert isinstance(fitted, Factorization)
+    wi, wo = draw_cosine_weighted(5000, torch.Generator().manual_seed(9))
+
+    def moved(other: Factorization) -> float:
+        return float((other.evaluate_log(wi, wo) - fitted.evaluate_log(wi, wo)).square().mean().sqrt())
+
+    plain = replace(fitted, terms=naive(fitted.terms, 255))
+    assert moved(quantize(fitted, few, "png8")) < moved(plain)
