@@ -41,7 +41,7 @@ from homofact.linear.normal import accumulate
 
 # Vulkan 1.3 (subTexelPrecisionBits) and Direct3D 11 (3.2.4.1) ask for 8 bits; hardware gives that.
 FRACTIONS = 256
-SMOOTHNESS, PAIRS = 1e-4, 20_000
+SMOOTHNESS, PAIRS = 0.01, 20_000
 LEVELS = {"png8": 255, "png16": 65535}
 _SWEEPS = 50
 # How much of a range is drawn in at a time, first and last.
