@@ -115,8 +115,8 @@ def picture(driver: Any, number: int = 0) -> np.ndarray:
 FLOAT: dict[str, Factorization | Separable] = {
     name: CASES[name]
     for name in (
-        "fixed theta_h-theta_d", "fixed theta_i-theta_o", "searched in-out", "warped half-diff", "warped isotropic half-diff",
-        "five of all kinds", "McCool, one channel",
+        "fixed theta_h-theta_d", "fixed theta_i-theta_o", "searched in-out", "warped half-diff",
+        "warped isotropic half-diff", "five of all kinds", "McCool, one channel",
     )
 } | {
     name: SEPARABLE[name]
