@@ -56,6 +56,14 @@ def write_exr(path: str | os.PathLike[str], pixels: np.ndarray, names: Sequence[
     if not np.isfinite(stored).all():
         row, column, _ = np.argwhere(~np.isfinite(stored))[0]
         raise BadInput(f"{path}: row {row}, column {column} is not finite in float32, expected finite values")
+    write_channels(path, stored, names, comment)
+
+
+def write_channels(path: str | os.PathLike[str], stored: np.ndarray, names: Sequence[str], comment: str = "") -> None:
+    """Write finite pixels (rows, columns, C) of float32 or float16 as channels of that type, losslessly packed.
+
+    Raises BadInput where the place cannot be written.
+    """
     planes = {name: np.ascontiguousarray(stored[..., c]) for c, name in enumerate(names)}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "comments": comment}
 

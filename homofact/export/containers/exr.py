@@ -2,14 +2,12 @@
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
-import OpenEXR
 
 from homofact.errors import BadInput
 from homofact.export.containers.pixels import finite_pixels, whole_shape
-from homofact.render.files import replace_file
+from homofact.export.images import write_channels
 
 
 def write_half_exr(path: str | os.PathLike[str], pixels: np.ndarray, names: Sequence[str], comment: str = "") -> None:
@@ -21,18 +19,4 @@ def write_half_exr(path: str | os.PathLike[str], pixels: np.ndarray, names: Sequ
     whole_shape(path, pixels, (len(names),))
     if len(set(names)) != len(names):
         raise BadInput(f"{path}: found channels {', '.join(names)}, expected different names")
-    stored = finite_pixels(path, pixels, np.float16)
-    planes = {name: np.ascontiguousarray(stored[..., c]) for c, name in enumerate(names)}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "comments": comment}
-
-    def write(beside: Path) -> None:
-        try:
-            OpenEXR.File(header, planes).write(str(beside))
-        except RuntimeError as error:
-            raise OSError(str(error)) from error
-
-    # The library speaks of a bad place on stderr by itself; asked first, it need not.
-    folder = Path(path).parent
-    if not os.access(folder, os.W_OK):
-        raise BadInput(f"{path}: cannot be written, {folder} is not a writable folder, expected one")
-    replace_file(path, write)
+    write_channels(path, finite_pixels(path, pixels, np.float16), names, comment)

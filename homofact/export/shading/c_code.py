@@ -10,14 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from homofact.export.shading.expression import INFIX, Expression, component
-from homofact.export.shading.languages import number
+from homofact.export.shading.languages import infix, number
 from homofact.export.shading.program import Program
 
 _FUNCTIONS = {
     "sqrt": "sqrtf", "abs": "fabsf", "exp": "expf", "log": "logf", "asinh": "asinhf", "acos": "acosf",
     "atan2": "atan2f", "max": "fmaxf", "min": "fminf",
 }  # fmt: skip
-_RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
 _LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int columns, const float uv[2], float *value)
 {{
     const float x = fminf(fmaxf(uv[0] * (float)columns - 0.5f, 0.0f), (float)(columns - 1));
@@ -79,17 +78,7 @@ def render(expression: Expression) -> str:
     if kind == "swizzle":
         return f"{operands[0].text}[{'xyzw'.index(expression.text)}]"
     if kind in INFIX:
-        left, right = (render(operand) for operand in operands)
-        if _RANK.get(operands[0].kind, 3) < _RANK[kind]:
-            left = f"({left})"
-        rank = _RANK.get(operands[1].kind, 3)
-        if (
-            rank < _RANK[kind]
-            or (rank == _RANK[kind] and (kind in "-/" or operands[1].kind in "-/"))
-            or right.startswith("-")
-        ):
-            right = f"({right})"
-        return f"{left} {kind} {right}"
+        return infix(expression, *(render(operand) for operand in operands))
     parts = [render(operand) for operand in operands]
     if kind == "step":
         return f"({parts[1]} >= {parts[0]} ? 1.0f : 0.0f)"

@@ -43,6 +43,22 @@ def number(value: float) -> str:
     return np.format_float_scientific(single, unique=True, trim="-")
 
 
+def infix(expression: Expression, left: str, right: str) -> str:
+    """The text of an infix operator on operands that are printed already, parenthesised where that is needed."""
+    kind, operands = expression.kind, expression.operands
+    if _RANK.get(operands[0].kind, 3) < _RANK[kind]:
+        left = f"({left})"
+    # a − (b + c) and a / (b c) keep theirs.
+    rank = _RANK.get(operands[1].kind, 3)
+    if (
+        rank < _RANK[kind]
+        or (rank == _RANK[kind] and (kind in "-/" or operands[1].kind in "-/"))
+        or right.startswith("-")
+    ):
+        right = f"({right})"
+    return f"{left} {kind} {right}"
+
+
 def render(expression: Expression, language: Language, prefix: str) -> str:
     """The expression's text, with no more parentheses than it needs."""
     kind, operands = expression.kind, expression.operands
@@ -64,20 +80,10 @@ def render(expression: Expression, language: Language, prefix: str) -> str:
         read = language.fetch.format(texture=texture, sampler=f"{prefix}_sampler", uv=uv)
         return read + language.swizzles[expression.dimension - 1]
     if kind in INFIX:
-        left, right = (render(operand, language, prefix) for operand in operands)
-        if _RANK.get(operands[0].kind, 3) < _RANK[kind]:
-            left = f"({left})"
-        # a − (b + c) and a / (b c) keep theirs.
-        rank = _RANK.get(operands[1].kind, 3)
-        if (
-            rank < _RANK[kind]
-            or (rank == _RANK[kind] and (kind in "-/" or operands[1].kind in "-/"))
-            or right.startswith("-")
-        ):
-            right = f"({right})"
-        return f"{left} {kind} {right}"
+        return infix(expression, *(render(operand, language, prefix) for operand in operands))
     if kind == "asinh" and language.name == "HLSL":
         y = render(operands[0], language, prefix)
+        y = f"({y})" if operands[0].kind in INFIX else y
         return f"log({y} + sqrt({y} * {y} + 1.0))"
     arguments = []
     for operand in operands:
