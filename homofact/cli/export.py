@@ -13,7 +13,7 @@ from homofact.cli.tables import stored_table
 from homofact.errors import BadInput
 
 if TYPE_CHECKING:
-    from homofact.cli.reopening import Reopened
+    from homofact.brdf.samples import Samples
     from homofact.export.exported import Exported
     from homofact.factor.fitted import Fitted
 
@@ -23,7 +23,7 @@ FORMATS = ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h")
 
 
 def export(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")],
+    result: o.Result,
     to: Annotated[Path, typer.Option("--to", metavar="FOLDER", help="Where textures and shaders go.")],
     form: Annotated[
         str | None,
@@ -41,14 +41,7 @@ def export(
             show_default=False,
         ),
     ] = None,
-    source: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SOURCE",
-            help="What the fit was made from: a measurement's file, or material:NAME. Found by itself where it can be.",
-            show_default=False,
-        ),
-    ] = None,
+    source: o.MadeFrom = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an export that is there.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
@@ -70,7 +63,7 @@ def export(
         view(result, source, None, to if to.suffix in (".html", ".htm") else to / NAME, force, as_json, quiet)
         return
 
-    from homofact.cli.reopening import reopen
+    from homofact.cli.reopening import parts, reopen
     from homofact.cli.viewing import read_report
     from homofact.export.containers.formats import format_named
     from homofact.export.exported import check_export_folder, exported, write_exported
@@ -85,14 +78,15 @@ def export(
         made = exported(fitted, chosen)
         folder = result if result.is_dir() else result.parent
         found = reopen(fitted, source, (folder, folder.parent), read_report(folder))
+        samples = found if isinstance(found, str) else parts(fitted, found)
         rows: dict[str, Exported | Fitted] = {"as fitted": fitted, f"stored as {name}": made}
         if quantize is not None:
             bar.stage("solving for whole texels")
-            best = exported(_solved(fitted, found, quantize), chosen)
+            best = exported(_solved(fitted, samples, quantize), chosen)
             rows = {"as fitted": fitted, "each texel rounded": made, f"solved for {name}": best}
             made = best
         bar.stage("measuring and writing")
-        errors = {label: _errors(each, fitted, found) for label, each in rows.items()}
+        errors = {label: _errors(each, fitted, samples) for label, each in rows.items()}
         description = write_exported(to, made, errors, force)
     if isinstance(found, str):
         screen.note(f"homofact: no error on samples: {found}; --source names it")
@@ -112,30 +106,26 @@ def export(
     screen.answer({"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name})
 
 
-def _solved(fitted: "Fitted", found: "Reopened | str", storage: str) -> "Fitted":
+def _solved(fitted: "Fitted", samples: "dict[str, Samples] | str", storage: str) -> "Fitted":
     """The fit with whole texels, solved on the samples that it was made from."""
-    from homofact.cli.reopening import settings_of, training_part
+    from homofact.cli.reopening import settings_of
     from homofact.evaluate.methods import quantized
     from homofact.factor.factorization import Factorization
 
-    if isinstance(found, str):
-        raise BadInput(f"quantize: {found}, expected the samples to solve on: name them by --source")
+    if isinstance(samples, str):
+        raise BadInput(f"quantize: {samples}, expected the samples to solve on: name them by --source")
     if not isinstance(fitted, Factorization):
         raise BadInput("quantize: found a sum of products, expected a product of textures (search, cole or mccool)")
-    return quantized(fitted, training_part(fitted, found), replace(settings_of(fitted), quantize=storage))
+    return quantized(fitted, samples["train"], replace(settings_of(fitted), quantize=storage))
 
 
-def _errors(each: "Exported | Fitted", fitted: "Fitted", found: "Reopened | str") -> dict[str, Any]:
+def _errors(each: "Exported | Fitted", fitted: "Fitted", samples: "dict[str, Samples] | str") -> dict[str, Any]:
     """What a fit's values are off: from the samples where there are some, and from the fit as it was."""
-    from homofact.cli.reopening import training_part
-    from homofact.evaluate.compare import held_out_samples
     from homofact.evaluate.metrics import measure
     from homofact.export.exported import Exported, log_difference
 
     values = each.stored if isinstance(each, Exported) else each
     errors: dict[str, Any] = {"log_difference": log_difference(fitted, values)}
-    if not isinstance(found, str):
-        held = held_out_samples(found.source, found.held_out, found.seed)
-        errors["held_out"] = measure(values, held, fitted.transform).record()
-        errors["train"] = measure(values, training_part(fitted, found), fitted.transform).record()
+    if not isinstance(samples, str):
+        errors |= {part: measure(values, each, fitted.transform).record() for part, each in samples.items()}
     return errors

@@ -23,6 +23,15 @@ Source = Annotated[
     str | None,
     typer.Argument(metavar="SOURCE", help="A measurement's file, or material:NAME.", show_default=False),
 ]
+Result = Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")]
+MadeFrom = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SOURCE",
+        help="What the fit was made from: a measurement's file, or material:NAME. Found by itself where it can be.",
+        show_default=False,
+    ),
+]
 Channels = Annotated[
     str | None,
     typer.Option(

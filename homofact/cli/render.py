@@ -14,7 +14,7 @@ from homofact.errors import BadInput
 
 def render(
     context: typer.Context,
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")],
+    result: o.Result,
     picture: Annotated[Path | None, typer.Option("--out", metavar="FILE.png", help="The picture.")] = None,
     light: Annotated[
         str | None,

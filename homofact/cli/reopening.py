@@ -117,6 +117,14 @@ def training_part(fitted: "Fitted", source: Reopened) -> "Samples":
     return training_samples(source.source, train, settings) if settings.method in METHODS else train
 
 
+def parts(fitted: "Fitted", source: Reopened) -> "dict[str, Samples]":
+    """ "train", what the fit was given, and "held_out", what it was not, turned at random."""
+    from homofact.evaluate.compare import held_out_samples
+
+    held = held_out_samples(source.source, source.held_out, source.seed)
+    return {"train": training_part(fitted, source), "held_out": held}
+
+
 def _largest_side(fitted: "Fitted") -> int:
     sides = [side for term in fitted.terms for side in getattr(term, "size", ())]
     return max([*sides, 2])

@@ -14,15 +14,8 @@ NAME = "view.html"
 
 
 def view(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")],
-    source: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SOURCE",
-            help="What the fit was made from: a measurement's file, or material:NAME. Found by itself where it can be.",
-            show_default=False,
-        ),
-    ] = None,
+    result: o.Result,
+    source: o.MadeFrom = None,
     mesh: Annotated[
         Path | None, typer.Option(metavar="FILE.obj", help="A mesh (OBJ or PLY) to show the material on.")
     ] = None,

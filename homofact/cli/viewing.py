@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from homofact.cli.reopening import Reopened, settings_of, training_part
+from homofact.cli.reopening import Reopened, parts, settings_of
 from homofact.cli.tables import figure
 
 if TYPE_CHECKING:
@@ -119,12 +119,9 @@ def read_report(folder: Path) -> dict[str, Any]:
 
 def _measure(fitted: "Fitted", source: Reopened) -> "dict[str, SixErrors]":
     """Errors on what the split leaves out, and on the rest as the fit's method is given it."""
-    from homofact.evaluate.compare import held_out_samples
     from homofact.evaluate.metrics import measure
 
-    test = held_out_samples(source.source, source.held_out, source.seed)
-    train = training_part(fitted, source)
-    return {part: measure(fitted, each, fitted.transform) for part, each in (("train", train), ("held_out", test))}
+    return {part: measure(fitted, each, fitted.transform) for part, each in parts(fitted, source).items()}
 
 
 def _mccool(fitted: "Fitted", source: Reopened, stage: Stage) -> "Row | None":

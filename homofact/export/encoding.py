@@ -59,6 +59,13 @@ class Encoded:
         return torch.from_numpy(self.sampled.astype(np.float64) / levels * self.scale + self.bias)
 
 
+def as_floats(texture: Tensor) -> Encoded:
+    """The texture as float32, which a shader takes as it is."""
+    channels = texture.shape[2]
+    stored = texture.detach().cpu().numpy().astype(np.float32)
+    return Encoded("float32", stored, np.ones(channels), np.zeros(channels))
+
+
 def encode_term(term: Term, storage: str) -> Encoded:
     """The term's texture in a storage, as `encode`.
 
@@ -78,7 +85,7 @@ def encode(texture: Tensor, mask: Tensor, storage: str, grid: Grid | None = None
     texture = texture.detach().cpu().to(torch.float64)
     channels = texture.shape[2]
     if storage == "float32":
-        return Encoded(storage, texture.numpy().astype(np.float32), np.ones(channels), np.zeros(channels))
+        return as_floats(texture)
     inside = texture[mask.cpu()] if bool(mask.any()) else texture.reshape(-1, channels)
     low, high = inside.amin(0), inside.amax(0)
     clipped = texture.clamp(low, high)

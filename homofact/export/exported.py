@@ -12,23 +12,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
-from torch import Tensor
 
 from homofact.baselines.separable import Separable, SeparableTerm
 from homofact.errors import BadInput
 from homofact.export.containers.formats import Format
-from homofact.export.encoding import Encoded, encode, encode_term
+from homofact.export.encoding import Encoded, as_floats, encode, encode_term
 from homofact.export.folders import check_new_folder, write_folder
 from homofact.export.images import exr_channel_names
 from homofact.export.manifest import CONVENTIONS, bits, describe_projection, write_json
 from homofact.export.separable_files import EVALUATION, MAPS
 from homofact.export.shading.c_code import c_source
 from homofact.export.shading.cost import Cost, cost_of
+from homofact.export.shading.fitted_program import fitted_program, textures_of
 from homofact.export.shading.languages import GLSL, HLSL, WGSL, shader
-from homofact.export.shading.program import Program, program_of
-from homofact.export.shading.separable_program import separable_program
+from homofact.export.shading.program import Program
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
 from homofact.geometry.directions import draw_cosine_weighted
@@ -80,12 +78,7 @@ def exported(fitted: Fitted, form: Format) -> Exported:
 
     Raises BadInput, named by texture, where the format cannot hold a texture, and for more than four channels.
     """
-    if isinstance(fitted, Factorization):
-        sizes = [term.size for term in fitted.terms]
-    elif isinstance(fitted, Separable):
-        sizes = [(int(t.shape[0]), int(t.shape[1])) for term in fitted.terms for t in term.textures]
-    else:
-        raise BadInput(f"export: found a {type(fitted).__name__}, expected a factorization or a separable one")
+    sizes = [(int(texture.shape[0]), int(texture.shape[1])) for texture in textures_of(fitted)]
     channels = len(fitted.channels)
     if channels > 4:
         raise BadInput(f"channels: found {channels}, expected at most the 4 of a texture: fit with --channels rgb")
@@ -93,11 +86,12 @@ def exported(fitted: Fitted, form: Format) -> Exported:
         form.check(rows, columns, channels, f"texture {k}")
     if isinstance(fitted, Factorization):
         textures = tuple(encode_term(term, form.storage) for term in fitted.terms)
-        stored, program = decoded_product(fitted, textures), program_of(fitted, textures)
+        stored = decoded_product(fitted, textures)
     else:
-        read = fitted.read
-        textures = tuple(encode(t, read, form.storage) for term in fitted.terms for t in term.textures)
-        stored, program = decoded_sum(fitted, textures), separable_program(fitted, textures)
+        assert isinstance(fitted, Separable)
+        textures = tuple(encode(texture, fitted.read, form.storage) for texture in textures_of(fitted))
+        stored = decoded_sum(fitted, textures)
+    program = fitted_program(fitted, textures)
     nbytes = sum(form.bytes_of(rows, columns, channels) for rows, columns in sizes)
     return Exported(stored, textures, program, cost_of(program, nbytes), form)
 
@@ -224,28 +218,12 @@ def _codes(made: Exported) -> dict[str, str]:
         lines.append(f"Texture {k}: {name}, {columns} x {rows}, {_WORDS[texture.storage]}.")
     program = replace(made.program, title=(*made.program.title, *lines))
     texts = {f"brdf{language.suffix}": shader(program, language) for language in (GLSL, HLSL, WGSL)}
-    return texts | {"brdf.c": c_source(_decoding_nothing(made), _texels(made.stored))}
-
-
-def _decoding_nothing(made: Exported) -> Program:
-    """The program for texels that are decoded already, as the C code holds them."""
-    plain = [Encoded("float32", t.numpy(), np.ones(t.shape[2]), np.zeros(t.shape[2])) for t in _textures(made.stored)]
-    program = (
-        program_of(made.stored, plain)
-        if isinstance(made.stored, Factorization)
-        else separable_program(made.stored, plain)
-    )
-    return replace(program, title=(*program.title, f"The texels below are those of {', '.join(made.names)}, decoded."))
-
-
-def _textures(fitted: Factorization | Separable) -> list[Tensor]:
-    if isinstance(fitted, Factorization):
-        return [term.texture for term in fitted.terms]
-    return [texture for term in fitted.terms for texture in term.textures]
-
-
-def _texels(fitted: Factorization | Separable) -> list[np.ndarray]:
-    return [texture.numpy() for texture in _textures(fitted)]
+    # The C code holds the texels decoded.
+    plain = [as_floats(texture) for texture in textures_of(made.stored)]
+    program = fitted_program(made.stored, plain)
+    last = f"The texels below are those of {', '.join(made.names)}, decoded."
+    code = c_source(replace(program, title=(*program.title, last)), [texture.stored for texture in plain])
+    return texts | {"brdf.c": code}
 
 
 def _write_text(path: Path, text: str) -> None:

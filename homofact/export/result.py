@@ -15,9 +15,9 @@ from homofact.export.manifest import manifest, write_json
 from homofact.export.separable_files import separable_manifest, write_separable_textures
 from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
-from homofact.factor.saved import read_archive
+from homofact.factor.saved import NAME as FACTORIZATION
+from homofact.factor.saved import read_archive, saved_file
 
-FACTORIZATION = "factorization.npz"
 MANIFEST = "manifest.json"
 REPORT = "report.json"
 
@@ -59,12 +59,9 @@ def write_result(
 def open_result(place: str | os.PathLike[str]) -> Fitted:
     """The fit of a result folder, of a saved file, or of an export's textures. Raises BadInput where there is none."""
     target = Path(place)
-    if target.is_dir():
-        if not (target / FACTORIZATION).exists() and is_export(target):
-            return open_exported(target)
-        if not (target / FACTORIZATION).is_file():
-            raise BadInput(f"{target}: found no {FACTORIZATION} in the folder, expected a result of a fit")
-        target = target / FACTORIZATION
+    if target.is_dir() and not (target / FACTORIZATION).exists() and is_export(target):
+        return open_exported(target)
+    target = saved_file(target)
     if read_archive(target)[1].get("format") == SEPARABLE:
         return Separable.load(target)
     return Factorization.load(target)

@@ -10,6 +10,18 @@ import numpy as np
 
 from homofact.errors import BadInput
 
+NAME = "factorization.npz"
+
+
+def saved_file(place: str | os.PathLike[str]) -> Path:
+    """The saved fit in a result's folder, or the file itself. Raises BadInput for a folder without one."""
+    target = Path(place)
+    if not target.is_dir():
+        return target
+    if not (target / NAME).is_file():
+        raise BadInput(f"{target}: found no {NAME} in the folder, expected a result of a fit")
+    return target / NAME
+
 
 def write_archive(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, Any]) -> None:
     """Write header and arrays beside `path` and rename them to it. Raises BadInput for an unwritable place."""

@@ -29,12 +29,11 @@ import numpy as np
 from homofact.baselines.separable import FORMAT as SEPARABLE
 from homofact.errors import BadInput, MissingDependency
 from homofact.factor.factorization import Factorization
-from homofact.factor.saved import read_archive
+from homofact.factor.saved import read_archive, saved_file
 from homofact.render.lobe_sampling import SCALE, SIGMA, is_isotropic, lobe_sampling
 
 NAME = "homofact"
 SAMPLINGS = ("lobe", "cosine")
-_FACTORIZATION = "factorization.npz"
 _RGB = ("R", "G", "B")
 _LUMINANCE = (0.212671, 0.71516, 0.072169)  # Mitsuba's `luminance`
 
@@ -68,11 +67,7 @@ def open_factorization(place: str | os.PathLike[str]) -> Factorization:
     Raises BadInput where there is none, for a sum of products (`svd`, `nmf`), which this material cannot evaluate,
     and for channels that are neither R, G, B nor one alone.
     """
-    target = Path(place)
-    if target.is_dir():
-        if not (target / _FACTORIZATION).is_file():
-            raise BadInput(f"{target}: found no {_FACTORIZATION} in the folder, expected a result of a fit")
-        target = target / _FACTORIZATION
+    target = saved_file(place)
     if read_archive(target)[1].get("format") == SEPARABLE:
         raise BadInput(f"{target}: found a sum of products (svd or nmf), expected a product of textures")
     found = Factorization.load(target)

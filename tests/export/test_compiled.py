@@ -82,8 +82,6 @@ FUNCTIONS = [
     ("log", np.geomspace(1e-30, 1e30, 40_001), np.log, 0, 1.5e-5),
     ("log", np.geomspace(0.5, 4, 40_001), np.log, 0, 2e-7),
     ("asinh", np.geomspace(1e-3, 1e4, 40_001), np.arcsinh, 0, 2e-6),
-    ("acos", np.linspace(-1, 1, 40_001), np.arccos, 0, 6e-7),
-    ("acos", 1 - np.geomspace(1e-6, 1, 20_001), np.arccos, 4e-7, 0),
 ]
 
 

@@ -151,10 +151,8 @@ def test_a_gpu_gives_what_python_gives(name: str, language: Language, gpu: Gpu, 
     expected = fitted.evaluate(wi, wo).numpy()
     assert (found[:BELOW] == 0).all()
     error = np.abs(found - expected)[BELOW:] / np.maximum(expected[BELOW:], 0.05 * expected.mean())
-    # Mesa's acos is off by up to 4e-4; issue 7 asks for a median of at most 1e-3.
-    median, most = (1e-3, 5e-3) if "acos(" in shader(printed, WGSL) else (1e-5, 1e-4)
-    assert np.median(error) < median
-    assert np.quantile(error, 0.999) < most
+    assert np.median(error) < 1e-5
+    assert np.quantile(error, 0.999) < 1e-4
 
 
 def test_constants_read_back_whatever_numpy_prints() -> None:

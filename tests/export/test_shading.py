@@ -4,6 +4,7 @@ import ctypes
 import itertools
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -212,3 +213,16 @@ def test_more_than_four_channels_are_refused() -> None:
 def test_unknown_storages_are_refused() -> None:
     with pytest.raises(BadInput, match=r"storage: found 'float8', expected one of float32, float16"):
         encode_term(CASES["fixed h"].terms[0], "float8")
+
+
+def test_a_name_neither_ends_a_comment_nor_begins_a_line(tmp_path: Path) -> None:
+    plain = CASES["fixed h"]
+    term = plain.terms[0]
+    named = replace(term.projection, name="h */ #error\n#error")
+    odd = {"source": {"file": "a\n#error */ #error"}}
+    fitted = replace(plain, terms=(replace(term, projection=named),), provenance=odd)
+    wi, wo = pairs(50)
+    assert np.allclose(run_c(c_of(fitted, encoded(fitted)), 3, tmp_path, wi, wo), plain.evaluate(wi, wo), rtol=1e-4)
+    for language in (GLSL, HLSL, WGSL):
+        text = shader(program_of(fitted, encoded(fitted)), language)
+        assert not [line for line in text.splitlines() if line.startswith("#")]

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from homofact.export.shading.expression import INFIX, Expression, component
-from homofact.export.shading.languages import infix, number
+from homofact.export.shading.languages import infix, number, remark
 from homofact.export.shading.program import Program
 
 _FUNCTIONS = {
-    "sqrt": "sqrtf", "abs": "fabsf", "exp": "expf", "log": "logf", "asinh": "asinhf", "acos": "acosf",
+    "sqrt": "sqrtf", "abs": "fabsf", "exp": "expf", "log": "logf", "asinh": "asinhf",
     "atan2": "atan2f", "max": "fmaxf", "min": "fminf",
 }  # fmt: skip
 _LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int columns, const float uv[2], float *value)
@@ -38,12 +38,12 @@ _LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int colu
 def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "homofact") -> str:
     """One file of C99: texels (rows, columns, C) as floats, the lookup, and `PREFIX_evaluate(wi, wo, f)`."""
     channels = len(program.channels)
-    title = "".join(f"/* {line} */\n" for line in program.title)
+    title = "".join(f"/* {remark(line)} */\n" for line in program.title)
     data = "".join(_texels(prefix, k, texels) for k, texels in enumerate(textures))
     lines = []
     for statement in program.statements:
         if statement.comment:
-            lines.append(f"    /* {statement.comment} */")
+            lines.append(f"    /* {remark(statement.comment)} */")
         name, expression = statement.name, statement.expression
         if expression.kind == "fetch":
             rows, columns = program.shapes[int(expression.text)]

@@ -16,7 +16,7 @@ from numba import njit, prange
 from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.export.encoding import Encoded
+from homofact.export.encoding import as_floats
 from homofact.export.shading import float_functions
 from homofact.export.shading.expression import INFIX, Expression, Let, component, nodes
 from homofact.export.shading.program import Program, program_of
@@ -63,15 +63,14 @@ def compiled(factorization: Factorization) -> Compiled:
 
     Raises BadInput for more than four channels.
     """
-    textures = [term.texture.detach().cpu().to(torch.float64).numpy() for term in factorization.terms]
-    plain = [Encoded("float32", t.astype(np.float32), np.ones(t.shape[2]), np.zeros(t.shape[2])) for t in textures]
+    plain = [as_floats(term.texture) for term in factorization.terms]
     return compiled_program(program_of(factorization, plain), [texture.stored for texture in plain])
 
 
 def compiled_program(program: Program, textures: Sequence[np.ndarray]) -> Compiled:
     """A program with its decoded texels (rows, columns, C) float32 as a reflectance."""
     source, constants = _kernel_source(program)
-    functions = {name: getattr(float_functions, name) for name in ("exp", "log", "asinh", "acos", "atan2")}
+    functions = {name: getattr(float_functions, name) for name in ("exp", "log", "asinh", "atan2")}
     space: dict[str, Any] = {"np": np, "prange": prange, "BLOCK": BLOCK, **constants, **functions}
     exec(compile(source, "<shading program>", "exec"), space)
     space["evaluate_block"] = njit(fastmath=True, error_model="numpy")(space["evaluate_block"])

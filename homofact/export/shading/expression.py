@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 INFIX = ("+", "-", "*", "/")
 # Functions of one or two arguments; those that work on vectors work component by component, dot excepted.
-FUNCTIONS = ("sqrt", "abs", "exp", "log", "asinh", "acos", "atan2", "dot", "max", "min", "step")
+FUNCTIONS = ("sqrt", "abs", "exp", "log", "asinh", "atan2", "dot", "max", "min", "step")
 _AXES = "xyzw"
 
 

@@ -1,4 +1,4 @@
-"""exp, log, atan2, acos and asinh in float32 as a few additions and products each, for loops that compilers vectorise.
+"""exp, log, atan2 and asinh in float32 as a few additions and products each, for loops that compilers vectorise.
 
 A call of the C library stops vectorisation; these have no calls, branches or tables. Each reduces its argument and
 takes a polynomial fitted at import, in Chebyshev nodes, to the function itself:
@@ -6,7 +6,6 @@ takes a polynomial fitted at import, in Chebyshev nodes, to the function itself:
     exp x   = 2^k exp r,      k = round(x/log 2), |r| ≤ log(2)/2
     log x   = k log 2 + log m,     x = 2^k m, m in [√½, √2), log m = t P(t²), t = (m − 1)/(m + 1)
     atan a  = a P(a²)         on [0, 1]; the other octants by symmetry
-    acos x  = √(1 − x) P(x)   on [0, 1]; π − acos(−x) below
 
 Their errors are a few units in the last place (tests/export/test_compiled.py). 2^k is made, and k read, in the bits of
 the number.
@@ -31,11 +30,6 @@ def _atan_part(squared: np.ndarray) -> np.ndarray:
     return np.arctan(a) / a
 
 
-def _acos_part(x: np.ndarray) -> np.ndarray:
-    rest = np.maximum(1 - x, 1e-12)
-    return np.arccos(1 - rest) / np.sqrt(rest)
-
-
 def _log_part(squared: np.ndarray) -> np.ndarray:
     t = np.sqrt(np.maximum(squared, 1e-12))
     return 2 * np.arctanh(t) / t
@@ -44,7 +38,6 @@ def _log_part(squared: np.ndarray) -> np.ndarray:
 _HALF_LOG = math.log(2) / 2
 _EXP = _fitted(np.exp, -_HALF_LOG, _HALF_LOG, 6)
 _ATAN = _fitted(_atan_part, 0.0, 1.0, 9)
-_ACOS = _fitted(_acos_part, 0.0, 1.0, 8)
 _LOG = _fitted(_log_part, 0.0, ((math.sqrt(2) - 1) / (math.sqrt(2) + 1)) ** 2, 4)
 _ONE, _ZERO, _HALF = np.float32(1), np.float32(0), np.float32(0.5)
 _LEAST, _MOST = np.float32(-87), np.float32(88)
@@ -90,14 +83,6 @@ def log(x):  # pragma: no cover (compiled)
 def asinh(x):  # pragma: no cover (compiled)
     """asinh x for x ≥ 0, to an absolute error of some 1e-7."""
     return log(x + np.sqrt(x * x + _ONE))
-
-
-@njit(fastmath=True, error_model="numpy")
-def acos(x):  # pragma: no cover (compiled)
-    """acos x in [0, π]."""
-    a = min(abs(x), _ONE)
-    value = np.sqrt(_ONE - a) * _polynomial(_ACOS, a)
-    return _PI - value if x < _ZERO else value
 
 
 @njit(fastmath=True, error_model="numpy")

@@ -43,6 +43,11 @@ def number(value: float) -> str:
     return np.format_float_scientific(single, unique=True, trim="-")
 
 
+def remark(text: str) -> str:
+    """A comment's text on one line and without what ends a comment: names of files and projections may hold both."""
+    return " ".join(text.split()).replace("*/", "* /")
+
+
 def infix(expression: Expression, left: str, right: str) -> str:
     """The text of an infix operator on operands that are printed already, parenthesised where that is needed."""
     kind, operands = expression.kind, expression.operands
@@ -99,12 +104,12 @@ def shader(program: Program, language: Language, prefix: str = "homofact") -> st
     lines = []
     for statement in program.statements:
         if statement.comment:
-            lines.append(f"    // {statement.comment}")
+            lines.append(f"    // {remark(statement.comment)}")
         kind = language.types[statement.expression.dimension - 1]
         begin = language.let.format(type=kind, name=statement.name)
         lines.append(f"    {begin} = {render(statement.expression, language, prefix)};")
     lines.append(f"    return {render(program.result, language, prefix)};")
-    title = "\n".join(f"// {line}" for line in program.title)
+    title = "\n".join(f"// {remark(line)}" for line in program.title)
     return f"{title}\n" + language.frame(program, "\n".join(lines), prefix)
 
 

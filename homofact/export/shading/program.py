@@ -141,10 +141,6 @@ def _title(factorization: Factorization) -> tuple[str, ...]:
 
 
 def name_of(provenance: Mapping[str, Any]) -> str:
-    """What a fit was made from, as its provenance tells: a material's or a file's name, else "samples".
-
-    On one line and without what ends a comment, for shaders begin with it.
-    """
+    """What a fit was made from, as its provenance tells: a material's or a file's name, else "samples"."""
     source = provenance.get("source", {})
-    name = str(source.get("material") or source.get("file") or "samples")
-    return " ".join(name.split()).replace("*/", "* /")
+    return str(source.get("material") or source.get("file") or "samples")

@@ -9,19 +9,17 @@ filtered 16-bit whole numbers: those go as the float32 that they stand for.
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
-import torch
 
 from homofact.baselines.separable import Separable
 from homofact.brdf.channels import wavelengths_of
 from homofact.errors import BadInput
-from homofact.export.encoding import Encoded, encode_term
+from homofact.export.encoding import Encoded, as_floats, encode_term
 from homofact.export.shading.cost import cost_of
+from homofact.export.shading.fitted_program import fitted_program, textures_of
 from homofact.export.shading.languages import GLSL, shader
-from homofact.export.shading.program import Program, program_of
-from homofact.export.shading.separable_program import separable_program
+from homofact.export.shading.program import Program
 from homofact.export.viewer.viewer import Facts, Layer, LayerTexture
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
@@ -44,18 +42,17 @@ def fit_layer(fitted: Fitted, key: str, title: str, facts: Facts = ()) -> Layer:
     check_shown(fitted.channels)
     if isinstance(fitted, Factorization):
         encoded = [encode_term(term, _storage(term)) for term in fitted.terms]
-        program = program_of(fitted, encoded)
         captions = [_caption(term) for term in fitted.terms]
         masks = [term.mask for term in fitted.terms]
         quantity = "log"
     elif isinstance(fitted, Separable):
-        encoded = [_as_float(texture) for term in fitted.terms for texture in term.textures]
-        program = separable_program(fitted, encoded)
+        encoded = [as_floats(texture) for texture in textures_of(fitted)]
         captions = _separable_captions(fitted)
         masks = [fitted.read] * len(encoded)
         quantity = "factor"
     else:
         raise BadInput(f"layer {key}: found a {type(fitted).__name__}, expected a factorization or a separable one")
+    program = fitted_program(fitted, encoded)
     textures = tuple(
         _texture(f"{_prefix(program, key)}_texture_{k}", each, caption, mask.cpu().numpy(), quantity)
         for k, (each, caption, mask) in enumerate(zip(encoded, captions, masks, strict=True))
@@ -75,21 +72,13 @@ def _storage(term: Term) -> str:
     return "unorm8" if term.grid is not None and term.grid.levels == EIGHT_BITS else "float32"
 
 
-def _as_float(texture: torch.Tensor) -> Encoded:
-    channels = texture.shape[2]
-    stored = texture.detach().cpu().numpy().astype(np.float32)
-    return Encoded("float32", stored, np.ones(channels), np.zeros(channels))
-
-
 def _prefix(program: Program, key: str) -> str:
     """What the generated names begin with: `key` itself, unless its function gives one number and not three."""
     return key if len(program.channels) == 3 else f"{key}_grey"
 
 
 def _glsl(program: Program, key: str) -> str:
-    # A name with a line break in it would end the comment that it stands in.
-    clean = replace(program, title=tuple(" ".join(line.split()) for line in program.title))
-    text = shader(clean, GLSL, _prefix(program, key))
+    text = shader(program, GLSL, _prefix(program, key))
     if len(program.channels) == 3:
         return text
     return f"{text}\nvec3 {key}_evaluate(vec3 wi, vec3 wo) {{\n    return vec3({key}_grey_evaluate(wi, wo));\n}}\n"
