@@ -14,10 +14,10 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
 from homofact.evaluate.compare import training_samples
-from homofact.evaluate.methods import run
 from homofact.export.result import open_result
 from homofact.factor.fitted import Fitted
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import run
 
 
 def read(source: str, *, channels: str = "rgb", count: int = 45_000, seed: int = 0) -> Source:

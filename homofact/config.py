@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
 
 
 @dataclass(frozen=True)

@@ -19,18 +19,18 @@ from statistics import mean, median
 import torch
 from conditions import cornell_files, data_folder, figure, machine, markdown
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.scattered import Scattered
 from homofact.brdf.source import MEASURED_EPSILON, NOISE_FREE_EPSILON, Source, open_source
 from homofact.evaluate.compare import fit_and_measure
-from homofact.evaluate.methods import method
 from homofact.evaluate.metrics import measure
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Warp, fixed_projection
-from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples, texture_shape
-from homofact.factor.validation import Folded, deal
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import method
+from homofact.methods.validation import Folded, deal
 
 
 def blue(short: bool) -> str:

@@ -18,9 +18,9 @@ from conditions import figure, machine, markdown, parser_of, spread, write
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import RADIUS_SQUARED, sample_model
-from homofact.evaluate.methods import method
 from homofact.evaluate.metrics import measure
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import method
 
 MATERIAL, CHANNEL = "lafortune-blue-paint", "G"
 SECOND = 1_000_000  # the second draw of seed s has seed s + SECOND

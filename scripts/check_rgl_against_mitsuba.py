@@ -23,7 +23,7 @@ import torch
 from conditions import data_folder, machine, markdown
 from torch import Tensor
 
-from homofact.brdf.readers.rgl import load
+from homofact.brdf.formats.rgl import load
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput, MissingDependency
 from homofact.geometry.directions import draw_uniform

@@ -26,7 +26,7 @@ from thesis_statements import MCCOOL, Errors, Key, judge
 
 from homofact.brdf.source import Source, open_source
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
 
 MATERIALS = ("material:lafortune-blue-paint", "material:cook-torrance-plastic")
 METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")

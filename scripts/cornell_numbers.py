@@ -17,13 +17,13 @@ import waterloo
 from conditions import cornell_files, data_folder, machine, markdown, parser_of, spread, write
 from ladder import ladder, split
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.metrics import SixErrors, six_errors
-from homofact.factor.homomorphism import LogTransform
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
 
 PARAMETERIZATIONS = ("half-diff", "in-out")
 

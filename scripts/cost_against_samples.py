@@ -40,13 +40,13 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
     import numba
     import torch
 
-    from homofact.factor.fit import transform_of
     from homofact.factor.objective import Objective
     from homofact.factor.projection import Projection
     from homofact.factor.search.nlopt import Nlopt
-    from homofact.factor.settings import FitSettings
     from homofact.factor.textures import LogSamples, solve_terms
-    from homofact.geometry.quaternion import Pair
+    from homofact.geometry.rotation import Pair
+    from homofact.methods.cole import transform_of
+    from homofact.methods.settings import FitSettings
 
     torch.set_num_threads(1)
     settings = FitSettings(epsilon=EPSILON)

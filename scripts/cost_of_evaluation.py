@@ -64,12 +64,12 @@ def evaluation(job: argparse.Namespace) -> dict[str, Any]:
     """Seconds of each repeat (at a new random projection), memory, and the errors' relative distance to Cholesky's."""
     import torch
 
-    from homofact.factor.fit import transform_of
     from homofact.factor.projection import Projection
-    from homofact.factor.settings import FitSettings
     from homofact.factor.textures import LogSamples, inner_problem
-    from homofact.geometry.quaternion import Pair
+    from homofact.geometry.rotation import Pair
     from homofact.linear.solvers import solve
+    from homofact.methods.cole import transform_of
+    from homofact.methods.settings import FitSettings
 
     settings = FitSettings(epsilon=EPSILON)
 
@@ -108,8 +108,8 @@ def evaluation(job: argparse.Namespace) -> dict[str, Any]:
 
 def whole_fit(job: argparse.Namespace) -> dict[str, Any]:
     """Seconds, memory, evaluations and Cole error of one fit with the default settings."""
-    from homofact.evaluate.methods import method
-    from homofact.factor.settings import FitSettings
+    from homofact.methods.settings import FitSettings
+    from homofact.methods.table import method
 
     more: dict[str, Any] = {"parameterization": job.parameterization} if job.parameterization else {}
     if job.short:

@@ -2,7 +2,7 @@
 
     python scripts/cost_of_shading.py
 
-Counted on the expressions that the shader is printed from (`homofact.export.shading.cost`): an operator or function of
+Counted on the expressions that the shader is printed from (`homofact.shading.cost`): an operator or function of
 a vector is one operation; the last but one column counts every component by itself. The frame change of ωi and ωo, six
 dot products, is the renderer's and in no row. There are no normalisations: lengths are square roots, which divide once.
 Bytes are those of texels of 16² in half floats on a GPU, where three channels take the room of four.
@@ -19,15 +19,15 @@ from pathlib import Path
 import torch
 from conditions import figure, markdown, parser_of, write
 
-from homofact.baselines.separable import Separable, SeparableTerm
-from homofact.export.containers.formats import FORMATS
+from homofact.brdf.log_transform import LogTransform
+from homofact.containers.formats import FORMATS
 from homofact.export.exported import exported
-from homofact.export.shading.cost import Cost
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection, Warp, fixed_projection
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
+from homofact.separable.separable import Separable, SeparableTerm
+from homofact.shading.cost import Cost
 
 SIDE, FORMAT, ALLOWED = 16, "exr16", 40
 DEAREST = "general isotropic half-diff, warped + general isotropic in-out"

@@ -25,7 +25,7 @@ def cost(path: Path, method: str, textures: int, restarts: int) -> dict[str, flo
     """Read and fit in this process: seconds, errors and the peak of resident memory in MiB."""
     from homofact.brdf.source import open_source
     from homofact.evaluate.compare import fit_and_measure
-    from homofact.factor.settings import FitSettings
+    from homofact.methods.settings import FitSettings
 
     source = open_source(str(path))
     row = fit_and_measure(source, FitSettings(method=method, textures=textures, restarts=restarts))
@@ -52,8 +52,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(json.dumps(cost(Path(options.job[0]), options.job[1], options.textures, restarts)))
         return 0
 
+    from homofact.brdf.formats import merl
     from homofact.brdf.materials import material
-    from homofact.brdf.writers import merl
 
     print(f"{options.material} on a MERL grid, {options.textures} textures; {machine()}")
     with tempfile.TemporaryDirectory() as name:

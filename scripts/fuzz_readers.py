@@ -32,17 +32,17 @@ import numpy as np
 import torch
 
 from homofact.brdf.analytic import Lambert
+from homofact.brdf.formats import READERS, cornell, open_file
+from homofact.brdf.formats import alta as write_alta
+from homofact.brdf.formats import astm as write_astm
+from homofact.brdf.formats import csv as write_csv
+from homofact.brdf.formats import curet as write_curet
+from homofact.brdf.formats import merl as write_merl
+from homofact.brdf.formats import npz as npz_reader
+from homofact.brdf.formats import utia as write_utia
 from homofact.brdf.materials import material
-from homofact.brdf.readers import READERS, cornell, open_file
-from homofact.brdf.readers import npz as npz_reader
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.brdf.writers import alta as write_alta
-from homofact.brdf.writers import astm as write_astm
-from homofact.brdf.writers import csv as write_csv
-from homofact.brdf.writers import curet as write_curet
-from homofact.brdf.writers import merl as write_merl
-from homofact.brdf.writers import utia as write_utia
 from homofact.errors import BadInput
 
 SECONDS = 2.0

@@ -27,16 +27,16 @@ from conditions import figure, machine, markdown, parser_of, write
 
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
-from homofact.factor.fit import transform_of
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
-from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
 from homofact.linear.least_squares import LeastSquares, penalised_matrix
 from homofact.linear.normal import accumulate_torch
 from homofact.linear.solvers import TOLERANCE, solve, solve_definite
 from homofact.linear.threads import one_thread
+from homofact.methods.cole import transform_of
+from homofact.methods.settings import FitSettings
 
 MATERIAL = "lafortune-blue-paint"
 SETTINGS = FitSettings(epsilon=1e-5)

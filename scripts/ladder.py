@@ -14,9 +14,9 @@ from homofact.evaluate.compare import HELD_OUT, Row, training_samples
 from homofact.evaluate.metrics import measure
 from homofact.evaluate.verdict import judge
 from homofact.factor.factorization import Factorization
-from homofact.factor.fit import Progress, fit_cole, provenance_of, solve_greedily
-from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples, residual
+from homofact.methods.cole import Progress, fit_cole, provenance_of, solve_greedily
+from homofact.methods.settings import FitSettings
 
 
 @dataclass

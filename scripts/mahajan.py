@@ -127,7 +127,7 @@ def sources(data: Path, short: bool) -> tuple[list[tuple[str, str, str]], list[s
             missing.append(f"skipped {name}: no {file}")
     weights = data / "nbrdf" / "merl_nbrdf_weights.npz"
     if weights.is_file():
-        from homofact.brdf.readers.nbrdf import material_names
+        from homofact.brdf.formats.nbrdf import material_names
 
         known = set(material_names(weights))
         wanted = [name for name in SURROGATES if name in known][: 1 if short else None]

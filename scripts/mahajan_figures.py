@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
-from homofact.evaluate.label_places import place_labels
-from homofact.evaluate.log_axis import log_x, log_y
+from homofact.figures.label_places import place_labels
+from homofact.figures.log_axis import log_x, log_y
 from homofact.render.light import DirectionalLight, EnvironmentMap
 from homofact.render.sphere import SphereImage, render_sphere
 from homofact.render.tonemap import choose_exposure, displayed

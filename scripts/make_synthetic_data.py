@@ -19,8 +19,8 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.analytic import CookTorrance
+from homofact.brdf.formats import cornell, npz
 from homofact.brdf.materials import material
-from homofact.brdf.readers import cornell, npz
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import RADIUS_SQUARED
 from homofact.geometry.directions import draw_in_discs, from_spherical, normalize

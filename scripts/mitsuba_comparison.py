@@ -41,10 +41,10 @@ from homofact.cli.verdicts import verdict_lines
 from homofact.errors import BadInput
 from homofact.evaluate.compare import fit_and_measure
 from homofact.factor.factorization import Factorization
-from homofact.factor.settings import FitSettings
+from homofact.figures.compare_picture import FLOOR, relative_difference
+from homofact.files.atomic import replace_file
 from homofact.geometry.directions import draw_uniform
-from homofact.render.compare_picture import FLOOR, relative_difference
-from homofact.render.files import replace_file
+from homofact.methods.settings import FitSettings
 from homofact.render.mitsuba_bsdf import load_bsdf, open_factorization
 from homofact.render.sphere import SphereImage
 from homofact.render.tonemap import choose_exposure, tonemap

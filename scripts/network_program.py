@@ -6,17 +6,17 @@ The program has no textures. With s = ωi + ωo, e = ωi − ωo, |s| = 2 h·ωi
     dx = ± (s.z (s.xy · e.xy)/|s.xy| − |s.xy| e.z)/(2 |s|),
 
 the sign that of s.x e.y − s.y e.x, for the network takes φd modulo π. Compiled like the textures' program
-(`homofact.export.shading.compiled`), it is as fast as this processor runs the network.
+(`homofact.shading.compiled`), it is as fast as this processor runs the network.
 """
 
 import torch
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.neural import LAYERS, NeuralBrdf, network_input
 from homofact.brdf.samples import Samples
-from homofact.export.shading.expression import Expression, Let, call, constant, variable
-from homofact.export.shading.program import Program
-from homofact.factor.homomorphism import LogTransform
+from homofact.shading.expression import Expression, Let, call, constant, variable
+from homofact.shading.program import Program
 
 LOSSES = ("cole", "log1p")
 

@@ -24,17 +24,17 @@ from conditions import figure, machine, markdown, parser_of, write
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.errors import Report
-from homofact.factor.fit import transform_of
-from homofact.factor.kinds import make
 from homofact.factor.objective import Objective
 from homofact.factor.search.best import Search
 from homofact.factor.search.gradient import Gradient
 from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.search.powell import Powell
-from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples
 from homofact.linear.threads import one_thread
+from homofact.methods.cole import transform_of
+from homofact.methods.kinds import make
+from homofact.methods.settings import FitSettings
 
 SETTINGS = FitSettings(epsilon=1e-5)
 MANY = 1_000_000

@@ -21,10 +21,10 @@ from conditions import CORNELL, data_folder, figure, machine, markdown, parser_o
 from homofact.brdf.source import open_source
 from homofact.errors import HomofactError
 from homofact.linear.normal import warm_up
-from homofact.scene.plan_ladder import COLOURS, CONSTANT, LAMBERT, Candidate, FitOptions, fit_candidate, ladder
-from homofact.scene.plan_lighting import named_lighting
-from homofact.scene.plan_measure import Judge
-from homofact.scene.plan_search import Outcome, walk
+from homofact.scene.lighting import named_lighting
+from homofact.scene.plan.ladder import COLOURS, CONSTANT, LAMBERT, Candidate, FitOptions, fit_candidate, ladder
+from homofact.scene.plan.measure import Judge
+from homofact.scene.plan.search import Outcome, walk
 
 BUDGET, COUNT = 1.0, 6000
 LIGHTINGS = ("sun", "overcast", "studio")

@@ -20,11 +20,11 @@ from conditions import cornell_files, data_folder, figure, machine, markdown, pa
 
 from homofact.brdf.source import open_source
 from homofact.evaluate.compare import held_out_samples, training_samples
-from homofact.evaluate.methods import quantized, run
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
 from homofact.factor.quantize import LEVELS, naive
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import quantized, run
 
 MATERIAL, PAINT, STORAGE, HELD_OUT, TARGET = "material:lafortune-blue-paint", "garnet_red", "png8", 0.2, 1.3
 # Textures, and texels a side.

@@ -9,8 +9,8 @@ from pathlib import Path
 from homofact.brdf.source import open_source
 from homofact.cli.factorize import caption
 from homofact.evaluate.compare import fit_and_measure
-from homofact.factor.settings import FitSettings
-from homofact.render.compare_picture import compare_picture
+from homofact.figures.compare_picture import compare_picture
+from homofact.methods.settings import FitSettings
 
 PLACE = Path(__file__).resolve().parent.parent / "docs" / "pictures" / "blue_paint.png"
 

@@ -16,11 +16,11 @@ from pathlib import Path
 import torch
 from conditions import figure, machine, markdown, parser_of
 
+from homofact.brdf.formats import merl
+from homofact.brdf.formats import merl as writer
 from homofact.brdf.materials import material
-from homofact.brdf.readers import merl
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.table import AngleTable, Axis
-from homofact.brdf.writers import merl as writer
 from homofact.geometry.directions import draw_uniform, from_spherical
 
 NODES = (15, 30, 60, 90)

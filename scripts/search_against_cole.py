@@ -26,10 +26,10 @@ from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.config import load_config
-from homofact.evaluate.methods import method
 from homofact.evaluate.metrics import measure
-from homofact.factor.fit import Fit, Progress
-from homofact.factor.settings import FitSettings
+from homofact.methods.cole import Fit, Progress
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import method
 
 MATERIAL, CHANNEL = "lafortune-blue-paint", "G"
 SECOND = 1_000_000  # the second draw of seed s has seed s + SECOND

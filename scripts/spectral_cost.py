@@ -18,13 +18,13 @@ from pathlib import Path
 import torch
 from conditions import cornell_files, data_folder, figure, machine, markdown, parser_of, write
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import MEASURED_EPSILON, open_source
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, solve_terms, texture_shape
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
 from homofact.linear.threads import one_thread
 
 PAINT, SIZE, TEXTURES, LAMBDA, COPIES, TARGET = "garnet_red", 16, 2, 1e-3, 8, 3.0

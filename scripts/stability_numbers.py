@@ -24,9 +24,9 @@ from homofact.brdf.sampling import sample_model
 from homofact.evaluate.metrics import measure
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Term
-from homofact.factor.search_fit import fit_search
-from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples, solve_terms
+from homofact.methods.search import fit_search
+from homofact.methods.settings import FitSettings
 
 PARTS = ("noise", "seeds", "confidence")
 EPSILON = 1e-5

@@ -16,18 +16,18 @@ from pathlib import Path
 import torch
 from conditions import data_folder, figure, machine, markdown
 
-from homofact.brdf.readers.nbrdf import load, material_names
+from homofact.brdf.formats.nbrdf import load, material_names
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import MEASURED_EPSILON
 from homofact.errors import Status
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms, texture_shape
-from homofact.factor.validation import Folded, deal
 from homofact.linear.threads import one_thread
+from homofact.methods.validation import Folded, deal
 
 WIDTHS = (0.1, 0.03, 0.01)
 SIZES = (16, 32)

@@ -5,7 +5,7 @@
 Everything goes from unit ωi and ωo to f in three channels, on the same cosine-weighted directions, in one run, on all
 cores, each way at its best batch size; a round times every way once, and the best of the rounds counts. The ways:
 
-    textures, compiled     the shading program in vector instructions (`homofact.export.shading.compiled`), float32
+    textures, compiled     the shading program in vector instructions (`homofact.shading.compiled`), float32
     textures, torch        `Factorization.evaluate` in float32
     network, torch         `NeuralBrdf.evaluate` in float32: the published network (Sztrajman et al. 2021), 675 numbers
     network alone, torch   without the change of coordinates
@@ -34,15 +34,15 @@ from network_program import LOSSES, network_program, train
 from homofact.brdf.neural import NeuralBrdf, network_input
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import Source, open_source
+from homofact.containers.formats import FORMATS
 from homofact.errors import HomofactError
 from homofact.evaluate.compare import fit_and_measure, held_out_samples
 from homofact.evaluate.metrics import measure
-from homofact.export.containers.formats import FORMATS
 from homofact.export.exported import exported
-from homofact.export.shading.compiled import Compiled, compiled, compiled_program
 from homofact.factor.factorization import Factorization
-from homofact.factor.settings import FitSettings
 from homofact.geometry.directions import draw_cosine_weighted
+from homofact.methods.settings import FitSettings
+from homofact.shading.compiled import Compiled, compiled, compiled_program
 
 RGL, MATERIAL, HELD_OUT, TARGET = "vch_golden_yellow_rgb.bsdf", "material:lafortune-blue-paint", 0.2, 4.0
 BATCHES = tuple(1 << k for k in range(10, 21, 2))

@@ -18,12 +18,12 @@ from conditions import figure, machine, markdown, parser_of, write
 from headless import chromium, first_frame, open_page, settled
 
 from homofact.brdf.source import open_source
-from homofact.cli.reopening import Reopened
-from homofact.cli.viewing import write_view
 from homofact.errors import BadInput
 from homofact.evaluate.compare import HELD_OUT, fit_and_measure
+from homofact.evaluate.reopening import Reopened
 from homofact.factor.factorization import Factorization
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
+from homofact.viewer.page import write_view
 
 LARGEST, LATEST = 300_000, 3.0
 # Kinds that are all of two dimensions, so that five textures are five of size × size.

@@ -15,10 +15,10 @@ from headless import chromium, open_page
 from PIL import Image
 
 from homofact.brdf.source import open_source
-from homofact.cli.reopening import Reopened
-from homofact.cli.viewing import write_view
 from homofact.evaluate.compare import HELD_OUT, fit_and_measure
-from homofact.factor.settings import FitSettings
+from homofact.evaluate.reopening import Reopened
+from homofact.methods.settings import FitSettings
+from homofact.viewer.page import write_view
 
 SIZE = (1440, 900)
 

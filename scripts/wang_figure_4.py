@@ -20,17 +20,17 @@ import torch
 from conditions import figure, machine, markdown, parser_of, write
 from matplotlib.figure import Figure
 
-from homofact.baselines.decompositions import eigen, power
-from homofact.baselines.direction_maps import MAPS, direction_map
-from homofact.baselines.matrix import brdf_matrix
-from homofact.baselines.separable import Separable
-from homofact.baselines.svd import separable_of
 from homofact.brdf.channels import OneChannel
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
+from homofact.files.atomic import replace_file
 from homofact.geometry.directions import draw_uniform
 from homofact.linear.threads import one_thread
-from homofact.render.files import replace_file
+from homofact.methods.svd import separable_of
+from homofact.separable.decompositions import eigen, power
+from homofact.separable.maps import MAPS, direction_map
+from homofact.separable.matrix import brdf_matrix
+from homofact.separable.separable import Separable
 
 MATERIALS = ("ashikhmin-shirley-wang", "lafortune-clay", "lafortune-skin")
 MAP_ORDER = ("orthographic", "polar", "parabolic")

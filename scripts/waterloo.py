@@ -18,9 +18,9 @@ import torch
 from PIL import Image
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.factor.homomorphism import LogTransform
 from homofact.geometry.directions import normalize
 from homofact.geometry.parabolic import to_disc
 from homofact.linear.bilinear import lookup

@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 import homofact
+from homofact.brdf.log_transform import LogTransform
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform, from_spherical
 from homofact.render import mitsuba_bsdf

@@ -2,11 +2,11 @@
 
 import torch
 
-from homofact.baselines.separable import Separable, SeparableTerm
+from homofact.brdf.log_transform import LogTransform
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
+from homofact.separable.separable import Separable, SeparableTerm
 
 
 def random_term(projection: Projection, seed: int, channels: int, size: tuple[int, int] = (9, 12)) -> Term:

@@ -7,7 +7,7 @@ import pytest
 
 from homofact.config import Config, load_config
 from homofact.errors import BadInput
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -1,1 +1,1 @@
-"""Floor 2: samples, analytic models, named materials, readers, spectra; knows nothing of fitting."""
+"""Samples, reflectances, analytic models, named materials, formats, spectra; knows nothing of fitting."""

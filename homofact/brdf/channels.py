@@ -1,6 +1,6 @@
 """Which channels to work in: R, G, B; the spectrum as it was measured; luminance; or one of them alone."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -123,3 +123,13 @@ class OneChannel:
 
 def _luminance(rgb: Tensor) -> Tensor:
     return rgb @ torch.tensor(LUMINANCE, dtype=rgb.dtype, device=rgb.device)[:, None]
+
+
+def display_of(channels: Sequence[str]) -> Callable[[Tensor], Tensor] | None:
+    """What turns values (N, C) into linear sRGB (N, 3) for a picture; None where they show as they are.
+
+    Spectra become sRGB, negative where it leaves the gamut, which the picture clips and counts; one channel
+    shows as grey.
+    """
+    wavelengths = wavelengths_of(channels) if len(channels) > 1 else None
+    return None if wavelengths is None else lambda values: to_rgb(values, wavelengths, clip=False)[0]

@@ -9,9 +9,9 @@ from typing import Any, Literal
 from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
 from homofact.brdf.coverage import holes, spread
 from homofact.brdf.faults import evaluated_faults
+from homofact.brdf.formats import open_file
+from homofact.brdf.formats.reading import Drawing
 from homofact.brdf.materials import material
-from homofact.brdf.readers import open_file
-from homofact.brdf.readers.reading import Drawing
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import DEFAULT_COUNT, sample_model

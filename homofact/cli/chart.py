@@ -97,8 +97,8 @@ def chart(
     folder, wanted = Path(settings.output.folder), settings.chart
 
     from homofact.evaluate.chart import Run, plan, run_chart
-    from homofact.evaluate.chart_figure import reference, write_charts
     from homofact.evaluate.chart_ledger import Ledger
+    from homofact.figures.chart import reference, write_charts
 
     # What the chart varies must not be refused for what [fit] says of it.
     fit = replace(settings.fit, textures=wanted.textures[0], size=wanted.sizes[0], search=wanted.searches[0])

@@ -7,7 +7,6 @@ import typer
 from rich.text import Text
 
 from homofact.cli import options as o
-from homofact.cli.judging import Judge, chosen_metrics
 from homofact.cli.places import check_file
 from homofact.cli.screen import Screen, say_ending, say_subset
 from homofact.cli.subject import check_source, method_settings, open_subject, warmed_up
@@ -69,6 +68,7 @@ def compare(
 ) -> None:
     """Fit several methods to the same samples and print their errors and costs."""
     from homofact.config import load_config
+    from homofact.evaluate.judging import Judge, chosen_metrics
 
     settings = load_config(config, o.given(context))
     check_source(settings)
@@ -79,8 +79,8 @@ def compare(
     names = chosen_metrics(settings.compare.metrics)
 
     from homofact.evaluate.compare import fit_and_measure
-    from homofact.evaluate.plot import plot_rows
-    from homofact.render.files import replace_file
+    from homofact.figures.plot import plot_rows
+    from homofact.files.atomic import replace_file
 
     screen = Screen(as_json, quiet)
     with screen.bar() as bar:

@@ -60,8 +60,8 @@ def convert(
 
 def _write(target: Path, subject: "Source") -> dict[str, Any]:
     """Write the source in the format of the file's ending; what was written, and what got lost."""
+    from homofact.brdf.formats import alta, csv, merl
     from homofact.brdf.source import NOISE_FREE_EPSILON
-    from homofact.brdf.writers import alta, csv, merl
 
     noise_free = subject.default_epsilon == NOISE_FREE_EPSILON
     facts_of_source = subject.samples.provenance | ({"noise_free": True} if noise_free else {})
@@ -80,7 +80,7 @@ def _write(target: Path, subject: "Source") -> dict[str, Any]:
         csv.write(target, samples, comments)
         facts["format"] = "csv"
     elif ending == ".npz":
-        from homofact.brdf.readers import npz
+        from homofact.brdf.formats import npz
 
         header = {"comments": list(comments), "noise_free": noise_free}
         npz.write(target, samples, header)

@@ -63,11 +63,11 @@ def export(
         view(result, source, None, to if to.suffix in (".html", ".htm") else to / NAME, force, as_json, quiet)
         return
 
-    from homofact.cli.reopening import parts, reopen
-    from homofact.cli.viewing import read_report
-    from homofact.export.containers.formats import format_named
+    from homofact.containers.formats import format_named
+    from homofact.evaluate.reopening import parts, reopen
     from homofact.export.exported import check_export_folder, exported, write_exported
     from homofact.export.result import open_result
+    from homofact.viewer.page import read_report
 
     chosen = format_named(name)
     check_export_folder(to, force)
@@ -108,9 +108,9 @@ def export(
 
 def _solved(fitted: "Fitted", samples: "dict[str, Samples] | str", storage: str) -> "Fitted":
     """The fit with whole texels, solved on the samples that it was made from."""
-    from homofact.cli.reopening import settings_of
-    from homofact.evaluate.methods import quantized
+    from homofact.evaluate.reopening import settings_of
     from homofact.factor.factorization import Factorization
+    from homofact.methods.table import quantized
 
     if isinstance(samples, str):
         raise BadInput(f"quantize: {samples}, expected the samples to solve on: name them by --source")

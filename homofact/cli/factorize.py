@@ -10,10 +10,11 @@ from rich.text import Text
 from homofact.cli import options as o
 from homofact.cli.places import check_folder
 from homofact.cli.screen import Screen, plain, say_ending, say_subset
-from homofact.cli.subject import check_source, display_of, method_settings, open_subject, warmed_up
-from homofact.cli.tables import cost_table, error_table, figure
+from homofact.cli.subject import check_source, method_settings, open_subject, warmed_up
+from homofact.cli.tables import cost_table, error_table
 from homofact.cli.verdicts import refuse_findings, verdict_lines
 from homofact.errors import BadInput
+from homofact.evaluate.wording import figure
 
 
 def factorize(
@@ -75,9 +76,10 @@ def factorize(
     listed = "+".join(fit.projections)
     fit = method_settings(fit, f"{fit.method}:{listed}" if listed else fit.method)
 
+    from homofact.brdf.channels import display_of
     from homofact.evaluate.compare import fit_and_measure
     from homofact.export.result import write_result
-    from homofact.render.compare_picture import compare_picture
+    from homofact.figures.compare_picture import compare_picture
 
     screen = Screen(as_json, quiet)
     with screen.bar() as bar:

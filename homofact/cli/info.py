@@ -8,7 +8,7 @@ import typer
 from homofact.cli import options as o
 from homofact.cli.places import check_file
 from homofact.cli.screen import Screen
-from homofact.cli.subject import check_source, display_of, open_subject
+from homofact.cli.subject import check_source, open_subject
 from homofact.cli.tables import facts_table
 
 if TYPE_CHECKING:
@@ -55,7 +55,8 @@ def info(
 
 def _draw(picture: Path, subject: "Source") -> dict[str, Any]:
     """Draw the picture; its file, and what it was drawn with."""
-    from homofact.render.info_picture import info_picture
+    from homofact.brdf.channels import display_of
+    from homofact.figures.info_picture import info_picture
 
     picture.parent.mkdir(parents=True, exist_ok=True)
     report = info_picture(

@@ -11,11 +11,11 @@ from rich.text import Text
 from homofact.cli import options as o
 from homofact.cli.places import check_file, check_place
 from homofact.cli.screen import Screen
-from homofact.cli.tables import figure
 from homofact.errors import BadInput
+from homofact.evaluate.wording import figure
 
 if TYPE_CHECKING:
-    from homofact.scene.plan import MaterialPlan, ScenePlan
+    from homofact.scene.plan.plan import MaterialPlan, ScenePlan
 
 
 def plan(
@@ -44,14 +44,14 @@ def plan(
     if count < 100:
         raise BadInput(f"count: found {count}, expected at least 100")
 
+    from homofact.files.atomic import replace_file
     from homofact.linear.normal import warm_up
-    from homofact.render.files import replace_file
-    from homofact.scene.plan import Bench, plan_scene
-    from homofact.scene.plan_export import check_plan_folder, write_plan
-    from homofact.scene.plan_figure import plot_plan
-    from homofact.scene.plan_ladder import FitOptions
-    from homofact.scene.plan_lighting import named_lighting
-    from homofact.scene.plan_scene import read_scene
+    from homofact.scene.lighting import named_lighting
+    from homofact.scene.plan.export import check_plan_folder, write_plan
+    from homofact.scene.plan.figure import plot_plan
+    from homofact.scene.plan.ladder import FitOptions
+    from homofact.scene.plan.plan import Bench, plan_scene
+    from homofact.scene.plan.scene import read_scene
 
     if write is not None:
         check_plan_folder(write, force)
@@ -109,7 +109,7 @@ def choice_table(found: "ScenePlan") -> Table:
 
 def evidence_table(found: "ScenePlan") -> Table:
     """Of each choice: the order that its lobe is needed to, theory's error of the reflected light, and all measured."""
-    from homofact.scene.plan_theory import terms_needed
+    from homofact.scene.plan.theory import terms_needed
 
     table = _table("Evidence")
     _figures(table, "order", "terms", "any light", "theory", "reflected", "delta_e", "cole")

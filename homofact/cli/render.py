@@ -8,7 +8,6 @@ import typer
 from homofact.cli import options as o
 from homofact.cli.places import check_file
 from homofact.cli.screen import Screen
-from homofact.cli.subject import display_of
 from homofact.errors import BadInput
 
 
@@ -44,8 +43,9 @@ def render(
     target = Path(settings.render.file)
     check_file(target, ".png")
 
+    from homofact.brdf.channels import display_of
     from homofact.export.result import open_result
-    from homofact.render.compare_picture import caption, sphere_picture
+    from homofact.figures.compare_picture import caption, sphere_picture
     from homofact.render.environment import read_environment
     from homofact.render.light import DEFAULT_LIGHT, DirectionalLight
 

@@ -46,13 +46,13 @@ def stability(
         check_file(document, ".md")
 
     from homofact.evaluate.machine import machine
-    from homofact.evaluate.methods import METHODS
     from homofact.evaluate.stability.atlas import Plan, run_atlas, write_csv
     from homofact.evaluate.stability.cells import Outcome
     from homofact.evaluate.stability.document import write_document
-    from homofact.evaluate.stability.figure import draw_atlas, draw_solvers
     from homofact.evaluate.stability.solver_atlas import Answer, run_solvers
     from homofact.evaluate.stability.stressors import STRESSORS
+    from homofact.figures.stability import draw_atlas, draw_solvers
+    from homofact.methods.table import METHODS
 
     plan = Plan(
         _names("methods", methods, tuple(METHODS)), _names("stressors", stressors, tuple(STRESSORS)), short, seed

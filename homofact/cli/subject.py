@@ -1,18 +1,15 @@
 """What a command works on: the source of the configuration, methods by label, how to show it."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from homofact.errors import BadInput
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
     from homofact.brdf.source import Source
     from homofact.cli.screen import Screen
     from homofact.config import Config
-    from homofact.factor.settings import FitSettings
+    from homofact.methods.settings import FitSettings
 
 
 def check_source(settings: "Config") -> None:
@@ -62,8 +59,8 @@ def method_settings(base: "FitSettings", label: str) -> "FitSettings":
     unknown method, an unknown projection, for projections behind a method that searches its own, and for
     another setting that the method has no such value of.
     """
-    from homofact.evaluate.methods import check_settings, method
     from homofact.factor.projection import fixed_projection
+    from homofact.methods.table import check_settings, method
 
     name, colon, listed = label.partition(":")
     method(name)
@@ -75,16 +72,3 @@ def method_settings(base: "FitSettings", label: str) -> "FitSettings":
     settings = replace(base, method=name, projections=projections)
     check_settings(settings)
     return settings
-
-
-def display_of(channels: Sequence[str]) -> "Callable[[Tensor], Tensor] | None":
-    """What turns values (N, C) into linear sRGB (N, 3) for a picture; None where they show as they are.
-
-    Spectra become sRGB, negative where it leaves the gamut, which the picture clips and counts; one channel
-    shows as grey.
-    """
-    from homofact.brdf.channels import wavelengths_of
-    from homofact.brdf.spectral import to_rgb
-
-    wavelengths = wavelengths_of(channels) if len(channels) > 1 else None
-    return None if wavelengths is None else lambda values: to_rgb(values, wavelengths, clip=False)[0]

@@ -7,6 +7,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from homofact.evaluate.wording import figure
+
 METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")
 
 
@@ -107,13 +109,6 @@ def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
         if value is not None and value != {} and value != []:
             table.add_row(name.replace("_", " "), Text(words(value)))
     return table
-
-
-def figure(value: float | None) -> str:
-    """Three significant digits in at most eight characters."""
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if value == 0 or 1e-4 <= abs(value) < 1e5 else f"{value:.1e}"
 
 
 def words(value: Any, inner: bool = False) -> str:

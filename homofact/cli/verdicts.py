@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from homofact.cli.tables import figure
 from homofact.errors import BadInput
+from homofact.evaluate.wording import figure
 
 if TYPE_CHECKING:
     from homofact.evaluate.verdict import Verdict

@@ -36,11 +36,11 @@ def view(
     target = place_of(result) if out is None else out
     check_page(target, force)
 
-    from homofact.cli.reopening import reopen
-    from homofact.cli.viewing import read_report, write_view
+    from homofact.evaluate.reopening import reopen
     from homofact.export.result import open_result
-    from homofact.export.viewer.layers import check_shown
-    from homofact.export.viewer.mesh import read_mesh
+    from homofact.viewer.layers import check_shown
+    from homofact.viewer.mesh import read_mesh
+    from homofact.viewer.page import read_report, write_view
 
     screen = Screen(as_json, quiet)
     with screen.bar() as bar:

@@ -1,1 +1,1 @@
-"""Floor 4: metrics, methods by name, comparison on one split, charts."""
+"""How good a fit is: metrics, the split, reopening, the verdict, comparisons, charts and the atlas of failures."""

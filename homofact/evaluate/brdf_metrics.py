@@ -23,10 +23,10 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.faults import ALBEDO_DEGREES, albedo, reciprocity_of
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.evaluate.metrics import SixErrors, six_errors
-from homofact.factor.homomorphism import LogTransform
 from homofact.geometry.directions import normalize, to_spherical
 
 THETA_BANDS = ((0, 30), (30, 60), (60, 75), (75, 90))

@@ -11,16 +11,16 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 
-from homofact.baselines.mccool import PROJECTIONS
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, HomofactError, Status
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure, training_samples
 from homofact.evaluate.machine import machine
-from homofact.evaluate.methods import check_settings, method
-from homofact.factor.fit import ProgressCallback
-from homofact.factor.settings import FitSettings
+from homofact.methods.cole import ProgressCallback
+from homofact.methods.mccool import PROJECTIONS
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import check_settings, method
 from homofact.version import __version__
 
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from homofact.brdf.readers.files import write_bytes
 from homofact.errors import BadInput
 from homofact.evaluate.metrics import SixErrors
+from homofact.files.binary import write_bytes
 from homofact.version import __version__
 
 

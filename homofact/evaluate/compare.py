@@ -14,12 +14,12 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.brdf.stratified import stratified_subset
 from homofact.errors import Report
-from homofact.evaluate.methods import method, run
 from homofact.evaluate.metrics import SixErrors, measure
 from homofact.evaluate.verdict import Verdict, judge
-from homofact.factor.fit import ProgressCallback
 from homofact.factor.fitted import Fitted
-from homofact.factor.settings import FitSettings
+from homofact.methods.cole import ProgressCallback
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import method, run
 
 HELD_OUT = 0.2
 

@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass
 
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
-from homofact.factor.homomorphism import LogTransform
 
 
 @dataclass(frozen=True)

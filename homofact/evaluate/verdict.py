@@ -19,8 +19,8 @@ from homofact.brdf.scatter import local_scatter
 from homofact.errors import Report, Status
 from homofact.evaluate.metrics import SixErrors
 from homofact.factor.fitted import Fitted
-from homofact.factor.settings import FitSettings
 from homofact.linear.robust import scale_of
+from homofact.methods.settings import FitSettings
 
 LARGEST_CONDITION = 1e12
 LEAST_DETERMINED = 0.5

@@ -1,1 +1,1 @@
-"""Floor 4: what leaves the house: texture images, the manifest, the folder of a result."""
+"""What leaves for engines and eyes: texture images, the manifest, the folder of a result, the export with shaders."""

@@ -14,23 +14,23 @@ from typing import Any
 
 import torch
 
-from homofact.baselines.separable import Separable, SeparableTerm
+from homofact.containers.exr import exr_channel_names
+from homofact.containers.formats import Format
 from homofact.errors import BadInput
-from homofact.export.containers.formats import Format
-from homofact.export.encoding import Encoded, as_floats, encode, encode_term
-from homofact.export.folders import check_new_folder, write_folder
-from homofact.export.images import exr_channel_names
 from homofact.export.manifest import CONVENTIONS, bits, describe_projection, write_json
 from homofact.export.separable_files import EVALUATION, MAPS
-from homofact.export.shading.c_code import c_source
-from homofact.export.shading.cost import Cost, cost_of
-from homofact.export.shading.fitted_program import fitted_program, textures_of
-from homofact.export.shading.languages import GLSL, HLSL, WGSL, shader
-from homofact.export.shading.program import Program
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
+from homofact.files.atomic import replace_file
+from homofact.files.folder import check_new_folder, write_folder
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.render.files import replace_file
+from homofact.separable.separable import Separable, SeparableTerm
+from homofact.shading.c_code import c_source
+from homofact.shading.cost import Cost, cost_of
+from homofact.shading.encoding import Encoded, as_floats, encode, encode_term
+from homofact.shading.fitted_program import fitted_program, textures_of
+from homofact.shading.languages import GLSL, HLSL, WGSL, shader
+from homofact.shading.program import Program
 from homofact.version import __version__
 
 FORMAT = "homofact export"

@@ -11,20 +11,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.baselines.direction_maps import MAPS
-from homofact.baselines.matrix import PARAMETERIZATIONS
-from homofact.baselines.separable import Separable, SeparableTerm
+from homofact.brdf.log_transform import LogTransform
+from homofact.containers.exr import exr_channel_names
+from homofact.containers.formats import FORMATS, MOST_SIDE
 from homofact.errors import BadInput
-from homofact.export.containers.formats import FORMATS, MOST_SIDE
-from homofact.export.encoding import Encoded
 from homofact.export.exported import FORMAT, FORMAT_VERSION, MANIFEST
-from homofact.export.fields import Fields
-from homofact.export.images import exr_channel_names
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection, Warp
+from homofact.files.fields import Fields
 from homofact.geometry.coordinates import COORDINATES
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
+from homofact.separable.maps import MAPS
+from homofact.separable.matrix import PARAMETERIZATIONS
+from homofact.separable.separable import Separable, SeparableTerm
+from homofact.shading.encoding import Encoded
 
 _MOST_TERMS = 1000
 

@@ -17,76 +17,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import torch
 from PIL import Image, PngImagePlugin
 from torch import Tensor
 
+from homofact.containers.exr import exr_channel_names, write_exr
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization, Term
-from homofact.render.environment import decode_exr
-from homofact.render.files import replace_file
+from homofact.files.atomic import replace_file
 
 SIDE = 256
 OUTSIDE = (255, 213, 0)
 HATCH = (176, 132, 0)
 # A texture that varies by less than a factor e looks as flat as it is.
 _LEAST_RANGE = 1.0
-
-
-def exr_channel_names(channels: Sequence[str]) -> tuple[str, ...]:
-    """What the channels are called in an EXR: Y for a single one, else their own names.
-
-    A full stop would make a layer of what stands before it, so 400.5nm becomes 400,5nm.
-    """
-    return ("Y",) if len(channels) == 1 else tuple(name.replace(".", ",") for name in channels)
-
-
-def write_exr(path: str | os.PathLike[str], pixels: np.ndarray, names: Sequence[str], comment: str = "") -> None:
-    """Write pixels (rows, columns, C) as 32-bit float channels, row 0 the first scanline, losslessly packed.
-
-    Raises BadInput where the names do not fit, a value is not finite in float32, or the place cannot be
-    written.
-    """
-    with np.errstate(over="ignore"):
-        stored = np.asarray(pixels).astype(np.float32)
-    if stored.ndim != 3 or stored.shape[2] != len(names) or len(set(names)) != len(names):
-        wanted = f"(rows, columns, {len(names)}) and as many different names"
-        raise BadInput(f"{path}: found pixels of shape {stored.shape}, expected {wanted}")
-    if not np.isfinite(stored).all():
-        row, column, _ = np.argwhere(~np.isfinite(stored))[0]
-        raise BadInput(f"{path}: row {row}, column {column} is not finite in float32, expected finite values")
-    write_channels(path, stored, names, comment)
-
-
-def write_channels(path: str | os.PathLike[str], stored: np.ndarray, names: Sequence[str], comment: str = "") -> None:
-    """Write finite pixels (rows, columns, C) of float32 or float16 as channels of that type, losslessly packed.
-
-    Raises BadInput where the place cannot be written.
-    """
-    planes = {name: np.ascontiguousarray(stored[..., c]) for c, name in enumerate(names)}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "comments": comment}
-
-    def write(beside: Path) -> None:
-        try:
-            OpenEXR.File(header, planes).write(str(beside))
-        except RuntimeError as error:
-            raise OSError(str(error)) from error
-
-    # The library speaks of a bad place on stderr by itself; asked first, it need not.
-    folder = Path(path).parent
-    if not os.access(folder, os.W_OK):
-        raise BadInput(f"{path}: cannot be written, {folder} is not a writable folder, expected one")
-    replace_file(path, write)
-
-
-def read_exr(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """The channels (rows, columns) of an EXR by name, row 0 the first scanline. Raises BadInput."""
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}), expected an EXR file") from error
-    return decode_exr(data, str(path))
 
 
 def write_texture_exr(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:

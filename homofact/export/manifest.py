@@ -13,12 +13,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from homofact.containers.exr import exr_channel_names
 from homofact.errors import BadInput
-from homofact.export.images import exr_channel_names
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection
-from homofact.geometry.quaternion import Pair
-from homofact.render.files import replace_file
+from homofact.files.atomic import replace_file
+from homofact.geometry.rotation import Pair
 from homofact.version import __version__
 
 FORMAT = "homofact manifest"

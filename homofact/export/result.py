@@ -5,18 +5,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from homofact.baselines.separable import FORMAT as SEPARABLE
-from homofact.baselines.separable import Separable
 from homofact.errors import BadInput
 from homofact.export.exported_reader import is_export, open_exported
-from homofact.export.folders import check_new_folder, write_folder
 from homofact.export.images import write_textures
 from homofact.export.manifest import manifest, write_json
 from homofact.export.separable_files import separable_manifest, write_separable_textures
 from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
-from homofact.factor.saved import NAME as FACTORIZATION
-from homofact.factor.saved import read_archive, saved_file
+from homofact.files.archive import NAME as FACTORIZATION
+from homofact.files.archive import read_archive, saved_file
+from homofact.files.folder import check_new_folder, write_folder
+from homofact.separable.separable import FORMAT as SEPARABLE
+from homofact.separable.separable import Separable
 
 MANIFEST = "manifest.json"
 REPORT = "report.json"

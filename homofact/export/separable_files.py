@@ -14,11 +14,12 @@ import torch
 from PIL import Image, PngImagePlugin
 from torch import Tensor
 
-from homofact.baselines.separable import Separable
+from homofact.containers.exr import exr_channel_names, write_exr
 from homofact.errors import BadInput
-from homofact.export.images import enlarged_and_hatched, exr_channel_names, three_channels, write_exr
+from homofact.export.images import enlarged_and_hatched, three_channels
 from homofact.export.manifest import CONVENTIONS, bits
-from homofact.render.files import replace_file
+from homofact.files.atomic import replace_file
+from homofact.separable.separable import Separable
 from homofact.version import __version__
 
 FORMAT = "homofact separable manifest"

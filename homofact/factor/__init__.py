@@ -1,1 +1,1 @@
-"""Floor 3: the log transform, projections, their search, the fit, and the factorization it gives."""
+"""The log-domain problem: projections, objective, searches over them, textures, and the factorization they give."""

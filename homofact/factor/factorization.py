@@ -13,12 +13,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection, Warp
-from homofact.factor.saved import check_version, read_archive, write_archive
+from homofact.files.archive import check_version, read_archive, write_archive
 from homofact.geometry.coordinates import COORDINATES
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
 from homofact.linear.bilinear import lookup
 
 FORMAT_VERSION = 1

@@ -4,8 +4,8 @@ import os
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
-from homofact.factor.homomorphism import LogTransform
 
 
 class Fitted(Reflectance, Protocol):

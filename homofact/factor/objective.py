@@ -24,7 +24,7 @@ from homofact.errors import BadInput
 from homofact.factor.projection import Projection, row_bounds
 from homofact.factor.textures import LogSamples, Shape, Smoothing, inner_problem
 from homofact.geometry.coordinates import coordinate_system
-from homofact.geometry.quaternion import Pair, rotation3
+from homofact.geometry.rotation import Pair, rotation3
 from homofact.linear.least_squares import LeastSquares
 from homofact.linear.normal import gradient
 from homofact.linear.solvers import solve

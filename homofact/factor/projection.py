@@ -17,7 +17,7 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import CoordinateSystem, coordinate_system
-from homofact.geometry.quaternion import Pair, rotation3
+from homofact.geometry.rotation import Pair, rotation3
 
 BOUNDS = ("disc", "cube")
 

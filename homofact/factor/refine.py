@@ -16,8 +16,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.factor.factorization import Term, sum_of_terms
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.textures import LogSamples, Smoothing, centred, inner_problem
 from homofact.linear.solvers import solve
 

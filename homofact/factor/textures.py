@@ -13,11 +13,11 @@ import torch
 from scipy.ndimage import binary_dilation, distance_transform_edt
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.errors import Status
 from homofact.factor.factorization import Term, sum_of_terms
 from homofact.factor.gauge import gauge_rows
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection
 from homofact.geometry.coordinates import CoordinateSystem
 from homofact.geometry.parabolic import to_disc

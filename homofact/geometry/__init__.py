@@ -1,1 +1,1 @@
-"""Floor 1: directions, maps of the hemisphere, named coordinates and 4D rotations."""
+"""Directions, maps of the hemisphere, named coordinates and rotations."""

@@ -1,1 +1,1 @@
-"""Floor 1: bilinear stencils, masks, smoothing and the linear systems; nothing here knows about light."""
+"""Bilinear stencils, masks, smoothing and the linear systems; nothing here knows about light."""

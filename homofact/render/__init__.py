@@ -1,1 +1,1 @@
-"""Floor 4: a lit sphere of any reflectance, light, tone and the pictures that compare fits."""
+"""A lit sphere of any reflectance, lights, tone, and fits as materials of Mitsuba."""

@@ -1,17 +1,15 @@
 """Reading an environment map from a file: Radiance .hdr or OpenEXR, told apart by content."""
 
-import contextlib
-import io
 import os
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import torch
 
+from homofact.containers.exr import decode_exr
+from homofact.containers.hdr import decode_hdr
 from homofact.errors import BadInput
 from homofact.render.light import EnvironmentMap
-from homofact.render.radiance_hdr import decode_hdr
 
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
 
@@ -39,17 +37,3 @@ def read_environment(path: str | os.PathLike[str], turn: float = 0.0) -> Environ
     else:
         raise BadInput(f"{target}: starts with {data[:4]!r}, expected a Radiance .hdr or an OpenEXR file")
     return EnvironmentMap(torch.from_numpy(pixels), turn, target.name)
-
-
-def decode_exr(data: bytes, name: str) -> dict[str, np.ndarray]:
-    """The channels (rows, columns) of a single-part EXR file's bytes, row 0 on top, in their stored type.
-
-    Raises BadInput for a file that cannot be decoded; `name` is for messages.
-    """
-    try:
-        # The library announces a damaged part on stdout, which belongs to the commands' output.
-        with contextlib.redirect_stdout(io.StringIO()):
-            file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
-            return {key: np.asarray(channel.pixels) for key, channel in file.channels().items()}
-    except (RuntimeError, ValueError, TypeError) as error:
-        raise BadInput(f"{name}: not a readable OpenEXR file ({error}), expected whole scanlines") from error

@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
-from homofact.baselines.separable import FORMAT as SEPARABLE
 from homofact.errors import BadInput, MissingDependency
 from homofact.factor.factorization import Factorization
-from homofact.factor.saved import read_archive, saved_file
+from homofact.files.archive import read_archive, saved_file
 from homofact.render.lobe_sampling import SCALE, SIGMA, is_isotropic, lobe_sampling
+from homofact.separable.separable import FORMAT as SEPARABLE
 
 NAME = "homofact"
 SAMPLINGS = ("lobe", "cosine")
@@ -106,7 +106,7 @@ def bsdf_class() -> Any:
 def _class_of(variant: str) -> Any:
     """The class of a variant, which is the one that is set."""
     mi, dr = _mitsuba(), import_module("drjit")
-    from homofact.render.drjit_evaluation import DrJitFactorization
+    from homofact.shading.drjit import DrJitFactorization
 
     class FactorizationBSDF(mi.BSDF):
         """`mitsuba.BSDF` of a factorization; arguments and results are Mitsuba's."""

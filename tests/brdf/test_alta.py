@@ -8,14 +8,14 @@ import pytest
 import torch
 from torch import Tensor
 
-from homofact.brdf.alta_parameters import PARAMETERIZATIONS
 from homofact.brdf.channels import spectral_names
+from homofact.brdf.formats import alta, read_samples
+from homofact.brdf.formats import alta as writer
+from homofact.brdf.formats.alta_parameters import PARAMETERIZATIONS
 from homofact.brdf.materials import material
-from homofact.brdf.readers import alta, read_samples
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import describe, open_source
-from homofact.brdf.writers import alta as writer
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import draw_uniform, from_spherical, to_spherical

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 import torch
 
+from homofact.brdf.formats import astm, read_samples
+from homofact.brdf.formats import astm as writer
 from homofact.brdf.materials import material
-from homofact.brdf.readers import astm, read_samples
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.brdf.writers import astm as writer
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
 

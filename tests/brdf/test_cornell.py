@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from homofact.brdf.readers import cornell
+from homofact.brdf.formats import cornell
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
 

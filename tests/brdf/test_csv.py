@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from homofact.brdf.channels import spectral_names
+from homofact.brdf.formats import csv, read_samples
+from homofact.brdf.formats import csv as writer
 from homofact.brdf.materials import material
-from homofact.brdf.readers import csv, read_samples
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import open_source
-from homofact.brdf.writers import csv as writer
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
 

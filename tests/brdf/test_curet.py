@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 import torch
 
+from homofact.brdf.formats import curet, open_file
+from homofact.brdf.formats import curet as writer
 from homofact.brdf.materials import material
-from homofact.brdf.readers import curet, open_file
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.brdf.writers import curet as writer
 from homofact.errors import BadInput
 
 

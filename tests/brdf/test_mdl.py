@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from homofact.brdf.readers import mdl, read_samples
+from homofact.brdf.formats import mdl, read_samples
 from homofact.brdf.source import describe, open_source
 from homofact.brdf.table import AngleTable
 from homofact.errors import BadInput

@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.channels import LuminanceOf
+from homofact.brdf.formats import READERS, nbrdf, npz, read_samples
 from homofact.brdf.neural import LAYERS, NeuralBrdf, network_input
-from homofact.brdf.readers import READERS, nbrdf, npz, read_samples
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import describe, open_source
 from homofact.errors import BadInput

@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from homofact.brdf.channels import spectral_names
+from homofact.brdf.formats import npz
 from homofact.brdf.materials import material
-from homofact.brdf.readers import npz
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput

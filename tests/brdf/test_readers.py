@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from homofact.brdf.formats import READERS, npz, read_samples
 from homofact.brdf.materials import material
-from homofact.brdf.readers import READERS, npz, read_samples
-from homofact.brdf.readers.files import write_bytes
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
+from homofact.files.binary import write_bytes
 
 CORNELL = b"# num wls\n3\n400 550 700\n0.1 0 0.1 0 0.5 0.5 0.5\n"
 

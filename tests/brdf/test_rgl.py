@@ -10,7 +10,7 @@ import torch
 from rgl_files import constant, rough, write_tensors
 from torch import Tensor
 
-from homofact.brdf.readers.rgl import load
+from homofact.brdf.formats.rgl import load
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.errors import BadInput

@@ -13,7 +13,7 @@ import torch
 from rgl_files import rough, write_tensors
 from torch import Tensor
 
-from homofact.brdf.readers.rgl import load
+from homofact.brdf.formats.rgl import load
 from homofact.geometry.directions import draw_uniform
 
 pytestmark = pytest.mark.skipif(

@@ -11,8 +11,8 @@ import torch
 from rgl_files import MAGIC, constant, rough, write_tensors
 
 from homofact.brdf.channels import LuminanceOf
-from homofact.brdf.readers import READERS, read_samples, rgl
-from homofact.brdf.readers.reading import Drawing
+from homofact.brdf.formats import READERS, read_samples, rgl
+from homofact.brdf.formats.reading import Drawing
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.source import describe, open_source
 from homofact.errors import BadInput

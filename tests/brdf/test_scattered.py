@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.analytic import Lambert
+from homofact.brdf.formats import read_samples
 from homofact.brdf.materials import material
-from homofact.brdf.readers import read_samples
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model

@@ -13,8 +13,8 @@ from homofact.brdf.source import open_source
 from homofact.brdf.stratified import GRIDS, stratified_subset
 from homofact.errors import BadInput
 from homofact.evaluate.compare import fit_and_measure
-from homofact.factor.settings import FitSettings
 from homofact.geometry.coordinates import coordinate_system
+from homofact.methods.settings import FitSettings
 
 MODEL = Lambert((0.5,), channels=("Y",))
 

@@ -9,8 +9,8 @@ from types import ModuleType
 import pytest
 import torch
 
+from homofact.brdf.formats import read_samples
 from homofact.brdf.materials import material
-from homofact.brdf.readers import read_samples
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "data_synthetic"

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import torch
 
+from homofact.brdf.formats import read_samples, utia
+from homofact.brdf.formats import utia as writer
 from homofact.brdf.materials import material
-from homofact.brdf.readers import read_samples, utia
 from homofact.brdf.source import open_source
 from homofact.brdf.table import AngleTable
-from homofact.brdf.writers import utia as writer
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_uniform, to_spherical
 

@@ -12,8 +12,8 @@ from homofact import __version__
 from homofact.cli.main import app, main
 from homofact.cli.options import KINDS
 from homofact.config import Config, load_config
-from homofact.factor import kinds
-from homofact.factor.settings import FitSettings
+from homofact.methods import kinds
+from homofact.methods.settings import FitSettings
 
 MATERIAL = "material:phong-10"
 CORNELL = "# a paint\n2\n400 700\n0.1 0.0 0.2 3.0 0.5 0.5\n"

@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 import torch
 
+from homofact.brdf.formats import csv, merl, read_samples
 from homofact.brdf.materials import material
-from homofact.brdf.readers import read_samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import open_source
-from homofact.brdf.writers import csv, merl
 from homofact.cli.main import main
 
 MATERIAL = "material:lafortune-clay"

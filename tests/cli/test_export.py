@@ -10,7 +10,7 @@ import pytest
 import homofact
 from homofact.cli import export as command
 from homofact.cli.main import main
-from homofact.export.containers.formats import FORMATS
+from homofact.containers.formats import FORMATS
 from homofact.factor.factorization import Factorization
 
 MODEL = ["material:lafortune-blue-paint", "--count", "3000"]

@@ -8,13 +8,13 @@ import pytest
 import torch
 
 from homofact.brdf.source import Source, open_source
-from homofact.cli.judging import Judge, chosen_metrics
 from homofact.cli.main import main
 from homofact.errors import BadInput
 from homofact.evaluate.brdf_metrics import METRICS, SIX
 from homofact.evaluate.compare import fit_and_measure, held_out_samples
 from homofact.evaluate.image_metrics import IMAGE_METRICS
-from homofact.factor.settings import FitSettings
+from homofact.evaluate.judging import Judge, chosen_metrics
+from homofact.methods.settings import FitSettings
 
 FAST = [
     "material:blinn-phong-50", "--count", "600", "--size", "6", "--textures", "1", "--restarts", "1",

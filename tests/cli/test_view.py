@@ -14,7 +14,7 @@ import torch
 
 import homofact
 from homofact.cli.main import main
-from homofact.cli.reopening import Reopened, reopen, settings_of
+from homofact.evaluate.reopening import Reopened, reopen, settings_of
 from homofact.factor.factorization import Factorization
 
 SMALL = ["material:blinn-phong-50", "--count", "700", "--seed", "3"]

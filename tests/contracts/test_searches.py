@@ -8,10 +8,10 @@ import torch
 from homofact.errors import BadInput, Status
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
-from homofact.factor.search_fit import search_named
 from homofact.factor.textures import LogSamples
 from homofact.geometry.directions import draw_in_discs
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
+from homofact.methods.search import search_named
 
 NAMES = (
     "gradient",

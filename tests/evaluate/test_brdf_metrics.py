@@ -8,12 +8,12 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.analytic import Lambert
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.evaluate.brdf_metrics import METRICS, SIX, Judged, uniform_weights
 from homofact.evaluate.metrics import six_errors
-from homofact.factor.homomorphism import LogTransform
 from homofact.geometry.directions import from_spherical
 
 UNIT = LogTransform(0.01, torch.ones(1, dtype=torch.float64))

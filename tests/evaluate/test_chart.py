@@ -18,14 +18,14 @@ import homofact.evaluate.chart
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput, Status
 from homofact.evaluate.chart import Run, plan, run_chart, samples_digest
-from homofact.evaluate.chart_figure import cost_chart, reference, time_chart, write_charts
 from homofact.evaluate.chart_ledger import ChartRow, Ledger
 from homofact.evaluate.compare import fit_and_measure
-from homofact.evaluate.label_places import place_labels
-from homofact.evaluate.log_axis import plain_number, round_ticks
-from homofact.evaluate.methods import METHODS
 from homofact.evaluate.pareto import dominates, front
-from homofact.factor.settings import FitSettings
+from homofact.figures.chart import cost_chart, reference, time_chart, write_charts
+from homofact.figures.label_places import place_labels
+from homofact.figures.log_axis import plain_number, round_ticks
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import METHODS
 
 FAST = FitSettings(restarts=1, search_size=3, search_samples=60, budget=0.5)
 

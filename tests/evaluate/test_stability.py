@@ -17,7 +17,6 @@ from homofact.brdf.source import Source
 from homofact.cli.main import main
 from homofact.errors import BadInput, SolverFailure, Status
 from homofact.evaluate.compare import Row
-from homofact.evaluate.methods import METHODS
 from homofact.evaluate.stability.atlas import SHORT_SETTINGS, Atlas, Plan, run_atlas, write_csv
 from homofact.evaluate.stability.cells import (
     Cell,
@@ -30,7 +29,6 @@ from homofact.evaluate.stability.cells import (
     settings_for,
 )
 from homofact.evaluate.stability.document import document
-from homofact.evaluate.stability.figure import draw_atlas, draw_solvers, short_number
 from homofact.evaluate.stability.problem import Problem, Scale, Stressor, unstressed
 from homofact.evaluate.stability.real import Absent
 from homofact.evaluate.stability.solver_atlas import (
@@ -43,9 +41,11 @@ from homofact.evaluate.stability.solver_atlas import (
     run_solvers,
 )
 from homofact.evaluate.stability.stressors import STRESSORS
-from homofact.factor.settings import FitSettings
+from homofact.figures.stability import draw_atlas, draw_solvers, short_number
 from homofact.geometry.directions import normalize, to_spherical
 from homofact.linear.solvers import SOLVERS
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import METHODS
 
 SCALE = Scale(samples=600, clean=300)
 REAL = ("real-retroreflector", "real-non-reciprocal", "real-negative")

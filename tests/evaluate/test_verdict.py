@@ -12,7 +12,7 @@ from homofact.brdf.source import Source
 from homofact.errors import Status
 from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.verdict import Verdict
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
 
 GOOD = FitSettings(method="mccool", projections=("theta_h-theta_d", "theta_d-phi_d"), size=12, smoothing=1e-4)
 

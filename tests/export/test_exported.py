@@ -12,8 +12,8 @@ import torch
 from shading_cases import CASES, SEPARABLE, factorization, searched, separable
 
 import homofact
+from homofact.containers.formats import FORMATS, format_named
 from homofact.errors import BadInput
-from homofact.export.containers.formats import FORMATS, format_named
 from homofact.export.exported import (
     Exported,
     check_export_folder,

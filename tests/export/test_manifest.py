@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 import torch
 
+from homofact.brdf.log_transform import LogTransform
+from homofact.containers.exr import read_exr
 from homofact.errors import BadInput
-from homofact.export.images import read_exr, write_textures
+from homofact.export.images import write_textures
 from homofact.export.manifest import manifest, write_json
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
 
 
 def terms():

@@ -7,12 +7,13 @@ import shutil
 import pytest
 import torch
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
-from homofact.export import folders, result
+from homofact.export import result
 from homofact.export.result import check_result_folder, open_result, write_result
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import fixed_projection
+from homofact.files import folder as folders
 
 CONTENTS = {
     "factorization.npz",

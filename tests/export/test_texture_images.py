@@ -5,12 +5,12 @@ import pytest
 import torch
 from PIL import Image
 
+from homofact.containers.exr import read_exr
 from homofact.errors import BadInput
 from homofact.export.images import (
     HATCH,
     OUTSIDE,
     exr_channel_names,
-    read_exr,
     texture_picture,
     write_exr,
     write_texture_exr,

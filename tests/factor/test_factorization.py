@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_in_discs
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
 
 
 @pytest.fixture

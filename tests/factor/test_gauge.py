@@ -6,12 +6,12 @@ import pytest
 import torch
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.factor.gauge import gauge_rows, null_space
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.factor.textures import LogSamples, inner_problem, solve_terms, texture_shape
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
 from homofact.linear.normal import stencil_rows
 
 SIZE = 5

@@ -4,14 +4,14 @@ import pytest
 import torch
 from problems import CATALOGUE, Problem
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.factor import textures
-from homofact.factor.homomorphism import LogTransform
-from homofact.factor.kinds import make
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.factor.textures import LogSamples
 from homofact.geometry.directions import draw_in_discs, half_difference
 from homofact.linear.normal import gradient, gradient_torch
+from homofact.methods.kinds import make
 
 
 def _log_samples(count: int, seed: int = 0) -> LogSamples:

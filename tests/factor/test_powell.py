@@ -8,7 +8,7 @@ import torch
 from homofact.errors import Status
 from homofact.factor.search.golden import golden_section
 from homofact.factor.search.powell import Powell
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
 
 
 @pytest.mark.parametrize("minimum", [0.0, 0.1, -0.1, 1.0, -1.3, 2.5])

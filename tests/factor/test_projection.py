@@ -7,7 +7,7 @@ from homofact.errors import BadInput
 from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import COORDINATES
 from homofact.geometry.directions import draw_in_discs
-from homofact.geometry.quaternion import Pair
+from homofact.geometry.rotation import Pair
 
 PAIRS = draw_in_discs(3000, torch.Generator().manual_seed(3))
 

@@ -9,13 +9,13 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homofact.baselines.mccool import fit_mccool
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, SolverFailure
 from homofact.factor.factorization import Factorization
-from homofact.factor.fit import Fit
-from homofact.factor.settings import FitSettings
 from homofact.geometry.directions import draw_cosine_weighted
+from homofact.methods.cole import Fit
+from homofact.methods.mccool import fit_mccool
+from homofact.methods.settings import FitSettings
 
 KINDS = ("wi", "h", "theta_h-theta_d", "theta_d-phi_d", "theta_i-theta_o", "theta_i-delta_phi", "theta_h")
 

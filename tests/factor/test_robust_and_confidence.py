@@ -5,18 +5,18 @@ from dataclasses import replace
 import pytest
 import torch
 
-from homofact.baselines.mccool import fit_mccool
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.fit import fit_cole
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import fixed_projection
-from homofact.factor.settings import FitSettings
 from homofact.factor.textures import LogSamples, domain_mask, solve_terms
+from homofact.methods.cole import fit_cole
+from homofact.methods.mccool import fit_mccool
+from homofact.methods.settings import FitSettings
 
 NAMES = ("theta_h-theta_d", "theta_i-theta_o")
 PROJECTIONS = tuple(fixed_projection(name, True) for name in NAMES)

@@ -4,9 +4,9 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from homofact.containers.hdr import decode_hdr
 from homofact.errors import BadInput
 from homofact.render.environment import read_environment
-from homofact.render.radiance_hdr import decode_hdr
 
 HEAD = b"#?RADIANCE\n# made here\nFORMAT=32-bit_rle_rgbe\n\n"
 

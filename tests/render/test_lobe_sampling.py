@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import fixed_projection
 from homofact.geometry.directions import draw_uniform, from_spherical
 from homofact.render.lobe_sampling import LEAST, LobeSampling, is_isotropic, lobe_sampling

@@ -17,13 +17,13 @@ from homofact.errors import BadInput, Report
 from homofact.factor.fitted import Fitted
 from homofact.render.light import DirectionalLight, EnvironmentMap
 from homofact.scene.harmonics import harmonics, quadrature
-from homofact.scene.plan import Bench, MaterialPlan, fitted_by_method, plan_material, plan_scene
-from homofact.scene.plan_ladder import CONSTANT, LADDER, LAMBERT, Candidate, FitOptions, ladder
-from homofact.scene.plan_lighting import NAMED, ORDER, Lighting, named_lighting
-from homofact.scene.plan_measure import Judge, pixel_normals
-from homofact.scene.plan_scene import Budget, Scene, SceneMaterial, Tolerance, read_scene
-from homofact.scene.plan_search import Outcome, Walk, walk
-from homofact.scene.plan_theory import (
+from homofact.scene.lighting import NAMED, ORDER, Lighting, named_lighting
+from homofact.scene.plan.ladder import CONSTANT, LADDER, LAMBERT, Candidate, FitOptions, ladder
+from homofact.scene.plan.measure import Judge, pixel_normals
+from homofact.scene.plan.plan import Bench, MaterialPlan, fitted_by_method, plan_material, plan_scene
+from homofact.scene.plan.scene import Budget, Scene, SceneMaterial, Tolerance, read_scene
+from homofact.scene.plan.search import Outcome, Walk, walk
+from homofact.scene.plan.theory import (
     Lobes,
     lost_above,
     mean_square,

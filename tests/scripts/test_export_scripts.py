@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import torch
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
 from homofact.brdf.neural import LAYERS, NeuralBrdf
 from homofact.brdf.sampling import sample_model
 from homofact.evaluate.metrics import measure
-from homofact.export.shading.compiled import compiled_program
-from homofact.factor.homomorphism import LogTransform
 from homofact.geometry.directions import draw_uniform
+from homofact.shading.compiled import compiled_program
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -9,7 +9,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from homofact.brdf.readers import READERS
+from homofact.brdf.formats import READERS
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 

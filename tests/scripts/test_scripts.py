@@ -16,15 +16,15 @@ import pytest
 import torch
 from PIL import Image
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import open_source
 from homofact.errors import BadInput
 from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.metrics import six_errors
-from homofact.factor.homomorphism import LogTransform
-from homofact.factor.settings import FitSettings
 from homofact.geometry.directions import draw_in_discs, normalize
 from homofact.geometry.parabolic import to_disc
+from homofact.methods.settings import FitSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 SYNTHETIC = ROOT / "data_synthetic" / "synthetic_cornell.brdf"

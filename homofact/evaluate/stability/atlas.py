@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from homofact.brdf.readers.files import write_bytes
-from homofact.evaluate.methods import METHODS, method
 from homofact.evaluate.stability.cells import Cell, Fitter, Judged, Outcome, References, fit_row, run_cell
 from homofact.evaluate.stability.problem import Scale, Stressor, unstressed
 from homofact.evaluate.stability.real import Absent
 from homofact.evaluate.stability.stressors import STRESSORS, stressor
-from homofact.factor.settings import FitSettings
+from homofact.files.binary import write_bytes
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import METHODS, method
 
 # Small fits, so that hundreds of them take minutes. ε is that of measured data.
 BASE_SETTINGS = FitSettings(

@@ -13,15 +13,15 @@ from enum import Enum
 
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, SolverFailure, Status
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
-from homofact.evaluate.methods import check_settings, method
 from homofact.evaluate.metrics import measure
 from homofact.evaluate.stability.problem import Problem
 from homofact.evaluate.stability.real import Absent
-from homofact.factor.homomorphism import LogTransform
-from homofact.factor.settings import FitSettings
+from homofact.methods.settings import FitSettings
+from homofact.methods.table import check_settings, method
 
 # Of the judgement, whatever the fit's own ε is: values under a hundredth of the mean count alike.
 JUDGING_EPSILON = 1e-2

@@ -3,12 +3,12 @@
 import os
 from pathlib import Path
 
-from homofact.brdf.readers.files import write_bytes
 from homofact.evaluate.stability.atlas import Atlas
 from homofact.evaluate.stability.cells import DEGRADED, JUDGING_EPSILON, WORTH_AN_ERROR, WRONG, Cell, Outcome
 from homofact.evaluate.stability.problem import Stressor
 from homofact.evaluate.stability.solver_atlas import AGREES, AGREES_ILL, SYSTEMS, WELL_POSED, Answer, SolverCell
 from homofact.evaluate.stability.stressors import stressor
+from homofact.files.binary import write_bytes
 from homofact.version import __version__
 
 _WORDS = {Outcome.REFUSED: "refused", Outcome.CRASHED: "crashed", Outcome.NONE: "–", Outcome.ABSENT: "no data"}

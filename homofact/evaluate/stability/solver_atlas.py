@@ -14,10 +14,10 @@ import scipy.linalg
 import torch
 
 from homofact.brdf.analytic import BlinnPhong
+from homofact.brdf.log_transform import LogTransform
 from homofact.errors import SolverFailure, Status
 from homofact.evaluate.stability.problem import RADIUS_SQUARED, samples_at
 from homofact.factor.gauge import gauge_rows
-from homofact.factor.homomorphism import LogTransform
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, domain_mask, inner_problem
 from homofact.geometry.directions import draw_in_discs, to_spherical

@@ -16,7 +16,7 @@ from homofact.errors import Report, Status
 from homofact.factor.objective import Objective
 from homofact.factor.search.best import Best, BudgetSpent
 from homofact.factor.search.powell import Powell
-from homofact.geometry.quaternion import IDENTITY, Pair, basis_rotations
+from homofact.geometry.rotation import IDENTITY, Pair, basis_rotations
 
 
 @dataclass(frozen=True)

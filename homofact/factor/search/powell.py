@@ -17,7 +17,7 @@ import torch
 
 from homofact.errors import Report, Status
 from homofact.factor.search.golden import golden_section
-from homofact.geometry.quaternion import Pair, basis_rotations
+from homofact.geometry.rotation import Pair, basis_rotations
 
 PERIOD = 4 * torch.pi
 

@@ -1,1 +1,0 @@
-"""Floor 3: methods that the search is compared with."""

@@ -1,0 +1,48 @@
+"""BRDF files: one module a format, reader and writer side by side; a reader is chosen by what a file holds, never by
+its name.
+"""
+
+import os
+from types import ModuleType
+
+from homofact.brdf.channels import check_channels
+from homofact.brdf.formats import alta, astm, cornell, csv, curet, mdl, merl, nbrdf, npz, rgl, utia
+from homofact.brdf.formats.reading import Drawing, Reading
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput
+from homofact.files.binary import read_bytes, split_member
+
+# Every reader is a module with NAME, DESCRIPTION, sniff(head) and read(path, channels), and open_file(path,
+# channels, drawing) where the file is a reflectance by itself. The first that knows the head has the file; a
+# format without a header has SIZES, and gets a file of such a size that no head is known of.
+READERS: tuple[ModuleType, ...] = (nbrdf, npz, rgl, mdl, merl, alta, astm, csv, curet, cornell, utia)
+_HEAD = 65_536
+
+
+def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
+    """What a file of any known format holds, as "rgb", "spectral" or "luminance"; FILE#NAME picks one of many.
+
+    `drawing` is how a file that is a model is sampled. Raises BadInput for a missing, unreadable or empty
+    file, a folder, and content that no reader knows (listing the formats), besides what the format's reader
+    raises.
+    """
+    check_channels(channels)
+    file, member = split_member(path)
+    # Of a missing "a#b" the name as it was given is what helps.
+    raw = read_bytes(file if os.path.exists(file) else path)
+    head, size = raw[:_HEAD], len(raw)
+    del raw
+    known_heads = [reader for reader in READERS if reader.sniff(head)]
+    for reader in known_heads or [reader for reader in READERS if size in getattr(reader, "SIZES", ())]:
+        if member is not None and not hasattr(reader, "material_names"):
+            raise BadInput(f"{path}: {reader.NAME} files hold one material, expected no #{member}")
+        if hasattr(reader, "open_file"):
+            return reader.open_file(path, channels, drawing)
+        return Reading(reader.read(path, channels))
+    known = "; ".join(f"{reader.NAME}: {reader.DESCRIPTION}" for reader in READERS)
+    raise BadInput(f"{file}: content of no known format (begins with {head[:16]!r}), expected one of: {known}")
+
+
+def read_samples(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
+    """The samples alone of `open_file`; same errors."""
+    return open_file(path, channels).samples

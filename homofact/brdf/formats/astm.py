@@ -1,0 +1,147 @@
+"""ASTM E1392 text (standard practice for angle-resolved scatter), as the Cornell laboratory and others write it.
+
+    LAB_NAME …                                     keys in capitals and their text, one a line
+    NUM_POINTS 1439                                how many rows there are
+    VARS theta_i,phi_i,theta_s,phi_s,R,G,B         the columns; the last line of the header
+    0.17,0,0.35,3.14,0.1,0.2,0.3                   rows, comma-separated
+
+phi_i, or both azimuths, may be missing: they are 0, and a negative theta_s lies on the side of φ + π. Values are
+f in sr⁻¹ without the cosine: R, G, B linear; X, Y, Z of CIE, turned into linear sRGB; "465nm" spectral; anything
+else a channel of that name. The standard counts angles in degrees, the laboratory's files in radians: a θ above
+π/2 means degrees, and provenance says which was taken. Light from one azimuth only means isotropic. Negative
+values (colours out of gamut, noise) are set to 0 and counted.
+
+Writing. Samples as ASTM E1392 text: what is read comes back, angles in radians with all digits.
+
+Isotropic samples are turned until the light stands at φi = 0, which is what makes them isotropic again when
+they are read; directions come back to rounding, values bit for bit. Weights are not kept.
+"""
+
+import math
+import os
+
+import torch
+
+from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
+from homofact.brdf.samples import Samples
+from homofact.brdf.spectral import FROM_XYZ
+from homofact.errors import BadInput
+from homofact.files.binary import read_bytes, write_bytes
+from homofact.files.text import check_last_line, number_table, numbered_lines, short
+from homofact.geometry.directions import from_spherical, to_spherical
+
+NAME = "astm"
+DESCRIPTION = "ASTM E1392 text (NUM_POINTS, VARS theta_i,…)"
+ANGLES = ("theta_i", "phi_i", "theta_s", "phi_s")
+_MOST_COLUMNS = 4096
+_SLACK = 1e-6
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that begins with `head` is of this format: a line VARS that names theta_i."""
+    lines = (line.split(None, 1) for _, line in numbered_lines(head))
+    return any(len(words) == 2 and words[0] == "VARS" and "theta_i" in words[1] for words in lines)
+
+
+def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
+    """The samples of a file.
+
+    Raises BadInput naming file and line: no VARS or NUM_POINTS, columns missing or given twice, another number
+    of rows, wrong column counts, numbers that are none, directions under the horizon, a cut end.
+    """
+    check_channels(channels)
+    raw = read_bytes(path)
+    lines = list(numbered_lines(raw))
+    names, count, comments, start = _header(path, lines)
+    numbers, places = number_table(path, lines[start:], len(names), "as VARS names", ",")
+    if len(numbers) != count:
+        raise BadInput(f"{path}: {len(numbers)} rows, expected {count} (NUM_POINTS)")
+    check_last_line(path, raw, lines[-1][0])
+    table = {name: torch.from_numpy(numbers[:, k].copy()) for k, name in enumerate(names)}
+    zero = torch.zeros(count, dtype=torch.float64)
+    theta_i, phi_i, theta_s, phi_s = (table.get(name, zero) for name in ANGLES)
+    steepest = float(torch.maximum(theta_i.abs(), theta_s.abs()).max())
+    scale, unit = (1.0, "radians") if steepest <= math.pi / 2 + _SLACK else (math.pi / 180, "degrees")
+    wrong = (theta_i < 0) | (torch.maximum(theta_i, theta_s.abs()) * scale > math.pi / 2 + _SLACK)
+    if bool(wrong.any()):
+        row = int(wrong.nonzero()[0])
+        raise BadInput(
+            f"{path}: line {places[row]}: theta_i {float(theta_i[row]):g}, theta_s {float(theta_s[row]):g};"
+            " expected angles up to the horizon, pi/2 radians or 90 degrees"
+        )
+    listed = [name for name in names if name not in ANGLES]
+    values = torch.from_numpy(numbers[:, [names.index(name) for name in listed]])
+    colours = tuple(listed)
+    if colours == ("X", "Y", "Z"):
+        values, colours = values @ torch.tensor(FROM_XYZ, dtype=torch.float64).T, ("R", "G", "B")
+    negative = values < 0
+    across = torch.where(theta_s < 0, math.pi, 0.0)
+    samples = Samples.make(
+        from_spherical((theta_i * scale).clamp_max(math.pi / 2), phi_i * scale),
+        from_spherical((theta_s.abs() * scale).clamp_max(math.pi / 2), phi_s * scale + across),
+        values.clamp_min(0),
+        channels=colours,
+        isotropic=bool((phi_i == phi_i[0]).all()),
+        provenance={
+            "format": NAME,
+            "comments": comments,
+            "units": f"1/sr, no cosine; angles in {unit}",
+            "faults": {"negative": int(negative.sum()), "exact_zeros": int((values == 0).sum())},
+        }
+        | ({"wavelengths_nm": list(nm)} if (nm := wavelengths_of(colours)) else {}),
+    )
+    try:
+        return as_channels(samples, channels)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from error
+
+
+def _header(path: object, lines: list[tuple[int, str]]) -> tuple[list[str], int, list[str], int]:
+    """Columns, number of rows, other header lines, and the index of the first row."""
+    count, comments = None, []
+    for index, (number, line) in enumerate(lines):
+        key, _, text = line.partition(" ")
+        text = text.strip()
+        if key == "NUM_POINTS":
+            if not (text.isascii() and text.isdecimal() and len(text) < 10 and int(text) > 0):
+                raise BadInput(f"{path}: line {number}: NUM_POINTS is {short(text)}, expected how many rows there are")
+            count = int(text)
+        elif key == "VARS":
+            if count is None:
+                raise BadInput(f"{path}: line {number}: VARS before NUM_POINTS, expected how many rows there are")
+            # The length in lines is known, so a count that the file cannot hold is refused here.
+            if count > len(lines) - index - 1:
+                raise BadInput(f"{path}: {len(lines) - index - 1} rows, expected {count} (NUM_POINTS)")
+            return _columns(path, number, text), count, comments, index + 1
+        elif len(comments) < 64:
+            comments.append(line[:200])
+    raise BadInput(f"{path}: no VARS, expected a line that names the columns")
+
+
+def _columns(path: object, number: int, text: str) -> list[str]:
+    names = [" ".join(word.split()) for word in text.split(",")]
+    if len(names) > _MOST_COLUMNS or "" in names or len(set(names)) < len(names):
+        raise BadInput(f"{path}: line {number}: VARS has {len(names)} columns, expected different names")
+    if "theta_i" not in names or "theta_s" not in names or all(name in ANGLES for name in names):
+        raise BadInput(f"{path}: line {number}: VARS is {short(text)}, expected theta_i, theta_s and values")
+    return names
+
+
+def write(path: str | os.PathLike[str], samples: Samples, name: str = "sample") -> None:
+    """Write samples under the SAMPLE_NAME `name`. Raises BadInput for channel names that the format cannot hold."""
+    for channel in samples.channels:
+        if channel in ANGLES or " ".join(channel.split()) != channel or not channel or "," in channel:
+            raise BadInput(f"ASTM file: channel {channel!r}, expected a name without commas that is no angle")
+    theta_i, phi_i = to_spherical(samples.wi)
+    theta_s, phi_s = to_spherical(samples.wo)
+    if samples.isotropic:
+        phi_i, phi_s = torch.zeros_like(phi_i), torch.remainder(phi_s - phi_i, 2 * torch.pi)
+    columns = torch.cat((torch.stack((theta_i, phi_i, theta_s, phi_s), 1), samples.values), 1)
+    head = [
+        f'SAMPLE_NAME "{" ".join(name.split())}"',
+        "MEAS_NAME BRDF",
+        f"NUM_POINTS {len(samples)}",
+        f"VARS {','.join((*ANGLES, *samples.channels))}",
+    ]
+    rows = [",".join(map(repr, row)) for row in columns.tolist()]
+    write_bytes(path, ("\n".join([*head, "", *rows]) + "\n").encode())

@@ -1,0 +1,173 @@
+"""The text format of the Cornell Program of Computer Graphics' reflectance measurements.
+
+    # comments, the material's name among them
+    31                                 number of wavelengths
+    400 410 420 … 700                  the wavelengths in nm, over as many lines as it takes
+    θi φi θs φs v1 … v31               a row a sample: radians, spectral BRDF in sr⁻¹ without the cosine
+
+φ is absolute (the mirror direction of φi = 0 is φs = π). The file does not say how many rows it has: one
+cut exactly between two rows cannot be told from a whole one, one cut anywhere else is refused.
+"""
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.channels import as_channels, check_channels, spectral_names
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput
+from homofact.files.binary import read_bytes, write_bytes
+from homofact.geometry.directions import from_spherical
+
+NAME = "cornell"
+DESCRIPTION = "Cornell text (number of wavelengths, wavelengths, rows of four angles and a spectrum)"
+# π/2 rounded to six digits may lie above it; more is under the horizon.
+_ANGLE_SLACK = 1e-6
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that begins with `head` is of this format: a count alone, then rising wavelengths."""
+    lines = [line.split() for _, line in _content(head)]
+    if b"# num wls" in head and (not lines or len(lines[0]) == 1):
+        return True
+    if len(lines) < 2 or len(lines[0]) != 1 or not _is_count(lines[0][0]):
+        return False
+    try:
+        first = [float(word) for word in lines[1][: int(lines[0][0])]]
+    except ValueError:
+        return False
+    return all(100 <= w <= 20_000 for w in first) and first == sorted(first)
+
+
+def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
+    """The samples of a file, isotropic, as "rgb" (linear sRGB under D65), "spectral" or "luminance".
+
+    Exact zeros are kept: provenance["faults"] counts them. Raises BadInput naming file and line for numbers
+    that are none, not finite or negative, wrong column counts, a cut end, directions under the horizon.
+    """
+    check_channels(channels)
+    raw = read_bytes(path)
+    lines = list(_content(raw))
+    wavelengths, start = _wavelengths(path, lines)
+    rows = [_row(path, number, line, len(wavelengths)) for number, line in lines[start:]]
+    if not rows:
+        raise BadInput(f"{path}: no samples after the wavelengths, expected rows of {4 + len(wavelengths)} numbers")
+    if not raw.endswith((b"\n", b"\r")):
+        raise BadInput(
+            f"{path}: line {lines[-1][0]} has no line end, so its last number may be cut;"
+            " expected a whole file (or add the line end)"
+        )
+    table = torch.tensor(rows, dtype=torch.float64)
+    theta_i, theta_s = (table[:, k].clamp_max(math.pi / 2) for k in (0, 2))
+    values = table[:, 4:]
+    zeros = values == 0
+    comments = [line.lstrip("# ").rstrip() for line in raw.decode("latin-1").splitlines() if line.startswith("#")]
+    samples = Samples.make(
+        from_spherical(theta_i, table[:, 1]),
+        from_spherical(theta_s, table[:, 3]),
+        values,
+        channels=spectral_names(wavelengths),
+        isotropic=True,
+        provenance={
+            "format": NAME,
+            "comments": [line for line in comments if line],
+            "wavelengths_nm": wavelengths,
+            "faults": {"exact_zeros": int(zeros.sum()), "samples_with_zeros": int(zeros.any(1).sum())},
+        },
+    )
+    return as_channels(samples, channels)
+
+
+def write(
+    path: str | os.PathLike[str],
+    angles: Tensor,
+    spectra: Tensor,
+    wavelengths: Sequence[float],
+    comments: Sequence[str] = (),
+) -> None:
+    """Write angles (N, 4) in radians and spectra (N, W) in sr⁻¹, six digits after the point.
+
+    Raises BadInput where the shapes disagree or the place cannot be written.
+    """
+    if angles.shape != (spectra.shape[0], 4) or spectra.shape[1] != len(wavelengths):
+        raise BadInput(
+            f"{path}: angles {tuple(angles.shape)}, spectra {tuple(spectra.shape)} and"
+            f" {len(wavelengths)} wavelengths disagree, expected (N, 4), (N, W) and W"
+        )
+    text = [*(f"# {line}" for line in comments), "", "# num wls", str(len(wavelengths)), "", "# wls"]
+    words = [f"{w:g}" for w in wavelengths]
+    text += [" ".join(words[k : k + 19]) for k in range(0, len(words), 19)]
+    text += ["", "# theta i, phi i, theta s, phi_s, spectral sample values", ""]
+    text += [" ".join(f"{x:.6f}" for x in row) for row in torch.cat((angles, spectra), 1).tolist()]
+    write_bytes(path, ("\n".join(text) + "\n").encode())
+
+
+def _content(raw: bytes) -> Iterator[tuple[int, str]]:
+    """(line number from 1, text) of every line that is neither blank nor a comment."""
+    for number, line in enumerate(raw.decode("latin-1").split("\n"), 1):
+        stripped = line.strip()
+        if stripped and not stripped.startswith("#"):
+            yield number, stripped
+
+
+def _is_count(word: str) -> bool:
+    """A positive whole number of at most six digits."""
+    return word.isdecimal() and len(word) <= 6 and int(word) > 0
+
+
+def _wavelengths(path: object, lines: list[tuple[int, str]]) -> tuple[list[float], int]:
+    """The wavelengths in nm and the index of the first line after them."""
+    if not lines:
+        raise BadInput(f"{path}: only comments, expected the number of wavelengths")
+    number, line = lines[0]
+    if not _is_count(line):
+        raise BadInput(f"{path}: line {number}: found {_short(line)}, expected the number of wavelengths")
+    count, found, index = int(line), [], 1
+    while len(found) < count:
+        if index == len(lines):
+            raise BadInput(f"{path}: the file ends after {len(found)} wavelengths, expected {count}")
+        number, line = lines[index]
+        for word in line.split():
+            value = _number(path, number, word)
+            if not value > (found[-1] if found else 0):
+                raise BadInput(f"{path}: line {number}: wavelength {word}, expected rising numbers above 0")
+            found.append(value)
+        if len(found) > count:
+            raise BadInput(f"{path}: line {number}: {len(found)} wavelengths, expected {count}")
+        index += 1
+    return found, index
+
+
+def _row(path: object, number: int, line: str, wavelengths: int) -> list[float]:
+    words = line.split()
+    if len(words) != 4 + wavelengths:
+        raise BadInput(
+            f"{path}: line {number}: {len(words)} columns, expected {4 + wavelengths}"
+            f" (4 angles and {wavelengths} values)"
+        )
+    row = [_number(path, number, word) for word in words]
+    for name, theta in (("theta i", row[0]), ("theta s", row[2])):
+        if not 0 <= theta <= math.pi / 2 + _ANGLE_SLACK:
+            raise BadInput(f"{path}: line {number}: {name} is {theta:g}, under the horizon; expected 0 to pi/2 radians")
+    for k, value in enumerate(row[4:], 1):
+        if value < 0:
+            raise BadInput(f"{path}: line {number}: value {k} is {value:g}, expected a BRDF >= 0")
+    return row
+
+
+def _number(path: object, number: int, word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    # float() takes "1_0" too, which no measurement means.
+    if not math.isfinite(value) or "_" in word:
+        raise BadInput(f"{path}: line {number}: found {_short(word)}, expected a finite number")
+    return value
+
+
+def _short(word: str) -> str:
+    return repr(word if len(word) <= 40 else word[:37] + "...")

@@ -1,0 +1,171 @@
+"""CUReT text (Dana, van Ginneken, Nayar and Koenderink 1999; the database's page on its BRDF measurements).
+
+    abrdf.dat                 a row a sample: its number, 1 to 61, and 205 values; rbrdf.dat, gbrdf.dat and
+                              bbrdf.dat likewise for red, green and blue, abrdf.dat being their mean
+    table.txt                 a row a measurement: theta_v phi_v theta_i phi_i, polar angle and azimuth of the viewer
+                              and of the light in radians
+
+The directions are not in the file, so table.txt must lie beside it. Reading one of r, g and b takes all three where
+they are beside it as RGB, and else the one file as a channel of its own; abrdf.dat is a luminance. FILE#7 picks the
+sample of that number. The values are f in sr⁻¹ without the cosine. Light from one azimuth only means isotropic; the
+database's does not, and many of its samples are anisotropic. Negative values are set to 0 and counted.
+
+Writing. Samples as CUReT text: what is read comes back, all digits of values and angles.
+
+One material a call: abrdf.dat with the mean of the channels, rbrdf.dat, gbrdf.dat and bbrdf.dat of three, and
+table.txt. Weights are not kept.
+"""
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from homofact.brdf.channels import as_channels, check_channels
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput
+from homofact.files.binary import read_bytes, split_member, write_bytes
+from homofact.files.text import number_table, numbered_lines
+from homofact.geometry.directions import from_spherical, to_spherical
+
+NAME = "curet"
+DESCRIPTION = "CUReT text (rows of a sample's number and 205 values, table.txt beside; FILE#NUMBER picks a sample)"
+MEASUREMENTS = 205
+SAMPLES = 61
+TABLE = "table.txt"
+COLOURS = ("rbrdf.dat", "gbrdf.dat", "bbrdf.dat")
+MEAN = "abrdf.dat"
+_SLACK = 1e-6
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that begins with `head` is of this format: a first row of 206 numbers, the first a sample's."""
+    line = next((line for _, line in numbered_lines(head)), "").split()
+    if len(line) != MEASUREMENTS + 1 or not _is_number_of_sample(line[0]):
+        return False
+    try:
+        return all(math.isfinite(float(word)) for word in line)
+    except ValueError:
+        return False
+
+
+def material_names(path: str | os.PathLike[str]) -> list[str]:
+    """The numbers of the samples in a file, as text. Raises BadInput for a damaged one."""
+    return [str(number) for number in _rows(split_member(path)[0])]
+
+
+def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
+    """The 205 samples of the material that "FILE#NUMBER" names; of a file with one row, the number may be left out.
+
+    Raises BadInput naming file and line: no table.txt beside it or one that is not 205 rows of four angles above the
+    horizon, rows of another length, numbers that are none, a sample's number twice or out of 1 to 61, no number
+    where there are several samples, and one that the file does not hold.
+    """
+    check_channels(channels)
+    file, member = split_member(path)
+    place = Path(file)
+    beside = [place.with_name(name) for name in COLOURS]
+    coloured = place.name in COLOURS and all(each.is_file() for each in beside)
+    files = beside if coloured else [place]
+    tables = [_rows(each) for each in files]
+    number = _chosen(file, tables[0], member)
+    for each, table in zip(files, tables, strict=True):
+        if number not in table:
+            raise BadInput(f"{each}: holds no sample {number}, expected it as in {place.name}")
+    values = torch.from_numpy(np.stack([table[number] for table in tables], 1))
+    theta_v, phi_v, theta_i, phi_i = torch.from_numpy(_directions(place.with_name(TABLE))).T
+    negative = int((values < 0).sum())
+    names = ("R", "G", "B") if coloured else ("luminance" if place.name not in COLOURS else place.name[0].upper(),)
+    samples = Samples.make(
+        from_spherical(theta_i, phi_i),
+        from_spherical(theta_v, phi_v),
+        values.clamp_min(0),
+        channels=names,
+        isotropic=bool((phi_i == phi_i[0]).all()),
+        provenance={
+            "format": NAME,
+            "material": f"sample {number}",
+            "comments": [],
+            "units": "1/sr, no cosine; angles in radians, from table.txt",
+            "faults": {"negative": negative, "exact_zeros": int((values == 0).sum())},
+        },
+    )
+    try:
+        return as_channels(samples, channels)
+    except BadInput as error:
+        raise BadInput(f"{file}: {error}") from error
+
+
+def _chosen(file: object, table: dict[int, np.ndarray], member: str | None) -> int:
+    """The number of the sample asked for."""
+    if member is None:
+        if len(table) > 1:
+            listed = ", ".join(map(str, list(table)[:4]))
+            raise BadInput(
+                f"{file}: holds {len(table)} samples ({listed}, …), expected one of them as"
+                f" {os.path.basename(str(file))}#{next(iter(table))}"
+            )
+        return next(iter(table))
+    if not _is_number_of_sample(member) or int(member) not in table:
+        raise BadInput(f"{file}: found no sample {member!r}, expected one of its {len(table)}")
+    return int(member)
+
+
+def _rows(path: str | os.PathLike[str]) -> dict[int, np.ndarray]:
+    """The 205 values of every sample by its number, in the file's order."""
+    raw = read_bytes(path)
+    numbers, places = number_table(
+        path, numbered_lines(raw), MEASUREMENTS + 1, f"a sample's number and {MEASUREMENTS} values"
+    )
+    table: dict[int, np.ndarray] = {}
+    for row, line in zip(numbers, places, strict=True):
+        if row[0] != int(row[0]) or not 1 <= row[0] <= SAMPLES or int(row[0]) in table:
+            raise BadInput(f"{path}: line {line}: sample {row[0]:g}, expected each of 1 to {SAMPLES} at most once")
+        table[int(row[0])] = row[1:]
+    if not table:
+        raise BadInput(f"{path}: holds no row, expected rows of a sample's number and {MEASUREMENTS} values")
+    return table
+
+
+def _directions(path: Path) -> np.ndarray:
+    """theta_v, phi_v, theta_i, phi_i (205, 4) in radians."""
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file, expected the database's table of {MEASUREMENTS} directions there")
+    numbers, places = number_table(path, numbered_lines(read_bytes(path)), 4, "theta_v phi_v theta_i phi_i")
+    if len(numbers) != MEASUREMENTS:
+        raise BadInput(f"{path}: {len(numbers)} rows, expected {MEASUREMENTS}")
+    theta = numbers[:, [0, 2]]
+    wrong = ((theta < -_SLACK) | (theta > math.pi / 2 + _SLACK)).any(1)
+    if wrong.any():
+        row = int(wrong.argmax())
+        raise BadInput(
+            f"{path}: line {places[row]}: theta_v {theta[row, 0]:g}, theta_i {theta[row, 1]:g};"
+            " expected radians from 0 to pi/2"
+        )
+    numbers[:, [0, 2]] = theta.clip(0, math.pi / 2)
+    return numbers
+
+
+def _is_number_of_sample(word: str) -> bool:
+    return word.isascii() and word.isdecimal() and len(word) < 3 and 1 <= int(word) <= SAMPLES
+
+
+def write(folder: str | os.PathLike[str], samples: Samples, number: int = 1) -> None:
+    """Write the files of one material, of that number, into an existing `folder`.
+
+    Raises BadInput for another number of samples than 205, of channels than one or three, and a number out of 1 to 61.
+    """
+    if len(samples) != MEASUREMENTS or len(samples.channels) not in (1, 3) or not 1 <= number <= SAMPLES:
+        raise BadInput(
+            f"CUReT files: {len(samples)} samples of {len(samples.channels)} channels as number {number},"
+            f" expected {MEASUREMENTS} samples of 1 or 3 channels and a number from 1 to {SAMPLES}"
+        )
+    columns = {MEAN: samples.values.mean(1)}
+    if len(samples.channels) == 3:
+        columns |= {name: samples.values[:, c] for c, name in enumerate(COLOURS)}
+    for name, values in columns.items():
+        write_bytes(Path(folder) / name, f"{number} {' '.join(map(repr, values.tolist()))}\n".encode())
+    table = torch.stack((*to_spherical(samples.wo), *to_spherical(samples.wi)), 1)
+    write_bytes(Path(folder) / TABLE, "".join(f"{' '.join(map(repr, row))}\n" for row in table.tolist()).encode())

@@ -1,0 +1,132 @@
+"""Samples as a numpy archive: the layout in which homofact keeps its own.
+
+An uncompressed .npz of plain arrays, read without pickle:
+
+    wi, wo      (N, 3) floats, unit vectors in the surface frame
+    values      (N, C) floats in sr⁻¹, without the cosine
+    channels    (C,) strings
+    isotropic   one boolean
+    header      JSON text: an object with whatever is to be said of the data; "noise_free": true says that
+                the values are a model's
+
+float32 directions are brought back to length 1 in float64. `write` fixes every byte: the same samples give
+the same file.
+"""
+
+import io
+import json
+import os
+import zipfile
+from typing import Any
+
+import numpy as np
+import torch
+
+from homofact.brdf.channels import as_channels, check_channels
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput
+from homofact.files.arrays import member_names, read_arrays
+from homofact.files.binary import read_bytes, write_bytes
+
+NAME = "npz"
+DESCRIPTION = "numpy archive of samples (wi, wo, values, channels, isotropic, header)"
+_KEYS = ("wi", "wo", "values", "channels", "isotropic", "header")
+_WHOLE = "a whole .npz of samples"
+_LENGTH_TOLERANCE = 1e-3
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that begins with `head` is a zip whose first member is a numpy array."""
+    return head.startswith(b"PK\x03\x04") and b".npy" in head[30:300]
+
+
+def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
+    """The samples of a file, in `channels` where the file can give them (spectra become RGB or luminance).
+
+    Raises BadInput naming the file and the array: missing, of a wrong shape or type, not finite, negative,
+    under the horizon, not of unit length; or a damaged archive.
+    """
+    check_channels(channels)
+    raw = read_bytes(path)
+    found = member_names(path, raw, _WHOLE)
+    data = read_arrays(path, raw, _KEYS, _WHOLE)
+    missing = [name for name in _KEYS if name not in data]
+    if missing:
+        raise BadInput(
+            f"{path}: holds {', '.join(sorted(found)[:8]) or 'nothing'}; expected arrays {', '.join(_KEYS)},"
+            f" of which {', '.join(missing)} missing"
+        )
+    try:
+        header = json.loads(str(data["header"]))
+    except (ValueError, RecursionError) as error:
+        raise BadInput(f"{path}: header is not JSON ({error}), expected a JSON object") from error
+    if not isinstance(header, dict):
+        raise BadInput(f"{path}: header is a JSON {type(header).__name__}, expected an object")
+    if data["isotropic"].shape != () or data["isotropic"].dtype != np.bool_:
+        raise BadInput(f"{path}: isotropic is {data['isotropic'].dtype}, expected one boolean")
+    if data["channels"].ndim != 1 or data["channels"].dtype.kind != "U":
+        raise BadInput(f"{path}: channels is {data['channels'].dtype}, expected a list of strings")
+    for name in ("wi", "wo", "values"):
+        if data[name].ndim != 2 or data[name].dtype.kind != "f":
+            raise BadInput(
+                f"{path}: {name} has shape {data[name].shape} of {data[name].dtype}, expected two dimensions of floats"
+            )
+    wi, wo = (_directions(path, name, data[name]) for name in ("wi", "wo"))
+    values = torch.from_numpy(_doubles(data["values"]))
+    zeros = values == 0
+    faults = {"exact_zeros": int(zeros.sum()), "samples_with_zeros": int(zeros.any(1).sum())}
+    try:
+        samples = Samples.make(
+            wi,
+            wo,
+            values,
+            channels=tuple(str(name) for name in data["channels"]),
+            isotropic=bool(data["isotropic"]),
+            provenance=header | {"format": NAME, "faults": faults},
+        )
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from error
+    return as_channels(samples, channels)
+
+
+def write(path: str | os.PathLike[str], samples: Samples, header: dict[str, Any], dtype: str = "float64") -> None:
+    """Write samples (weights are not kept) with a JSON-able header; `dtype` is that of wi, wo and values.
+
+    Raises BadInput where the place cannot be written.
+    """
+    arrays = {
+        "wi": samples.wi.cpu().numpy().astype(dtype),
+        "wo": samples.wo.cpu().numpy().astype(dtype),
+        "values": samples.values.cpu().numpy().astype(dtype),
+        "channels": np.array(samples.channels),
+        "isotropic": np.array(samples.isotropic),
+        "header": np.array(json.dumps(header, ensure_ascii=False, sort_keys=True)),
+    }
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for name, array in arrays.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, array, version=(1, 0), allow_pickle=False)
+            # A fixed date and creator, or the same samples would give another file elsewhere.
+            info = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            info.create_system = 3
+            archive.writestr(info, member.getvalue())
+    write_bytes(path, buffer.getvalue())
+
+
+def _doubles(array: np.ndarray) -> np.ndarray:
+    """In float64; a signalling NaN among them is no cause for a warning."""
+    with np.errstate(invalid="ignore"):
+        return array.astype(np.float64)
+
+
+def _directions(path: object, name: str, array: np.ndarray) -> torch.Tensor:
+    directions = torch.from_numpy(_doubles(array))
+    if directions.shape[1] != 3:
+        raise BadInput(f"{path}: {name} has shape {tuple(array.shape)}, expected (N, 3)")
+    length = directions.norm(dim=1, keepdim=True)
+    off = ~((length - 1).abs() <= _LENGTH_TOLERANCE).reshape(-1)
+    if bool(off.any()):
+        row = int(off.nonzero()[0])
+        raise BadInput(f"{path}: {name} at row {row} has length {float(length[row]):.6g}, expected a unit vector")
+    return directions / length

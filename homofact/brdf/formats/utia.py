@@ -1,0 +1,115 @@
+"""The binary files of the UTIA BRDF database (Filip and Vávra 2014), layout as its authors' program reads it.
+
+    float64, 3 × 6 × 48 × 6 × 48: colour, θi, φi, θv, φv, the last fastest; no header; little endian
+
+θ at 0, 15 … 75°, φ at 0, 7.5 … 352.5°, anisotropic. The same in float32 is read as well. With no header to know
+it by, a file is taken for this format by its size alone, when no other reader knows it.
+
+The entries are taken as linear RGB values of f in sr⁻¹, as the authors' own look-up program does. Their scale is
+not established: another published reader decodes sRGB from entries/140 and multiplies by 100. Negative entries
+are set to 0 and counted. Compare such files scale-free.
+
+Writing. Any reflectance at the nodes of the UTIA database's files: what is read comes back.
+"""
+
+import math
+import os
+
+import numpy as np
+import torch
+
+from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
+from homofact.brdf.formats.reading import Drawing, Reading
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.brdf.table import AngleTable, Axis, ring_weights
+from homofact.errors import BadInput
+from homofact.files.binary import read_bytes, write_bytes
+from homofact.geometry.directions import from_spherical
+
+NAME = "utia"
+DESCRIPTION = "UTIA .bin (3 × 6 × 48 × 6 × 48 numbers, known by its size)"
+SHAPE = (3, 6, 48, 6, 48)
+SIZES = {math.prod(SHAPE) * 8: "<f8", math.prod(SHAPE) * 4: "<f4"}
+_MOST = 1e6
+
+
+def sniff(head: bytes) -> bool:
+    """False: there is no header. `SIZES` says which sizes of a file this reader takes."""
+    return False
+
+
+def axes() -> tuple[Axis, Axis, Axis, Axis]:
+    """θi, φi, θv and φv of the nodes, in radians."""
+    theta = Axis(torch.arange(SHAPE[1], dtype=torch.float64) * math.radians(15))
+    phi = Axis(torch.arange(SHAPE[2], dtype=torch.float64) * math.radians(7.5), periodic=True)
+    return theta, phi, theta, phi
+
+
+def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
+    """All nodes as anisotropic samples weighted by solid angle, mean 1, and the table itself.
+
+    `drawing` does not matter. Raises BadInput for another size, and entries not finite or beyond a million.
+    """
+    check_channels(channels)
+    raw = read_bytes(path)
+    if len(raw) not in SIZES:
+        raise BadInput(
+            f"{path}: {len(raw)} bytes, expected {' or '.join(map(str, SIZES))}: 3 × 6 × 48 × 6 × 48 numbers"
+        )
+    entries = np.frombuffer(raw, SIZES[len(raw)])
+    plausible = np.abs(entries) <= _MOST
+    if not plausible.all():
+        where = int(np.flatnonzero(~plausible)[0])
+        raise BadInput(
+            f"{path}: number {where} is {entries[where]:g}, expected values of a BRDF (a UTIA .bin by its size)"
+        )
+    values = torch.from_numpy(np.moveaxis(entries.astype(np.float64).reshape(SHAPE), 0, -1).copy())
+    negative, zeros = values < 0, values == 0
+    values = values.clamp_min(0)
+    nodes = axes()
+    grid = torch.meshgrid(*(axis.nodes for axis in nodes), indexing="ij")
+    theta_i, phi_i, theta_o, phi_o = (x.reshape(-1) for x in grid)
+    rings = ring_weights(nodes[0].nodes)
+    weights = (rings[:, None, None, None] * rings[:, None]).expand(SHAPE[1:]).reshape(-1)
+    samples = Samples.make(
+        from_spherical(theta_i, phi_i),
+        from_spherical(theta_o, phi_o),
+        values.reshape(-1, 3),
+        channels=("R", "G", "B"),
+        isotropic=False,
+        weights=weights / weights.mean(),
+        provenance={
+            "format": NAME,
+            "units": "taken as 1/sr, no cosine; the scale of this database is not established",
+            "weights": "solid angle of the nodes, mean 1",
+            "faults": {
+                "negative": int(negative.sum()),
+                "samples_with_negative": int(negative.any(-1).sum()),
+                "exact_zeros": int(zeros.sum()),
+            },
+        },
+    )
+    try:
+        samples = as_channels(samples, channels)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from error
+    table = AngleTable(nodes, values, ("R", "G", "B"))
+    return Reading(samples, LuminanceOf(table) if channels == "luminance" else table)
+
+
+def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
+    """The samples alone of `open_file`; same errors."""
+    return open_file(path, channels).samples
+
+
+def write(path: str | os.PathLike[str], reflectance: Reflectance) -> None:
+    """Write an RGB reflectance in float64. Raises BadInput for other channels and values not finite."""
+    if len(reflectance.channels) != 3:
+        raise BadInput(f"UTIA file: channels {', '.join(reflectance.channels)}, expected R, G and B")
+    grid = torch.meshgrid(*(axis.nodes for axis in axes()), indexing="ij")
+    theta_i, phi_i, theta_o, phi_o = (x.reshape(-1) for x in grid)
+    values = reflectance.evaluate(from_spherical(theta_i, phi_i), from_spherical(theta_o, phi_o)).double()
+    if not bool(torch.isfinite(values).all()):
+        raise BadInput("UTIA file: a value is not finite, expected finite numbers")
+    write_bytes(path, values.T.reshape(SHAPE).contiguous().cpu().numpy().astype("<f8").tobytes())

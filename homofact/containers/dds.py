@@ -1,0 +1,92 @@
+"""DDS files with the DX10 header: RGBA16F and BC6H textures, one 2D level.
+
+Laid out as Microsoft's "Programming Guide for DDS" has it, all little-endian: the magic "DDS ", DDS_HEADER
+(124 bytes, of which DDS_PIXELFORMAT 32), DDS_HEADER_DXT10 (20 bytes), then the rows, top one first, without
+padding. The format is the DXGI_FORMAT of the DX10 header, which the four-character code DX10 announces. Its
+miscFlags2 stays 0, since D3DX refuses any alpha mode; the alpha of a texture here is no transparency.
+"""
+
+import os
+import struct
+
+import numpy as np
+
+from homofact.containers.bc6h import decode_bc6h, encode_bc6h
+from homofact.containers.pixels import file_bytes, finite_pixels, whole_shape, write_bytes
+from homofact.errors import BadInput
+
+DXGI_FORMAT_R16G16B16A16_FLOAT = 10
+DXGI_FORMAT_BC6H_SF16 = 96
+
+# DDSD_CAPS, HEIGHT, WIDTH and PIXELFORMAT, which every file needs; DDSD_MIPMAPCOUNT only where there are mipmaps.
+_FLAGS = 0x1 | 0x2 | 0x4 | 0x1000
+_PITCH, _LINEAR_SIZE = 0x8, 0x80000
+_DDPF_FOURCC, _DDSCAPS_TEXTURE, _TEXTURE_2D = 0x4, 0x1000, 3
+# Magic; size, flags, height, width, pitch, depth, mipmaps, 11 reserved; pixel format: size, flags, code, bits and
+# 4 masks; 4 caps, 1 reserved; DX10: format, dimension, flags, array size, flags 2.
+_HEADER = struct.Struct("<4s 7I 44x 2I 4s 20x 5I 5I")
+
+
+def write_dds(path: str | os.PathLike[str], pixels: np.ndarray) -> None:
+    """Write floating pixels (rows, columns, 4) as DXGI_FORMAT_R16G16B16A16_FLOAT, rounded to float16.
+
+    Raises BadInput for another shape, values not finite in float16, and an unwritable place.
+    """
+    whole_shape(path, pixels, (4,))
+    stored = finite_pixels(path, pixels, np.float16)
+    rows, columns, _ = stored.shape
+    header = _header(rows, columns, _PITCH, columns * 8, DXGI_FORMAT_R16G16B16A16_FLOAT)
+    write_bytes(path, header + stored.tobytes())
+
+
+def write_dds_bc6h(path: str | os.PathLike[str], pixels: np.ndarray) -> None:
+    """Write floating pixels (rows, columns, 3) as DXGI_FORMAT_BC6H_SF16 blocks, with the loss that `bc6h` states.
+
+    Raises BadInput for another shape, sides that are no multiples of 4, values not finite in float16, and an
+    unwritable place.
+    """
+    whole_shape(path, pixels, (3,))
+    rows, columns, _ = pixels.shape
+    blocks = encode_bc6h(finite_pixels(path, pixels, np.float16), str(path))
+    header = _header(rows, columns, _LINEAR_SIZE, len(blocks), DXGI_FORMAT_BC6H_SF16)
+    write_bytes(path, header + blocks)
+
+
+def read_dds(path: str | os.PathLike[str]) -> np.ndarray:
+    """The texels float16 of a file that this module wrote: (rows, columns, 4), or (rows, columns, 3) for BC6H.
+
+    Raises BadInput for a file that cannot be read, is no such DDS, or is truncated or padded.
+    """
+    data = file_bytes(path, "a DDS texture")
+    if data[:4] != b"DDS ":
+        raise BadInput(f"{path}: starts with {data[:4]!r}, expected a DDS texture (b'DDS ')")
+    if len(data) < _HEADER.size:
+        raise BadInput(f"{path}: ends after {len(data)} bytes, expected a header of {_HEADER.size}")
+    fields = _HEADER.unpack_from(data)
+    rows, columns, code, dxgi = fields[3], fields[4], fields[10], fields[16]
+    if code != b"DX10":
+        raise BadInput(f"{path}: four-character code {code!r}, expected b'DX10'")
+    if dxgi not in (DXGI_FORMAT_R16G16B16A16_FLOAT, DXGI_FORMAT_BC6H_SF16):
+        wanted = f"{DXGI_FORMAT_R16G16B16A16_FLOAT} (R16G16B16A16_FLOAT) or {DXGI_FORMAT_BC6H_SF16} (BC6H_SF16)"
+        raise BadInput(f"{path}: DXGI format {dxgi}, expected {wanted}")
+    blocks = dxgi == DXGI_FORMAT_BC6H_SF16
+    size = -(-rows // 4) * -(-columns // 4) * 16 if blocks else rows * columns * 8
+    kind, pitch = (_LINEAR_SIZE, size) if blocks else (_PITCH, columns * 8)
+    found = f"{len(data) - _HEADER.size} bytes of texels for {columns} x {rows}, expected {size}"
+    if len(data) < _HEADER.size + size:
+        raise BadInput(f"{path}: found {found}")
+    if 0 in (rows, columns) or data[: _HEADER.size] != _header(rows, columns, kind, pitch, dxgi):
+        what = f"a header of {columns} x {rows} texels that is not of one plain 2D level"
+        raise BadInput(f"{path}: found {what}, expected a texture without mipmaps, layers or faces")
+    if len(data) != _HEADER.size + size:
+        raise BadInput(f"{path}: found {found}")
+    if blocks:
+        return decode_bc6h(data[_HEADER.size :], rows, columns, str(path))
+    return np.frombuffer(data, "<f2", rows * columns * 4, _HEADER.size).reshape(rows, columns, 4).astype(np.float16)
+
+
+def _header(rows: int, columns: int, pitch_kind: int, pitch: int, dxgi: int) -> bytes:
+    surface = (124, _FLAGS | pitch_kind, rows, columns, pitch, 0, 1)
+    pixel_format = (32, _DDPF_FOURCC, b"DX10")
+    caps = (_DDSCAPS_TEXTURE, 0, 0, 0, 0)
+    return _HEADER.pack(b"DDS ", *surface, *pixel_format, *caps, dxgi, _TEXTURE_2D, 0, 1, 0)

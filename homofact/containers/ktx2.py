@@ -1,0 +1,196 @@
+"""KTX2 files: RGBA16F and BC6H textures, one 2D level, uncompressed as a file.
+
+Laid out as the Khronos KTX File Format Specification 2.0 has it, all little-endian:
+
+| bytes | what |
+|---|---|
+| 12 | identifier |
+| 36 | vkFormat, typeSize, pixelWidth, pixelHeight, pixelDepth, layerCount, faceCount, levelCount, supercompression |
+| 32 | offset and length of the data format descriptor, the key/value data, the (absent) global data |
+| 24 | level index: offset, length, uncompressed length |
+| 92 or 44 | data format descriptor: its total size and one basic block of version 2 with 4 samples or 1 |
+| … | key/value data sorted by key, each entry padded to 4 bytes |
+| … | zeros up to a multiple of lcm(texel block size, 4), then the rows, top one first, without padding |
+
+The descriptor (Khronos Data Format Specification, chapter 5) says what a loader without a table of formats
+needs: per channel the bit offset and length − 1, the channel's number with the float and signed bits, and as
+lower and upper the floats −1 and 1. The transfer function is linear and the colour primaries unspecified: a
+logarithm is no colour, and a loader must neither decode nor convert it. `pixelDepth` and `layerCount` are 0,
+`faceCount` and `levelCount` 1; a one-dimensional texture is a 2D texture of one row.
+"""
+
+import os
+import re
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from homofact.containers.bc6h import decode_bc6h, encode_bc6h
+from homofact.containers.pixels import file_bytes, finite_pixels, whole_shape, write_bytes
+from homofact.errors import BadInput
+
+IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
+VK_FORMAT_R16G16B16A16_SFLOAT = 97
+VK_FORMAT_BC6H_SFLOAT_BLOCK = 144
+
+# Identifier; 9 header fields; 4 index fields and 2 long ones; one level.
+_HEADER = struct.Struct("<12s 9I 4I 2Q 3Q")
+_MODEL_RGBSDA, _MODEL_BC6H, _TRANSFER_LINEAR, _PRIMARIES_UNSPECIFIED = 1, 133, 1, 0
+_FLOAT, _SIGNED, _ALPHA = 0x80, 0x40, 15
+# Keys that begin with KTX are reserved; these two have a meaning for a plain 2D texture.
+_RESERVED = {"KTXorientation": re.compile("[rl][du]"), "KTXwriter": re.compile(".+", re.DOTALL)}
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What one vkFormat asks of the file: bytes and side of a texel block, the size of a word, the descriptor."""
+
+    vk_format: int
+    type_size: int
+    block_bytes: int
+    block_side: int
+    model: int
+    # (bit offset, bits, channel) of every sample.
+    samples: tuple[tuple[int, int, int], ...]
+
+    def nbytes(self, rows: int, columns: int) -> int:
+        """Bytes of the texels: whole blocks."""
+        return -(-rows // self.block_side) * -(-columns // self.block_side) * self.block_bytes
+
+    def descriptor(self) -> bytes:
+        """The data format descriptor, its total size first."""
+        block = 24 + 16 * len(self.samples)
+        flags = (self.model, _PRIMARIES_UNSPECIFIED, _TRANSFER_LINEAR, 0)
+        dimensions = (self.block_side - 1, self.block_side - 1, 0, 0)
+        planes = (self.block_bytes, 0, 0, 0, 0, 0, 0, 0)
+        head = struct.pack("<I 4H 4B 4B 8B", 4 + block, 0, 0, 2, block, *flags, *dimensions, *planes)
+        return head + b"".join(
+            struct.pack("<H 2B 4x 2f", offset, bits - 1, channel | _FLOAT | _SIGNED, -1.0, 1.0)
+            for offset, bits, channel in self.samples
+        )
+
+
+_RGBA16F = _Layout(
+    VK_FORMAT_R16G16B16A16_SFLOAT, 2, 8, 1, _MODEL_RGBSDA, ((0, 16, 0), (16, 16, 1), (32, 16, 2), (48, 16, _ALPHA))
+)
+_BC6H = _Layout(VK_FORMAT_BC6H_SFLOAT_BLOCK, 1, 16, 4, _MODEL_BC6H, ((0, 128, 0),))
+
+
+def write_ktx2(path: str | os.PathLike[str], pixels: np.ndarray, key_values: Mapping[str, str] | None = None) -> None:
+    """Write floating pixels (rows, columns, 4) as VK_FORMAT_R16G16B16A16_SFLOAT, rounded to float16.
+
+    `key_values` become the file's key/value data, such as KTXorientation "rd" (row 0 on top) and KTXwriter.
+    Raises BadInput for another shape, values not finite in float16, keys that the specification forbids, and
+    an unwritable place.
+    """
+    whole_shape(path, pixels, (4,))
+    stored = finite_pixels(path, pixels, np.float16)
+    _write(path, _RGBA16F, (stored.shape[0], stored.shape[1]), stored.tobytes(), key_values or {})
+
+
+def write_ktx2_bc6h(
+    path: str | os.PathLike[str], pixels: np.ndarray, key_values: Mapping[str, str] | None = None
+) -> None:
+    """Write floating pixels (rows, columns, 3) as VK_FORMAT_BC6H_SFLOAT_BLOCK, with the loss that `bc6h` states.
+
+    Raises BadInput as `write_ktx2`, and for sides that are no multiples of 4.
+    """
+    whole_shape(path, pixels, (3,))
+    blocks = encode_bc6h(finite_pixels(path, pixels, np.float16), str(path))
+    _write(path, _BC6H, (pixels.shape[0], pixels.shape[1]), blocks, key_values or {})
+
+
+def read_ktx2(path: str | os.PathLike[str]) -> np.ndarray:
+    """The texels float16 of a file that this module wrote: (rows, columns, 4), or (rows, columns, 3) for BC6H.
+
+    Raises BadInput for a file that cannot be read, is no such KTX2, or is truncated or padded.
+    """
+    layout, rows, columns, _, texels = _read(path)
+    if layout is _BC6H:
+        return decode_bc6h(texels, rows, columns, str(path))
+    return np.frombuffer(texels, "<f2").reshape(rows, columns, 4).astype(np.float16)
+
+
+def read_ktx2_key_values(path: str | os.PathLike[str]) -> dict[str, str]:
+    """The key/value data of a file that this module wrote. Raises BadInput as `read_ktx2`."""
+    return _read(path)[3]
+
+
+def _write(
+    path: str | os.PathLike[str], layout: _Layout, size: tuple[int, int], texels: bytes, key_values: Mapping[str, str]
+) -> None:
+    rows, columns = size
+    descriptor = layout.descriptor()
+    pairs = _packed(path, key_values)
+    start = _HEADER.size + len(descriptor) + len(pairs)
+    # Both block sizes are multiples of 4 already.
+    padding = -start % layout.block_bytes
+    level = (start + padding, len(texels), len(texels))
+    index = (_HEADER.size, len(descriptor), _HEADER.size + len(descriptor) if pairs else 0, len(pairs), 0, 0)
+    header = (layout.vk_format, layout.type_size, columns, rows, 0, 0, 1, 1, 0)
+    data = _HEADER.pack(IDENTIFIER, *header, *index, *level) + descriptor + pairs + bytes(padding) + texels
+    write_bytes(path, data)
+
+
+def _packed(path: str | os.PathLike[str], key_values: Mapping[str, str]) -> bytes:
+    """Sorted by the code points of the keys, as the specification asks; values are NUL-terminated UTF-8."""
+    packed = b""
+    for key, value in sorted(key_values.items()):
+        if not key or "\0" in key or "\0" in value:
+            raise BadInput(f"{path}: key {key!r} with value {value!r}, expected text without NUL under a name")
+        if key[:3] in ("KTX", "ktx") and (key not in _RESERVED or not _RESERVED[key].fullmatch(value)):
+            wanted = "KTXwriter, KTXorientation of r or l with d or u, or a key without KTX in front"
+            raise BadInput(f"{path}: key {key!r} with value {value!r}, expected {wanted}")
+        entry = key.encode() + b"\0" + value.encode() + b"\0"
+        packed += struct.pack("<I", len(entry)) + entry + bytes(-len(entry) % 4)
+    return packed
+
+
+def _read(path: str | os.PathLike[str]) -> tuple[_Layout, int, int, dict[str, str], bytes]:
+    data = file_bytes(path, "a KTX2 texture")
+    if data[:12] != IDENTIFIER:
+        raise BadInput(f"{path}: starts with {data[:12]!r}, expected a KTX2 texture ({IDENTIFIER!r})")
+    if len(data) < _HEADER.size:
+        raise BadInput(f"{path}: ends after {len(data)} bytes, expected a header of {_HEADER.size}")
+    fields = _HEADER.unpack_from(data)
+    vk_format, type_size, columns, rows, *plain = fields[1:10]
+    d0, dn, k0, kn, g0, gn, start, length, whole = fields[10:]
+    layout = {each.vk_format: each for each in (_RGBA16F, _BC6H)}.get(vk_format)
+    if layout is None:
+        wanted = f"{_RGBA16F.vk_format} (R16G16B16A16_SFLOAT) or {_BC6H.vk_format} (BC6H_SFLOAT_BLOCK)"
+        raise BadInput(f"{path}: vkFormat {vk_format}, expected {wanted}")
+    if plain != [0, 0, 1, 1, 0] or 0 in (rows, columns):
+        found = f"{columns} x {rows} texels, depth, layers, faces, levels, supercompression {plain}"
+        raise BadInput(f"{path}: {found}, expected one plain 2D level [0, 0, 1, 1, 0]")
+    descriptor = layout.descriptor()
+    if type_size != layout.type_size or (d0, dn) != (_HEADER.size, len(descriptor)) or data[d0 : d0 + dn] != descriptor:
+        where = f"expected it at byte {_HEADER.size}"
+        raise BadInput(f"{path}: the data format descriptor is not that of vkFormat {vk_format}, {where}")
+    after = d0 + dn
+    size = layout.nbytes(rows, columns)
+    if (k0, g0, gn) != (after if kn else 0, 0, 0) or start != after + kn + -(after + kn) % layout.block_bytes:
+        raise BadInput(f"{path}: key/value data at {k0}, texels at {start}, expected them to follow the descriptor")
+    if length != size or whole != size or len(data) != start + size:
+        found = f"{max(0, len(data) - start)} bytes of texels for {columns} x {rows}, indexed as {length}"
+        raise BadInput(f"{path}: found {found}, expected {size}")
+    return layout, rows, columns, _unpacked(path, data[after : after + kn]), data[start:]
+
+
+def _unpacked(path: str | os.PathLike[str], packed: bytes) -> dict[str, str]:
+    found: dict[str, str] = {}
+    at = 0
+    while at < len(packed):
+        length = int.from_bytes(packed[at : at + 4], "little")
+        entry = packed[at + 4 : at + 4 + length]
+        at += 4 + length + -length % 4
+        key, nul, value = entry.partition(b"\0")
+        try:
+            name, text = key.decode(), value.removesuffix(b"\0").decode()
+        except UnicodeDecodeError as error:
+            raise BadInput(f"{path}: key/value data that is not UTF-8 ({key!r}), expected text") from error
+        if at > len(packed) or not key or not nul or name in found:
+            raise BadInput(f"{path}: key/value data broken at {key!r}, expected different NUL-terminated keys")
+        found[name] = text
+    return found

@@ -1,0 +1,52 @@
+"""What every container shares: the check that pixels are whole and finite as stored, a file's bytes in and out."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.files.atomic import replace_file
+
+
+def whole_shape(path: str | os.PathLike[str], pixels: np.ndarray, channels: tuple[int, ...]) -> None:
+    """Raise BadInput unless pixels are (rows, columns, C), none of it empty, with C one of `channels`."""
+    if pixels.ndim != 3 or pixels.shape[2] not in channels or 0 in pixels.shape:
+        wanted = " or ".join(map(str, channels))
+        raise BadInput(f"{path}: found pixels of shape {pixels.shape}, expected (rows, columns, {wanted}), not empty")
+
+
+def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[np.floating]) -> np.ndarray:
+    """Floating pixels (rows, columns, C) rounded to `dtype`, contiguous and little-endian.
+
+    Raises BadInput where they are not floating-point numbers, and where one is not finite in that type:
+    float16 ends at 65504.
+    """
+    if not np.issubdtype(pixels.dtype, np.floating):
+        raise BadInput(f"{path}: found pixels of type {pixels.dtype}, expected floating-point numbers")
+    with np.errstate(over="ignore", under="ignore"):
+        stored = np.ascontiguousarray(pixels, np.dtype(dtype).newbyteorder("<"))
+    bad = np.argwhere(~np.isfinite(stored))
+    if len(bad):
+        row, column, channel = (int(place) for place in bad[0])
+        most = float(np.finfo(dtype).max)
+        where = f"row {row}, column {column}, channel {channel} is {pixels[row, column, channel]:g}"
+        raise BadInput(f"{path}: {where}, expected finite values of at most {most:g} ({np.dtype(dtype).name})")
+    return stored
+
+
+def file_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
+    """All of a file. Raises BadInput where it cannot be read; `kind` says what was expected."""
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}), expected {kind}") from error
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
+    """Make or replace a file, whole or not at all. Raises BadInput where the place cannot be written."""
+
+    def write(beside: Path) -> None:
+        beside.write_bytes(data)
+
+    replace_file(path, write)

@@ -1,0 +1,234 @@
+"""Separable fits: the BRDF matrix from samples, decomposed, its factors stored as textures.
+
+`svd` (Kautz and McCool 1999; Wang, Tran and Luebke 2004, 3.2) takes the leading terms in one of the ways of
+`decompositions`; `nmf` (after Lawrence, Rusinkiewicz and Ramamoorthi 2004) takes non-negative ones. The matrix is
+dense and samples are scattered, so every entry is resampled from them (`resampling`) at texel directions; the
+error of that is part of these methods' error, and with noise-free samples of a sharp highlight the larger part of it.
+`separable_of` evaluates a reflectance instead, where there is one. Isotropic measurements need no azimuth
+copies: their resampling does not change with azimuth. In the fits an entry weighs as the projected solid angles of its
+texels. In the papers all weigh alike, and for a BRDF that grows towards the horizon the first terms then hold grazing
+light and nothing else; `separable_of` does either.
+"""
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput, Report, Status
+from homofact.linear.threads import one_thread
+from homofact.methods.cole import Fit, ProgressCallback, provenance_of, transform_of
+from homofact.methods.settings import FitSettings
+from homofact.separable.decompositions import Factors, eigen, imputed, normalized, power, svd
+from homofact.separable.maps import direction_map
+from homofact.separable.matrix import BrdfMatrix, brdf_matrix
+from homofact.separable.nmf import nmf
+from homofact.separable.resampling import resampled
+from homofact.separable.separable import Separable, SeparableTerm
+
+SYMMETRIC = ("eigen", "power")
+# Of an entry under the horizon in a non-negative fit: it says little, but leaves no texel undetermined.
+FILLED_WEIGHT = 1e-2
+
+
+@dataclass(frozen=True)
+class Terms:
+    """A separable sum without its textures' maker: `terms`, and how the decomposition ended."""
+
+    terms: tuple[SeparableTerm, ...]
+    status: Status
+    iterations: int
+
+
+def svd_parameterization(settings: FitSettings) -> tuple[str, str]:
+    """(parameterization, decomposition) that `svd` takes for these settings.
+
+    In-out unless asked otherwise; there the eigenvectors where reciprocity is enforced, else the dense SVD. Raises
+    BadInput for another parameterization, and for a symmetric decomposition of a matrix that is not.
+    """
+    parameterization = "in-out" if settings.parameterization is None else settings.parameterization
+    if parameterization not in ("in-out", "half-diff"):
+        raise BadInput(f"parameterization: found {parameterization!r}, expected in-out or half-diff for svd")
+    symmetric = parameterization == "in-out" and settings.reciprocal
+    if settings.decomposition is None:
+        return parameterization, "eigen" if symmetric else "svd"
+    if settings.decomposition in SYMMETRIC and not symmetric:
+        raise BadInput(
+            f"decomposition: found {settings.decomposition!r}, which needs the symmetry of a reciprocal in-out matrix;"
+            " expected svd or normalized"
+        )
+    return parameterization, settings.decomposition
+
+
+def nmf_parameterization(settings: FitSettings) -> str:
+    """Half-diff, as Lawrence's half-angle, unless asked otherwise. Raises BadInput for any but half-diff and in-out."""
+    parameterization = "half-diff" if settings.parameterization is None else settings.parameterization
+    if parameterization not in ("in-out", "half-diff"):
+        raise BadInput(f"parameterization: found {parameterization!r}, expected half-diff or in-out for nmf")
+    return parameterization
+
+
+def svd_terms(matrix: BrdfMatrix, count: int, decomposition: str, generator: torch.Generator, weighted: bool) -> Terms:
+    """`count` terms of a matrix M by the decomposition's name, each channel by itself.
+
+    `weighted`: that of √wi Mij √wj is taken and its factors divided by √w, w the texels' projected solid
+    angles. Entries without a value are imputed from the terms themselves. Raises BadInput for an unknown decomposition.
+    """
+    roots = matrix.weights.sqrt() if weighted else torch.ones_like(matrix.weights)
+
+    def factors(channel: Tensor) -> Factors:
+        weighed = channel * roots[:, None] * roots if weighted else channel
+        found = of_weighted(weighed if decomposition == "normalized" else imputed(weighed, matrix.valid, count))
+        right = None if found.right is None else found.right / roots[:, None]
+        return replace(found, left=found.left / roots[:, None], right=right)
+
+    def of_weighted(channel: Tensor) -> Factors:
+        if decomposition == "svd":
+            return svd(channel, count)
+        if decomposition == "eigen":
+            return eigen(channel, count)
+        if decomposition == "power":
+            return power(channel, count, generator)
+        if decomposition == "normalized":
+            return normalized(channel)
+        raise BadInput(f"decomposition: found {decomposition!r}, expected svd, eigen, power or normalized")
+
+    found: list[Factors] = []
+    for c in range(matrix.values.shape[2]):
+        channel = matrix.values[..., c]
+        # A grey material is decomposed once.
+        same = c > 0 and torch.equal(channel, matrix.values[..., c - 1])
+        found.append(found[-1] if same else factors(channel.contiguous()))
+    converged = all(each.converged for each in found)
+    iterated = sum(each.iterations for each in found)
+    status = Status.DIRECT if iterated == 0 else Status.CONVERGED if converged else Status.BUDGET
+    return Terms(_terms(matrix, found), status, max(iterated, 1))
+
+
+def nmf_terms(matrix: BrdfMatrix, count: int) -> Terms:
+    """`count` non-negative terms of a matrix, weighted as above, each channel by itself.
+
+    What is under the horizon hardly weighs.
+    """
+    weights = torch.outer(matrix.weights, matrix.weights) * torch.where(matrix.valid, 1.0, FILLED_WEIGHT)
+    found = [nmf(matrix.values[..., c].contiguous(), count, weights) for c in range(matrix.values.shape[2])]
+    factors = [Factors(each.left, each.right, torch.ones(each.left.shape[1]).double()) for each in found]
+    status = Status.CONVERGED if all(each.converged for each in found) else Status.BUDGET
+    return Terms(_terms(matrix, factors), status, sum(len(each.objectives) - 1 for each in found))
+
+
+def separable_of(
+    reflectance: Reflectance,
+    terms: int,
+    size: int,
+    *,
+    map: str = "orthographic",
+    parameterization: str = "in-out",
+    decomposition: str = "eigen",
+    weighted: bool = False,
+    isotropic: bool = False,
+    seed: int = 0,
+) -> Separable:
+    """The separable approximation of a reflectance that can be asked everywhere, without samples.
+
+    `weighted` is that of `svd_terms`, `isotropic` saves evaluations (`matrix.brdf_matrix`), `seed` is that of the
+    power iteration. Its transform has the mean of the valid matrix entries as A and ε = 1e-5. Raises BadInput as the
+    parts do.
+    """
+    reciprocal = parameterization == "in-out" and decomposition in SYMMETRIC
+    matrix = brdf_matrix(
+        reflectance, direction_map(map), size, parameterization, isotropic=isotropic, reciprocal=reciprocal
+    )
+    found = svd_terms(matrix, terms, decomposition, torch.Generator().manual_seed(seed), weighted)
+    transform = LogTransform(1e-5, matrix.values[matrix.valid].mean(0))
+    made = {"method": "svd", "decomposition": decomposition, "samples": None, "seed": seed}
+    return _separable(matrix, found, transform, tuple(reflectance.channels), made)
+
+
+@one_thread
+def fit_svd(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
+    """`settings.textures` terms (one if normalized) on `settings.size`² maps; `progress` is never called.
+
+    The report's residual is the Cole error of `samples`, its details the shares of cut values at them (`clipped`) and
+    of matrix entries without a value (`filled`). Raises BadInput for settings that do not go together.
+    """
+    parameterization, decomposition = svd_parameterization(settings)
+    began = time.perf_counter()
+    matrix = _resampled_matrix(samples, settings, parameterization)
+    generator = torch.Generator().manual_seed(settings.seed)
+    terms = svd_terms(matrix, settings.textures, decomposition, generator, weighted=True)
+    return _fitted(samples, settings, matrix, terms, {"decomposition": decomposition}, began)
+
+
+@one_thread
+def fit_nmf(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
+    """As `fit_svd`, with non-negative factors: nothing is ever cut. An in-out fit is reciprocal in its data alone."""
+    parameterization = nmf_parameterization(settings)
+    began = time.perf_counter()
+    matrix = _resampled_matrix(samples, settings, parameterization)
+    return _fitted(samples, settings, matrix, nmf_terms(matrix, settings.textures), {}, began)
+
+
+def _resampled_matrix(samples: Samples, settings: FitSettings, parameterization: str) -> BrdfMatrix:
+    return brdf_matrix(
+        resampled(samples, settings.reciprocal),
+        direction_map(settings.map),
+        settings.size,
+        parameterization,
+        isotropic=samples.isotropic,
+        reciprocal=settings.reciprocal,
+    )
+
+
+def _fitted(
+    samples: Samples, settings: FitSettings, matrix: BrdfMatrix, found: Terms, made: dict[str, Any], began: float
+) -> Fit:
+    transform = transform_of(samples, settings)
+    made = provenance_of(samples, settings) | made
+    result = _separable(matrix, found, transform, samples.channels, made)
+    signed = result.evaluate_signed(samples.wi, samples.wo)
+    logs = transform.forward(signed.clamp_min(0)) - transform.forward(samples.values)
+    clipped = float((signed < 0).double().mean())
+    filled = 1 - float(matrix.valid.double().mean())
+    notes = (f"{clipped:.2%} of the values at the training samples were negative and cut at zero",) if clipped else ()
+    report = Report(
+        found.status,
+        found.iterations,
+        1,
+        time.perf_counter() - began,
+        float((logs**2).mean()),
+        settings.seed,
+        notes=notes,
+        details={"clipped": clipped, "filled": filled},
+    )
+    return Fit(result, report)
+
+
+def _separable(
+    matrix: BrdfMatrix, found: Terms, transform: LogTransform, channels: tuple[str, ...], made: dict[str, Any]
+) -> Separable:
+    read = matrix.read.reshape(matrix.size, matrix.size)
+    return Separable(found.terms, matrix.map.name, matrix.parameterization, read, transform, channels, made)
+
+
+def _terms(matrix: BrdfMatrix, found: list[Factors]) -> tuple[SeparableTerm, ...]:
+    """The channels' factors as textures; a channel that has fewer terms than another is 0 in the rest."""
+    count = max(each.left.shape[1] for each in found)
+
+    def texture(factors: list[Tensor], k: int) -> Tensor:
+        zero = torch.zeros(matrix.values.shape[0], dtype=torch.float64)
+        return torch.stack([matrix.texture(f[:, k] if k < f.shape[1] else zero) for f in factors], 2)
+
+    terms = []
+    for k in range(count):
+        first = texture([each.left for each in found], k)
+        rights = [each.right for each in found if each.right is not None]
+        second = texture(rights, k) if rights else None
+        signs = [each.signs[k] if k < len(each.signs) else torch.ones(()).double() for each in found]
+        terms.append(SeparableTerm(first, second, torch.stack(signs)))
+    return tuple(terms)

@@ -1,0 +1,200 @@
+"""Which rung to ask about next: bisection on a belief about the errors of the whole ladder.
+
+log(error/tolerance) of the rungs is taken as a Gaussian process over (method, log2 textures, log2 size): a level of
+the material, one of each method, slopes with textures and size, and a remainder that neighbours of one method share.
+Every answer moves all of it, so that a failed rung speaks against smaller ones of its method and, less, of the others.
+The next question is the cheapest rung by which half of the chance to find the answer lies: bisection, on a front that
+need not be monotone. It ends when the chance that any cheaper rung meets the tolerance falls under `DOUBT`.
+
+The figures of the prior are in units of log error, rounded from fits of analytic materials; the rest is as large as
+the luck of a search that time ends (one of three textures may come out worse than one of two). Nothing is taken for met
+that was not measured.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from homofact.scene.plan.ladder import Candidate
+
+DOUBT = 0.05
+# Where nothing meets the tolerance, up to this part of the ladder is asked about for the best that can be reached.
+BEST_PART = 0.2
+# ... and this part where the best so far misses it by less than NEAR.
+NEAR_PART, NEAR = 1.0, 1.05
+# Standard deviations of the material's level, a method's own, the slopes, the shared remainder, and the rest.
+LEVEL, OWN, SLOPES, SHARED, REST = 2.0, 0.7, (0.2, 0.3), 0.5, 0.5
+# Where each method starts beside one texture of 16², and how its log error falls with log2 textures and log2 size.
+MEANS = {"search": (0.0, -0.15, -0.35), "mccool": (0.8, 0.0, -0.2), "svd": (1.0, -0.2, -0.2)}
+COLOUR_MEAN = 1.5
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What asking a rung brought: its error, bytes and fetches, and how many textures it came out with."""
+
+    error: float
+    bytes: int
+    fetches: int
+    terms: int = 0
+
+
+@dataclass
+class Walk:
+    """A search over a ladder: the answers so far in the order of asking; `choice` is None where none met the need."""
+
+    tolerance: float
+    asked: dict[Candidate, Outcome] = field(default_factory=dict)
+    choice: Candidate | None = None
+    met: bool = False
+
+    @property
+    def fits(self) -> int:
+        """Questions that took a fit."""
+        return sum(not each.is_colour for each in self.asked)
+
+
+Ask = Callable[[Candidate], Outcome]
+
+
+def walk(
+    candidates: Sequence[Candidate],
+    ask: Ask,
+    tolerance: float,
+    *,
+    channels: int = 3,
+    isotropic: bool = True,
+    most_bytes: float = math.inf,
+    most_fetches: float = math.inf,
+    light_reads: Mapping[str, int] | None = None,
+) -> Walk:
+    """The cheapest rung that meets the tolerance within the budget, by asking as few as may be.
+
+    Cheapest is fewest bytes, then fewest fetches, then fewest reads of the light (`light_reads` by method). Where
+    none does, `choice` is the one of the least error that is within the budget (None if none is) and `met` is False.
+    """
+    reads = light_reads or {}
+    state = Walk(tolerance)
+
+    def cost(candidate: Candidate) -> tuple[float, float, float]:
+        found = state.asked[candidate]
+        return found.bytes, found.fetches, reads.get(candidate.method, 0)
+
+    def fits_budget(candidate: Candidate) -> bool:
+        found = state.asked[candidate]
+        return found.bytes <= most_bytes and found.fetches <= most_fetches
+
+    for each in candidates:
+        if each.is_colour:
+            state.asked[each] = ask(each)
+    while True:
+        usable = [each for each in state.asked if fits_budget(each)]
+        passing = [each for each in usable if state.asked[each].error <= tolerance]
+        best = min(passing, key=cost) if passing else None
+        least = min((state.asked[each].error for each in usable), default=math.inf)
+        # So near, the luck of another search may decide.
+        near = best is None and least < NEAR * tolerance
+        limit = cost(best)[:2] if best is not None else (math.inf, math.inf)
+        pool = [
+            each
+            for each in candidates
+            if each not in state.asked
+            and (each.most_bytes(channels), each.most_fetches(isotropic)) < limit
+            and (near or not _settled(each, state.asked))
+        ]
+        # A search may come out smaller than asked, so only the sure excess of one texture is ruled out by the budget.
+        pool = [each for each in pool if each.most_bytes(channels) <= most_bytes or each.method == "search"]
+        pool = [each for each in pool if each.most_fetches(isotropic) <= most_fetches or each.method == "search"]
+        if not pool:
+            break
+        chances = _chances(pool, state, tolerance)
+        if 1 - math.prod(1 - chance for chance in chances) >= DOUBT:
+            question = _next(pool, chances, channels)
+        elif best is None:
+            part = NEAR_PART if near else BEST_PART
+            if state.fits >= part * sum(not each.is_colour for each in candidates):
+                break
+            better = _chances(pool, state, least)
+            question = pool[max(range(len(pool)), key=better.__getitem__)]
+        else:
+            break
+        state.asked[question] = ask(question)
+    usable = [each for each in state.asked if fits_budget(each)]
+    state.met = best is not None
+    state.choice = best if best is not None else min(usable, key=lambda each: state.asked[each].error, default=None)
+    return state
+
+
+def _next(pool: Sequence[Candidate], chances: Sequence[float], channels: int) -> Candidate:
+    """The likeliest rung of the size in bytes by which half of the chance to have met the tolerance lies."""
+    sizes = sorted({each.most_bytes(channels) for each in pool})
+    reached: dict[int, float] = {}
+    missed = 1.0
+    for size in sizes:
+        for each, chance in zip(pool, chances, strict=True):
+            if each.most_bytes(channels) == size:
+                missed *= 1 - chance
+        reached[size] = 1 - missed
+    total = reached[sizes[-1]]
+    # Where all together are unlikely, the likeliest of all decides soonest.
+    middle = next(size for size in sizes if reached[size] >= 0.5 * total) if total > 0.5 else None
+    offered = [i for i, each in enumerate(pool) if middle is None or each.most_bytes(channels) == middle]
+    return pool[max(offered, key=lambda i: chances[i])]
+
+
+def _settled(candidate: Candidate, asked: Mapping[Candidate, Outcome]) -> bool:
+    """Whether a search of as large textures already came out with fewer than it was allowed: more change nothing."""
+    return any(
+        each.method == candidate.method == "search"
+        and each.size == candidate.size
+        and found.terms < each.textures <= candidate.textures
+        for each, found in asked.items()
+    )
+
+
+def _chances(pool: Sequence[Candidate], state: Walk, level: float) -> list[float]:
+    """P(error ≤ level) of each rung in the pool, given the answers."""
+    if not math.isfinite(level):
+        return [1.0] * len(pool)
+    known = [each for each, found in state.asked.items() if 0 < found.error < math.inf]
+    values = torch.tensor([math.log(state.asked[each].error / level) for each in known], dtype=torch.float64)
+    mean = torch.tensor([_mean(each) for each in known], dtype=torch.float64)
+    system = _covariance(known, known) + REST**2 * torch.eye(len(known), dtype=torch.float64)
+    cross = _covariance(pool, known)
+    weights = torch.linalg.solve(system, cross.T) if known else cross.T
+    prior = torch.tensor([_mean(each) for each in pool], dtype=torch.float64)
+    centre = prior + weights.T @ (values - mean)
+    variance = torch.stack([_covariance([each], [each])[0, 0] for each in pool]) if pool else prior
+    variance = (variance - (weights * cross.T).sum(0)).clamp_min(0) + REST**2
+    return torch.special.ndtr(-centre / variance.sqrt()).tolist()
+
+
+def _mean(candidate: Candidate) -> float:
+    if candidate.is_colour:
+        return COLOUR_MEAN
+    start, by_textures, by_size = MEANS[candidate.method]
+    textures, size = _place(candidate)
+    return start + by_textures * textures + by_size * size
+
+
+def _place(candidate: Candidate) -> tuple[float, float]:
+    """(log2 textures, log2 of the size over 16)."""
+    return (0.0, 0.0) if candidate.is_colour else (math.log2(candidate.textures), math.log2(candidate.size / 16))
+
+
+def _covariance(first: Sequence[Candidate], second: Sequence[Candidate]) -> Tensor:
+    table = torch.empty(len(first), len(second), dtype=torch.float64)
+    for i, a in enumerate(first):
+        for j, b in enumerate(second):
+            (t, s), (u, v) = _place(a), _place(b)
+            value = LEVEL**2
+            if a.method == b.method or (a.is_colour and b.is_colour):
+                near = math.exp(-((t - u) ** 2 + (s - v) ** 2) / 2)
+                value += OWN**2 + SHARED**2 * near
+            if not a.is_colour and not b.is_colour:
+                value += SLOPES[0] ** 2 * t * u + SLOPES[1] ** 2 * s * v
+            table[i, j] = value
+    return table

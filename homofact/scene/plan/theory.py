@@ -1,0 +1,98 @@
+"""What a lighting leaves of a lobe: predicted errors of the rungs before any fit, and the orders that are needed.
+
+Averaged over all turnings of the lighting, the mean square of B = ∫ L g, g(ωi) = f cosθi at one view, is
+Σ_l w_l e_l with w_l = E_l/(2l+1), E_l and e_l the energies by order of lighting and lobe (`plan_lighting`). The same
+holds for the difference of two lobes, so that the relative error of the reflected light is known from it; exactly for
+one colour, where the difference needs no fit. For the others it is a bound by bandwidth: a texture of s texels a side
+carries orders up to s (l/2 waves over the hemisphere's π, two texels a wave), K terms of an SVD those
+up to √(2K) − 1 (Mahajan et al. 2008: 2l+1 equal eigenvalues an order on the sphere, half of them on the hemisphere);
+the rest is counted lost.
+A product of textures may still err more, its factors need not fit the material, and it may err less: a searched
+projection is stretched where the lobe is (`projection.Warp`), and then carries higher orders than its size says.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.geometry.directions import from_spherical
+from homofact.scene.harmonics import energy_by_order, harmonics, quadrature
+from homofact.scene.lighting import IRRADIANCE_ORDER, ORDER, Lighting
+from homofact.scene.plan.ladder import CONSTANT, Candidate
+
+# Each the middle of as much of a sphere's picture: sin²θo at 1/12, 3/12 …
+VIEW_SINES_SQUARED = tuple((2 * i + 1) / 12 for i in range(6))
+_NODES = 48
+
+
+@dataclass(frozen=True)
+class Lobes:
+    """Coefficients of f cosθi, (V, (ORDER+1)², C), at V views of equal weight, and of cosθi alone ((ORDER+1)²,)."""
+
+    coefficients: Tensor
+    cosine: Tensor
+
+    @classmethod
+    def of(cls, reflectance: Reflectance) -> "Lobes":
+        """Those of a reflectance, by quadrature on the upper hemisphere."""
+        wi, weights = quadrature(_NODES, low=0.0)
+        basis = harmonics(ORDER, wi) * (weights * wi[:, 2])[:, None]
+        angles = torch.tensor(VIEW_SINES_SQUARED, dtype=torch.float64).sqrt().asin()
+        views = from_spherical(angles, torch.zeros_like(angles))
+        lobes = [basis.T @ reflectance.evaluate(wi, wo.expand_as(wi)).to(torch.float64) for wo in views]
+        return cls(torch.stack(lobes), basis.sum(0))
+
+
+def excitation(lighting: Lighting) -> Tensor:
+    """w_l = E_l/(2l+1): what one unit of a lobe's energy at order l adds to the mean square reflected, (ORDER+1,)."""
+    return lighting.energies / (2 * torch.arange(ORDER + 1, dtype=torch.float64) + 1)
+
+
+def mean_square(lobes: Tensor, lighting: Lighting) -> Tensor:
+    """w_l e_l by order (ORDER+1,), the mean over views and the sum over channels of lobes (V, (ORDER+1)², C)."""
+    return excitation(lighting) * torch.stack([energy_by_order(each).sum(1) for each in lobes]).mean(0)
+
+
+def lost_above(lobes: Lobes, lighting: Lighting) -> Tensor:
+    """Relative error of the reflected light where a lobe is cut after each order: (ORDER+1,), falling to 0."""
+    by_order = mean_square(lobes.coefficients, lighting)
+    kept = by_order.cumsum(0) / by_order.sum()
+    return (1 - kept).clamp_min(0).sqrt()
+
+
+def order_needed(lobes: Lobes, lighting: Lighting, error: float) -> int:
+    """The least order after which a lobe may be cut with this relative error of the reflected light."""
+    return int((lost_above(lobes, lighting) <= error).nonzero()[0, 0])
+
+
+def terms_needed(order: int) -> int:
+    """Terms of an in-out SVD that carry orders up to this one: (order+1)²/2, at least 1."""
+    return max(1, math.ceil((order + 1) ** 2 / 2))
+
+
+def carried_order(candidate: Candidate) -> float:
+    """The order up to which a rung with textures can carry a lobe."""
+    size = float(candidate.size)
+    return min(size, math.sqrt(2 * candidate.textures) - 1) if candidate.method == "svd" else size
+
+
+def predicted_error(candidate: Candidate, lobes: Lobes, lighting: Lighting) -> float:
+    """The relative error of the reflected light that theory gives a rung under a lighting, before any fit."""
+    if not candidate.is_colour:
+        return float(lost_above(lobes, lighting)[min(ORDER, int(carried_order(candidate)))])
+    cosine = lobes.cosine.clone()
+    if candidate.method != CONSTANT:
+        cosine[(IRRADIANCE_ORDER + 1) ** 2 :] = 0
+    whole = mean_square(lobes.coefficients, lighting).sum()
+    residual = lobes.coefficients - best_colour(lobes, lighting) * cosine[:, None]
+    return float((mean_square(residual, lighting).sum() / whole).sqrt())
+
+
+def best_colour(lobes: Lobes, lighting: Lighting) -> Tensor:
+    """c (C,) in sr⁻¹ whose lobe c cosθi comes nearest in reflected light."""
+    degree = torch.arange(ORDER + 1).repeat_interleave(2 * torch.arange(ORDER + 1) + 1)
+    weights = excitation(lighting)[degree]
+    return (weights * lobes.cosine) @ lobes.coefficients.mean(0) / (weights * lobes.cosine**2).sum()

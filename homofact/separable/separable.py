@@ -1,0 +1,165 @@
+"""The result of a separable fit: f(a, b) ≈ Σk sk gk(a) hk(b), cut at zero, on two direction maps.
+
+(a, b) are (ωi, ωo) or (h, d). In a reciprocal in-out fit gk = hk, so f(ωi, ωo) = f(ωo, ωi) to the last bit, and a
+term stores one texture. The factors of an SVD have both signs and their truncated sum may fall below zero; it is
+cut there when it is evaluated (Wang, Tran and Luebke 2004 leave such values in and see false colours, 4.1), and
+`clipped` says how often that happens. Channels are factored each by itself, as there (3.2).
+
+All that an evaluation needs is in one .npz file of plain arrays and a JSON header.
+"""
+
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.log_transform import LogTransform
+from homofact.errors import BadInput
+from homofact.files.archive import check_version, read_archive, write_archive
+from homofact.geometry.directions import half_difference
+from homofact.linear.bilinear import lookup
+from homofact.separable.maps import MAPS, direction_map
+from homofact.separable.matrix import PARAMETERIZATIONS
+
+FORMAT = "homofact separable factorization"
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class SeparableTerm:
+    """One product: `first` gk and `second` hk (rows, columns, C), `second` None where it is `first`.
+
+    `signs` (C,) are ±1. g·h is in sr⁻¹ without the cosine; the channels' terms are in order of size, each by itself.
+    """
+
+    first: Tensor
+    second: Tensor | None
+    signs: Tensor
+
+    @property
+    def textures(self) -> tuple[Tensor, ...]:
+        """The one or two textures that are stored."""
+        return (self.first,) if self.second is None else (self.first, self.second)
+
+
+@dataclass(frozen=True)
+class Separable:
+    """A fitted sum of products; a `Reflectance` and a `Fitted`.
+
+    `map` names the direction map of both sides, `parameterization` says what they are indexed by, `read`
+    (rows, columns) is True where some direction reads the texel.
+    """
+
+    terms: tuple[SeparableTerm, ...]
+    map: str
+    parameterization: str
+    read: Tensor
+    transform: LogTransform
+    channels: tuple[str, ...]
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all texels as float32; the signs, C bits a term, are not counted."""
+        return sum(texture.numel() * 4 for term in self.terms for texture in term.textures)
+
+    @property
+    def fetches(self) -> int:
+        """Texture lookups of one evaluation: two a term, a shared texture being read at both directions."""
+        return 2 * len(self.terms)
+
+    def evaluate_signed(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """The sum of products (N, C) in sr⁻¹ before it is cut at zero."""
+        a, b = (wi, wo) if self.parameterization == "in-out" else half_difference(wi, wo)
+        place = direction_map(self.map).to_square
+        first, second = self._stacked
+        count, channels = len(self.terms), len(self.channels)
+        left = lookup(first, place(a).to(first)).reshape(-1, count, channels)
+        right = lookup(first if second is None else second, place(b).to(first)).reshape(-1, count, channels)
+        signs = torch.stack([term.signs for term in self.terms])
+        return (left * right * signs).sum(1).to(wi)
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
+        return torch.where(above[:, None], self.evaluate_signed(wi, wo).clamp_min(0), 0.0)
+
+    def clipped(self, wi: Tensor, wo: Tensor) -> float:
+        """The share of values at these pairs, over all channels, that are negative and evaluate to 0."""
+        return float((self.evaluate_signed(wi, wo) < 0).double().mean())
+
+    @cached_property
+    def _stacked(self) -> tuple[Tensor, Tensor | None]:
+        """All terms' textures as the channels of one, so that a direction is looked up once."""
+        first = torch.cat([term.first for term in self.terms], 2)
+        seconds = [term.second for term in self.terms if term.second is not None]
+        return first, torch.cat(seconds, 2) if seconds else None
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the one file (.npz), beside first and then renamed. Raises BadInput for an unwritable place."""
+        header = {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "map": self.map,
+            "parameterization": self.parameterization,
+            "epsilon": self.transform.epsilon,
+            "channels": list(self.channels),
+            "terms": len(self.terms),
+            "provenance": self.provenance,
+        }
+        arrays: dict[str, Any] = {
+            "mean": self.transform.mean.cpu().numpy(),
+            "read": self.read.cpu().numpy(),
+        }
+        for k, term in enumerate(self.terms):
+            arrays[f"first_{k}"] = term.first.cpu().numpy()
+            arrays[f"signs_{k}"] = term.signs.cpu().numpy()
+            if term.second is not None:
+                arrays[f"second_{k}"] = term.second.cpu().numpy()
+        write_archive(path, header, arrays)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Separable":
+        """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
+        target = Path(path)
+        data, header = read_archive(target)
+        if header.get("format") != FORMAT:
+            raise BadInput(f"{target}: found format {header.get('format')!r}, expected {FORMAT!r}")
+        check_version(target, header, FORMAT_VERSION)
+        try:
+            terms = tuple(
+                SeparableTerm(
+                    torch.from_numpy(data[f"first_{k}"]),
+                    torch.from_numpy(data[f"second_{k}"]) if f"second_{k}" in data else None,
+                    torch.from_numpy(data[f"signs_{k}"]),
+                )
+                for k in range(header["terms"])
+            )
+            result = cls(
+                terms,
+                header["map"],
+                header["parameterization"],
+                torch.from_numpy(data["read"]),
+                LogTransform(float(header["epsilon"]), torch.from_numpy(data["mean"])),
+                tuple(header["channels"]),
+                header["provenance"],
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise BadInput(f"{target}: incomplete, {error} is missing or damaged, expected what save wrote") from error
+        result._check(target)
+        return result
+
+    def _check(self, target: Path) -> None:
+        if self.map not in MAPS or self.parameterization not in PARAMETERIZATIONS or not self.terms:
+            found = f"map {self.map!r}, parameterization {self.parameterization!r}, {len(self.terms)} terms"
+            raise BadInput(f"{target}: found {found}, expected what save wrote")
+        shape = (*self.read.shape, len(self.channels))
+        shared = self.terms[0].second is None
+        for k, term in enumerate(self.terms):
+            whole = all(tuple(t.shape) == shape and bool(torch.isfinite(t).all()) for t in term.textures)
+            if not whole or tuple(term.signs.shape) != shape[2:] or (term.second is None) != shared:
+                raise BadInput(f"{target}: term {k} is damaged, expected finite textures of shape {shape}")

@@ -1,0 +1,96 @@
+"""The program printed as C99: no vectors, no library but math.h, the texels beside the code.
+
+A vector becomes an array and each of its components one expression. The lookup does what a sampler does: bilinear
+between texel centres at (k + 1/2)/n, clamped to the edge. The texels are the stored ones, decoded: what the compiled
+function gives is what the other languages read from the exported textures.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from homofact.shading.expression import INFIX, Expression, component
+from homofact.shading.languages import infix, number, remark
+from homofact.shading.program import Program
+
+_FUNCTIONS = {
+    "sqrt": "sqrtf", "abs": "fabsf", "exp": "expf", "log": "logf", "asinh": "asinhf",
+    "atan2": "atan2f", "max": "fmaxf", "min": "fminf",
+}  # fmt: skip
+_LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int columns, const float uv[2], float *value)
+{{
+    const float x = fminf(fmaxf(uv[0] * (float)columns - 0.5f, 0.0f), (float)(columns - 1));
+    const float y = fminf(fmaxf(uv[1] * (float)rows - 0.5f, 0.0f), (float)(rows - 1));
+    const int column = (int)x, row = (int)y;
+    const int right = column + 1 < columns ? column + 1 : column, above = row + 1 < rows ? row + 1 : row;
+    const float u = x - (float)column, v = y - (float)row;
+    for (int c = 0; c < {channels}; c++) {{
+        const float low = (1.0f - u) * texels[(row * columns + column) * {channels} + c]
+            + u * texels[(row * columns + right) * {channels} + c];
+        const float high = (1.0f - u) * texels[(above * columns + column) * {channels} + c]
+            + u * texels[(above * columns + right) * {channels} + c];
+        value[c] = (1.0f - v) * low + v * high;
+    }}
+}}
+"""
+
+
+def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "homofact") -> str:
+    """One file of C99: texels (rows, columns, C) as floats, the lookup, and `PREFIX_evaluate(wi, wo, f)`."""
+    channels = len(program.channels)
+    title = "".join(f"/* {remark(line)} */\n" for line in program.title)
+    data = "".join(_texels(prefix, k, texels) for k, texels in enumerate(textures))
+    lines = []
+    for statement in program.statements:
+        if statement.comment:
+            lines.append(f"    /* {remark(statement.comment)} */")
+        name, expression = statement.name, statement.expression
+        if expression.kind == "fetch":
+            rows, columns = program.shapes[int(expression.text)]
+            uv = render(expression.operands[0])
+            texture = f"{prefix}_texture_{expression.text}"
+            lines.append(f"    float {name}{'' if channels == 1 else f'[{channels}]'};")
+            address = f"&{name}" if channels == 1 else name
+            lines.append(f"    {prefix}_lookup({texture}, {rows}, {columns}, {uv}, {address});")
+        else:
+            parts = ", ".join(render(component(expression, k)) for k in range(expression.dimension))
+            lines.append(
+                f"    const float {name} = {parts};"
+                if expression.dimension == 1
+                else f"    const float {name}[{expression.dimension}] = {{{parts}}};"
+            )
+    lines += [f"    f_out[{c}] = {render(component(program.result, c))};" for c in range(channels)]
+    body = "\n".join(lines)
+    return (
+        f"{title}#include <math.h>\n\n{data}{_LOOKUP.format(prefix=prefix, channels=channels)}\n"
+        f"/* f_out[{channels}]: {', '.join(program.channels)} */\n"
+        f"void {prefix}_evaluate(const float wi[3], const float wo[3], float f_out[{channels}])\n{{\n{body}\n}}\n"
+    )
+
+
+def render(expression: Expression) -> str:
+    """The text of a scalar expression (or of a name, whatever its dimension)."""
+    kind, operands = expression.kind, expression.operands
+    if kind == "constant":
+        return f"{number(expression.values[0])}f"
+    if kind == "name":
+        return expression.text
+    if kind == "swizzle":
+        return f"{operands[0].text}[{'xyzw'.index(expression.text)}]"
+    if kind in INFIX:
+        return infix(expression, *(render(operand) for operand in operands))
+    parts = [render(operand) for operand in operands]
+    if kind == "step":
+        return f"({parts[1]} >= {parts[0]} ? 1.0f : 0.0f)"
+    return f"{_FUNCTIONS[kind]}({', '.join(parts)})"
+
+
+def _texels(prefix: str, number_of: int, texels: np.ndarray) -> str:
+    rows, columns, channels = texels.shape
+    flat = [f"{number(value)}f" for value in texels.reshape(-1)]
+    lines = [", ".join(flat[k : k + 3 * 3]) for k in range(0, len(flat), 9)]
+    inner = ",\n    ".join(lines)
+    return (
+        f"/* {rows} rows of {columns} texels of {channels} channels */\n"
+        f"static const float {prefix}_texture_{number_of}[{rows * columns * channels}] = {{\n    {inner}\n}};\n\n"
+    )

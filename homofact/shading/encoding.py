@@ -1,0 +1,119 @@
+"""What a texture becomes when it is stored: float32, float16, whole numbers of 8 or 16 bits, or blocks of BC6H.
+
+A stored texel t stands for the logarithm p = scale · t + bias, per channel, with t in [0, 1] for whole numbers and
+scale 1 for floats. Interpolation is linear, so a sampler may interpolate t and the shader decode the result. float16
+holds 11 bits of a number: its bias is the middle of the texture's range, which keeps numbers small.
+
+BC6H (`containers.bc6h`) interpolates the patterns of halves: linearly within a power of two, geometrically across
+several, and wildly through zero, next to which it is finest. So a texture's range is kept on one side of zero: with R
+the widest channel's range, t = (p − bias)/R runs from a to a + 1, or from −a − 1 to −a, where each channel begins at
+the same end. One scale for all channels keeps their errors alike in the sum that the blocks minimise. How far from
+zero is best (a small a is fine at one end, a large one even) depends on the texture: both sides of three a are tried,
+and the least error inside the mask is kept.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.containers.bc6h import decode_bc6h, encode_bc6h
+from homofact.errors import BadInput
+from homofact.factor.factorization import Grid, Term
+
+LEVELS = {"unorm8": 255, "unorm16": 65535}
+STORAGES = ("float32", "float16", *LEVELS, "bc6h")
+# The distances a from zero at which BC6H is tried, in ranges of the texture.
+_STARTS = (0.0, 0.125, 0.5)
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """A texture as it goes into a file (`containers.formats`), and how its texels become logarithms.
+
+    `stored` (rows, columns, C) is float32, float16 (BC6H too: what its encoder is given), uint8 or uint16; `scale` and
+    `bias` are (C,) float64.
+    """
+
+    storage: str
+    stored: np.ndarray
+    scale: np.ndarray
+    bias: np.ndarray
+
+    @cached_property
+    def sampled(self) -> np.ndarray:
+        """What a sampler finds at texel centres, whole numbers undivided: `stored`, but for what blocks lose of it."""
+        if self.storage != "bc6h":
+            return self.stored
+        rows, columns, channels = self.stored.shape
+        # As in the file: a single channel stands in all three.
+        blocks = encode_bc6h(np.repeat(self.stored, 3 // channels, 2), "bc6h")
+        return decode_bc6h(blocks, rows, columns, "bc6h")[..., :channels]
+
+    def decoded(self) -> Tensor:
+        """The logarithms (rows, columns, C) float64 that a sampler gives at texel centres, decoded by the shader."""
+        levels = LEVELS.get(self.storage, 1)
+        return torch.from_numpy(self.sampled.astype(np.float64) / levels * self.scale + self.bias)
+
+
+def as_floats(texture: Tensor) -> Encoded:
+    """The texture as float32, which a shader takes as it is."""
+    channels = texture.shape[2]
+    stored = texture.detach().cpu().numpy().astype(np.float32)
+    return Encoded("float32", stored, np.ones(channels), np.zeros(channels))
+
+
+def encode_term(term: Term, storage: str) -> Encoded:
+    """The term's texture in a storage, as `encode`.
+
+    A term that was fitted to whole numbers (`factor.quantize`) keeps its own scale and bias in that storage, and
+    loses nothing.
+    """
+    return encode(term.texture, term.mask, storage, term.grid)
+
+
+def encode(texture: Tensor, mask: Tensor, storage: str, grid: Grid | None = None) -> Encoded:
+    """A texture (rows, columns, C) in a storage; texels outside the mask are clipped to the range inside.
+
+    Raises BadInput for a storage that is none, and for bc6h where C is not 1 or 3 or a side no multiple of 4.
+    """
+    if storage not in STORAGES:
+        raise BadInput(f"storage: found {storage!r}, expected one of {', '.join(STORAGES)}")
+    texture = texture.detach().cpu().to(torch.float64)
+    channels = texture.shape[2]
+    if storage == "float32":
+        return as_floats(texture)
+    inside = texture[mask.cpu()] if bool(mask.any()) else texture.reshape(-1, channels)
+    low, high = inside.amin(0), inside.amax(0)
+    clipped = texture.clamp(low, high)
+    if storage == "bc6h":
+        return _blocks(clipped, mask.cpu(), low, high)
+    if storage not in LEVELS:
+        middle = (low + high) / 2
+        return Encoded(storage, (clipped - middle).numpy().astype(np.float16), np.ones(channels), middle.numpy())
+    levels = LEVELS[storage]
+    scale = (high - low).clamp_min(1e-6)
+    if grid is not None and grid.levels == levels:
+        low, scale = grid.low, grid.step * levels
+        clipped = texture
+    steps = ((clipped - low) / scale * levels).round().clamp(0, levels)
+    kind = np.uint8 if levels < 256 else np.uint16
+    return Encoded(storage, steps.numpy().astype(kind), scale.numpy(), low.numpy())
+
+
+def _blocks(texture: Tensor, mask: Tensor, low: Tensor, high: Tensor) -> Encoded:
+    """The affine map, of those that the module's head tells, with which BC6H errs least inside the mask."""
+    channels = texture.shape[2]
+    if channels not in (1, 3):
+        raise BadInput(f"bc6h: found {channels} channels, expected 1 or 3")
+    span = float((high - low).max().clamp_min(1e-6))
+    weights = mask.to(texture)[..., None] if bool(mask.any()) else torch.ones_like(texture)
+    tried = []
+    for start, (end, side) in product(_STARTS, ((low, 1), (high, -1))):
+        bias = end - side * start * span
+        stored = ((texture - bias) / span).numpy().astype(np.float16)
+        tried.append(Encoded("bc6h", stored, np.full(channels, span), bias.numpy()))
+    return min(tried, key=lambda each: float(((each.decoded() - texture).square() * weights).sum()))

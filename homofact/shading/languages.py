@@ -1,0 +1,178 @@
+"""The program printed as GLSL ES 3.00, HLSL and WGSL.
+
+All three are functions to paste into a shader: `PREFIX_evaluate(wi, wo)` and the declarations of its textures. A
+fetch names its level, so that it may stand in any control flow and any stage. The value is a vector of as many
+components as there are channels, a scalar for one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from homofact.shading.expression import INFIX, Expression
+from homofact.shading.program import Program
+
+_RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
+
+
+@dataclass(frozen=True)
+class Language:
+    """How a language writes types, constants, names of functions, statements, fetches and the whole.
+
+    `widen` says that a function of a vector and a scalar wants both as vectors (WGSL).
+    """
+
+    name: str
+    suffix: str
+    types: tuple[str, str, str, str]
+    functions: dict[str, str]
+    let: str
+    fetch: str
+    swizzles: tuple[str, str, str, str]
+    widen: bool
+    frame: Callable[[Program, str, str], str]
+
+
+def number(value: float) -> str:
+    """A constant as float32 holds it, in as few digits as read back to it."""
+    single = np.float32(value)
+    # str() obeys numpy's print options, which colour-science sets to an older style of fewer digits.
+    if single == 0 or 1e-4 <= abs(single) < 1e16:
+        return np.format_float_positional(single, unique=True, trim="0")
+    return np.format_float_scientific(single, unique=True, trim="-")
+
+
+def remark(text: str) -> str:
+    """A comment's text on one line and without what ends a comment: names of files and projections may hold both."""
+    return " ".join(text.split()).replace("*/", "* /")
+
+
+def infix(expression: Expression, left: str, right: str) -> str:
+    """The text of an infix operator on operands that are printed already, parenthesised where that is needed."""
+    kind, operands = expression.kind, expression.operands
+    if _RANK.get(operands[0].kind, 3) < _RANK[kind]:
+        left = f"({left})"
+    # a − (b + c) and a / (b c) keep theirs.
+    rank = _RANK.get(operands[1].kind, 3)
+    if (
+        rank < _RANK[kind]
+        or (rank == _RANK[kind] and (kind in "-/" or operands[1].kind in "-/"))
+        or right.startswith("-")
+    ):
+        right = f"({right})"
+    return f"{left} {kind} {right}"
+
+
+def render(expression: Expression, language: Language, prefix: str) -> str:
+    """The expression's text, with no more parentheses than it needs."""
+    kind, operands = expression.kind, expression.operands
+    if kind == "constant":
+        inner = [number(value) for value in expression.values]
+        kind_of = language.types[expression.dimension - 1]
+        return inner[0] if expression.dimension == 1 else f"{kind_of}({', '.join(inner)})"
+    if kind == "name":
+        return expression.text
+    if kind == "swizzle":
+        inner = render(operands[0], language, prefix)
+        return f"({inner}).{expression.text}" if operands[0].kind in INFIX else f"{inner}.{expression.text}"
+    if kind == "vector":
+        parts = ", ".join(render(operand, language, prefix) for operand in operands)
+        return f"{language.types[expression.dimension - 1]}({parts})"
+    if kind == "fetch":
+        uv = render(operands[0], language, prefix)
+        texture = f"{prefix}_texture_{expression.text}"
+        read = language.fetch.format(texture=texture, sampler=f"{prefix}_sampler", uv=uv)
+        return read + language.swizzles[expression.dimension - 1]
+    if kind in INFIX:
+        return infix(expression, *(render(operand, language, prefix) for operand in operands))
+    if kind == "asinh" and language.name == "HLSL":
+        y = render(operands[0], language, prefix)
+        y = f"({y})" if operands[0].kind in INFIX else y
+        return f"log({y} + sqrt({y} * {y} + 1.0))"
+    arguments = []
+    for operand in operands:
+        text = render(operand, language, prefix)
+        if language.widen and operand.dimension < expression.dimension and kind != "dot":
+            text = f"{language.types[expression.dimension - 1]}({text})"
+        arguments.append(text)
+    return f"{language.functions.get(kind, kind)}({', '.join(arguments)})"
+
+
+def shader(program: Program, language: Language, prefix: str = "homofact") -> str:
+    """The program's text: declarations, one function, comments. `prefix` begins every global name."""
+    lines = []
+    for statement in program.statements:
+        if statement.comment:
+            lines.append(f"    // {remark(statement.comment)}")
+        kind = language.types[statement.expression.dimension - 1]
+        begin = language.let.format(type=kind, name=statement.name)
+        lines.append(f"    {begin} = {render(statement.expression, language, prefix)};")
+    lines.append(f"    return {render(program.result, language, prefix)};")
+    title = "\n".join(f"// {remark(line)}" for line in program.title)
+    return f"{title}\n" + language.frame(program, "\n".join(lines), prefix)
+
+
+def _glsl(program: Program, body: str, prefix: str) -> str:
+    kind = GLSL.types[program.result.dimension - 1]
+    textures = "".join(
+        f"uniform highp sampler2D {prefix}_texture_{k};  // {columns} x {rows}\n"
+        for k, (rows, columns) in enumerate(program.shapes)
+    )
+    return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo) {{\n{body}\n}}\n"
+
+
+def _hlsl(program: Program, body: str, prefix: str) -> str:
+    kind = HLSL.types[program.result.dimension - 1]
+    textures = "".join(
+        f"Texture2D<float4> {prefix}_texture_{k} : register(t{k});  // {columns} x {rows}\n"
+        for k, (rows, columns) in enumerate(program.shapes)
+    )
+    sampler = f"SamplerState {prefix}_sampler : register(s0);  // MIN_MAG_MIP_LINEAR, CLAMP\n"
+    return f"{textures}{sampler}\n{kind} {prefix}_evaluate(float3 wi, float3 wo)\n{{\n{body}\n}}\n"
+
+
+def _wgsl(program: Program, body: str, prefix: str) -> str:
+    kind = WGSL.types[program.result.dimension - 1]
+    textures = "".join(
+        f"@group(0) @binding({k}) var {prefix}_texture_{k}: texture_2d<f32>;  // {columns} x {rows}\n"
+        for k, (rows, columns) in enumerate(program.shapes)
+    )
+    last = len(program.shapes)
+    sampler = f"@group(0) @binding({last}) var {prefix}_sampler: sampler;  // linear, clamp-to-edge\n"
+    return f"{textures}{sampler}\nfn {prefix}_evaluate(wi: vec3<f32>, wo: vec3<f32>) -> {kind} {{\n{body}\n}}\n"
+
+
+GLSL = Language(
+    "GLSL ES 3.00",
+    ".glsl",
+    ("float", "vec2", "vec3", "vec4"),
+    {"atan2": "atan"},
+    "{type} {name}",
+    "textureLod({texture}, {uv}, 0.0)",
+    (".r", ".rg", ".rgb", ""),
+    False,
+    _glsl,
+)
+HLSL = Language(
+    "HLSL",
+    ".hlsl",
+    ("float", "float2", "float3", "float4"),
+    {},
+    "{type} {name}",
+    "{texture}.SampleLevel({sampler}, {uv}, 0.0)",
+    (".r", ".rg", ".rgb", ""),
+    False,
+    _hlsl,
+)
+WGSL = Language(
+    "WGSL",
+    ".wgsl",
+    ("f32", "vec2<f32>", "vec3<f32>", "vec4<f32>"),
+    {},
+    "let {name}: {type}",
+    "textureSampleLevel({texture}, {sampler}, {uv}, 0.0)",
+    (".r", ".rg", ".rgb", ""),
+    True,
+    _wgsl,
+)

@@ -1,0 +1,95 @@
+"""A mesh to show a material on: Wavefront OBJ and PLY, told apart by content.
+
+Positions are moved and scaled so that the smallest box round the mesh is centred and the mesh's farthest corner
+lies on the unit sphere. Normals that the file has are kept; else each vertex gets the sum of its triangles' normals,
+weighted by their areas, over all vertices at the same place (an OBJ splits them along texture seams). A mesh wound
+inside out, which encloses a negative volume, is turned, and every triangle is wound so that it faces the side of its
+normals. Polygons become fans. Texture coordinates, colours, groups and materials are passed over.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.viewer.mesh_files import parse_obj, parse_ply
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """`positions` (V, 3) and unit `normals` (V, 3) float64, `triangles` (T, 3) int64 into them; `name` for captions."""
+
+    positions: np.ndarray
+    normals: np.ndarray
+    triangles: np.ndarray
+    name: str
+
+
+def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+    """The mesh in an OBJ or PLY file, as the module's head says.
+
+    Raises BadInput, one line, for a file that cannot be read, is neither, is damaged or truncated, has no triangles,
+    indices that name no vertex, or coordinates that are not finite.
+    """
+    target = Path(path)
+    try:
+        data = target.read_bytes()
+    except OSError as error:
+        raise BadInput(f"{target}: cannot be read ({error.strerror}), expected an OBJ or PLY mesh") from error
+    parsed = parse_ply(data, str(target)) if data[:4] in (b"ply\n", b"ply\r") else parse_obj(data, str(target))
+    positions, normals, triangles = parsed
+    if not len(triangles):
+        raise BadInput(f"{target}: no triangles in it, expected a mesh")
+    for what, values in (("position", positions), ("normal", normals)):
+        if values is not None and not np.isfinite(values).all():
+            row = int(np.argwhere(~np.isfinite(values))[0, 0])
+            raise BadInput(f"{target}: {what} {row + 1} is not finite, expected finite numbers")
+    if triangles.min() < 0 or triangles.max() >= len(positions):
+        wrong = int(triangles.min() if triangles.min() < 0 else triangles.max())
+        raise BadInput(f"{target}: a face names vertex {wrong}, expected 0 to {len(positions) - 1}")
+    used = positions[np.unique(triangles)]
+    low, high = used.min(0), used.max(0)
+    if not (high - low).any():
+        raise BadInput(f"{target}: all vertices are at one place, expected a mesh with an extent")
+    # Before anything is squared: coordinates may be of any size.
+    positions = (positions - (low + high) / 2) / (high - low).max()
+    positions /= np.linalg.norm(positions[np.unique(triangles)], axis=1).max()
+    if normals is None or not np.linalg.norm(normals, axis=1).all():
+        triangles = _outward(positions, triangles)
+        computed = _vertex_normals(positions, triangles)
+        given = np.zeros(len(positions), bool) if normals is None else np.linalg.norm(normals, axis=1) > 0
+        normals = computed if normals is None else np.where(given[:, None], normals, computed)
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return Mesh(positions, normals, _facing(positions, normals, triangles), target.name)
+
+
+def _face_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(T, 3), twice the triangle's area long."""
+    a, b, c = (positions[triangles[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def _outward(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The triangles, all turned where they enclose a negative volume."""
+    volume = (positions[triangles[:, 0]] * _face_normals(positions, triangles)).sum()
+    return triangles if volume >= 0 else triangles[:, ::-1].copy()
+
+
+def _vertex_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(V, 3), not 0: the sum of the triangles' normals over all vertices at the same place; z where there is none."""
+    _, place = np.unique(positions, axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    total = np.zeros((place.max() + 1, 3))
+    faces = _face_normals(positions, triangles)
+    for corner in range(3):
+        np.add.at(total, place[triangles[:, corner]], faces)
+    total[np.linalg.norm(total, axis=1) == 0] = (0, 0, 1)
+    return total[place]
+
+
+def _facing(positions: np.ndarray, normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The triangles, each wound so that its own normal is on the side of its vertices'."""
+    away = (_face_normals(positions, triangles) * normals[triangles].sum(1)).sum(1) < 0
+    return np.where(away[:, None], triangles[:, ::-1], triangles)

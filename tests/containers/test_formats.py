@@ -1,0 +1,310 @@
+"""The table of formats, PNG and EXR: round trips to the bit, what a sampler sees, what cannot be held."""
+
+import struct
+import zlib
+
+import numpy as np
+import OpenEXR
+import png
+import pytest
+from PIL import Image
+
+from homofact.containers.exr import write_half_exr
+from homofact.containers.formats import FORMATS, MOST_SIDE, format_named
+from homofact.containers.ktx2 import read_ktx2_key_values
+from homofact.containers.png import read_png, write_png
+from homofact.errors import BadInput
+from homofact.version import __version__
+
+FLOATS = ("exr", "exr16", "ktx2", "dds")
+
+
+def texture(name, rows, columns, channels, seed=0):
+    generator = np.random.default_rng(seed)
+    dtype = np.dtype(FORMATS[name].dtype)
+    if dtype.kind == "u":
+        return generator.integers(0, 256**dtype.itemsize, (rows, columns, channels)).astype(dtype)
+    return generator.normal(0, 4, (rows, columns, channels)).astype(dtype)
+
+
+def test_the_names():
+    assert list(FORMATS) == ["exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"]
+    for name, form in FORMATS.items():
+        assert format_named(name) is form
+        assert form.name == name
+    with pytest.raises(BadInput, match=r"'jpeg', expected one of exr, exr16, png8, png16, ktx2, dds, bc6h$"):
+        format_named("jpeg")
+
+
+@pytest.mark.parametrize("name", [*FLOATS, "png8", "png16"])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("shape", [(16, 16), (1, 7), (7, 1), (5, 3)])
+def test_the_stored_type_comes_back_to_the_bit(tmp_path, name, channels, shape):
+    form = FORMATS[name]
+    stored = texture(name, shape[0], shape[1], channels)
+    path = tmp_path / f"t{form.suffix}"
+    form.write(path, stored)
+    found = form.read(path, channels)
+    assert found.dtype == form.dtype
+    np.testing.assert_array_equal(found, stored)
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("name", ["ktx2", "dds"])
+def test_fewer_channels_are_grey_and_opaque_in_rgba(tmp_path, name):
+    form = FORMATS[name]
+    grey, colour = texture(name, 2, 3, 1), texture(name, 2, 3, 3)
+    form.write(tmp_path / "t", grey)
+    np.testing.assert_array_equal(form.read(tmp_path / "t"), np.concatenate([grey, grey, grey, np.ones_like(grey)], 2))
+    form.write(tmp_path / "t", colour)
+    np.testing.assert_array_equal(form.read(tmp_path / "t"), np.concatenate([colour, np.ones_like(grey)], 2))
+    np.testing.assert_array_equal(form.read(tmp_path / "t", 1), colour[..., :1])
+
+
+def test_bc6h_is_what_a_sampler_sees(tmp_path):
+    form = FORMATS["bc6h"]
+    stored = 5 + np.random.default_rng(1).uniform(0, 1, (8, 12, 1))
+    form.write(tmp_path / "t.dds", stored)
+    found = form.read(tmp_path / "t.dds", 1)
+    assert found.shape == (8, 12, 1)
+    assert found.dtype == np.float16
+    error = np.sqrt(((found.astype(np.float64) - stored) ** 2).mean())
+    # 16 levels between two ends: a uniform error of a fifteenth would be 0.019.
+    assert 0 < error < 0.03
+    assert form.read(tmp_path / "t.dds").shape == (8, 12, 3)
+
+
+@pytest.mark.parametrize("name", FLOATS)
+def test_doubles_are_rounded_once_to_nearest(tmp_path, name):
+    form = FORMATS[name]
+    stored = np.random.default_rng(2).normal(0, 4, (4, 4, 3))
+    form.write(tmp_path / "t", stored)
+    np.testing.assert_array_equal(form.read(tmp_path / "t", 3), stored.astype(form.dtype))
+
+
+def test_an_exr_keeps_its_names_and_many_channels(tmp_path):
+    stored = texture("exr16", 2, 3, 31)
+    names = [f"{400 + 20 * k}nm" for k in range(31)]
+    for name in ("exr", "exr16"):
+        form = FORMATS[name]
+        form.write(tmp_path / "t.exr", stored, names=names)
+        np.testing.assert_array_equal(form.read(tmp_path / "t.exr", 31, names), stored)
+        with pytest.raises(BadInput, match="expected R, G, B"):
+            form.read(tmp_path / "t.exr", names=("R", "G", "B"))
+        # Numbers sort as they count.
+        form.write(tmp_path / "t.exr", stored)
+        np.testing.assert_array_equal(form.read(tmp_path / "t.exr"), stored)
+
+
+def test_exr16_channels_are_halves_for_any_reader(tmp_path):
+    stored = texture("exr16", 4, 5, 3)
+    stored[0, 0] = [65504, -(2**-24), -0.0]
+    write_half_exr(tmp_path / "t.exr", stored, ("R", "G", "B"), "a comment")
+    file = OpenEXR.File(str(tmp_path / "t.exr"), separate_channels=True)
+    assert file.header()["comments"] == "a comment"
+    for c, name in enumerate("RGB"):
+        plane = file.channels()[name]
+        assert plane.type() == OpenEXR.HALF
+        np.testing.assert_array_equal(plane.pixels.view(np.uint16), stored[..., c].view(np.uint16))
+
+
+def chunks(path):
+    data = path.read_bytes()
+    at, found = 8, []
+    while at < len(data):
+        size, kind = struct.unpack_from(">I 4s", data, at)
+        assert zlib.crc32(data[at + 4 : at + 8 + size]) == struct.unpack_from(">I", data, at + 8 + size)[0]
+        found.append((kind, data[at + 8 : at + 8 + size]))
+        at += 12 + size
+    return found
+
+
+def restore_checksums(data):
+    """Make the checks of a damaged PNG's chunks right again, as far as its lengths lead."""
+    at = 8
+    while at + 12 <= len(data):
+        (size,) = struct.unpack_from(">I", data, at)
+        if at + 12 + size > len(data):
+            return
+        struct.pack_into(">I", data, at + 8 + size, zlib.crc32(bytes(data[at + 4 : at + 8 + size])))
+        at += 12 + size
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("channels", "colour_type"), [(1, 0), (3, 2), (4, 6)])
+def test_png_has_no_chunk_that_bends_its_numbers(tmp_path, dtype, channels, colour_type):
+    stored = np.random.default_rng(3).integers(0, np.iinfo(dtype).max, (3, 5, channels), dtype, endpoint=True)
+    write_png(tmp_path / "t.png", stored)
+    found = chunks(tmp_path / "t.png")
+    assert {kind for kind, _ in found} == {b"IHDR", b"IDAT", b"IEND"}
+    # Width, height, bits, colour type, deflate, adaptive filters, not interlaced.
+    header = (5, 3, 8 * np.dtype(dtype).itemsize, colour_type, 0, 0, 0)
+    assert struct.unpack(">2I 5B", found[0][1]) == header
+    with Image.open(tmp_path / "t.png") as picture:
+        shown = np.asarray(picture).reshape(3, 5, channels)
+    # Pillow keeps the high bytes of 16-bit colour, and 16-bit grey whole.
+    expected = stored >> 8 if dtype == np.uint16 and channels > 1 else stored
+    np.testing.assert_array_equal(shown, expected)
+
+
+def test_png_of_other_kinds_is_refused(tmp_path):
+    for mode in ("P", "LA", "1"):
+        Image.new(mode, (4, 4)).save(tmp_path / "t.png")
+        with pytest.raises(BadInput, match="expected 8 or 16 bits in 1, 3 or 4 channels without a palette"):
+            read_png(tmp_path / "t.png")
+    write_png(tmp_path / "t.png", np.zeros((4, 4, 3), np.uint8))
+    with pytest.raises(BadInput, match="found uint8 texels, expected uint16 for png16"):
+        FORMATS["png16"].read(tmp_path / "t.png")
+
+
+@pytest.mark.parametrize("name", list(FORMATS))
+def test_files_that_are_not_whole_or_another(tmp_path, name):
+    form = FORMATS[name]
+    path = tmp_path / f"t{form.suffix}"
+    form.write(path, texture(name, 8, 8, 3))
+    whole = path.read_bytes()
+    for data in (b"", b"no texture at all, but some bytes", whole[:20], whole[: len(whole) // 2], whole[:-5]):
+        path.write_bytes(data)
+        with pytest.raises(BadInput) as caught:
+            form.read(path)
+        assert str(path) in str(caught.value)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(BadInput, match="cannot be read"):
+        form.read(tmp_path / "absent")
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if not name.startswith("exr")])
+def test_any_damage_is_a_line_or_still_a_texture(tmp_path, name):
+    form = FORMATS[name]
+    path = tmp_path / f"t{form.suffix}"
+    form.write(path, texture(name, 8, 8, 3))
+    whole = path.read_bytes()
+    generator = np.random.default_rng(7)
+    refused = []
+    for attempt in range(300):
+        data = bytearray(whole)
+        for at in generator.integers(0, min(len(data), 200), 3):
+            data[at] = generator.integers(0, 256)
+        if name.startswith("png") and attempt % 2:
+            restore_checksums(data)
+        path.write_bytes(data)
+        try:
+            form.read(path)
+        except BadInput as error:
+            refused.append(str(error))
+    assert len(refused) > 100
+    assert not any("\n" in line for line in refused)
+
+
+def test_a_png_of_fewer_rows_than_its_header_says(tmp_path):
+    write_png(tmp_path / "t.png", np.zeros((2, 2, 3), np.uint8))
+    data = bytearray((tmp_path / "t.png").read_bytes())
+    struct.pack_into(">I", data, 20, 1000)
+    restore_checksums(data)
+    (tmp_path / "t.png").write_bytes(data)
+    with pytest.raises(BadInput, match="found 2 rows of pixels, expected the 1000 of the header"):
+        read_png(tmp_path / "t.png")
+
+
+def test_a_format_reads_only_its_own_storage(tmp_path):
+    FORMATS["bc6h"].write(tmp_path / "b.dds", np.ones((4, 4, 3)))
+    FORMATS["dds"].write(tmp_path / "t.dds", np.ones((4, 4, 3)))
+    FORMATS["exr"].write(tmp_path / "t.exr", np.ones((4, 4, 3)))
+    with pytest.raises(BadInput, match="found 3 channels, expected 4 for dds"):
+        FORMATS["dds"].read(tmp_path / "b.dds")
+    with pytest.raises(BadInput, match="found 4 channels, expected 3 for bc6h"):
+        FORMATS["bc6h"].read(tmp_path / "t.dds")
+    with pytest.raises(BadInput, match="found float32 texels, expected float16 for exr16"):
+        FORMATS["exr16"].read(tmp_path / "t.exr")
+    with pytest.raises(BadInput, match="found 3 channels, expected 1"):
+        FORMATS["exr"].read(tmp_path / "t.exr", 1)
+    with pytest.raises(BadInput, match="found 4 channels, expected 2"):
+        FORMATS["dds"].read(tmp_path / "t.dds", 2)
+
+
+@pytest.mark.parametrize("name", list(FORMATS))
+def test_sizes_and_channels_that_it_cannot_hold(tmp_path, name):
+    form = FORMATS[name]
+    form.check(16, 16, 3)
+    form.check(MOST_SIDE, form.multiple, 1)
+    for rows, columns in ((MOST_SIDE + form.multiple, 4), (4, MOST_SIDE + form.multiple), (0, 4)):
+        with pytest.raises(BadInput, match=f"lobe: {columns} x {rows} texels of 3 channels, expected sides of 1 to"):
+            form.check(rows, columns, 3, "lobe")
+    with pytest.raises(BadInput, match=f"texels of 0 channels, expected .* channels for {name}"):
+        form.check(4, 4, 0)
+    if form.channels is None:
+        form.check(4, 4, 31)
+    else:
+        with pytest.raises(BadInput, match=f"8 x 4 texels of 31 channels, expected 1 or 3.* channels for {name}"):
+            form.check(4, 8, 31)
+        with pytest.raises(BadInput, match="of 2 channels"):
+            form.write(tmp_path / "t", texture(name, 4, 4, 2))
+    if name == "bc6h":
+        for rows, columns in ((1, 16), (6, 8), (8, 6)):
+            with pytest.raises(BadInput, match=f"{columns} x {rows} texels .* multiples of 4 for bc6h"):
+                form.write(tmp_path / "t", texture(name, rows, columns, 3))
+    else:
+        form.check(1, 7, 1)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", list(FORMATS))
+def test_values_that_it_cannot_hold(tmp_path, name):
+    form = FORMATS[name]
+    path = tmp_path / f"t{form.suffix}"
+    with pytest.raises(BadInput, match="found pixels of shape \\(4, 4\\)"):
+        form.write(path, np.zeros((4, 4)))
+    if name.startswith("png"):
+        other = np.uint16 if name == "png8" else np.uint8
+        for dtype in (np.float32, np.int32, other):
+            with pytest.raises(BadInput, match=f"type {np.dtype(dtype)}, expected {np.dtype(form.dtype)} for {name}"):
+                form.write(path, np.zeros((4, 4, 3), dtype))
+        with pytest.raises(BadInput, match="type float64, expected uint8 or uint16"):
+            write_png(path, np.zeros((4, 4, 3)))
+    else:
+        with pytest.raises(BadInput, match=f"type uint8, expected floating-point numbers for {name}"):
+            form.write(path, np.zeros((4, 4, 3), np.uint8))
+        for value in (np.nan, -np.inf, 1e39 if name == "exr" else 65520.0):
+            stored = np.zeros((4, 4, 3))
+            stored[1, 2, 2] = value
+            where = f"row 1, column 2, channel 2 is {value:g}".replace("+", "\\+")
+            with pytest.raises(BadInput, match=f"{where}, expected finite values of at most"):
+                form.write(path, stored)
+        with pytest.raises(BadInput, match="cannot be written"):
+            form.write(tmp_path / "nowhere" / "t", np.zeros((4, 4, 3)))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "channels", "expected"),
+    [
+        ("exr", 1, 4), ("exr", 3, 16), ("exr", 31, 8 * 16), ("exr16", 1, 2), ("exr16", 3, 8), ("exr16", 6, 12),
+        ("png8", 1, 1), ("png8", 3, 4), ("png16", 1, 2), ("png16", 4, 8), ("ktx2", 1, 8), ("ktx2", 3, 8),
+        ("dds", 4, 8), ("bc6h", 3, 1), ("bc6h", 1, 1),
+    ],
+)  # fmt: skip
+def test_bytes_on_the_gpu(name, channels, expected):
+    assert FORMATS[name].bytes_of(16, 32, channels) == 16 * 32 * expected
+
+
+def test_key_values_reach_the_ktx2(tmp_path):
+    stored = texture("ktx2", 4, 4, 3)
+    FORMATS["ktx2"].write(tmp_path / "t.ktx2", stored, key_values={"KTXorientation": "rd"})
+    written = {"KTXwriter": f"homofact {__version__}", "KTXorientation": "rd"}
+    assert read_ktx2_key_values(tmp_path / "t.ktx2") == written
+    FORMATS["ktx2"].write(tmp_path / "t.ktx2", stored, key_values={"KTXwriter": "another"})
+    assert read_ktx2_key_values(tmp_path / "t.ktx2") == {"KTXwriter": "another"}
+
+
+def test_a_failed_write_leaves_the_older_file(tmp_path, monkeypatch):
+    write_png(tmp_path / "t.png", np.full((2, 2, 1), 7, np.uint8))
+
+    def fail(self, file, rows):
+        file.write(b"half of it")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(png.Writer, "write", fail)
+    with pytest.raises(BadInput, match="No space left"):
+        write_png(tmp_path / "t.png", np.zeros((2, 2, 1), np.uint8))
+    assert [each.name for each in tmp_path.iterdir()] == ["t.png"]
+    assert (read_png(tmp_path / "t.png") == 7).all()

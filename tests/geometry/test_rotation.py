@@ -1,0 +1,168 @@
+"""Laws of unit quaternions and of their pairs as rotations of R⁴."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from homofact.geometry.rotation import Pair, basis_rotations, conjugate, multiply, power, rotation3
+
+NUMBER = st.floats(-1, 1, allow_nan=False)
+EXPONENT = st.floats(-6, 6, allow_nan=False)
+# Angles where a power is delicate: 0, π and next to them.
+ANGLES = st.one_of(
+    st.sampled_from([0.0, 1e-12, 1e-7, math.pi / 2, math.pi - 1e-7, math.pi - 1e-12]), st.floats(0, math.pi)
+)
+
+
+@st.composite
+def quaternions(draw) -> Tensor:
+    axis = torch.tensor(draw(st.tuples(NUMBER, NUMBER, NUMBER)), dtype=torch.float64)
+    assume(float(axis.norm()) > 1e-3)
+    angle = draw(ANGLES)
+    return torch.cat((torch.tensor([math.cos(angle)], dtype=torch.float64), math.sin(angle) * axis / axis.norm()))
+
+
+PAIRS = st.builds(Pair, quaternions(), quaternions())
+LAW = settings(max_examples=60, deadline=None)
+
+
+def close(a: Tensor, b: Tensor, atol: float = 1e-12) -> bool:
+    return torch.allclose(a, b, atol=atol, rtol=0)
+
+
+@LAW
+@given(quaternions(), quaternions(), quaternions())
+def test_product_is_associative_and_keeps_length(a: Tensor, b: Tensor, c: Tensor) -> None:
+    assert close(multiply(multiply(a, b), c), multiply(a, multiply(b, c)))
+    assert abs(float(multiply(a, b).norm()) - 1) < 1e-12
+
+
+def test_hamilton() -> None:
+    one, i, j, k = torch.eye(4, dtype=torch.float64)
+    assert torch.equal(multiply(i, j), k)
+    assert torch.equal(multiply(j, k), i)
+    assert torch.equal(multiply(k, i), j)
+    assert torch.equal(multiply(j, i), -k)
+    assert torch.equal(multiply(i, i), -one)
+
+
+@LAW
+@given(quaternions())
+def test_conjugate_is_the_inverse(q: Tensor) -> None:
+    assert close(multiply(q, conjugate(q)), torch.eye(4, dtype=torch.float64)[0])
+    assert close(power(q, -1), conjugate(q))
+
+
+@LAW
+@given(quaternions(), EXPONENT, EXPONENT)
+def test_powers_add(q: Tensor, a: float, b: float) -> None:
+    assert close(multiply(power(q, a), power(q, b)), power(q, a + b), 1e-11)
+    assert close(power(q, 1.0), q)
+    assert close(power(q, 0.0), torch.eye(4, dtype=torch.float64)[0])
+    assert close(power(q, 2.0), multiply(q, q))
+
+
+def test_powers_of_minus_one_are_finite_and_continuous() -> None:
+    minus = -torch.eye(4, dtype=torch.float64)[0]
+    assert close(power(minus, 0.5), torch.eye(4, dtype=torch.float64)[1])
+    assert close(power(minus, 2.0), -minus)
+
+
+@LAW
+@given(quaternions(), quaternions())
+def test_rotation3_is_a_rotation_and_q_is_minus_q(a: Tensor, b: Tensor) -> None:
+    matrix = rotation3(a)
+    assert close(matrix @ matrix.T, torch.eye(3, dtype=torch.float64))
+    assert abs(float(torch.linalg.det(matrix)) - 1) < 1e-12
+    assert close(rotation3(-a), matrix)
+    assert close(rotation3(multiply(a, b)), matrix @ rotation3(b))
+
+
+def test_rotation3_turns_by_twice_the_angle() -> None:
+    quarter = torch.tensor([math.cos(math.pi / 4), 0, 0, math.sin(math.pi / 4)], dtype=torch.float64)
+    x = torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64)
+    assert close(rotation3(quarter) @ x, torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64))
+
+
+@LAW
+@given(PAIRS)
+def test_a_pair_is_a_rotation_of_r4(pair: Pair) -> None:
+    matrix = pair.matrix()
+    assert close(matrix @ matrix.T, torch.eye(4, dtype=torch.float64))
+    assert abs(float(torch.linalg.det(matrix)) - 1) < 1e-12
+    v = torch.tensor([0.3, -0.1, 0.7, 0.2], dtype=torch.float64)
+    assert close(pair.apply(v), matrix @ v)
+
+
+@LAW
+@given(PAIRS)
+def test_both_signs_are_one_rotation_and_one_sign_is_not(pair: Pair) -> None:
+    assert close(Pair(-pair.left, -pair.right).matrix(), pair.matrix())
+    assert close(Pair(-pair.left, pair.right).matrix(), -pair.matrix())
+
+
+@LAW
+@given(PAIRS, PAIRS)
+def test_composition_is_the_matrix_product(a: Pair, b: Pair) -> None:
+    assert close((a @ b).matrix(), a.matrix() @ b.matrix())
+
+
+def test_composition_does_not_commute() -> None:
+    generator = torch.Generator().manual_seed(0)
+    a, b = Pair.random(generator), Pair.random(generator)
+    assert not close((a @ b).matrix(), (b @ a).matrix(), 1e-2)
+
+
+@LAW
+@given(PAIRS)
+def test_inverse_undoes(pair: Pair) -> None:
+    assert close((pair @ pair.inverse()).matrix(), torch.eye(4, dtype=torch.float64))
+    assert close(pair.inverse().matrix(), pair.matrix().T)
+
+
+@LAW
+@given(PAIRS, EXPONENT, EXPONENT)
+def test_powers_of_pairs_add(pair: Pair, a: float, b: float) -> None:
+    assert close((pair**a @ pair**b).matrix(), (pair ** (a + b)).matrix(), 1e-11)
+    assert close((pair**1.0).matrix(), pair.matrix())
+
+
+def test_basis_rotations_span_so4() -> None:
+    step = 1e-6
+    generators = []
+    for pair in basis_rotations():
+        tangent = ((pair**step).matrix() - (pair**-step).matrix()) / (2 * step)
+        assert close(tangent, -tangent.T, 1e-9)
+        generators.append(tangent.reshape(-1))
+    singular = torch.linalg.svdvals(torch.stack(generators))
+    assert len(generators) == 6
+    assert float(singular.min()) > 1
+
+
+@pytest.mark.parametrize("k", range(6))
+def test_basis_rotations_are_periodic_in_four(k: int) -> None:
+    pair = basis_rotations()[k]
+    assert close((pair**4.0).matrix(), torch.eye(4, dtype=torch.float64))
+    assert close((pair**2.3).matrix(), (pair**6.3).matrix(), 1e-11)
+    assert not close((pair**2.3).matrix(), (pair**4.3).matrix(), 1e-2)
+
+
+def test_random_pairs_are_unit_uniform_and_seeded() -> None:
+    generator = torch.Generator().manual_seed(7)
+    drawn = [Pair.random(generator) for _ in range(2000)]
+    left = torch.stack([pair.left for pair in drawn])
+    assert close(left.norm(dim=1), torch.ones(2000, dtype=torch.float64))
+    assert float(left.mean(0).abs().max()) < 0.05
+    assert close((left**2).mean(0), torch.full((4,), 0.25, dtype=torch.float64), 0.02)
+    assert torch.equal(Pair.random(torch.Generator().manual_seed(7)).left, drawn[0].left)
+
+
+def test_normalized_mends_the_drift() -> None:
+    pair = Pair.random(torch.Generator().manual_seed(1))
+    drifted = Pair(pair.left * 1.01, pair.right * 0.97)
+    assert close(drifted.normalized().matrix(), pair.matrix())
+    assert not close(drifted.matrix(), pair.matrix(), 1e-3)

@@ -1,0 +1,118 @@
+"""Cross-validation by subtraction against cross-validation by hand."""
+
+import pytest
+import torch
+
+from homofact.brdf.samples import Samples
+from homofact.factor.projection import fixed_projection
+from homofact.factor.textures import LogSamples, inner_problem
+from homofact.geometry.directions import draw_in_discs, from_spherical
+from homofact.linear.solvers import solve
+from homofact.methods.validation import Folded, Partition, deal, deal_folds
+
+PROJECTIONS = (fixed_projection("h", True), fixed_projection("wi", True))
+SHAPES = ((6, 6), (5, 5))
+
+
+def _noisy(noise: float, count: int = 900) -> LogSamples:
+    generator = torch.Generator().manual_seed(0)
+    wi, wo = draw_in_discs(count, generator, 0.98)
+    smooth = torch.stack((3 * wi[:, 2] * wo[:, 2], wi[:, 0] + wo[:, 0]), 1)
+    logs = smooth + noise * torch.randn(count, 2, dtype=torch.float64, generator=generator)
+    return LogSamples(wi, wo, logs, torch.rand(count, dtype=torch.float64, generator=generator) + 0.5)
+
+
+def test_folds_are_equal_sized_and_dealt_by_the_seed() -> None:
+    folds = deal_folds(103, 4, 1)
+    assert sorted(torch.bincount(folds).tolist()) == [25, 26, 26, 26]
+    assert torch.equal(folds, deal_folds(103, 4, 1))
+    assert not torch.equal(folds, deal_folds(103, 4, 2))
+
+
+def test_leaving_out_by_subtraction_is_leaving_out() -> None:
+    samples = _noisy(0.3)
+    folds = deal_folds(900, 3, 0)
+    found = Folded.of(samples, (Partition(folds, 1.0),), PROJECTIONS, SHAPES).error(0.05)
+    total = 0.0
+    for fold in range(3):
+        rest, left = samples.select(folds != fold), samples.select(folds == fold)
+        texels = solve(inner_problem(rest, PROJECTIONS, SHAPES, 0.05)).texels
+        total += inner_problem(left, PROJECTIONS, SHAPES, 0.05).mean_error(texels) * float(left.weights.sum())
+    assert found == pytest.approx(total / float(samples.weights.sum()), rel=1e-6)
+
+
+def test_the_chosen_smoothing_is_the_best_nearby_and_grows_with_the_noise() -> None:
+    chosen = []
+    for noise in (0.01, 1.0):
+        folded = Folded.of(_noisy(noise), (Partition(deal_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
+        smoothing, error = folded.best_smoothing((1e-3, 1e-3))
+        assert error == pytest.approx(folded.error(smoothing))
+        assert smoothing[0] == smoothing[1]
+        for factor in (10, 0.1):
+            assert folded.error(tuple(value * factor for value in smoothing)) >= error
+        each, lower = folded.best_each(smoothing)
+        assert lower == pytest.approx(folded.error(each))
+        assert lower <= error
+        chosen.append(smoothing[0])
+    assert chosen[0] < chosen[1]
+
+
+def test_each_texture_may_have_its_own_smoothing() -> None:
+    """One λ for all is the same as that λ for each; more on one texture only flattens that one."""
+    samples = _noisy(0.5)
+    one = solve(inner_problem(samples, PROJECTIONS, SHAPES, 0.1)).texels
+    each = solve(inner_problem(samples, PROJECTIONS, SHAPES, (0.1, 0.1))).texels
+    assert torch.allclose(one, each, atol=1e-12)
+    first_flat = solve(inner_problem(samples, PROJECTIONS, SHAPES, (1e6, 0.1))).texels
+    rough = inner_problem(samples, PROJECTIONS, SHAPES, 1.0).roughness.rows
+    assert float((rough @ first_flat)[:36].abs().max()) < 1e-3 * float((rough @ one)[:36].abs().max())
+    assert float((rough @ first_flat)[36:].abs().max()) > 0.1 * float((rough @ one)[36:].abs().max())
+
+
+def _goniometer() -> Samples:
+    theta_i = torch.arange(1, 8).double() * 0.17
+    theta_o = torch.arange(0, 9).double() * 0.16
+    phi = torch.linspace(0, 3, 11).double()
+    a, b, c = torch.meshgrid(theta_i, theta_o, phi, indexing="ij")
+    wi = from_spherical(a.reshape(-1), torch.zeros(a.numel()).double())
+    wo = from_spherical(b.reshape(-1), c.reshape(-1))
+    return Samples.make(wi, wo, torch.ones(a.numel(), 1), channels=("Y",), isotropic=True)
+
+
+def test_a_gridded_set_is_judged_by_whole_inner_rings() -> None:
+    samples = _goniometer()
+    partitions = deal(samples, 4, 0, rings=True)
+    assert [partition.share for partition in partitions] == [0.5, 0.5]
+    for partition, direction in zip(partitions, (samples.wi, samples.wo), strict=True):
+        theta = torch.acos(direction[:, 2].clamp(-1, 1))
+        ranks = torch.unique((theta * 1000).round(), return_inverse=True)[1]
+        outer = (ranks == 0) | (ranks == ranks.max())
+        assert bool((partition.folds[outer] == -1).all())
+        for rank in range(1, int(ranks.max())):
+            assert len(set(partition.folds[ranks == rank].tolist())) == 1
+            if rank + 1 < int(ranks.max()):
+                assert partition.folds[ranks == rank][0] != partition.folds[ranks == rank + 1][0]
+    turned = samples.azimuth_copies(2, 0, mirrored=False)
+    assert torch.equal(deal(turned, 4, 0, rings=True)[0].folds, partitions[0].folds.repeat(2))
+
+
+def test_four_rings_are_enough_and_leave_no_empty_fold() -> None:
+    """Two inner rings of θi in three possible folds: a fold that nothing is in must not be judged."""
+    whole = _goniometer()
+    theta = torch.acos(whole.wi[:, 2].clamp(-1, 1))
+    samples = whole.select(theta < 0.17 * 4.5)
+    partitions = deal(samples, 4, 0, rings=True)
+    assert len(partitions) == 2
+    assert len(set(partitions[0].folds.tolist()) - {-1}) == 2
+    logs = LogSamples(samples.wi, samples.wo, samples.wi[:, :1] + samples.wo[:, 2:], samples.weights)
+    assert 0 < Folded.of(logs, partitions, PROJECTIONS, SHAPES).error(1e-3) < 1
+
+
+def test_other_sets_are_judged_at_random() -> None:
+    scattered = Samples.make(
+        *draw_in_discs(500, torch.Generator().manual_seed(0)), torch.ones(500, 1), channels=("Y",), isotropic=True
+    )
+    for samples, rings in ((scattered, True), (_goniometer(), False)):
+        (partition,) = deal(samples, 4, 0, rings=rings)
+        assert partition.share == 1
+        assert torch.equal(partition.folds, deal_folds(len(samples), 4, 0))

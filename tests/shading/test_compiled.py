@@ -1,0 +1,144 @@
+"""The program compiled for the processor gives what Python gives; its functions are those of mathematics."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from numba import njit
+from shading_cases import CASES, SEPARABLE, factorization, random_term, searched
+
+from homofact.brdf.log_transform import LogTransform
+from homofact.errors import BadInput
+from homofact.factor.factorization import Factorization
+from homofact.factor.projection import Projection, Warp, fixed_projection
+from homofact.geometry.directions import draw_uniform
+from homofact.shading import float_functions
+from homofact.shading.compiled import BLOCK, compiled, compiled_program
+from homofact.shading.encoding import Encoded
+from homofact.shading.separable_program import separable_program
+
+
+def pairs(count: int = 4001) -> tuple[torch.Tensor, torch.Tensor]:
+    wi, wo = draw_uniform(count, torch.Generator().manual_seed(2))
+    wi[:9, 2] *= -1
+    return wi, wo
+
+
+@pytest.mark.parametrize("name", ["searched in-out", "warped half-diff", "five of all kinds", "McCool, one channel"])
+def test_it_gives_what_python_gives(name: str) -> None:
+    fitted = CASES[name]
+    wi, wo = pairs()
+    found, expected = compiled(fitted).evaluate(wi, wo), fitted.evaluate(wi, wo)
+    assert found.dtype == wi.dtype
+    assert float(found[:9].abs().max()) == 0
+    error = ((found - expected).abs() / expected.clamp_min(1e-6))[9:]
+    assert float(error.median()) < 2e-6
+    assert float(torch.quantile(error.flatten()[:10_000], 0.999)) < 1e-4
+
+
+def test_rows_and_single_texels() -> None:
+    flat = Projection("in-out", torch.zeros(2, 4, dtype=torch.float64), False, "flat")
+    line = fixed_projection("theta_h", True)
+    terms = (random_term(line, 1, 3), random_term(flat, 2, 3, (1, 1)))
+    fitted = Factorization(terms, LogTransform(1e-3, torch.ones(3, dtype=torch.float64)), ("R", "G", "B"))
+    wi, wo = pairs()
+    assert torch.allclose(compiled(fitted).evaluate(wi, wo), fitted.evaluate(wi, wo), rtol=1e-4)
+
+
+def test_sums_of_products_too() -> None:
+    fitted = SEPARABLE["in-out, polar, two"]
+    textures = [texture for term in fitted.terms for texture in term.textures]
+    plain = [Encoded("float32", t.float().numpy(), np.ones(t.shape[2]), np.zeros(t.shape[2])) for t in textures]
+    fast = compiled_program(separable_program(fitted, plain), [texture.stored for texture in plain])
+    wi, wo = pairs()
+    expected = fitted.evaluate(wi, wo)
+    error = (fast.evaluate(wi, wo) - expected).abs() / expected.mean()
+    assert float(error.median()) < 2e-6
+
+
+def test_blocks_need_not_be_full() -> None:
+    fast = compiled(factorization(fixed_projection("h", True)))
+    wi, wo = (w.float().numpy() for w in pairs(2 * BLOCK + 7))
+    whole = fast.evaluate_array(wi, wo)
+    for count in (0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK + 7):
+        # What follows the values is not touched.
+        out = np.full((count + 5, 3), 7, np.float32)
+        fast.evaluate_array(wi[:count], wo[:count], out[:count])
+        assert np.array_equal(out[:count], whole[:count])
+        assert (out[count:] == 7).all()
+
+
+def test_pairs_side_by_side_do_not_see_each_other() -> None:
+    fast = compiled(factorization(searched("isotropic-half-diff", 3, Warp(0.05))))
+    wi, wo = (w.float().numpy() for w in pairs(500))
+    order = np.random.default_rng(0).permutation(500)
+    # A vector of pairs and the left-over ones take other roundings.
+    assert np.allclose(fast.evaluate_array(wi[order], wo[order]), fast.evaluate_array(wi, wo)[order], rtol=1e-5)
+
+
+FUNCTIONS = [
+    ("exp", np.linspace(-86.9, 87.9, 40_001), np.exp, 4e-7, 0),
+    ("log", np.geomspace(1e-30, 1e30, 40_001), np.log, 0, 1.5e-5),
+    ("log", np.geomspace(0.5, 4, 40_001), np.log, 0, 2e-7),
+    ("asinh", np.geomspace(1e-3, 1e4, 40_001), np.arcsinh, 0, 2e-6),
+]
+
+
+@pytest.mark.parametrize(("name", "x", "function", "relative", "absolute"), FUNCTIONS)
+def test_functions_of_one_number(name, x, function, relative, absolute) -> None:
+    own = getattr(float_functions, name)
+
+    @njit
+    def every(x):  # pragma: no cover (compiled)
+        return np.array([own(value) for value in x])
+
+    x = x.astype(np.float32)
+    expected = function(x.astype(np.float64))
+    assert np.all(np.abs(every(x) - expected) <= relative * np.abs(expected) + absolute)
+
+
+def test_the_angle_of_a_point() -> None:
+    @njit
+    def every(y, x):  # pragma: no cover (compiled)
+        return np.array([float_functions.atan2(y[k], x[k]) for k in range(len(x))])
+
+    angles = np.linspace(-math.pi + 1e-6, math.pi, 40_001)
+    sizes = 10 ** np.random.default_rng(0).uniform(-6, 6, len(angles))
+    y, x = (sizes * np.sin(angles)).astype(np.float32), (sizes * np.cos(angles)).astype(np.float32)
+    expected = np.arctan2(y.astype(np.float64), x.astype(np.float64))
+    assert np.abs(every(y, x) - expected).max() < 5e-7
+    small = np.geomspace(1e-20, 1e-3, 1000).astype(np.float32)
+    assert np.abs(every(small, np.ones_like(small)) / np.arctan(small.astype(np.float64)) - 1).max() < 4e-7
+    assert every(np.zeros(1, np.float32), np.zeros(1, np.float32))[0] == 0
+
+
+def test_exp_of_what_float32_cannot_hold_is_cut() -> None:
+    @njit
+    def one(x):  # pragma: no cover (compiled)
+        return float_functions.exp(x)
+
+    assert one(np.float32(1e6)) == pytest.approx(math.exp(88), rel=1e-4)
+    assert 0 <= one(np.float32(-1e6)) <= 2e-38
+
+
+@pytest.mark.parametrize(
+    ("wi", "wo"),
+    [
+        (np.zeros((4, 3)), np.zeros((4, 3))),
+        (np.zeros((4, 2), np.float32), np.zeros((4, 2), np.float32)),
+        (np.zeros((4, 3), np.float32), np.zeros((5, 3), np.float32)),
+    ],
+)
+def test_other_arrays_are_refused(wi, wo) -> None:
+    fast = compiled(CASES["fixed h"])
+    with pytest.raises(BadInput, match=r"expected float32 of shape \(N, 3\), N alike"):
+        fast.evaluate_array(wi, wo)
+
+
+def test_a_place_for_the_values_that_does_not_fit_is_refused() -> None:
+    fast = compiled(CASES["fixed h"])
+    w = np.zeros((4, 3), np.float32)
+    for out in (np.zeros((4, 3)), np.zeros((3, 3), np.float32), np.zeros((4, 1), np.float32)):
+        with pytest.raises(BadInput, match=r"out: found float.* expected float32 of shape \(4, 3\)"):
+            fast.evaluate_array(w, w, out)

@@ -1,0 +1,273 @@
+"""Generated shaders: GLSL, HLSL and WGSL pass compilers that are not ours, run on a GPU and give what Python gives.
+
+WGSL is compiled by naga and HLSL and GLSL by glslang; SPIR-V and WGSL run through WebGPU (`webgpu`), on Mesa's software
+Vulkan driver where there is no other. C, which needs no GPU, is in test_shading.py, GLSL in a browser's WebGL2 with
+the viewer.
+"""
+
+import re
+import shutil
+import struct
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image as Picture
+from shading_cases import CASES, SEPARABLE, random_term
+from webgpu import Gpu, Image
+
+from homofact.containers.formats import FORMATS
+from homofact.factor.fitted import Fitted
+from homofact.geometry.directions import draw_uniform
+from homofact.shading.encoding import Encoded, encode_term
+from homofact.shading.languages import GLSL, HLSL, WGSL, Language, number, shader
+from homofact.shading.program import Program, program_of
+from homofact.shading.separable_program import separable_program
+
+NAMES = (*CASES, *SEPARABLE)
+SAMPLER = 16
+BELOW = 50
+
+WGSL_MAIN = """
+@group(1) @binding(0) var<storage, read> lights: array<vec4<f32>>;
+@group(1) @binding(1) var<storage, read> viewers: array<vec4<f32>>;
+@group(1) @binding(2) var<storage, read_write> values: array<vec4<f32>>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x < arrayLength(&values)) {
+        let value = fit_evaluate(lights[id.x].xyz, viewers[id.x].xyz);
+        values[id.x] = WIDENED;
+    }
+}
+"""
+HLSL_MAIN = """
+[[vk::binding(0, 1)]] StructuredBuffer<float4> lights;
+[[vk::binding(1, 1)]] StructuredBuffer<float4> viewers;
+[[vk::binding(2, 1)]] RWStructuredBuffer<float4> values;
+
+[numthreads(64, 1, 1)]
+void main(uint3 id : SV_DispatchThreadID)
+{
+    uint count, stride;
+    values.GetDimensions(count, stride);
+    if (id.x < count) {
+        TYPE value = fit_evaluate(lights[id.x].xyz, viewers[id.x].xyz);
+        values[id.x] = WIDENED;
+    }
+}
+"""
+GLSL_HEAD = """#version 450
+#define textureLod(image, uv, level) textureLod(sampler2D(image, fit_sampler), uv, level)
+layout(set = 0, binding = 16) uniform sampler fit_sampler;
+layout(local_size_x = 64) in;
+layout(set = 1, binding = 0) readonly buffer Lights { vec4 lights[]; };
+layout(set = 1, binding = 1) readonly buffer Viewers { vec4 viewers[]; };
+layout(set = 1, binding = 2) buffer Values { vec4 values[]; };
+"""
+GLSL_MAIN = """
+void main() {
+    uint k = gl_GlobalInvocationID.x;
+    if (k < values.length()) {
+        TYPE value = fit_evaluate(lights[k].xyz, viewers[k].xyz);
+        values[k] = WIDENED;
+    }
+}
+"""
+WIDENED = {1: "(value, 0.0, 0.0, 0.0)", 3: "(value, 0.0)", 4: "(value)"}
+
+
+@pytest.fixture(scope="module")
+def gpu() -> Gpu:
+    return Gpu()
+
+
+def program(name: str) -> tuple[Fitted, Program, list[Encoded]]:
+    """A case, its program and its textures as floats."""
+    if name in CASES:
+        fitted = CASES[name]
+        textures = [encode_term(term, "float32") for term in fitted.terms]
+        return fitted, program_of(fitted, textures), textures
+    fitted = SEPARABLE[name]
+    texels = [texture for term in fitted.terms for texture in term.textures]
+    textures = [Encoded("float32", t.float().numpy(), np.ones(t.shape[2]), np.zeros(t.shape[2])) for t in texels]
+    return fitted, separable_program(fitted, textures), textures
+
+
+def glslang(code: str, folder: Path, stage: str, *options: str) -> bytes:
+    """SPIR-V where `options` ask for it; fails with the compiler's messages."""
+    tool = shutil.which("glslangValidator")
+    if tool is None:
+        pytest.skip("glslangValidator is missing: Debian's package glslang-tools")
+    source, result = folder / f"shader.{stage}", folder / "shader.spv"
+    source.write_text(code, encoding="utf-8")
+    output = ["-o", str(result)] if "-V" in options else []
+    done = subprocess.run([tool, "-S", stage, *options, *output, str(source)], capture_output=True, text=True)
+    assert done.returncode == 0, f"{done.stdout}{done.stderr}\n{code}"
+    assert "WARNING" not in done.stdout, done.stdout
+    return result.read_bytes() if output else b""
+
+
+def runnable(text: str, language: Language, channels: int, folder: Path) -> str | bytes:
+    """The shader `text` (prefix fit) with an entry point that evaluates every pair, as WGSL or SPIR-V."""
+    kind = language.types[channels - 1]
+    widened = f"{language.types[3]}{WIDENED[channels]}"
+
+    def entry(main: str) -> str:
+        return main.replace("TYPE", kind).replace("WIDENED", widened)
+
+    if language is WGSL:
+        return re.sub(r"@binding\(\d+\) (?=var fit_sampler)", f"@binding({SAMPLER}) ", text) + entry(WGSL_MAIN)
+    if language is HLSL:
+        shift = ("--shift-sampler-binding", str(SAMPLER))
+        return glslang(text + entry(HLSL_MAIN), folder, "comp", "-D", "-V", "-e", "main", *shift)
+    # Vulkan has textures and samplers apart, where ES has one uniform.
+    apart = re.sub(
+        r"uniform highp sampler2D fit_texture_(\d+)",
+        r"layout(set = 0, binding = \1) uniform texture2D fit_texture_\1",
+        text,
+    )
+    return glslang(GLSL_HEAD + apart + entry(GLSL_MAIN), folder, "comp", "-V")
+
+
+def pairs() -> tuple[torch.Tensor, torch.Tensor]:
+    """Pairs of directions, the first `BELOW` with the light under the horizon."""
+    wi, wo = draw_uniform(4000, torch.Generator().manual_seed(0))
+    wi[:BELOW, 2] *= -1
+    return wi, wo
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("language", [WGSL, HLSL, GLSL], ids=lambda language: language.name)
+def test_a_gpu_gives_what_python_gives(name: str, language: Language, gpu: Gpu, tmp_path: Path) -> None:
+    fitted, printed, textures = program(name)
+    channels = len(fitted.channels)
+    wi, wo = pairs()
+    code = runnable(shader(printed, language, "fit"), language, channels, tmp_path)
+    found = gpu.run(code, [Image.of(texture.stored) for texture in textures], wi, wo, SAMPLER)[:, :channels]
+    expected = fitted.evaluate(wi, wo).numpy()
+    assert (found[:BELOW] == 0).all()
+    error = np.abs(found - expected)[BELOW:] / np.maximum(expected[BELOW:], 0.05 * expected.mean())
+    assert np.median(error) < 1e-5
+    assert np.quantile(error, 0.999) < 1e-4
+
+
+def test_constants_read_back_whatever_numpy_prints() -> None:
+    """colour-science, which reading a measurement imports, sets numpy to print fewer digits."""
+    generator = np.random.default_rng(0)
+    values = generator.normal(0, 1, 2000) * 10.0 ** generator.uniform(-30, 30, 2000)
+    singles = [np.float32(value) for value in (0, -0.0, 1, -2, 1e-4, 1e16, 0.1, 1e-20, *values)]
+    plain = [number(float(value)) for value in singles]
+    assert [np.float32(text) for text in plain] == singles
+    assert plain[:8] == ["0.0", "-0.0", "1.0", "-2.0", "0.0001", "1e+16", "0.1", "1e-20"]
+    # An integer's text would be an int in GLSL.
+    assert all("." in text or "e" in text for text in plain)
+    with np.printoptions(legacy="1.13", precision=3):
+        assert [number(float(value)) for value in singles] == plain
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("stage", ["vert", "frag"])
+def test_glsl_es_compiles_in_both_stages(name: str, stage: str, tmp_path: Path) -> None:
+    """As WebGL2 takes it; a second material under another name beside it."""
+    fitted, printed, _ = program(name)
+    text = shader(printed, GLSL, "fit") + shader(program("five of all kinds")[1], GLSL, "other")
+    value = f"vec4{WIDENED[len(fitted.channels)]}".replace("value", "fit_evaluate(wi, wo)")
+    evaluated = f"{value} + vec4(other_evaluate(wi, wo), 0.0)"
+    head = "#version 300 es\nprecision highp float;\n"
+    if stage == "vert":
+        main = (
+            f"in vec3 wi;\nin vec3 wo;\nout vec4 f;\nvoid main() {{\n    f = {evaluated};\n    gl_Position = f;\n}}\n"
+        )
+    else:
+        main = f"in vec3 wi;\nin vec3 wo;\nout vec4 f;\nvoid main() {{\n    f = {evaluated};\n}}\n"
+    glslang(head + text + main, tmp_path, stage)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("stage", ["vert", "frag"])
+def test_hlsl_compiles_in_both_stages(name: str, stage: str, tmp_path: Path) -> None:
+    fitted, printed, textures = program(name)
+    text = shader(printed, HLSL, "fit")
+    # Which registers textures and samplers may have, glslang does not ask.
+    assert re.findall(r"fit_texture_(\d+) : register\(t(\d+)\)", text) == [(f"{k}",) * 2 for k in range(len(textures))]
+    assert "SamplerState fit_sampler : register(s0)" in text
+    value = f"float4{WIDENED[len(fitted.channels)]}".replace("value", "fit_evaluate(wi, wo)")
+    semantic = "SV_Position" if stage == "vert" else "SV_Target"
+    main = f"float4 main(float3 wi : TEXCOORD0, float3 wo : TEXCOORD1) : {semantic}\n{{\n    return {value};\n}}\n"
+    glslang(text + main, tmp_path, stage, "-D", "-V", "-e", "main")
+
+
+@pytest.mark.parametrize("language", [GLSL, HLSL])
+def test_the_compiler_sees_what_is_wrong(language: Language, tmp_path: Path) -> None:
+    text = shader(program("five of all kinds")[1], language, "fit")
+    options = ("-D", "-V", "-e", "main") if language is HLSL else ()
+    main = {
+        GLSL.name: "out vec4 f;\nvoid main() {\n    f = vec4(fit_evaluate(vec3(0.0), vec3(0.0)), 1.0);\n}\n",
+        HLSL.name: "float4 main() : SV_Target\n{\n    return float4(fit_evaluate(0.0, 0.0), 1.0);\n}\n",
+    }[language.name]
+    head = "#version 300 es\nprecision highp float;\n" if language is GLSL else ""
+    glslang(head + text + main, tmp_path, "frag", *options)
+    for right, wrong in (("uv_0 =", "uv_1 ="), ("max(", "maximum("), (".rgb;", ".rg;")):
+        assert right in text
+        with pytest.raises(AssertionError, match="ERROR"):
+            glslang(head + text.replace(right, wrong, 1) + main, tmp_path, "frag", *options)
+
+
+def test_naga_sees_what_is_wrong(gpu: Gpu) -> None:
+    text = shader(program("five of all kinds")[1], WGSL, "fit")
+    gpu.compiled(text)
+    for right, wrong in (("let uv_0:", "let uv_1:"), ("vec3<f32>(0.0)", "0.0"), (".rgb;", ".rg;")):
+        assert right in text
+        with pytest.raises(gpu.wgpu.GPUValidationError):
+            gpu.compiled(text.replace(right, wrong, 1))
+
+
+def of_file(path: Path) -> Image:
+    """What a loader uploads of a file, by the numbers of its header."""
+    data = path.read_bytes()
+    if path.suffix == ".png":
+        with Picture.open(path) as picture:
+            return Image.of(np.asarray(picture))
+    if path.suffix == ".ktx2":
+        (kind, _, columns, rows), (start, length) = (
+            struct.unpack_from("<4I", data, 12),
+            struct.unpack_from("<2Q", data, 80),
+        )
+    else:
+        (rows, columns), (kind,) = struct.unpack_from("<2I", data, 12), struct.unpack_from("<I", data, 128)
+        start, length = 148, len(data) - 148
+    return Image(
+        {97: "rgba16float", 10: "rgba16float", 96: "bc6h-rgb-float"}[kind], rows, columns, data[start:][:length]
+    )
+
+
+@pytest.mark.parametrize("name", ["ktx2", "dds", "bc6h", "png8"])
+def test_files_on_a_gpu_give_what_their_decoded_texels_give(name: str, gpu: Gpu, tmp_path: Path) -> None:
+    form = FORMATS[name]
+    projections = [CASES[case].terms[0].projection for case in ("warped half-diff", "fixed theta_h-theta_d")]
+    terms = [random_term(projection, k, 3, (8, 12)) for k, projection in enumerate(projections)]
+    fitted = replace(CASES["fixed h"], terms=tuple(terms))
+    textures = [encode_term(term, form.storage) for term in terms]
+    paths = [tmp_path / f"{k}{form.suffix}" for k in range(2)]
+    for path, texture in zip(paths, textures, strict=True):
+        form.write(path, texture.stored)
+    wi, wo = pairs()
+    code = runnable(shader(program_of(fitted, textures), WGSL, "fit"), WGSL, 3, tmp_path)
+    found = gpu.run(code, [of_file(path) for path in paths], wi, wo, SAMPLER)[BELOW:, :3]
+    stored = replace(fitted, terms=tuple(replace(a, texture=b.decoded()) for a, b in zip(terms, textures, strict=True)))
+    expected, whole = (each.evaluate(wi, wo).numpy()[BELOW:] for each in (stored, fitted))
+    error = np.abs(np.log(found / expected))
+    if name == "png8":
+        # Mesa interpolates 8 bits in 8 bits: a step or so of each texture.
+        step = sum(float(texture.scale.max()) / 255 for texture in textures)
+        assert np.median(error) < step / 2
+        assert error.max() < 1.5 * step
+    else:
+        assert np.median(error) < 1e-5
+        assert error.max() < 1e-4
+    # What is stored differs from the fit by more than the GPU does.
+    assert np.median(np.abs(np.log(expected / whole))) > (1e-3 if name in ("bc6h", "png8") else 5e-5)

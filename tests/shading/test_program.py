@@ -1,0 +1,228 @@
+"""Shading programs: printed as C, compiled and run, they give what Python gives; their costs are counted."""
+
+import ctypes
+import itertools
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from shading_cases import CASES, SEPARABLE, factorization, searched
+
+from homofact.errors import BadInput
+from homofact.factor.factorization import Factorization, Term
+from homofact.factor.projection import Warp, fixed_projection
+from homofact.geometry.directions import draw_uniform
+from homofact.shading.c_code import c_source
+from homofact.shading.cost import cost_of
+from homofact.shading.encoding import Encoded, encode_term
+from homofact.shading.expression import call, component, constant, variable, vector
+from homofact.shading.languages import GLSL, HLSL, WGSL, render, shader
+from homofact.shading.program import program_of
+from homofact.shading.separable_program import separable_program
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+
+def pairs(count: int = 4000) -> tuple[torch.Tensor, torch.Tensor]:
+    return draw_uniform(count, torch.Generator().manual_seed(0))
+
+
+def run_c(source: str, channels: int, folder: Path, wi: torch.Tensor, wo: torch.Tensor) -> np.ndarray:
+    """What the compiled function gives at the pairs, (N, C)."""
+    if COMPILER is None:
+        pytest.skip("no C compiler (cc, gcc or clang) on the PATH")
+    source += (
+        "\nvoid every(int n, const float *wi, const float *wo, float *f)\n{\n    for (int k = 0; k < n; k++)\n"
+        f"        homofact_evaluate(wi + 3 * k, wo + 3 * k, f + {channels} * k);\n}}\n"
+    )
+    code, library = folder / "brdf.c", folder / "brdf.so"
+    code.write_text(source, encoding="utf-8")
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-shared", "-fPIC"]
+    subprocess.run([COMPILER, *strict, "-o", library, code, "-lm"], check=True)
+    a, b = wi.float().numpy().copy(), wo.float().numpy().copy()
+    values = np.empty((len(a), channels), np.float32)
+    pointer = ctypes.POINTER(ctypes.c_float)
+    function = ctypes.CDLL(str(library)).every
+    function(len(a), *(array.ctypes.data_as(pointer) for array in (a, b, values)))
+    return values
+
+
+def encoded(fitted: Factorization, storage: str = "float32") -> list[Encoded]:
+    return [encode_term(term, storage) for term in fitted.terms]
+
+
+def c_of(fitted: Factorization, textures: list[Encoded]) -> str:
+    """C that reads the textures as decoded floats."""
+    plain = [Encoded("float32", t.decoded().numpy(), np.ones_like(t.scale), np.zeros_like(t.bias)) for t in textures]
+    return c_source(program_of(fitted, plain), [texture.stored for texture in plain])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_c_gives_what_python_gives(name: str, tmp_path: Path) -> None:
+    fitted = CASES[name]
+    wi, wo = pairs()
+    # Some pairs under the horizon, which give 0.
+    wi[:50, 2] *= -1
+    found = run_c(c_of(fitted, encoded(fitted)), len(fitted.channels), tmp_path, wi, wo)
+    expected = fitted.evaluate(wi, wo).numpy()
+    assert (found[:50] == 0).all()
+    error = np.abs(found[50:] - expected[50:]) / np.maximum(expected[50:], 1e-6)
+    assert np.median(error) < 2e-6
+    assert np.quantile(error, 0.999) < 1e-4
+
+
+@pytest.mark.parametrize("name", SEPARABLE)
+def test_sums_of_products_too(name: str, tmp_path: Path) -> None:
+    fitted = SEPARABLE[name]
+    textures = [texture for term in fitted.terms for texture in term.textures]
+    plain = [Encoded("float32", t.float().numpy(), np.ones(t.shape[2]), np.zeros(t.shape[2])) for t in textures]
+    wi, wo = pairs()
+    source = c_source(separable_program(fitted, plain), [texture.stored for texture in plain])
+    found = run_c(source, len(fitted.channels), tmp_path, wi, wo)
+    expected = fitted.evaluate(wi, wo).numpy()
+    error = np.abs(found - expected) / expected.mean()
+    assert np.median(error) < 2e-6
+    # The polar map is torn at one meridian.
+    assert np.quantile(error, 0.999) < 1e-3
+
+
+def test_the_horizon_along_the_tangent_is_finite_and_agrees(tmp_path: Path) -> None:
+    fitted = CASES["searched half-diff"]
+    z = 1e-3
+    grazing = torch.tensor([[(1 - z * z) ** 0.5, 0.0, z], [-((1 - z * z) ** 0.5), 0.0, z]], dtype=torch.float64)
+    wi, wo = (torch.stack(part) for part in zip(*itertools.product(grazing, repeat=2), strict=True))
+    found = run_c(c_of(fitted, encoded(fitted)), 3, tmp_path, wi, wo)
+    assert np.allclose(found, fitted.evaluate(wi, wo).numpy(), rtol=1e-3)
+
+
+def test_runaway_texels_are_cut_as_in_python(tmp_path: Path) -> None:
+    term = CASES["fixed h"].terms[0]
+    wild = Term(term.projection, term.texture * 100, term.mask)
+    fitted = Factorization((wild,), CASES["fixed h"].transform, ("R", "G", "B"))
+    source = c_of(fitted, encoded(fitted))
+    assert "runaway" in source
+    assert "runaway" not in c_of(CASES["fixed h"], encoded(CASES["fixed h"]))
+    wi, wo = pairs()
+    found = run_c(source, 3, tmp_path, wi, wo)
+    assert np.isfinite(found).all()
+    expected = fitted.evaluate(wi, wo).numpy()
+    assert np.median(np.abs(found - expected) / np.maximum(expected, 1e-3)) < 1e-4
+
+
+@pytest.mark.parametrize("storage", ["float16", "unorm8", "unorm16"])
+def test_a_stored_texture_decodes_to_within_half_a_step(storage: str) -> None:
+    term = CASES["fixed h"].terms[0]
+    texture = encode_term(term, storage)
+    step = {
+        "float16": 2.0**-11,
+        "unorm8": float(texture.scale.max()) / 255,
+        "unorm16": float(texture.scale.max()) / 65535,
+    }
+    assert float((texture.decoded() - term.texture).abs().max()) <= step[storage] / 2 * 1.001
+
+
+def test_the_program_decodes_what_is_stored(tmp_path: Path) -> None:
+    """The constants that the shader multiplies and adds, applied to raw texels, are the decoded texels' program."""
+    fitted = CASES["five of all kinds"]
+    textures = encoded(fitted, "unorm8")
+    raw = c_source(program_of(fitted, textures), [texture.stored / 255 for texture in textures])
+    wi, wo = pairs()
+    direct = run_c(raw, 3, tmp_path, wi, wo)
+    decoded = run_c(c_of(fitted, textures), 3, tmp_path / "..", wi, wo)
+    assert np.median(np.abs(direct - decoded) / decoded.mean()) < 1e-5
+
+
+def test_two_isotropic_textures_cost_three_fetches_and_under_forty_operations() -> None:
+    """The dearest mix of two isotropic textures that the search can find: general, warped, conjugate."""
+    fitted = factorization(searched("isotropic-half-diff", 3, Warp(0.03)), searched("isotropic-in-out", 4))
+    cost = cost_of(program_of(fitted, encoded(fitted)), fitted.nbytes)
+    assert cost.fetches == 3
+    assert cost.total < 40
+
+
+def test_counts_are_those_of_the_printed_operations() -> None:
+    fitted = factorization(fixed_projection("h", True))
+    program = program_of(fitted, encoded(fitted))
+    text = "\n".join(
+        line.split("//")[0] for line in shader(program, GLSL).splitlines() if " = " in line or "return" in line
+    )
+    cost = cost_of(program, 0)
+    for operator in "+*/":
+        assert text.count(f" {operator} ") == cost.operations.get(operator, 0), operator
+    for name in ("dot(", "sqrt(", "exp(", "max(", "min(", "step("):
+        assert text.count(name) == cost.operations.get(name[:-1], 0), name
+    # s.xy: 2 additions, z: 1 and its guard; |s|²: 5, root 1; disc 1 + 2; uv 2 + 2; sum 3, exp 3, less 3, max 3; above 3
+    # in all, and the product with it 3.
+    assert cost.scalar == 2 + 2 + 5 + 1 + 1 + 2 + 2 + 2 + 3 + 3 + 3 + 3 + 2 + 3
+
+
+def test_nothing_is_computed_that_is_not_read() -> None:
+    text = shader(program_of(CASES["fixed theta_h"], encoded(CASES["fixed theta_h"])), GLSL)
+    for absent in ("theta_d", "phi_d", "disc", " e ", "conjugate", "asinh", "if ("):
+        assert absent not in text.split("{", 1)[1], absent
+
+
+@pytest.mark.parametrize(
+    ("language", "marks"),
+    [
+        (GLSL, ("uniform highp sampler2D fit_texture_0;", "vec3 fit_evaluate(vec3 wi, vec3 wo)", "textureLod(")),
+        (HLSL, ("Texture2D<float4> fit_texture_0", "SamplerState fit_sampler", ".SampleLevel(fit_sampler, ")),
+        (
+            WGSL,
+            ("var fit_texture_0: texture_2d<f32>", "-> vec3<f32>", "textureSampleLevel(fit_texture_0, fit_sampler,"),
+        ),
+    ],
+)
+def test_each_language_declares_its_textures_and_says_what_it_evaluates(language, marks) -> None:
+    fitted = CASES["five of all kinds"]
+    text = shader(program_of(fitted, encoded(fitted)), language, "fit")
+    for mark in (*marks, "epsilon = 0.001", "row 0 is at v = 0"):
+        assert mark in text, mark
+    assert max(len(line) for line in text.splitlines()) < 400
+
+
+def test_parentheses_are_where_they_are_needed() -> None:
+    a, b, c = (variable(name, 1) for name in "abc")
+    assert render(a - (b - c), GLSL, "") == "a - (b - c)"
+    assert render((a + b) * c, GLSL, "") == "(a + b) * c"
+    assert render(a / (b * c), GLSL, "") == "a / (b * c)"
+    assert render(a * b + c, GLSL, "") == "a * b + c"
+    assert render(a * constant(-2), GLSL, "") == "a * (-2.0)"
+
+
+def test_components_of_vectors() -> None:
+    v = variable("v", 3)
+    assert render(component(v * 2 + constant(1, 2, 3), 1), GLSL, "") == "v.y * 2.0 + 2.0"
+    assert render(component(vector(v.zx, constant(7)), 2), GLSL, "") == "7.0"
+    assert render(component(call("dot", v.xy, v.yz), 5), GLSL, "") == "v.x * v.y + v.y * v.z"
+
+
+def test_more_than_four_channels_are_refused() -> None:
+    term = CASES["fixed h"].terms[0]
+    five = term.texture.mean(2, keepdim=True).expand(-1, -1, 5).contiguous()
+    transform = type(CASES["fixed h"].transform)(1e-3, torch.ones(5, dtype=torch.float64))
+    fitted = Factorization((Term(term.projection, five, term.mask),), transform, tuple("abcde"))
+    with pytest.raises(BadInput, match=r"channels: found 5, expected at most the 4 of a texture"):
+        program_of(fitted, encoded(fitted))
+
+
+def test_unknown_storages_are_refused() -> None:
+    with pytest.raises(BadInput, match=r"storage: found 'float8', expected one of float32, float16"):
+        encode_term(CASES["fixed h"].terms[0], "float8")
+
+
+def test_a_name_neither_ends_a_comment_nor_begins_a_line(tmp_path: Path) -> None:
+    plain = CASES["fixed h"]
+    term = plain.terms[0]
+    named = replace(term.projection, name="h */ #error\n#error")
+    odd = {"source": {"file": "a\n#error */ #error"}}
+    fitted = replace(plain, terms=(replace(term, projection=named),), provenance=odd)
+    wi, wo = pairs(50)
+    assert np.allclose(run_c(c_of(fitted, encoded(fitted)), 3, tmp_path, wi, wo), plain.evaluate(wi, wo), rtol=1e-4)
+    for language in (GLSL, HLSL, WGSL):
+        text = shader(program_of(fitted, encoded(fitted)), language)
+        assert not [line for line in text.splitlines() if line.startswith("#")]
