@@ -45,7 +45,7 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
     from homofact.factor.search.nlopt import Nlopt
     from homofact.factor.textures import LogSamples, solve_terms
     from homofact.geometry.rotation import Pair
-    from homofact.methods.cole import transform_of
+    from homofact.methods.cole_fit import transform_of
     from homofact.methods.settings import FitSettings
 
     torch.set_num_threads(1)

@@ -68,7 +68,7 @@ def evaluation(job: argparse.Namespace) -> dict[str, Any]:
     from homofact.factor.textures import LogSamples, inner_problem
     from homofact.geometry.rotation import Pair
     from homofact.linear.solvers import solve
-    from homofact.methods.cole import transform_of
+    from homofact.methods.cole_fit import transform_of
     from homofact.methods.settings import FitSettings
 
     settings = FitSettings(epsilon=EPSILON)

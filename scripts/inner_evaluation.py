@@ -35,7 +35,7 @@ from homofact.linear.least_squares import LeastSquares, penalised_matrix
 from homofact.linear.normal import accumulate_torch
 from homofact.linear.solvers import TOLERANCE, solve, solve_definite
 from homofact.linear.threads import one_thread
-from homofact.methods.cole import transform_of
+from homofact.methods.cole_fit import transform_of
 from homofact.methods.settings import FitSettings
 
 MATERIAL = "lafortune-blue-paint"

@@ -15,7 +15,7 @@ from homofact.evaluate.metrics import measure
 from homofact.evaluate.verdict import judge
 from homofact.factor.factorization import Factorization
 from homofact.factor.textures import LogSamples, residual
-from homofact.methods.cole import Progress, fit_cole, provenance_of, solve_greedily
+from homofact.methods.cole_fit import Progress, fit_cole, provenance_of, solve_greedily
 from homofact.methods.settings import FitSettings
 
 

@@ -32,7 +32,7 @@ from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.search.powell import Powell
 from homofact.factor.textures import LogSamples
 from homofact.linear.threads import one_thread
-from homofact.methods.cole import transform_of
+from homofact.methods.cole_fit import transform_of
 from homofact.methods.kinds import make
 from homofact.methods.settings import FitSettings
 

@@ -27,7 +27,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.config import load_config
 from homofact.evaluate.metrics import measure
-from homofact.methods.cole import Fit, Progress
+from homofact.methods.cole_fit import Fit, Progress
 from homofact.methods.settings import FitSettings
 from homofact.methods.table import method
 

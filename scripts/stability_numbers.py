@@ -25,7 +25,7 @@ from homofact.evaluate.metrics import measure
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Term
 from homofact.factor.textures import LogSamples, solve_terms
-from homofact.methods.search import fit_search
+from homofact.methods.search_fit import fit_search
 from homofact.methods.settings import FitSettings
 
 PARTS = ("noise", "seeds", "confidence")

@@ -26,7 +26,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.files.atomic import replace_file
 from homofact.geometry.directions import draw_uniform
 from homofact.linear.threads import one_thread
-from homofact.methods.svd import separable_of
+from homofact.methods.separable_fit import separable_of
 from homofact.separable.decompositions import eigen, power
 from homofact.separable.maps import MAPS, direction_map
 from homofact.separable.matrix import brdf_matrix

@@ -136,8 +136,8 @@ def test_the_rules_see_what_they_forbid() -> None:
     assert upward("def f():\n    from homofact.cli.main import main\n", PACKAGE / "geometry" / "x.py") == [
         "homofact.cli.main.main"
     ]
-    assert upward("import homofact.methods.cole\nimport torch\n", PACKAGE / "brdf" / "x.py") == [
-        "homofact.methods.cole"
+    assert upward("import homofact.methods.cole_fit\nimport torch\n", PACKAGE / "brdf" / "x.py") == [
+        "homofact.methods.cole_fit"
     ]
     assert upward("from homofact import cli, errors\n", PACKAGE / "errors.py") == ["homofact.cli"]
     assert upward("from homofact.brdf.samples import Samples\n", PACKAGE / "brdf" / "x.py") == []

@@ -17,8 +17,8 @@ from homofact.errors import BadInput, HomofactError, Status
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure, training_samples
 from homofact.evaluate.machine import machine
-from homofact.methods.cole import ProgressCallback
-from homofact.methods.mccool import PROJECTIONS
+from homofact.methods.cole_fit import ProgressCallback
+from homofact.methods.mccool_fit import PROJECTIONS
 from homofact.methods.settings import FitSettings
 from homofact.methods.table import check_settings, method
 from homofact.version import __version__

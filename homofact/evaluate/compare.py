@@ -17,7 +17,7 @@ from homofact.errors import Report
 from homofact.evaluate.metrics import SixErrors, measure
 from homofact.evaluate.verdict import Verdict, judge
 from homofact.factor.fitted import Fitted
-from homofact.methods.cole import ProgressCallback
+from homofact.methods.cole_fit import ProgressCallback
 from homofact.methods.settings import FitSettings
 from homofact.methods.table import method, run
 

@@ -7,11 +7,11 @@ from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization
 from homofact.factor.quantize import quantize
-from homofact.methods.cole import PARAMETERIZATIONS, Fit, ProgressCallback, fit_cole
-from homofact.methods.mccool import fit_mccool
-from homofact.methods.search import at_azimuths, fit_search, pinned_kinds, search_named
+from homofact.methods.cole_fit import PARAMETERIZATIONS, Fit, ProgressCallback, fit_cole
+from homofact.methods.mccool_fit import fit_mccool
+from homofact.methods.search_fit import at_azimuths, fit_search, pinned_kinds, search_named
+from homofact.methods.separable_fit import fit_nmf, fit_svd, nmf_parameterization, svd_parameterization
 from homofact.methods.settings import FitSettings
-from homofact.methods.svd import fit_nmf, fit_svd, nmf_parameterization, svd_parameterization
 
 
 @dataclass(frozen=True)

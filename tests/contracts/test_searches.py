@@ -11,7 +11,7 @@ from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples
 from homofact.geometry.directions import draw_in_discs
 from homofact.geometry.rotation import Pair
-from homofact.methods.search import search_named
+from homofact.methods.search_fit import search_named
 
 NAMES = (
     "gradient",

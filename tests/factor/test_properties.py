@@ -13,8 +13,8 @@ from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, SolverFailure
 from homofact.factor.factorization import Factorization
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.methods.cole import Fit
-from homofact.methods.mccool import fit_mccool
+from homofact.methods.cole_fit import Fit
+from homofact.methods.mccool_fit import fit_mccool
 from homofact.methods.settings import FitSettings
 
 KINDS = ("wi", "h", "theta_h-theta_d", "theta_d-phi_d", "theta_i-theta_o", "theta_i-delta_phi", "theta_h")

@@ -14,8 +14,8 @@ from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, domain_mask, solve_terms
-from homofact.methods.cole import fit_cole
-from homofact.methods.mccool import fit_mccool
+from homofact.methods.cole_fit import fit_cole
+from homofact.methods.mccool_fit import fit_mccool
 from homofact.methods.settings import FitSettings
 
 NAMES = ("theta_h-theta_d", "theta_i-theta_o")

@@ -15,8 +15,8 @@ from homofact.geometry.directions import draw_in_discs, half_difference
 from homofact.geometry.parabolic import to_disc
 from homofact.geometry.rotation import Pair
 from homofact.linear.solvers import solve
-from homofact.methods.cole import Progress, fit_cole
-from homofact.methods.mccool import fit_mccool
+from homofact.methods.cole_fit import Progress, fit_cole
+from homofact.methods.mccool_fit import fit_mccool
 from homofact.methods.settings import FitSettings
 
 

@@ -12,9 +12,9 @@ from homofact.evaluate.metrics import measure
 from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import draw_in_discs
-from homofact.methods.cole import Progress
+from homofact.methods.cole_fit import Progress
 from homofact.methods.kinds import KINDS, is_isotropic, is_searched, loosened, make
-from homofact.methods.search import candidates_of, fit_search
+from homofact.methods.search_fit import candidates_of, fit_search
 from homofact.methods.settings import FitSettings
 
 

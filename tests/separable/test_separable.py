@@ -21,8 +21,8 @@ from homofact.factor.factorization import Factorization
 from homofact.geometry.directions import draw_uniform, from_half_difference
 from homofact.linear.bilinear import stencil
 from homofact.methods import settings as settings_module
+from homofact.methods.separable_fit import fit_nmf, fit_svd, separable_of
 from homofact.methods.settings import FitSettings
-from homofact.methods.svd import fit_nmf, fit_svd, separable_of
 from homofact.methods.table import check_settings
 from homofact.separable.decompositions import eigen, power, svd
 from homofact.separable.maps import LEAST_COSINE, MAPS, direction_map, texel_centres

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from homofact.brdf.source import Source
 from homofact.evaluate.compare import HELD_OUT, training_samples
-from homofact.methods.cole import Fit, ProgressCallback
+from homofact.methods.cole_fit import Fit, ProgressCallback
 from homofact.methods.settings import FitSettings
 from homofact.methods.table import method
 

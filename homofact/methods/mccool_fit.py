@@ -13,7 +13,7 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
-from homofact.methods.cole import Fit, ProgressCallback, provenance_of, transform_of
+from homofact.methods.cole_fit import Fit, ProgressCallback, provenance_of, transform_of
 from homofact.methods.settings import FitSettings
 
 PROJECTIONS = ("wi", "h")

@@ -22,7 +22,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.linear.threads import one_thread
-from homofact.methods.cole import Fit, ProgressCallback, provenance_of, transform_of
+from homofact.methods.cole_fit import Fit, ProgressCallback, provenance_of, transform_of
 from homofact.methods.settings import FitSettings
 from homofact.separable.decompositions import Factors, eigen, imputed, normalized, power, svd
 from homofact.separable.maps import direction_map

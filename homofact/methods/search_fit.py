@@ -25,7 +25,7 @@ from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
-from homofact.methods.cole import Fit, Progress, ProgressCallback, provenance_of, transform_of
+from homofact.methods.cole_fit import Fit, Progress, ProgressCallback, provenance_of, transform_of
 from homofact.methods.kinds import (
     ANISOTROPIC_CANDIDATES,
     ISOTROPIC_CANDIDATES,
