@@ -6,9 +6,8 @@ One number of textures after another, up to as many as are asked for:
   block of that matrix (`folded.FixedBank`). Every mix is judged on textures of half the size, the better ones again at
   the search's own size (successive halving by rule, so that neither luck nor the clock has a part in it).
 * Searched projections, from there. Starts are the best fixed mixes with their textures loosened (searched from where
-  they are fixed), the best mix of one texture less with every other kind beside it, and rotations
-  drawn once for all. All of them descend a few steps, the better half some more, and so on; the last few are judged like
-  the fixed ones.
+  they are fixed), the best mix of one texture less with every other kind beside it, and rotations drawn once for all.
+  All of them descend a few steps, the better half some more, and so on; the last few are judged like the fixed ones.
 
 Then exchange: each texture of the winner is taken out and every other kind tried in its place, as long as that helps.
 All textures of a trial are solved together and judged by cross-validation with their own λ.

@@ -16,7 +16,10 @@ from homofact.factor.search.minimize import Ending, Measured
 
 @dataclass(frozen=True)
 class Gradient:
-    """L-BFGS (scipy's L-BFGS-B without bounds): most iterations, gain in units of the first value that ends, memory of steps."""
+    """L-BFGS (scipy's L-BFGS-B without bounds): most iterations, the gain that ends, memory of steps.
+
+    The gain is in units of the first value.
+    """
 
     iterations: int = 60
     tolerance: float = 1e-3
