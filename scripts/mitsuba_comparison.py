@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from conditions import data_folder, figure, machine, markdown, parser_of, write
+from conditions import data_folder, figure, markdown, parser_of, write
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -40,6 +40,7 @@ from homofact.brdf.source import open_source
 from homofact.cli.verdicts import verdict_lines
 from homofact.errors import BadInput
 from homofact.evaluate.compare import fit_and_measure
+from homofact.evaluate.machine import machine
 from homofact.factor.factorization import Factorization
 from homofact.figures.compare_picture import FLOOR, relative_difference
 from homofact.files.atomic import replace_file

@@ -16,10 +16,11 @@ from itertools import product
 from pathlib import Path
 from statistics import mean
 
-from conditions import cornell_files, data_folder, figure, machine, markdown, parser_of, write
+from conditions import cornell_files, data_folder, figure, markdown, parser_of, write
 
 from homofact.brdf.source import open_source
 from homofact.evaluate.compare import held_out_samples, training_samples
+from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
 from homofact.factor.quantize import LEVELS, naive
