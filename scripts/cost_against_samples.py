@@ -44,7 +44,7 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
     from homofact.factor.projection import Projection
     from homofact.factor.search.nlopt import Nlopt
     from homofact.factor.textures import LogSamples, solve_terms
-    from homofact.geometry.rotation import Pair
+    from homofact.geometry.rotation import Rotation
     from homofact.methods.cole_fit import transform_of
     from homofact.methods.settings import FitSettings
 
@@ -52,7 +52,7 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
     settings = FitSettings(epsilon=EPSILON)
     shapes = ((job.size, job.size),) * 2
     generator = torch.Generator().manual_seed(job.seed)
-    pair = tuple(Projection.from_rotation("half-diff", Pair.random(generator), True) for _ in range(2))
+    pair = tuple(Projection.from_rotation("half-diff", Rotation.random(generator), True) for _ in range(2))
     search = Nlopt("LD_LBFGS", evaluations=job.evaluations, tolerance=0.0)
 
     def prepared(count: int) -> LogSamples:

@@ -30,7 +30,7 @@ from homofact.brdf.sampling import sample_model
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.least_squares import LeastSquares, penalised_matrix
 from homofact.linear.normal import accumulate_torch
 from homofact.linear.solvers import TOLERANCE, solve, solve_definite
@@ -120,7 +120,7 @@ def measured(count: int, size: int, repeats: int, seed: int) -> dict[str, tuple[
     generator = torch.Generator().manual_seed(seed)
     found: dict[str, tuple[list[float], list[float], list[float]]] = {name: ([], [], []) for name in WAYS}
     for _ in range(repeats):
-        pair = tuple(Projection.from_rotation("half-diff", Pair.random(generator), True) for _ in range(2))
+        pair = tuple(Projection.from_rotation("half-diff", Rotation.random(generator), True) for _ in range(2))
         objective = Objective(data, pair, ((size, size),) * 2, SETTINGS.fixed_smoothing)
         vector = objective.start()
         for name, way in WAYS.items():

@@ -20,7 +20,7 @@ from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection, Warp
 from homofact.files.fields import Fields
 from homofact.geometry.coordinates import COORDINATES
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.separable.maps import MAPS
 from homofact.separable.matrix import PARAMETERIZATIONS
 from homofact.separable.separable import Separable, SeparableTerm
@@ -108,14 +108,13 @@ def _projection(fields: Fields) -> Projection:
     )
 
 
-def _rotation(fields: Fields, dimension: int) -> Pair | Tensor | None:
+def _rotation(fields: Fields, dimension: int) -> Rotation | None:
     if fields.found.get("rotation") is None:
         return None
     inner = fields.inner("rotation")
-    if inner.text("kind", ("pair",) if dimension == 4 else ("single",)) == "single":
-        return torch.tensor(inner.numbers("quaternion", 4), dtype=torch.float64)
-    left, right = (torch.tensor(inner.numbers(side, 4), dtype=torch.float64) for side in ("left", "right"))
-    return Pair(left, right)
+    sides = ("left", "right") if dimension == 4 else ("quaternion",)
+    inner.text("kind", ("pair",) if dimension == 4 else ("single",))
+    return Rotation(torch.tensor([inner.numbers(side, 4) for side in sides], dtype=torch.float64))
 
 
 def _sum(

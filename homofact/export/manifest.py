@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import torch
 from torch import Tensor
 
 from homofact.containers.exr import exr_channel_names
@@ -18,7 +17,7 @@ from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection
 from homofact.files.atomic import replace_file
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.version import __version__
 
 FORMAT = "homofact manifest"
@@ -132,9 +131,10 @@ def describe_projection(projection: Projection) -> dict[str, Any]:
     }
 
 
-def _rotation(rotation: Pair | Tensor | None) -> dict[str, Any] | None:
-    if isinstance(rotation, Pair):
-        return {"kind": "pair", "left": rotation.left.tolist(), "right": rotation.right.tolist()}
-    if isinstance(rotation, torch.Tensor):
-        return {"kind": "single", "quaternion": rotation.tolist()}
-    return None
+def _rotation(rotation: Rotation | None) -> dict[str, Any] | None:
+    if rotation is None:
+        return None
+    rows = rotation.quaternions.tolist()
+    if rotation.dimension == 4:
+        return {"kind": "pair", "left": rows[0], "right": rows[1]}
+    return {"kind": "single", "quaternion": rows[0]}

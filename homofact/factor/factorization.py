@@ -1,12 +1,14 @@
 """The result: log textures with their projections, which evaluate, save and load.
 
 f(ωi, ωo) = A (exp Σj p̃j(πj(ωi, ωo)) − ε), cut at zero; a reciprocal projection adds its texture at the
-conjugate too. Everything an evaluation needs is in one .npz file of plain arrays and a JSON header,
-readable without homofact; arrays are stored as they are, so a loaded factorization is bit-identical.
+conjugate too. On an axis that is periodic in the coordinates a texture goes round (`linear.layout`). Everything an
+evaluation needs is in one .npz file of plain arrays and a JSON header, readable without homofact; arrays are stored
+as they are, so a loaded factorization is bit-identical.
 """
 
 import os
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +17,12 @@ from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
-from homofact.factor.projection import Projection, Warp
+from homofact.factor.projection import Projection, Warp, layout_of
 from homofact.files.archive import check_version, read_archive, write_archive
 from homofact.geometry.coordinates import COORDINATES
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.bilinear import lookup
+from homofact.linear.layout import CLAMPED, Axis, TexelLayout
 
 FORMAT_VERSION = 1
 
@@ -54,6 +57,34 @@ class Term:
         """(rows, columns)."""
         return int(self.texture.shape[0]), int(self.texture.shape[1])
 
+    def flat(self) -> "Term":
+        """The term with the first texels of a periodic axis once more behind the last, as a clamping sampler reads it.
+
+        M texels evenly round and the first again are M + 1 from −1 to +1: what the convention of a clamped axis says.
+        """
+        term = self
+        for dimension, axis in enumerate(self.projection.axes):
+            if axis is Axis.PERIODIC:
+                term = term._mapped(lambda texels, d=dimension: torch.cat((texels, texels.narrow(d, 0, 1)), d))
+        return term
+
+    def round(self) -> "Term":
+        """The inverse of `flat`: a periodic axis without its last texels."""
+        term = self
+        for dimension, axis in enumerate(self.projection.axes):
+            if axis is Axis.PERIODIC:
+                term = term._mapped(lambda texels, d=dimension: texels.narrow(d, 0, texels.shape[d] - 1))
+        return term
+
+    def _mapped(self, change: Callable[[Tensor], Tensor]) -> "Term":
+        deviation = None if self.deviation is None else change(self.deviation)
+        return replace(self, texture=change(self.texture), mask=change(self.mask), deviation=deviation)
+
+
+def layout_of_terms(terms: tuple[Term, ...]) -> TexelLayout:
+    """The texels of all textures, one after another."""
+    return layout_of(tuple(term.projection for term in terms), tuple(term.size for term in terms))
+
 
 def sum_of_terms(terms: tuple[Term, ...], wi: Tensor, wo: Tensor) -> Tensor:
     """Σj p̃j(πj(ωi, ωo)), conjugate lookups included: (N, C) logarithms of at least one term."""
@@ -61,7 +92,7 @@ def sum_of_terms(terms: tuple[Term, ...], wi: Tensor, wo: Tensor) -> Tensor:
     for term in terms:
         texture = term.texture.to(wi)
         for uv in term.projection.place(wi, wo):
-            total = total + lookup(texture, uv)
+            total = total + lookup(texture, uv, term.projection.axes)
     return total
 
 
@@ -79,8 +110,8 @@ class Factorization:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all texels as float32, the storage that a renderer would use."""
-        return sum(term.texture.numel() * 4 for term in self.terms)
+        """Bytes of all texels as float32, as a clamping sampler reads them (`Term.flat`): what a renderer would use."""
+        return sum(term.flat().texture.numel() * 4 for term in self.terms)
 
     @property
     def fetches(self) -> int:
@@ -117,10 +148,9 @@ class Factorization:
                 arrays[f"grid_{j}"] = torch.stack((term.grid.low, term.grid.step)).cpu().numpy()
             arrays[f"matrix_{j}"] = term.projection.matrix.cpu().numpy()
             rotation = term.projection.rotation
-            if isinstance(rotation, Pair):
-                arrays[f"rotation_{j}"] = torch.stack((rotation.left, rotation.right)).numpy()
-            elif rotation is not None:
-                arrays[f"rotation_{j}"] = rotation.numpy()
+            if rotation is not None:
+                # (2, 4) for a pair, (4,) for a single quaternion.
+                arrays[f"rotation_{j}"] = rotation.quaternions.squeeze(0).cpu().numpy()
         write_archive(path, header, arrays)
 
     @classmethod
@@ -154,16 +184,21 @@ def _describe(term: Term) -> dict[str, Any]:
         "reciprocal": projection.reciprocal,
         "name": projection.name,
         "warp": None if projection.warp is None else projection.warp.width,
+        "axes": _kinds(projection),
     } | ({} if term.grid is None else {"levels": term.grid.levels})
+
+
+def _kinds(projection: Projection) -> list[str]:
+    """The kinds of a texture's axes, along its rows and along its columns, by name."""
+    return [axis.value for axis in projection.axes]
 
 
 def _restore(described: dict[str, Any], data: dict[str, Any], j: int) -> Term:
     if described["coordinates"] not in COORDINATES:
         raise ValueError(f"coordinates {described['coordinates']!r}")
-    rotation: Pair | Tensor | None = None
+    rotation = None
     if f"rotation_{j}" in data:
-        stored = torch.from_numpy(data[f"rotation_{j}"])
-        rotation = Pair(stored[0], stored[1]) if stored.ndim == 2 else stored
+        rotation = Rotation(torch.from_numpy(data[f"rotation_{j}"]).reshape(-1, 4))
     projection = Projection(
         described["coordinates"],
         torch.from_numpy(data[f"matrix_{j}"]),
@@ -172,6 +207,9 @@ def _restore(described: dict[str, Any], data: dict[str, Any], j: int) -> Term:
         rotation,
         None if described["warp"] is None else Warp(float(described["warp"])),
     )
+    kinds = described.get("axes", [axis.value for axis in CLAMPED])
+    if kinds != _kinds(projection):
+        raise ValueError(f"axes {kinds} of {projection.name}, which has {_kinds(projection)}: the entry")
     deviation = data.get(f"deviation_{j}")
     grid = None
     if f"grid_{j}" in data:

@@ -10,6 +10,13 @@ projection P (thesis 3.2.3) is P S. For isotropic half-diff it is the identity: 
 reciprocity (φd ~ φd + π) and left-right symmetry (φd ~ −φd) to [0, π/2], and a projection of it is
 reciprocal by itself. Here φd is Rusinkiewicz's, measured in the frame turned with h (so that it does
 not depend on the azimuth), not in the Kautz-McCool frame of half-diff, which is fixed to the tangent.
+
+Half-angles are θh, with the same scale, and φh, the azimuth of h from the tangent, for materials whose highlight knows
+the tangent. φh/π runs once round from −1 to +1, which are one place: a periodic axis. A matrix row may take it as it
+is, but not mixed with another axis, for a mix would jump there; so this system has fixed projections only. Swapping
+ωi and ωo leaves h alone. At θh = 0 φh is undefined (0 is given) and all of its values are one place, the pole.
+
+Axes of one name are the same function in all systems.
 """
 
 from collections.abc import Callable
@@ -28,7 +35,8 @@ class CoordinateSystem:
     """A named map from pairs of directions (N, 3), (N, 3) to coordinates (N, k).
 
     `axes` names the k coordinates; `swap` is described in the module's head; `isotropic` says that the
-    coordinates do not change when both directions are turned about the normal together.
+    coordinates do not change when both directions are turned about the normal together. `periodic` names the axes
+    that go round, once from −1 to +1; where the axis `pole` is −1, they mean nothing.
     """
 
     name: str
@@ -37,6 +45,8 @@ class CoordinateSystem:
     swap: tuple[tuple[float, ...], ...]
     isotropic: bool
     evaluate: Callable[[Tensor, Tensor], Tensor]
+    periodic: tuple[str, ...] = ()
+    pole: str | None = None
 
     @property
     def dimension(self) -> int:
@@ -83,6 +93,12 @@ def _isotropic_in_out(wi: Tensor, wo: Tensor) -> Tensor:
     return torch.stack((theta_i * 2, theta_o * 2, turn.abs()), -1) * (2 / torch.pi) - 1
 
 
+def _half_angles(wi: Tensor, wo: Tensor) -> Tensor:
+    # Its length does not matter to angles.
+    theta_h, phi_h = to_spherical(wi + wo)
+    return torch.stack((theta_h * (4 / torch.pi) - 1, phi_h / torch.pi), -1)
+
+
 COORDINATES = {
     system.name: system
     for system in (
@@ -117,6 +133,16 @@ COORDINATES = {
             ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
             True,
             _isotropic_in_out,
+        ),
+        CoordinateSystem(
+            "half-angles",
+            ("theta_h", "phi_h"),
+            "box",
+            ((1, 0), (0, 1)),
+            False,
+            _half_angles,
+            periodic=("phi_h",),
+            pole="theta_h",
         ),
     )
 }

@@ -21,6 +21,8 @@ import scipy.sparse
 import torch
 from torch import Tensor
 
+from homofact.linear.laplacian import laplacian
+from homofact.linear.layout import TexelLayout
 from homofact.linear.normal import Lookup, NormalEquations, accumulate, stencil_rows
 
 RELATIVE_RIDGE = 1e-9
@@ -32,9 +34,17 @@ class Roughness:
 
     rows: Tensor
 
+    @classmethod
+    def of(cls, layout: TexelLayout, masks: tuple[Tensor, ...]) -> "Roughness":
+        """The Laplacian rows of all textures inside their masks (rows, columns)."""
+        each = [laplacian(mask, axes) for mask, axes in zip(masks, layout.axes, strict=True)]
+        return cls(torch.block_diag(*each))
+
     @cached_property
     def gram(self) -> Tensor:
         """LᵀL (T, T)."""
+        if self.rows.device.type != "cpu":
+            return self.rows.T @ self.rows
         sparse = scipy.sparse.csr_matrix(self.rows.numpy())
         return torch.from_numpy((sparse.T @ sparse).toarray())
 
@@ -70,7 +80,8 @@ class LeastSquares:
     @property
     def penalty_scale(self) -> Tensor:
         """λ' (T, 1), the weight of every smoothing row."""
-        return _penalty_scale(self.smoothing, float(self.weights.sum()), int(self.kept.sum()), self.unknowns)
+        spread = torch.as_tensor(self.smoothing, dtype=torch.float64, device=self.weights.device)
+        return _penalty_scale(spread, float(self.weights.sum()), int(self.kept.sum()), self.unknowns)
 
     @property
     def ridge(self) -> float:
@@ -104,30 +115,29 @@ class LeastSquares:
         return matrix[kept][:, kept], self.data.rhs[kept]
 
     def rows(self) -> tuple[scipy.sparse.csr_matrix, np.ndarray]:
-        """The stacked sparse rows [√W B; √λ' L; √δ I; √μ Zᵀ] (·, K) and targets [√W f; 0; 0; 0] (·, C)."""
+        """The stacked sparse rows [√W B; √λ' L; √δ I; √μ Zᵀ] (·, K) and targets [√W f; 0; 0; 0] (·, C), on the CPU."""
         numbers, values = stencil_rows(self.coordinates, self.lookups)
-        count = numbers.shape[0]
-        root = self.weights.sqrt()
-        first = torch.arange(count + 1) * numbers.shape[1]
+        count, width = numbers.shape
+        root = self.weights.sqrt()[:, None]
         design = scipy.sparse.csr_matrix(
-            ((values * root[:, None]).numpy().ravel(), numbers.numpy().ravel(), first.numpy()),
+            (_array(values * root).ravel(), _array(numbers).ravel(), np.arange(count + 1) * width),
             shape=(count, self.unknowns),
         )
         design.sum_duplicates()
-        kept = np.flatnonzero(self.kept.numpy())
-        smooth = scipy.sparse.csr_matrix((self.penalty_scale.sqrt() * self.roughness.rows).numpy())
+        kept = np.flatnonzero(_array(self.kept))
+        smooth = scipy.sparse.csr_matrix(_array(self.penalty_scale.sqrt() * self.roughness.rows))
         identity = scipy.sparse.identity(self.unknowns, format="csr") * np.sqrt(self.ridge)
-        gauge = np.zeros((0, self.unknowns)) if self.gauge is None else self.gauge.numpy().T * np.sqrt(self.gauge_scale)
+        gauge = np.zeros((0, self.unknowns)) if self.gauge is None else _array(self.gauge).T * np.sqrt(self.gauge_scale)
         held = scipy.sparse.csr_matrix(gauge)
         stacked = scipy.sparse.csr_matrix(scipy.sparse.vstack([design, smooth, identity, held]))[:, kept]
         targets = np.zeros((stacked.shape[0], self.targets.shape[1]))
-        targets[:count] = (self.targets * root[:, None]).numpy()
+        targets[:count] = _array(self.targets * root)
         return scipy.sparse.csr_matrix(stacked), targets
 
     def expand(self, solution: Tensor) -> Tensor:
-        """(T, C) with the kept unknowns filled in and zeros elsewhere."""
-        result = torch.zeros(self.unknowns, solution.shape[1], dtype=torch.float64)
-        result[self.kept] = solution
+        """(T, C) with the kept unknowns filled in and zeros elsewhere, where the samples are."""
+        result = torch.zeros(self.unknowns, solution.shape[1], dtype=torch.float64, device=self.kept.device)
+        result[self.kept] = solution.to(result.device)
         return result
 
     def residuals(self, texels: Tensor) -> Tensor:
@@ -141,16 +151,21 @@ class LeastSquares:
         return float((self.weights[:, None] * squares).sum() / self.weights.sum()) / squares.shape[1]
 
 
+def _array(tensor: Tensor) -> np.ndarray:
+    return tensor.cpu().numpy()
+
+
 def penalised_matrix(data: NormalEquations, roughness: Roughness, smoothing: float | Tensor, lookups: int) -> Tensor:
     """BᵀWB + λ'LᵀL + δI (T, T) of accumulated samples, all texels kept: `LeastSquares.normal` without samples."""
     unknowns = data.matrix.shape[0]
-    scale = _penalty_scale(smoothing, data.weight, unknowns, unknowns)
+    spread = torch.as_tensor(smoothing, dtype=torch.float64, device=data.matrix.device)
+    scale = _penalty_scale(spread, data.weight, unknowns, unknowns)
     return _penalised(data.matrix, roughness, scale, _ridge(data.weight, lookups, unknowns))
 
 
-def _penalty_scale(smoothing: float | Tensor, weight: float, kept: int, unknowns: int) -> Tensor:
+def _penalty_scale(smoothing: Tensor, weight: float, kept: int, unknowns: int) -> Tensor:
     """λ' (T, 1) = λ · Σw/K."""
-    return torch.as_tensor(smoothing, dtype=torch.float64).expand(unknowns)[:, None] * (weight / kept)
+    return smoothing.expand(unknowns)[:, None] * (weight / kept)
 
 
 def _penalised(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float) -> Tensor:

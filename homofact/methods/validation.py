@@ -19,8 +19,9 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.samples import Samples
-from homofact.factor.projection import Projection
-from homofact.factor.textures import LogSamples, Shape, Smoothing, inner_problem, per_texel
+from homofact.factor.projection import Projection, layout_of
+from homofact.factor.textures import LogSamples, Smoothing, inner_problem, per_texel
+from homofact.linear.layout import Shape, TexelLayout
 from homofact.linear.least_squares import Roughness, penalised_matrix
 from homofact.linear.normal import NormalEquations
 from homofact.linear.solvers import solve_definite
@@ -84,7 +85,7 @@ class Folded:
     whole: NormalEquations
     roughness: Roughness
     lookups: int
-    shapes: tuple[Shape, ...]
+    layout: TexelLayout
 
     @classmethod
     def of(
@@ -110,7 +111,7 @@ class Folded:
             for partition in partitions
         )
         shares = tuple(partition.share for partition in partitions)
-        return cls(parts, shares, problem.data, problem.roughness, len(problem.lookups), shapes)
+        return cls(parts, shares, problem.data, problem.roughness, len(problem.lookups), layout_of(projections, shapes))
 
     def error(self, smoothing: Smoothing) -> float:
         """Mean squared log error of the left-out samples under the texels of all others, with this λ.
@@ -118,7 +119,7 @@ class Folded:
         Weighted by the samples' weights within a partition, by the shares between partitions.
         """
         result = 0.0
-        spread = per_texel(smoothing, self.shapes)
+        spread = per_texel(smoothing, self.layout)
         for parts, share in zip(self.parts, self.shares, strict=True):
             total, weight = 0.0, 0.0
             for part in parts:

@@ -10,7 +10,7 @@ from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples
 from homofact.geometry.directions import draw_in_discs
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.methods.search_fit import search_named
 
 NAMES = (
@@ -29,11 +29,11 @@ NAMES = (
 def _objective(count: int = 800) -> Objective:
     """One texture over a planted projection, started a fifth of a radian away from it."""
     wi, wo = draw_in_discs(count, torch.Generator().manual_seed(0), 0.98)
-    planted = Pair.random(torch.Generator().manual_seed(7))
+    planted = Rotation.random(torch.Generator().manual_seed(7))
     u, v = Projection.from_rotation("half-diff", planted, False).place(wi, wo)[0].unbind(1)
     logs = (torch.sin(3 * u) + torch.cos(2 * v) * u)[:, None]
     step = torch.randn(2, 4, dtype=torch.float64, generator=torch.Generator().manual_seed(2)) * 0.1
-    near = Pair(planted.left + step[0], planted.right + step[1]).normalized()
+    near = Rotation.of_numbers(planted.quaternions + step)
     start = Projection.from_rotation("half-diff", near, False)
     return Objective(LogSamples(wi, wo, logs, torch.ones(count).double()), (start,), ((8, 8),), 1e-4)
 
