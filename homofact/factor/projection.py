@@ -13,6 +13,7 @@ A row that is ±1 at a periodic axis of the coordinates and zero elsewhere makes
 (`linear.layout`). Any other row that reads one would jump where it closes, and is refused.
 """
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -52,8 +53,7 @@ class Warp:
 
     def __call__(self, radius: Tensor) -> Tensor:
         """The stretched radius, in [0, 1]."""
-        scale = torch.asinh(torch.tensor(1 / self.width, dtype=radius.dtype, device=radius.device))
-        return torch.asinh(radius / self.width) / scale
+        return torch.asinh(radius / self.width) / math.asinh(1 / self.width)
 
     def on(self, system: CoordinateSystem, coordinates: Tensor) -> Tensor:
         """The coordinates (N, k) with their half-vector part stretched."""

@@ -25,9 +25,10 @@ def laplacian(mask: Tensor, axes: Axes = CLAMPED) -> Tensor:
     """
     rows, columns = mask.shape
     count = rows * columns
-    inside = mask.reshape(-1)
-    number = torch.arange(count, device=mask.device).reshape(rows, columns)
-    result = torch.zeros(count, count, dtype=torch.float64, device=mask.device)
+    # Many small steps: on the CPU, wherever the mask is.
+    inside = mask.reshape(-1).cpu()
+    number = torch.arange(count, device="cpu").reshape(rows, columns)
+    result = torch.zeros(count, count, dtype=torch.float64, device="cpu")
     for own, other, lines in ((axes[1], axes[0], number.T), (axes[0], axes[1], number)):
         # `lines` (texels along this axis, texels along the other).
         before, centre, after = lines.roll(1, 0), lines, lines.roll(-1, 0)
@@ -49,7 +50,7 @@ def laplacian(mask: Tensor, axes: Axes = CLAMPED) -> Tensor:
         if near:
             result[texel, texel] = len(near)
             result[texel, near] = -1.0
-    return result
+    return result.to(mask.device)
 
 
 def _around(texel: int, rows: int, columns: int, axes: Axes) -> list[int]:

@@ -80,8 +80,7 @@ class LeastSquares:
     @property
     def penalty_scale(self) -> Tensor:
         """λ' (T, 1), the weight of every smoothing row."""
-        spread = torch.as_tensor(self.smoothing, dtype=torch.float64, device=self.weights.device)
-        return _penalty_scale(spread, float(self.weights.sum()), int(self.kept.sum()), self.unknowns)
+        return _penalty_scale(self.smoothing, self.weights, float(self.weights.sum()), self.kept)
 
     @property
     def ridge(self) -> float:
@@ -158,14 +157,14 @@ def _array(tensor: Tensor) -> np.ndarray:
 def penalised_matrix(data: NormalEquations, roughness: Roughness, smoothing: float | Tensor, lookups: int) -> Tensor:
     """BᵀWB + λ'LᵀL + δI (T, T) of accumulated samples, all texels kept: `LeastSquares.normal` without samples."""
     unknowns = data.matrix.shape[0]
-    spread = torch.as_tensor(smoothing, dtype=torch.float64, device=data.matrix.device)
-    scale = _penalty_scale(spread, data.weight, unknowns, unknowns)
+    scale = _penalty_scale(smoothing, data.matrix, data.weight, torch.ones_like(data.rhs[:, 0]))
     return _penalised(data.matrix, roughness, scale, _ridge(data.weight, lookups, unknowns))
 
 
-def _penalty_scale(smoothing: Tensor, weight: float, kept: int, unknowns: int) -> Tensor:
-    """λ' (T, 1) = λ · Σw/K."""
-    return smoothing.expand(unknowns)[:, None] * (weight / kept)
+def _penalty_scale(smoothing: float | Tensor, like: Tensor, weight: float, kept: Tensor) -> Tensor:
+    """λ' (T, 1) = λ · Σw/K, K of the T unknowns being kept; float64 on the device of `like`."""
+    each = smoothing.to(like) if isinstance(smoothing, Tensor) else like.new_full((), smoothing)
+    return each.expand(len(kept))[:, None] * (weight / float(kept.sum()))
 
 
 def _penalised(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float) -> Tensor:
