@@ -44,6 +44,11 @@ CASES = {
     "warped isotropic half-diff": factorization(searched("isotropic-half-diff", 6, Warp(0.03))),
     "warped h": factorization(fixed_projection("h", True, Warp(0.1))),
     "McCool, one channel": factorization(fixed_projection("wi", True), fixed_projection("h", True), channels=1),
+    "round, warped, beside all angles": factorization(
+        fixed_projection("theta_h-phi_h", True, Warp(0.1)),
+        searched("isotropic-half-diff", 8, Warp(0.03)),
+        searched("isotropic-in-out", 9),
+    ),
     "five of all kinds": factorization(
         searched("isotropic-half-diff", 8, Warp(0.03)),
         searched("isotropic-in-out", 9),

@@ -99,7 +99,7 @@ def exported(fitted: Fitted, form: Format) -> Exported:
 def decoded_product(fitted: Factorization, textures: tuple[Encoded, ...]) -> Factorization:
     """The factorization with stored texels in place of its own."""
     terms = (
-        Term(term.projection, texture.decoded(), term.mask)
+        Term(term.projection, texture.decoded(), term.flat().mask).round()
         for term, texture in zip(fitted.terms, textures, strict=True)
     )
     return replace(fitted, terms=tuple(terms))
@@ -172,12 +172,12 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         what: dict[str, Any] = {
             "kind": "product",
             "terms": [
-                {"texture": k, "projection": describe_projection(term.projection), "mask": bits(term.mask)}
+                {"texture": k, "projection": describe_projection(term.projection), "mask": bits(term.flat().mask)}
                 for k, term in enumerate(fitted.terms)
             ],
         }
         own = {"evaluation": CONVENTIONS["evaluation"]}
-        kept += ["parabolic_map", "half_difference", "coordinates", "warp", "projection", "rotation"]
+        kept += ["parabolic_map", "half_difference", "coordinates", "warp", "projection", "periodic", "rotation"]
     else:
         shared = fitted.terms[0].second is None
         what = {

@@ -5,7 +5,8 @@ sampler's bilinear interpolation is then the one of the fit (interpolating exp(p
 is off by percents). The scale A and ε stay in the manifest. The first scanline is row 0, v = −1, and the
 first pixel of a scanline is
 column 0, u = −1: an API that puts the first scanline at texture coordinate 0 needs no flip. Texels outside
-the mask hold the filler of the smoothing, which no direction reaches.
+the mask hold the filler of the smoothing, which no direction reaches. An axis that goes round has its first texels
+once more behind the last (`Term.flat`), so that every texture is read alike.
 
 A PNG shows the logarithm p̃ over the whole texture square, the same way round (row 0 on top), enlarged by
 whole factors to at least 256 pixels a side. Texels outside the mask are hatched yellow, as the thesis
@@ -36,15 +37,16 @@ _LEAST_RANGE = 1.0
 def write_texture_exr(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
     """The logarithm p̃ of one texture. Raises BadInput as `write_exr`."""
     comment = "logarithm p; first scanline is row 0, v = -1; see manifest.json"
-    write_exr(path, term.texture.cpu().numpy(), exr_channel_names(channels), comment)
+    write_exr(path, term.flat().texture.cpu().numpy(), exr_channel_names(channels), comment)
 
 
 def write_deviation_exr(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
     """The standard deviation of every texel's logarithm, where the term has one. Raises BadInput as `write_exr`."""
-    if term.deviation is None:
+    deviation = term.flat().deviation
+    if deviation is None:
         raise BadInput(f"{path}: the texture has no deviation, expected a fit with --confidence")
     comment = "standard deviation of the logarithm p; rows as in the texture; 0 outside the mask"
-    write_exr(path, term.deviation.cpu().numpy(), exr_channel_names(channels), comment)
+    write_exr(path, deviation.cpu().numpy(), exr_channel_names(channels), comment)
 
 
 def write_texture_png(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
@@ -63,14 +65,15 @@ def texture_picture(term: Term, channels: Sequence[str]) -> tuple[np.ndarray, st
     range of at least 1. Three channels are shown as red, green, blue; more as the mean logarithms of the
     last, middle and first third (long wavelengths red); fewer as grey.
     """
-    shown, words = three_channels(term.texture.cpu(), channels)
-    mask = term.mask.cpu()
+    flat = term.flat()
+    shown, words = three_channels(flat.texture.cpu(), channels)
+    mask = flat.mask.cpu()
     inside = shown[mask] if bool(mask.any()) else shown.reshape(-1, 3)
     low, high = float(inside.min()), float(inside.max())
     spare = max(0.0, _LEAST_RANGE - (high - low)) / 2
     low, high = low - spare, high + spare
     grey = ((shown - low) / (high - low)).clamp(0, 1) * 255
-    rows, columns = term.size
+    rows, columns = flat.size
     tall, wide = _magnification(rows, columns)
     pixels = enlarged_and_hatched(grey.round().to(torch.uint8), mask)
     description = (

@@ -18,6 +18,7 @@ from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection
 from homofact.files.atomic import replace_file
 from homofact.geometry.rotation import Rotation
+from homofact.linear.layout import Axis
 from homofact.version import __version__
 
 FORMAT = "homofact manifest"
@@ -35,14 +36,17 @@ CONVENTIONS = {
         "half-diff": "x = (parabolic h, parabolic d)",
         "isotropic-half-diff": "x = (theta_h, theta_d, phi_d) * 4/pi - 1, in radians; theta_h the angle of h"
         " from the normal, theta_d of wi from h, phi_d = atan2(|h.x wi.y - h.y wi.x|, |wi.z - (h.wi) h.z|)",
+        "half-angles": "x = (theta_h * 4/pi - 1, phi_h / pi), in radians; phi_h = atan2(h.y, h.x), 0 where both are",
         "isotropic-in-out": "x = (2 theta_i, 2 theta_o, |phi_i - phi_o| in [0, pi]) * 2/pi - 1, in radians",
     },
     "warp": "where a width w is given, r -> asinh(r/w)/asinh(1/w) before the matrix, with r the length of"
-    " parabolic h (half-diff; its direction is kept) or theta_h/(pi/2) (isotropic-half-diff)",
+    " parabolic h (half-diff; its direction is kept) or theta_h/(pi/2) (isotropic-half-diff, half-angles)",
     "projection": "(u, v) = matrix x in [-1, 1]^2; a conjugate matrix, where there is one, is a second lookup"
     " of the same texture (reciprocity)",
     "texels": "column = (u + 1)/2 (columns - 1), row = (v + 1)/2 (rows - 1), clamped, bilinear between texel"
     " centres; a sampler in [0, 1] reads at ((column + 1/2)/columns, (row + 1/2)/rows)",
+    "periodic": "of u and v, whether the axis goes round: -1 and +1 are the same place, and the last column (u) or row"
+    " (v) of the texture repeats the first, so that it is read like any other",
     "images": "EXR: logarithm p, the first scanline is row 0 (v = -1), the first pixel column 0"
     " (u = -1); PNG: p for the eye, same way round, not for evaluation",
     "evaluation": "f = A max(0, exp(sum over all lookups of p(u, v)) - epsilon), p interpolated bilinearly",
@@ -99,12 +103,13 @@ def _write_text(path: Path, text: str) -> None:
 
 
 def _texture(term: Term, names: Mapping[str, str]) -> dict[str, Any]:
-    rows, columns = term.size
+    flat = term.flat()
+    rows, columns = flat.size
     return {
         "files": dict(names),
         "rows": rows,
         "columns": columns,
-        "mask": bits(term.mask),
+        "mask": bits(flat.mask),
         "projection": describe_projection(term.projection),
     }
 
@@ -128,6 +133,7 @@ def describe_projection(projection: Projection) -> dict[str, Any]:
         "lookups": projection.lookups,
         "warp": None if projection.warp is None else {"width": projection.warp.width},
         "rotation": _rotation(projection.rotation),
+        "periodic": [axis is Axis.PERIODIC for axis in reversed(projection.axes)],
     }
 
 

@@ -63,7 +63,7 @@ def compiled(factorization: Factorization) -> Compiled:
 
     Raises BadInput for more than four channels.
     """
-    plain = [as_floats(term.texture) for term in factorization.terms]
+    plain = [as_floats(term.flat().texture) for term in factorization.terms]
     return compiled_program(program_of(factorization, plain), [texture.stored for texture in plain])
 
 

@@ -6,8 +6,9 @@ With s = ωi + ωo and e = ωi − ωo (so s·e = 0, |s|² + |e|² = 4, h = s/|s
     θh            = atan2(|s.xy|, s.z)
     θd            = atan2(|e|, |s|), half the angle between ωi and ωo
     φd            = atan2(|s.x e.y − s.y e.x|, |e.z| |s|)
+    φh            = atan2(s.y, s.x)
 
-the last from across = (h × ωi).z = (s × e).z/(2|s|) and along = ωi.z − cosθd h.z = e.z/2. For the frame of Kautz and
+that of φd from across = (h × ωi).z = (s × e).z/(2|s|) and along = ωi.z − cosθd h.z = e.z/2. For the frame of Kautz and
 McCool, r = norm(t − (t·h)h) and q = |(s.y, s.z)| = |s| |t − (t·h)h|:
 
     r·ωi = r·e/2 = (q e.x − s.x (s.y e.y + s.z e.z)/q)/(2|s|) = e.x |s|/(2q)      as s.y e.y + s.z e.z = −s.x e.x
@@ -19,7 +20,7 @@ there and keeps |s| off 0. All angles come from atan2: in float32 acos loses hal
 drivers give it only roughly. Angles are taken together, one function of a vector for all that a fit needs. Where φd
 and |φi − φo| are both needed, they share (s × e).z = −2 (ωi × ωo).z.
 
-The parabolic coordinates and the angles are the house's (`geometry.coordinates`), but for their scales, which
+The parabolic coordinates and the angles are those of `geometry.coordinates`, but for their scales, which
 `SCALES` gives as x = factor · raw + offset, to be folded into a matrix.
 """
 
@@ -37,6 +38,7 @@ SCALES: dict[str, tuple[tuple[float, float], ...]] = {
     "half-diff": ((1, 0),) * 4,
     "isotropic-half-diff": ((4 / math.pi, -1),) * 3,
     "isotropic-in-out": ((4 / math.pi, -1), (4 / math.pi, -1), (2 / math.pi, -1)),
+    "half-angles": ((4 / math.pi, -1), (1 / math.pi, 0)),
 }
 
 
@@ -55,7 +57,7 @@ def coordinates_of(used: Collection[str]) -> Coordinates:
     statements: list[Let] = []
     axes: dict[str, Expression] = {}
     frame = {"u_h", "v_h", "u_d", "v_d"} & set(used)
-    if frame | {"theta_h", "theta_d", "phi_d"} & set(used):
+    if frame | {"theta_h", "theta_d", "phi_d", "phi_h"} & set(used):
         along = vector(wi.xy + wo.xy, call("max", wi.z + wo.z, LEAST)) if frame else wi + wo
         statements.append(Let("s", along, "s points along the half vector, at right angles to e"))
     if {"u_d", "v_d", "theta_d", "phi_d"} & set(used):
@@ -105,13 +107,16 @@ def coordinates_of(used: Collection[str]) -> Coordinates:
             else (call("abs", s.x * e.y - s.y * e.x), call("abs", e.z) * length["s"])
         ),
         "delta_phi": lambda: (across, call("dot", wi.xy, wo.xy)),
+        "phi_h": lambda: (s.y, s.x),
     }
     turns = [axis for axis in parts if axis in used]
-    if turns:
+    for begin in range(0, len(turns), 4):
+        four = turns[begin : begin + 4]
         # atan2(0, 0) is not defined in shading languages.
-        sides = [parts[axis]() for axis in turns]
+        sides = [parts[axis]() for axis in four]
         opposite, adjacent = (vector(*(side[k] for side in sides)) for k in (0, 1))
-        axes |= _packed("angle", call("atan2", opposite, adjacent + _TINY), turns, statements)
+        name = "angle" if begin == 0 else "angle_more"
+        axes |= _packed(name, call("atan2", opposite, adjacent + _TINY), four, statements)
     return Coordinates(statements, axes)
 
 

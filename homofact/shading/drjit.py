@@ -34,10 +34,11 @@ class DrJitFactorization:
     def __init__(self, factorization: Factorization, mi: Any) -> None:
         """Copy the texels to textures of `mi`, the mitsuba module with a variant set."""
         self._mi = mi
-        self._terms = factorization.terms
+        # A periodic axis is laid out flat, so that one wrap mode serves all.
+        self._terms = tuple(term.flat() for term in factorization.terms)
         self._epsilon = factorization.transform.epsilon
         self._mean = factorization.transform.mean.tolist()
-        self.textures = [_texture(term, mi) for term in factorization.terms]
+        self.textures = [_texture(term, mi) for term in self._terms]
 
     def evaluate(self, wi: Any, wo: Any, active: Any) -> list[Any]:
         """C values in sr⁻¹, without the cosine, for light `wi` and viewer `wo`; 0 where not `active`.
@@ -120,11 +121,17 @@ def _isotropic_in_out(wi: Any, wo: Any) -> list[Any]:
     return [*polar, folded * (2 / math.pi) - 1]
 
 
+def _half_angles(wi: Any, wo: Any) -> list[Any]:
+    s = wi + wo
+    return [dr.atan2(_length(s.x, s.y), s.z) * (4 / math.pi) - 1, dr.atan2(s.y, s.x) * (1 / math.pi)]
+
+
 _COORDINATES = {
     "in-out": _in_out,
     "half-diff": _half_diff,
     "isotropic-half-diff": _isotropic_half_diff,
     "isotropic-in-out": _isotropic_in_out,
+    "half-angles": _half_angles,
 }
 
 

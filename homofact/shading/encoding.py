@@ -67,12 +67,13 @@ def as_floats(texture: Tensor) -> Encoded:
 
 
 def encode_term(term: Term, storage: str) -> Encoded:
-    """The term's texture in a storage, as `encode`.
+    """The term's texture in a storage, as `encode`; a periodic axis as `Term.flat` lays it out for a clamping sampler.
 
     A term that was fitted to whole numbers (`factor.quantize`) keeps its own scale and bias in that storage, and
     loses nothing.
     """
-    return encode(term.texture, term.mask, storage, term.grid)
+    flat = term.flat()
+    return encode(flat.texture, flat.mask, storage, flat.grid)
 
 
 def encode(texture: Tensor, mask: Tensor, storage: str, grid: Grid | None = None) -> Encoded:

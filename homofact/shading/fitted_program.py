@@ -14,9 +14,12 @@ from homofact.shading.separable_program import separable_program
 
 
 def textures_of(fitted: Fitted) -> list[Tensor]:
-    """The textures (rows, columns, C) of a fit. Raises BadInput for one that is neither a product nor a sum."""
+    """The textures (rows, columns, C) of a fit, flat (`Term.flat`).
+
+    Raises BadInput for one that is neither a product nor a sum.
+    """
     if isinstance(fitted, Factorization):
-        return [term.texture for term in fitted.terms]
+        return [term.flat().texture for term in fitted.terms]
     if isinstance(fitted, Separable):
         return [texture for term in fitted.terms for texture in term.textures]
     raise BadInput(f"shading: found a {type(fitted).__name__}, expected a factorization or a separable one")

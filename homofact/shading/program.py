@@ -6,6 +6,9 @@ which is A max(0, exp(Σ p) − ε) with A and the biases of stored textures tak
 (u, v) = M x in [−1, 1]²; the sampler's coordinate ((u + 1)/2 (n − 1) + ½)/n of a side of n texels is affine in it, and
 both, with the coordinates' own scales, are folded into one matrix and one offset. Logs above `MOST` are cut, as
 Python does, only where the textures can add up to that.
+
+A texture that goes round has its first row (or column) once more behind the last (`Term.flat`): M texels evenly round
+and the first again are M + 1 from −1 to +1, so the same place is read, and every sampler clamps.
 """
 
 from collections.abc import Mapping, Sequence
@@ -82,7 +85,7 @@ def program_of(factorization: Factorization, textures: Sequence[Encoded]) -> Pro
     return Program(
         needed(statements, result),
         result,
-        tuple(term.size for term in factorization.terms),
+        tuple(term.flat().size for term in factorization.terms),
         factorization.channels,
         _title(factorization),
     )
@@ -112,7 +115,7 @@ def _places(term: Term, number: int, coordinates: Coordinates, statements: list[
     if projection.warp is not None:
         made, axes, scaled = warped(projection.coordinates, projection.warp.width, number, axes)
         statements += made
-    rows, columns = term.size
+    rows, columns = term.flat().size
     scales = torch.tensor(scaled, dtype=torch.float64)
     # u ↦ ((u + 1)/2 (n − 1) + ½)/n, and x = factor · raw + offset.
     gain = torch.tensor([(columns - 1) / (2 * columns), (rows - 1) / (2 * rows)], dtype=torch.float64)[:, None]

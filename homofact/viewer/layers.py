@@ -27,10 +27,11 @@ from homofact.viewer.viewer import Facts, Layer, LayerTexture
 EIGHT_BITS = 255
 _LETTERS = {
     "wi": "ωi", "wo": "ωo", "theta_i": "θi", "theta_o": "θo", "theta_h": "θh", "theta_d": "θd", "phi_d": "φd",
-    "delta_phi": "Δφ",
+    "phi_h": "φh", "delta_phi": "Δφ",
 }  # fmt: skip
 _SPACES = {
     "in-out": "ωi, ωo", "half-diff": "h, d", "isotropic-half-diff": "θh, θd, φd", "isotropic-in-out": "θi, θo, Δφ",
+    "half-angles": "θh, φh",
 }  # fmt: skip
 
 
@@ -43,7 +44,7 @@ def fit_layer(fitted: Fitted, key: str, title: str, facts: Facts = ()) -> Layer:
     if isinstance(fitted, Factorization):
         encoded = [encode_term(term, _storage(term)) for term in fitted.terms]
         captions = [_caption(term) for term in fitted.terms]
-        masks = [term.mask for term in fitted.terms]
+        masks = [term.flat().mask for term in fitted.terms]
         quantity = "log"
     elif isinstance(fitted, Separable):
         encoded = [as_floats(texture) for texture in textures_of(fitted)]
