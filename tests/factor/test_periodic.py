@@ -18,6 +18,7 @@ from homofact.export.exported_reader import open_exported
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms
+from homofact.files.archive import read_archive, write_archive
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import draw_in_discs, from_half_difference, from_spherical
 from homofact.linear.layout import Axis
@@ -109,16 +110,15 @@ def test_a_saved_fit_says_what_its_axes_are(tmp_path: Path) -> None:
     assert loaded.terms[0].projection.axes == (Axis.PERIODIC, Axis.POLAR)
     wi, wo = draw_in_discs(300, torch.Generator().manual_seed(1))
     assert torch.equal(loaded.evaluate(wi, wo), found.evaluate(wi, wo))
-    data = dict(np.load(tmp_path / "f.npz"))
-    name = next(name for name, array in data.items() if array.dtype.kind in "US")
-    header = json.loads(str(data[name]))
+    data, header = read_archive(tmp_path / "f.npz")
+    arrays = {name: array for name, array in data.items() if name != "header"}
     assert header["terms"][0]["axes"] == ["periodic", "polar"]
     # A file of 0.1.0 does not say it, and means clamped axes.
     del header["terms"][1]["axes"]
-    np.savez(tmp_path / "old.npz", **(data | {name: np.array(json.dumps(header))}))
+    write_archive(tmp_path / "old.npz", header, arrays)
     assert Factorization.load(tmp_path / "old.npz").terms[1].projection.axes == (Axis.CLAMPED, Axis.CLAMPED)
     header["terms"][0]["axes"] = ["clamped", "clamped"]
-    np.savez(tmp_path / "odd.npz", **(data | {name: np.array(json.dumps(header))}))
+    write_archive(tmp_path / "odd.npz", header, arrays)
     with pytest.raises(BadInput, match=r"odd.npz.*axes \['clamped', 'clamped'\] of theta_h-phi_h"):
         Factorization.load(tmp_path / "odd.npz")
 
