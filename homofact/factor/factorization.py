@@ -7,7 +7,7 @@ as they are, so a loaded factorization is bit-identical.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,11 @@ from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
-from homofact.factor.projection import Projection, Warp, layout_of
+from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
+from homofact.factor.projection import Projection, Warp, describe_projection, layout_of
 from homofact.files.archive import check_version, read_archive, write_archive
 from homofact.geometry.coordinates import COORDINATES
+from homofact.geometry.directions import above_horizon
 from homofact.geometry.rotation import Rotation
 from homofact.linear.bilinear import lookup
 from homofact.linear.layout import CLAMPED, Axis, TexelLayout
@@ -27,13 +29,14 @@ from homofact.linear.layout import CLAMPED, Axis, TexelLayout
 FORMAT_VERSION = 1
 
 
-@dataclass(frozen=True)
-class Grid:
-    """The values that a texture of whole numbers can hold: low + k · step per channel (C,), k = 0 … `levels`."""
-
-    low: Tensor
-    step: Tensor
-    levels: int
+_LETTERS = {
+    "wi": "ωi", "wo": "ωo", "theta_i": "θi", "theta_o": "θo", "theta_h": "θh", "theta_d": "θd", "phi_d": "φd",
+    "phi_h": "φh", "delta_phi": "Δφ",
+}  # fmt: skip
+_SPACES = {
+    "in-out": "ωi, ωo", "half-diff": "h, d", "isotropic-half-diff": "θh, θd, φd", "isotropic-in-out": "θi, θo, Δφ",
+    "half-angles": "θh, φh",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ def sum_of_terms(terms: tuple[Term, ...], wi: Tensor, wo: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Factorization:
-    """A fitted product of textures; a `Reflectance`.
+    """A fitted product of textures; a `Reflectance` and a `Fitted`.
 
     `provenance` holds what the fit was made from and by (method, seed, sampling, version), JSON-able.
     """
@@ -124,9 +127,54 @@ class Factorization:
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
-        values = self.transform.inverse(self.evaluate_log(wi, wo))
-        above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
-        return values * above[:, None]
+        above, wi, wo = above_horizon(wi, wo)
+        return self.transform.inverse(self.evaluate_log(wi, wo)) * above[:, None]
+
+    @property
+    def textures(self) -> tuple[Texture, ...]:
+        """One texture of logarithms a term, flat (`Term.flat`): every reader clamps."""
+        return tuple(
+            Texture(
+                f"texture_{k}", _caption(term.projection), "log", term.texture, term.mask, term.grid, term.deviation
+            )
+            for k, term in enumerate(term.flat() for term in self.terms)
+        )
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """A (exp Σ lookups − ε); a conjugate is a lookup of its own."""
+        lookups = []
+        for k, term in enumerate(self.terms):
+            projection, (rows, columns) = term.projection, term.flat().size
+            system, warp = projection.system, None if projection.warp is None else projection.warp.width
+            words = f"texture {k}: {projection.name} on {projection.coordinates}, {columns} x {rows} texels"
+            for matrix in projection.matrices():
+                lookups.append(Lookup(k, system.axes, system.scales, matrix, warp, words))
+                words = "reciprocity: the directions swapped"
+        ones = (1.0,) * len(self.channels)
+        return Evaluation(tuple(lookups), tuple(Product((k,), ones) for k in range(len(lookups))), self.transform)
+
+    def with_textures(
+        self,
+        texels: Sequence[Tensor],
+        grids: Sequence[Grid | None] | None = None,
+        facts: Mapping[str, Any] | None = None,
+    ) -> "Factorization":
+        """The same projections and masks with other logarithms (rows, columns, C), flat; as `Fitted.with_textures`."""
+        chosen = grids or (None,) * len(self.terms)
+        terms = zip(self.terms, texels, chosen, strict=True)
+        made = tuple(replace(term.flat(), texture=each, grid=grid).round() for term, each, grid in terms)
+        return replace(self, terms=made, provenance=self.provenance | dict(facts or {}))
+
+    def describe(self) -> dict[str, Any]:
+        """The projections and masks."""
+        return {
+            "kind": "product",
+            "terms": [
+                {"texture": k, "projection": describe_projection(term.projection), "mask": bits(term.flat().mask)}
+                for k, term in enumerate(self.terms)
+            ],
+        }
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one file (.npz), beside first and then renamed, so that a failure leaves no half file."""
@@ -175,6 +223,15 @@ class Factorization:
             if term.deviation is not None and term.deviation.shape != term.texture.shape:
                 raise BadInput(f"{target}: deviation {j} has another shape than its texture, expected the same")
         return result
+
+
+def _caption(projection: Projection) -> str:
+    """What a texture is indexed by, in the field's letters: "θh, θd, warped", "searched in θi, θo, Δφ"."""
+    if projection.rotation is None:
+        where = ", ".join(_LETTERS.get(axis, axis) for axis in projection.name.split("-"))
+    else:
+        where = f"{projection.name} in {_SPACES.get(projection.coordinates, projection.coordinates)}"
+    return where if projection.warp is None else f"{where}, warped"
 
 
 def _describe(term: Term) -> dict[str, Any]:

@@ -13,8 +13,8 @@ A row that is ±1 at a periodic axis of the coordinates and zero elsewhere makes
 (`linear.layout`). Any other row that reads one would jump where it closes, and is refused.
 """
 
-import math
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -51,21 +51,9 @@ class Warp:
 
     width: float
 
-    def __call__(self, radius: Tensor) -> Tensor:
-        """The stretched radius, in [0, 1]."""
-        return torch.asinh(radius / self.width) / math.asinh(1 / self.width)
-
     def on(self, system: CoordinateSystem, coordinates: Tensor) -> Tensor:
-        """The coordinates (N, k) with their half-vector part stretched."""
-        if system.name == "half-diff":
-            radius = coordinates[..., :2].norm(dim=-1, keepdim=True)
-            # At radius 0 the factor is the slope there, reached by a tiny radius.
-            safe = radius.clamp_min(1e-12)
-            return torch.cat((coordinates[..., :2] * (self(safe) / safe), coordinates[..., 2:]), -1)
-        if system.axes[0] == "theta_h":
-            theta = self((coordinates[..., :1] + 1) / 2) * 2 - 1
-            return torch.cat((theta, coordinates[..., 1:]), -1)
-        raise BadInput(f"warp: found parameterization {system.name!r}, expected one with a half vector")
+        """The coordinates (N, k) with their half-vector part stretched. Raises BadInput where they have none."""
+        return system.stretch(coordinates, self.width)
 
 
 @dataclass(frozen=True)
@@ -143,8 +131,7 @@ class Projection:
 
     def prepare(self, wi: Tensor, wo: Tensor) -> Tensor:
         """The coordinates (N, k) that the matrix acts on, warped where this projection warps."""
-        x = self.system.evaluate(wi, wo)
-        return x if self.warp is None else self.warp.on(self.system, x)
+        return self.system.evaluate(wi, wo, None if self.warp is None else self.warp.width)
 
     def place_coordinates(self, x: Tensor) -> tuple[Tensor, ...]:
         """As `place`, from coordinates (N, k) that `prepare` made."""
@@ -167,6 +154,33 @@ class Projection:
     def lookups(self) -> int:
         """Texture fetches of one evaluation."""
         return len(self.matrices())
+
+
+def describe_projection(projection: Projection) -> dict[str, Any]:
+    """The JSON-able description of a projection, as a manifest explains it."""
+    matrices = projection.matrices()
+    return {
+        "name": projection.name,
+        "coordinates": projection.coordinates,
+        "axes": list(projection.system.axes),
+        "matrix": projection.matrix.tolist(),
+        "scale": projection.matrix.norm(dim=1).tolist(),
+        "reciprocal": projection.reciprocal,
+        "conjugate_matrix": matrices[1].tolist() if len(matrices) == 2 else None,
+        "lookups": projection.lookups,
+        "warp": None if projection.warp is None else {"width": projection.warp.width},
+        "rotation": _rotation(projection.rotation),
+        "periodic": [axis is Axis.PERIODIC for axis in reversed(projection.axes)],
+    }
+
+
+def _rotation(rotation: Rotation | None) -> dict[str, Any] | None:
+    if rotation is None:
+        return None
+    rows = rotation.quaternions.tolist()
+    if rotation.dimension == 4:
+        return {"kind": "pair", "left": rows[0], "right": rows[1]}
+    return {"kind": "single", "quaternion": rows[0]}
 
 
 # Fixed projections: parameterization and the axes that become the texture's columns and rows.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from homofact.shading.expression import INFIX, Expression
+from homofact.geometry.expression import INFIX, Expression
 from homofact.shading.program import Program
 
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
@@ -158,7 +158,7 @@ HLSL = Language(
     "HLSL",
     ".hlsl",
     ("float", "float2", "float3", "float4"),
-    {},
+    {"fract": "frac"},
     "{type} {name}",
     "{texture}.SampleLevel({sampler}, {uv}, 0.0)",
     (".r", ".rg", ".rgb", ""),

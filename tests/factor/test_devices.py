@@ -61,7 +61,7 @@ def test_the_device_refuses_a_stray_tensor() -> None:
         made = torch.zeros(3, device=DEVICE)
         assert torch.equal(back(made + 1), torch.ones(3))
         with pytest.raises(RuntimeError, match=r"add.Tensor: a CPU tensor of shape \(3,\)"):
-            made + torch.zeros(3)
+            _ = made + torch.zeros(3)
         with pytest.raises(RuntimeError, match="a CPU tensor"):
             torch.cat((made, torch.zeros(1)))
         with pytest.raises((RuntimeError, TypeError)):
