@@ -29,9 +29,11 @@ from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, texture_shape
+from homofact.methods.effort import Account
+from homofact.methods.folded import Folded
 from homofact.methods.settings import FitSettings
 from homofact.methods.table import method
-from homofact.methods.validation import Folded, deal
+from homofact.methods.validation import partitions_of
 
 
 def blue(short: bool) -> str:
@@ -131,9 +133,9 @@ def rings(short: bool) -> str:
             )
             shapes = tuple(texture_shape(projection, 16) for projection in projections)
             for by_rings in (False, True):
-                folded = Folded.of(logs, deal(train, 4, 0, rings=by_rings), projections, shapes)
-                smoothing, together = folded.best_smoothing((1e-3,) * len(kinds))
-                _, error = folded.best_each(smoothing)
+                folded = Folded.of(logs, partitions_of(train, 4, 0, rings=by_rings), projections, shapes)
+                smoothing, together = folded.best_smoothing((1e-3,) * len(kinds), Account())
+                _, error = folded.best_each(smoothing, Account())
                 judged = "rings" if by_rings else "samples"
                 rows.append((file.stem, " · ".join(kinds), judged, figure(together), figure(error)))
     header = ("paint", "mix", "left out", "error, one λ", "error, λ for each")

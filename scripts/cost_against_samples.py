@@ -44,9 +44,10 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
 
     from homofact.factor.objective import Objective
     from homofact.factor.projection import Projection
+    from homofact.factor.search.minimize import minimize
     from homofact.factor.search.nlopt import Nlopt
     from homofact.factor.textures import LogSamples, solve_terms
-    from homofact.geometry.rotation import Pair
+    from homofact.geometry.rotation import Rotation
     from homofact.methods.cole_fit import transform_of
     from homofact.methods.settings import FitSettings
 
@@ -54,7 +55,7 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
     settings = FitSettings(epsilon=EPSILON)
     shapes = ((job.size, job.size),) * 2
     generator = torch.Generator().manual_seed(job.seed)
-    pair = tuple(Projection.from_rotation("half-diff", Pair.random(generator), True) for _ in range(2))
+    pair = tuple(Projection.from_rotation("half-diff", Rotation.random(generator), True) for _ in range(2))
     search = Nlopt("LD_LBFGS", evaluations=job.evaluations, tolerance=0.0)
 
     def prepared(count: int) -> LogSamples:
@@ -63,7 +64,7 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
 
     def whole(data: LogSamples) -> int:
         objective = Objective(data, pair, shapes, settings.fixed_smoothing)
-        vector, report = search.minimize(objective, objective.start(), seed=job.seed)
+        vector, report = minimize(search, objective, objective.start(), seed=job.seed)
         solve_terms(data, objective.projections(vector), shapes, settings.fixed_smoothing, settings.solver)
         return report.evaluations
 

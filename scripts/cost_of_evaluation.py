@@ -68,7 +68,7 @@ def evaluation(job: argparse.Namespace) -> dict[str, Any]:
 
     from homofact.factor.projection import Projection
     from homofact.factor.textures import LogSamples, inner_problem
-    from homofact.geometry.rotation import Pair
+    from homofact.geometry.rotation import Rotation
     from homofact.linear.solvers import solve
     from homofact.methods.cole_fit import transform_of
     from homofact.methods.settings import FitSettings
@@ -86,7 +86,7 @@ def evaluation(job: argparse.Namespace) -> dict[str, Any]:
 
     generator = torch.Generator().manual_seed(job.seed)
     pairs = [
-        tuple(Projection.from_rotation("half-diff", Pair.random(generator), reciprocal=True) for _ in range(2))
+        tuple(Projection.from_rotation("half-diff", Rotation.random(generator), reciprocal=True) for _ in range(2))
         for _ in range(job.repeats)
     ]
     # Compile, and load what the solver loads, on a problem that holds no memory to speak of.

@@ -31,8 +31,8 @@ from homofact.evaluate.machine import machine
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples
-from homofact.geometry.rotation import Pair
-from homofact.linear.least_squares import LeastSquares, penalised_matrix
+from homofact.geometry.rotation import Rotation
+from homofact.linear.least_squares import LeastSquares, solve_penalised
 from homofact.linear.normal import accumulate_torch
 from homofact.linear.solvers import TOLERANCE, solve, solve_definite
 from homofact.linear.threads import one_thread
@@ -62,8 +62,7 @@ def torch_path(objective: Objective, vector: torch.Tensor) -> float:
     """The accumulation written in torch, on the CPU, and Cholesky."""
     problem = objective.problem(vector)
     data = accumulate_torch(problem.coordinates, problem.lookups, problem.targets, problem.weights, problem.unknowns)
-    matrix = penalised_matrix(data, problem.roughness, problem.smoothing, len(problem.lookups))
-    return data.error(solve_definite(matrix, data.rhs)[0])
+    return data.error(solve_penalised(data, problem.roughness, problem.smoothing, len(problem.lookups)))
 
 
 def error_of_rows(
@@ -121,7 +120,7 @@ def measured(count: int, size: int, repeats: int, seed: int) -> dict[str, tuple[
     generator = torch.Generator().manual_seed(seed)
     found: dict[str, tuple[list[float], list[float], list[float]]] = {name: ([], [], []) for name in WAYS}
     for _ in range(repeats):
-        pair = tuple(Projection.from_rotation("half-diff", Pair.random(generator), True) for _ in range(2))
+        pair = tuple(Projection.from_rotation("half-diff", Rotation.random(generator), True) for _ in range(2))
         objective = Objective(data, pair, ((size, size),) * 2, SETTINGS.fixed_smoothing)
         vector = objective.start()
         for name, way in WAYS.items():

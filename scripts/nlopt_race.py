@@ -26,8 +26,8 @@ from homofact.brdf.sampling import sample_model
 from homofact.errors import Report
 from homofact.evaluate.machine import machine
 from homofact.factor.objective import Objective
-from homofact.factor.search.best import Search
 from homofact.factor.search.gradient import Gradient
+from homofact.factor.search.minimize import Search, minimize
 from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.search.powell import Powell
@@ -92,7 +92,7 @@ def race(problem: Problem, count: int, size: int, seconds: float) -> dict[str, R
     start = objective.start()
     objective.evaluate(start)
     return {
-        search.name: search.minimize(objective, start, seconds=seconds, seed=problem.seed)[1] for search in SEARCHES
+        search.name: minimize(search, objective, start, seconds=seconds, seed=problem.seed)[1] for search in SEARCHES
     }
 
 

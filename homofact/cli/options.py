@@ -15,8 +15,8 @@ _SOURCE, _FIT, _OUTPUT = "The source", "The fit", "Output"
 # `factor.kinds.KINDS`, written out like the defaults.
 KINDS = (
     "wi", "wo", "h", "d", "theta_h-theta_d", "theta_d-phi_d", "theta_h-phi_d", "theta_i-theta_o",
-    "theta_i-delta_phi", "theta_h", "theta_d", "theta_i", "in-out", "half-diff", "isotropic-half-diff",
-    "isotropic-in-out",
+    "theta_i-delta_phi", "theta_h-phi_h", "theta_h", "theta_d", "theta_i", "in-out", "half-diff",
+    "isotropic-half-diff", "isotropic-in-out",
 )  # fmt: skip
 
 Source = Annotated[

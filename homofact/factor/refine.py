@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
-from homofact.factor.factorization import Term, sum_of_terms
+from homofact.factor.factorization import Term, layout_of_terms, sum_of_terms
 from homofact.factor.textures import LogSamples, Smoothing, centred, inner_problem
 from homofact.linear.solvers import solve
 
@@ -89,7 +89,7 @@ def _solve_by_channel(
     samples: LogSamples, terms: tuple[Term, ...], weights: Tensor, targets: Tensor, smoothing: Smoothing
 ) -> tuple[Tensor, ...]:
     projections = tuple(term.projection for term in terms)
-    shapes = tuple(term.size for term in terms)
+    layout = layout_of_terms(terms)
     masks = tuple(term.mask for term in terms)
     columns = []
     for channel in range(targets.shape[1]):
@@ -97,13 +97,8 @@ def _solve_by_channel(
         # λ is in units of weight a texel: normalised weights leave its meaning alone.
         own = own * (samples.weights.sum() / own.sum())
         one = replace(samples, logs=targets[:, channel : channel + 1], weights=own)
-        columns.append(solve(inner_problem(one, projections, shapes, smoothing, masks)).texels)
-    texels, begin, result = torch.cat(columns, 1), 0, []
-    for shape in shapes:
-        count = shape[0] * shape[1]
-        result.append(texels[begin : begin + count].reshape(*shape, -1))
-        begin += count
-    return tuple(result)
+        columns.append(solve(inner_problem(one, projections, layout.shapes, smoothing, masks)).texels)
+    return layout.split(torch.cat(columns, 1))
 
 
 def _blend(terms: tuple[Term, ...], proposed: tuple[Tensor, ...], share: float) -> tuple[Term, ...]:

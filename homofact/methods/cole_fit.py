@@ -24,7 +24,7 @@ from homofact.factor.fitted import Fitted
 from homofact.factor.projection import Projection
 from homofact.factor.search.powell import Powell
 from homofact.factor.textures import LogSamples, Solved, inner_problem, residual, solve_terms, texture_shape
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.solvers import solve
 from homofact.linear.threads import one_thread
 from homofact.methods.settings import FitSettings
@@ -175,7 +175,7 @@ def _search_term(
 ) -> tuple[Projection, list[Report]]:
     """The best projection of one more term, over all restarts, with `earlier` solved beside it."""
 
-    def projection(rotation: Pair) -> Projection:
+    def projection(rotation: Rotation) -> Projection:
         return Projection.from_rotation(
             settings.parameterization or PARAMETERIZATIONS[0], rotation, settings.reciprocal, bound=settings.bound
         )
@@ -183,7 +183,7 @@ def _search_term(
     evaluations, lowest = 0, float("inf")
     restart = 0
 
-    def error(rotation: Pair) -> float:
+    def error(rotation: Rotation) -> float:
         nonlocal evaluations, lowest
         projections = (*earlier, projection(rotation))
         shapes = tuple(texture_shape(p, size) for p in projections)
@@ -195,8 +195,8 @@ def _search_term(
             progress(Progress(number, settings.textures, restart, settings.restarts, evaluations, lowest))
         return value
 
-    found: list[tuple[Pair, Report]] = []
+    found: list[tuple[Rotation, Report]] = []
     for restart in range(1, settings.restarts + 1):  # noqa: B007 (the error function reports it)
-        found.append(Powell().minimize(error, Pair.random(generator), settings.seed))
+        found.append(Powell().minimize(error, Rotation.random(generator), settings.seed))
     best = min(found, key=lambda each: each[1].residual)[0]
     return projection(best), [report for _, report in found]

@@ -117,7 +117,7 @@ def nmf_terms(matrix: BrdfMatrix, count: int) -> Terms:
     """
     weights = torch.outer(matrix.weights, matrix.weights) * torch.where(matrix.valid, 1.0, FILLED_WEIGHT)
     found = [nmf(matrix.values[..., c].contiguous(), count, weights) for c in range(matrix.values.shape[2])]
-    factors = [Factors(each.left, each.right, torch.ones(each.left.shape[1]).double()) for each in found]
+    factors = [Factors(each.left, each.right, torch.ones_like(each.left[0])) for each in found]
     status = Status.CONVERGED if all(each.converged for each in found) else Status.BUDGET
     return Terms(_terms(matrix, factors), status, sum(len(each.objectives) - 1 for each in found))
 
@@ -221,7 +221,7 @@ def _terms(matrix: BrdfMatrix, found: list[Factors]) -> tuple[SeparableTerm, ...
     count = max(each.left.shape[1] for each in found)
 
     def texture(factors: list[Tensor], k: int) -> Tensor:
-        zero = torch.zeros(matrix.values.shape[0], dtype=torch.float64)
+        zero = torch.zeros_like(matrix.values[:, 0, 0])
         return torch.stack([matrix.texture(f[:, k] if k < f.shape[1] else zero) for f in factors], 2)
 
     terms = []
@@ -229,6 +229,6 @@ def _terms(matrix: BrdfMatrix, found: list[Factors]) -> tuple[SeparableTerm, ...
         first = texture([each.left for each in found], k)
         rights = [each.right for each in found if each.right is not None]
         second = texture(rights, k) if rights else None
-        signs = [each.signs[k] if k < len(each.signs) else torch.ones(()).double() for each in found]
+        signs = [each.signs[k] if k < len(each.signs) else matrix.values.new_ones(()) for each in found]
         terms.append(SeparableTerm(first, second, torch.stack(signs)))
     return tuple(terms)

@@ -42,7 +42,7 @@ class BrdfMatrix:
 
     def texture(self, factor: Tensor) -> Tensor:
         """The (size, size) texture of one factor (n,); texels that no direction reads are 0."""
-        whole = torch.zeros(self.size**2, dtype=factor.dtype)
+        whole = factor.new_zeros(self.size**2)
         whole[self.read] = factor
         return whole.reshape(self.size, self.size)
 

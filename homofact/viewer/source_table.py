@@ -261,7 +261,7 @@ def _tabulate(
 
 def _place_statements(symmetry: Symmetry, width: float) -> tuple[tuple[Let, ...], list[Expression]]:
     """(statements, a pair's place along the four axes, φh first, each in [0, 1]); φh is 0 for an isotropic source."""
-    wanted = {"theta_h", "theta_d", "azimuth_d", "reach_d"} | (set() if symmetry.isotropic else {"azimuth_h"})
+    wanted = {"theta_h", "theta_d", "azimuth_d", "reach_d"} | (set() if symmetry.isotropic else {"phi_h"})
     made = coordinates_of(frozenset(wanted))
     statements, axes = list(made.statements), made.axes
     around, turn = axes["azimuth_d"] * (1 / symmetry.period_d), variable("turn", 1)
@@ -269,11 +269,11 @@ def _place_statements(symmetry: Symmetry, width: float) -> tuple[tuple[Let, ...]
         statements.append(Let("turn", constant(0)))
     elif symmetry.mirrored:
         whole = variable("whole", 1)
-        statements.append(Let("whole", call("fract", axes["azimuth_h"] * (1 / symmetry.period_h))))
+        statements.append(Let("whole", call("fract", axes["phi_h"] * (1 / symmetry.period_h))))
         statements.append(Let("turn", call("min", whole, 1 - whole) * 2, "mirrored, phi_d with it"))
         around = around * (1 - call("step", 0.5, whole) * 2)
     else:
-        statements.append(Let("turn", call("fract", axes["azimuth_h"] * (1 / symmetry.period_h))))
+        statements.append(Let("turn", call("fract", axes["phi_h"] * (1 / symmetry.period_h))))
     x = variable("x", 1)
     if symmetry.isotropic and symmetry.mirrored:
         unfolded = variable("unfolded", 1)

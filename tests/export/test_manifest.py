@@ -15,21 +15,20 @@ from homofact.export.manifest import manifest, write_json
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 
 
 def terms():
     """Every kind of term: pair with conjugate, single quaternion, fixed, one-dimensional, both warps."""
     generator = torch.Generator().manual_seed(7)
-    quaternion = torch.randn(4, dtype=torch.float64, generator=generator)
-    quaternion = quaternion / quaternion.norm()
-    pair = Pair.random(generator)
+    single = Rotation.random(generator, 3)
+    pair = Rotation.random(generator)
     projections = (
         (Projection.from_rotation("in-out", pair, True), (8, 8)),
         (Projection.from_rotation("half-diff", pair.inverse(), True, "cube", Warp(0.1)), (6, 9)),
         (Projection.from_rotation("half-diff", pair, False), (4, 4)),
-        (Projection.from_rotation("isotropic-half-diff", quaternion, True, warp=Warp(0.2)), (5, 5)),
-        (Projection.from_rotation("isotropic-in-out", quaternion, True), (7, 7)),
+        (Projection.from_rotation("isotropic-half-diff", single, True, warp=Warp(0.2)), (5, 5)),
+        (Projection.from_rotation("isotropic-in-out", single, True), (7, 7)),
         (fixed_projection("h", True), (8, 8)),
         (fixed_projection("theta_d", True), (1, 8)),
     )
@@ -130,11 +129,11 @@ def test_quaternions_scale_and_mask(tmp_path, fitted):
     said = json.loads(json.dumps(manifest(fitted, files), allow_nan=False))
     pair = said["textures"][0]["projection"]["rotation"]
     rebuilt = Projection.from_rotation(
-        "in-out", Pair(torch.tensor(pair["left"]).double(), torch.tensor(pair["right"]).double()), True
+        "in-out", Rotation.pair(torch.tensor(pair["left"]).double(), torch.tensor(pair["right"]).double()), True
     )
     matrix = np.array(said["textures"][0]["projection"]["matrix"])
     np.testing.assert_allclose(matrix, rebuilt.matrix.numpy(), atol=1e-6)
-    assert pair["left"] == fitted.terms[0].projection.rotation.left.tolist()
+    assert pair["left"] == fitted.terms[0].projection.rotation.quaternions[0].tolist()
     assert said["textures"][3]["projection"]["rotation"]["kind"] == "single"
     assert said["textures"][5]["projection"]["rotation"] is None
     assert said["textures"][2]["projection"]["conjugate_matrix"] is None

@@ -10,8 +10,9 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.factor.gauge import gauge_rows, null_space
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.factor.textures import LogSamples, inner_problem, solve_terms, texture_shape
+from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.normal import stencil_rows
 
 SIZE = 5
@@ -21,11 +22,8 @@ def searched(
     seed: int, coordinates: str = "half-diff", reciprocal: bool = True, warp: Warp | None = None
 ) -> Projection:
     generator = torch.Generator().manual_seed(seed)
-    if coordinates.startswith("isotropic"):
-        quaternion = torch.randn(4, dtype=torch.float64, generator=generator)
-        return Projection.from_rotation(coordinates, quaternion / quaternion.norm(), reciprocal, warp=warp)
-    left, right = torch.randn(2, 4, dtype=torch.float64, generator=generator)
-    return Projection.from_rotation(coordinates, Pair(left / left.norm(), right / right.norm()), reciprocal, warp=warp)
+    rotation = Rotation.random(generator, coordinate_system(coordinates).dimension)
+    return Projection.from_rotation(coordinates, rotation, reciprocal, warp=warp)
 
 
 def fixed(*names: str, reciprocal: bool = True) -> tuple[Projection, ...]:
@@ -50,6 +48,15 @@ SETS: dict[str, tuple[tuple[Projection, ...], int]] = {
         1 + 1,
     ),
     "five searched in R4, reciprocal": (tuple(searched(s) for s in range(5)), 4 + 8),
+    # A ramp does not close round a circle: of θh-φh only the one in θh is left, which θh-θd shares.
+    "round": (fixed("theta_h-phi_h"), 0),
+    "round, a shared axis": (fixed("theta_h-phi_h", "theta_h-theta_d"), 1 + 1),
+    "round twice": (fixed("theta_h-phi_h", "theta_h-phi_h"), 1 + 1),
+    "round, warped apart": (
+        (fixed_projection("theta_h-phi_h", True, Warp(0.1)), fixed_projection("theta_h-theta_d", True)),
+        1,
+    ),
+    "round and in the disc": (fixed("theta_h-phi_h", "h"), 1),
     "different coordinates": ((searched(0, "in-out", False), searched(1, "half-diff", False)), 1),
 }
 

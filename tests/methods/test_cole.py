@@ -13,7 +13,7 @@ from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, inner_problem, residual
 from homofact.geometry.directions import draw_in_discs, half_difference
 from homofact.geometry.parabolic import to_disc
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.solvers import solve
 from homofact.methods.cole_fit import Progress, fit_cole
 from homofact.methods.mccool_fit import fit_mccool
@@ -44,7 +44,7 @@ def test_mccool_is_exact_on_a_product_of_its_own_kind() -> None:
 @pytest.mark.parametrize("parameterization", ["in-out", "half-diff"])
 def test_cole_finds_a_planted_projection(parameterization: str) -> None:
     """One texture over a projection that no fixed list holds: the search must find its plane."""
-    planted = Projection.from_rotation(parameterization, Pair.random(torch.Generator().manual_seed(11)), False)
+    planted = Projection.from_rotation(parameterization, Rotation.random(torch.Generator().manual_seed(11)), False)
 
     def brdf(wi: Tensor, wo: Tensor) -> Tensor:
         u, v = planted.place(wi, wo)[0].unbind(1)

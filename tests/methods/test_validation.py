@@ -8,7 +8,9 @@ from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, inner_problem
 from homofact.geometry.directions import draw_in_discs, from_spherical
 from homofact.linear.solvers import solve
-from homofact.methods.validation import Folded, Partition, deal, deal_folds
+from homofact.methods.effort import Account
+from homofact.methods.folded import Folded
+from homofact.methods.validation import Partition, partitions_of, random_folds
 
 PROJECTIONS = (fixed_projection("h", True), fixed_projection("wi", True))
 SHAPES = ((6, 6), (5, 5))
@@ -22,16 +24,16 @@ def _noisy(noise: float, count: int = 900) -> LogSamples:
     return LogSamples(wi, wo, logs, torch.rand(count, dtype=torch.float64, generator=generator) + 0.5)
 
 
-def test_folds_are_equal_sized_and_dealt_by_the_seed() -> None:
-    folds = deal_folds(103, 4, 1)
+def test_folds_are_equal_sized_and_drawn_by_the_seed() -> None:
+    folds = random_folds(103, 4, 1)
     assert sorted(torch.bincount(folds).tolist()) == [25, 26, 26, 26]
-    assert torch.equal(folds, deal_folds(103, 4, 1))
-    assert not torch.equal(folds, deal_folds(103, 4, 2))
+    assert torch.equal(folds, random_folds(103, 4, 1))
+    assert not torch.equal(folds, random_folds(103, 4, 2))
 
 
 def test_leaving_out_by_subtraction_is_leaving_out() -> None:
     samples = _noisy(0.3)
-    folds = deal_folds(900, 3, 0)
+    folds = random_folds(900, 3, 0)
     found = Folded.of(samples, (Partition(folds, 1.0),), PROJECTIONS, SHAPES).error(0.05)
     total = 0.0
     for fold in range(3):
@@ -44,13 +46,13 @@ def test_leaving_out_by_subtraction_is_leaving_out() -> None:
 def test_the_chosen_smoothing_is_the_best_nearby_and_grows_with_the_noise() -> None:
     chosen = []
     for noise in (0.01, 1.0):
-        folded = Folded.of(_noisy(noise), (Partition(deal_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
-        smoothing, error = folded.best_smoothing((1e-3, 1e-3))
+        folded = Folded.of(_noisy(noise), (Partition(random_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
+        smoothing, error = folded.best_smoothing((1e-3, 1e-3), Account())
         assert error == pytest.approx(folded.error(smoothing))
         assert smoothing[0] == smoothing[1]
         for factor in (10, 0.1):
             assert folded.error(tuple(value * factor for value in smoothing)) >= error
-        each, lower = folded.best_each(smoothing)
+        each, lower = folded.best_each(smoothing, Account())
         assert lower == pytest.approx(folded.error(each))
         assert lower <= error
         chosen.append(smoothing[0])
@@ -81,7 +83,7 @@ def _goniometer() -> Samples:
 
 def test_a_gridded_set_is_judged_by_whole_inner_rings() -> None:
     samples = _goniometer()
-    partitions = deal(samples, 4, 0, rings=True)
+    partitions = partitions_of(samples, 4, 0, rings=True)
     assert [partition.share for partition in partitions] == [0.5, 0.5]
     for partition, direction in zip(partitions, (samples.wi, samples.wo), strict=True):
         theta = torch.acos(direction[:, 2].clamp(-1, 1))
@@ -93,7 +95,7 @@ def test_a_gridded_set_is_judged_by_whole_inner_rings() -> None:
             if rank + 1 < int(ranks.max()):
                 assert partition.folds[ranks == rank][0] != partition.folds[ranks == rank + 1][0]
     turned = samples.azimuth_copies(2, 0, mirrored=False)
-    assert torch.equal(deal(turned, 4, 0, rings=True)[0].folds, partitions[0].folds.repeat(2))
+    assert torch.equal(partitions_of(turned, 4, 0, rings=True)[0].folds, partitions[0].folds.repeat(2))
 
 
 def test_four_rings_are_enough_and_leave_no_empty_fold() -> None:
@@ -101,7 +103,7 @@ def test_four_rings_are_enough_and_leave_no_empty_fold() -> None:
     whole = _goniometer()
     theta = torch.acos(whole.wi[:, 2].clamp(-1, 1))
     samples = whole.select(theta < 0.17 * 4.5)
-    partitions = deal(samples, 4, 0, rings=True)
+    partitions = partitions_of(samples, 4, 0, rings=True)
     assert len(partitions) == 2
     assert len(set(partitions[0].folds.tolist()) - {-1}) == 2
     logs = LogSamples(samples.wi, samples.wo, samples.wi[:, :1] + samples.wo[:, 2:], samples.weights)
@@ -113,6 +115,6 @@ def test_other_sets_are_judged_at_random() -> None:
         *draw_in_discs(500, torch.Generator().manual_seed(0)), torch.ones(500, 1), channels=("Y",), isotropic=True
     )
     for samples, rings in ((scattered, True), (_goniometer(), False)):
-        (partition,) = deal(samples, 4, 0, rings=rings)
+        (partition,) = partitions_of(samples, 4, 0, rings=rings)
         assert partition.share == 1
-        assert torch.equal(partition.folds, deal_folds(len(samples), 4, 0))
+        assert torch.equal(partition.folds, random_folds(len(samples), 4, 0))
