@@ -22,7 +22,8 @@ there and keeps |s| off 0. All angles come from atan2: in float32 acos loses hal
 drivers give it only roughly. Angles are taken together, one function of a vector for all that a fit needs. Where φd
 and |φi − φo| are both needed, they share (s × e).z = −2 (ωi × ωo).z.
 
-Where φd is wanted with its sign, over the whole circle ("azimuth_d"), it is atan2((s × e).z, −e.z |s|).
+Where φd is wanted with its sign, over the whole circle ("azimuth_d"), it is atan2((s × e).z, −e.z |s|). The
+largest θd at which both directions are above the horizon ("reach_d") is atan2(cosθh, sinθh |cosφd|) = atan2(s.z, |s.xy| |cosφd|).
 
 Direction maps of a separable fit come from parabolic coordinates p with r² = |p|²: orthographic (ωx, ωy) = 2p/(1 + r²),
 polar (atan2(p.y, p.x), √(1 − ωz)) with 1 − ωz = 2r²/(1 + r²).
@@ -39,7 +40,8 @@ from functools import lru_cache
 from homofact.geometry.expression import Expression, Let, call, variable, vector
 
 LEAST = 1e-6
-_TINY = 1e-20
+_TINY, _SMALL = 1e-20, 1e-30
+_AROUND = {"azimuth_d", "reach_d"}
 MAPS = ("parabolic", "orthographic", "polar")
 
 
@@ -66,15 +68,15 @@ def coordinates_of(used: frozenset[str]) -> Coordinates:
     statements: list[Let] = []
     axes: dict[str, Expression] = {}
     frame = {"h", "d"} & mapped
-    if frame | {"theta_h", "theta_d", "phi_d", "phi_h", "azimuth_d"} & used:
+    if frame | ({"theta_h", "theta_d", "phi_d", "phi_h"} | _AROUND) & used:
         along = vector(wi.xy + wo.xy, call("max", wi.z + wo.z, LEAST)) if frame else wi + wo
         statements.append(Let("s", along, "s points along the half vector, at right angles to e"))
-    if {"d"} & mapped | {"theta_d", "phi_d", "azimuth_d"} & used:
+    if {"d"} & mapped | ({"theta_d", "phi_d"} | _AROUND) & used:
         statements.append(Let("e", wi - wo))
     length = _lengths(
         {
-            "s": (s, frame | {"theta_d", "phi_d", "azimuth_d"} & used),
-            "s.xy": (s.xy, {"theta_h"} & used),
+            "s": (s, frame | ({"theta_d", "phi_d"} | _AROUND) & used),
+            "s.xy": (s.xy, {"theta_h", "reach_d"} & used),
             "s.yz": (s.yz, {"d"} & mapped),
             "e": (e, {"theta_d"} & used),
         },
@@ -111,6 +113,10 @@ def coordinates_of(used: frozenset[str]) -> Coordinates:
     if {"phi_d", "delta_phi"} <= used:
         statements.append(Let("across", across, "|(wi x wo).z|, half of |(s x e).z|"))
         across = variable("across", 1)
+    around = variable("around", 2)
+    if _AROUND & used:
+        sides = vector(s.x * e.y - s.y * e.x, length["s"] * e.z * -1)
+        statements.append(Let("around", sides, "of wi about h: across and along the plane of n and h"))
     parts = {
         "theta_h": lambda: (length["s.xy"], s.z),
         "theta_d": lambda: (length["e"], length["s"]),
@@ -121,16 +127,20 @@ def coordinates_of(used: frozenset[str]) -> Coordinates:
         ),
         "delta_phi": lambda: (across, call("dot", wi.xy, wo.xy)),
         "phi_h": lambda: (s.y, s.x),
-        "azimuth_d": lambda: (s.x * e.y - s.y * e.x, length["s"] * e.z * -1),
+        "azimuth_d": lambda: (around.x, around.y),
+        "reach_d": lambda: (
+            s.z + length["s"] * LEAST,
+            length["s.xy"] * (call("abs", around.y) / call("sqrt", call("dot", around, around) + _SMALL)),
+        ),
     }
     turns = [axis for axis in parts if axis in used]
     for begin in range(0, len(turns), 4):
-        four = turns[begin : begin + 4]
-        # atan2(0, 0) is not defined in shading languages.
-        sides = [parts[axis]() for axis in four]
+        some = turns[begin : begin + 4]
+        sides = [parts[axis]() for axis in some]
         opposite, adjacent = (vector(*(side[k] for side in sides)) for k in (0, 1))
-        name = "angle" if begin == 0 else "angle_more"
-        axes |= _packed(name, call("atan2", opposite, adjacent + _TINY), four, statements)
+        # atan2(0, 0) is not defined in shading languages.
+        angle = call("atan2", opposite, adjacent + _TINY)
+        axes |= _packed(f"angle_{begin}" if begin else "angle", angle, some, statements)
     return Coordinates(tuple(statements), axes)
 
 

@@ -37,6 +37,10 @@ class Expression:
         """The sum with a number on the left."""
         return _infix("+", _expression(other), self)
 
+    def __rsub__(self, other: float) -> "Expression":
+        """The difference with a number on the left."""
+        return _infix("-", _expression(other), self)
+
     def __sub__(self, other: "Expression | float") -> "Expression":
         """The difference."""
         return _infix("-", self, _expression(other))

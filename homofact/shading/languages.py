@@ -116,8 +116,8 @@ def shader(program: Program, language: Language, prefix: str = "homofact") -> st
 def _glsl(program: Program, body: str, prefix: str) -> str:
     kind = GLSL.types[program.result.dimension - 1]
     textures = "".join(
-        f"uniform highp sampler2D {prefix}_texture_{k};  // {columns} x {rows}\n"
-        for k, (rows, columns) in enumerate(program.shapes)
+        f"uniform highp sampler{len(shape)}D {prefix}_texture_{k};  // {' x '.join(map(str, shape[::-1]))}\n"
+        for k, shape in enumerate(program.shapes)
     )
     return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo) {{\n{body}\n}}\n"
 

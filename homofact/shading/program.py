@@ -39,12 +39,13 @@ TEXTURES = (
 class Program:
     """Statements over wi and wo (3,), and the BRDF (C,) in sr⁻¹ without the cosine as `result`.
 
-    `shapes` are the (rows, columns) of the textures that fetches number; `title` are lines on what it evaluates.
+    `shapes` are the (rows, columns) of the textures that fetches number, (depth, rows, columns) of one in three
+    dimensions, which GLSL alone prints; `title` are lines on what it evaluates.
     """
 
     statements: tuple[Let, ...]
     result: Expression
-    shapes: tuple[tuple[int, int], ...]
+    shapes: tuple[tuple[int, ...], ...]
     channels: tuple[str, ...]
     title: tuple[str, ...]
 

@@ -289,5 +289,5 @@ def test_the_source_says_that_it_is_a_table() -> None:
     assert "It stands for the source; it is not the source." in data["notes"][1]
     assert layer.table.error.words() in data["notes"][1]
     volume = data["layers"][0]["volume"]
-    assert volume["name"] == "source_table"
+    assert volume["name"] == "source_texture_0"
     assert (unpack(volume["steps"]) == layer.table.differences()).all()
