@@ -23,7 +23,8 @@ drivers give it only roughly. Angles are taken together, one function of a vecto
 and |φi − φo| are both needed, they share (s × e).z = −2 (ωi × ωo).z.
 
 Where φd is wanted with its sign, over the whole circle ("azimuth_d"), it is atan2((s × e).z, −e.z |s|). The
-largest θd at which both directions are above the horizon ("reach_d") is atan2(cosθh, sinθh |cosφd|) = atan2(s.z, |s.xy| |cosφd|).
+largest θd at which both directions are above the horizon ("reach_d") is atan2(cosθh, sinθh |cosφd|) =
+atan2(s.z, |s.xy| |cosφd|).
 
 Direction maps of a separable fit come from parabolic coordinates p with r² = |p|²: orthographic (ωx, ωy) = 2p/(1 + r²),
 polar (atan2(p.y, p.x), √(1 − ωz)) with 1 − ωz = 2r²/(1 + r²).
