@@ -13,7 +13,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # front door and may open everything.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "version"),
-    ("files", "geometry", "linear"),
+    ("files", "geometry", "linear", "options"),
     ("containers", "brdf"),
     ("factor", "separable"),
     ("methods", "shading"),

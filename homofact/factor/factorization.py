@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.reflectance import answering_in_kind
 from homofact.errors import BadInput
 from homofact.factor.projection import Projection, Warp
 from homofact.files.archive import check_version, read_archive, write_archive
@@ -91,6 +92,7 @@ class Factorization:
         """Σj p̃j (N, C): the sum of the textures, before the exponential."""
         return sum_of_terms(self.terms, wi, wo)
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         values = self.transform.inverse(self.evaluate_log(wi, wo))

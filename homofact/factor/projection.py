@@ -16,10 +16,9 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.factor.names import BOUNDS, FIXED_AXES
 from homofact.geometry.coordinates import CoordinateSystem, coordinate_system
 from homofact.geometry.rotation import Pair, rotation3
-
-BOUNDS = ("disc", "cube")
 
 
 def row_bounds(matrix: Tensor, domain: str, bound: str) -> Tensor:
@@ -54,7 +53,7 @@ class Warp:
         if system.name == "isotropic-half-diff":
             theta = self((coordinates[..., :1] + 1) / 2) * 2 - 1
             return torch.cat((theta, coordinates[..., 1:]), -1)
-        raise BadInput(f"warp: found parameterization {system.name!r}, expected one with a half vector")
+        raise BadInput(f"warp: found coordinates {system.name!r}, expected one with a half vector")
 
 
 @dataclass(frozen=True)
@@ -139,32 +138,14 @@ class Projection:
         return len(self.matrices())
 
 
-# Fixed projections: parameterization and the axes that become the texture's columns and rows.
-_FIXED = {
-    "wi": ("in-out", ("u_i", "v_i")),
-    "wo": ("in-out", ("u_o", "v_o")),
-    "h": ("half-diff", ("u_h", "v_h")),
-    "d": ("half-diff", ("u_d", "v_d")),
-    "theta_h-theta_d": ("isotropic-half-diff", ("theta_h", "theta_d")),
-    "theta_d-phi_d": ("isotropic-half-diff", ("theta_d", "phi_d")),
-    "theta_h-phi_d": ("isotropic-half-diff", ("theta_h", "phi_d")),
-    "theta_i-theta_o": ("isotropic-in-out", ("theta_i", "theta_o")),
-    "theta_i-delta_phi": ("isotropic-in-out", ("theta_i", "delta_phi")),
-    "theta_h": ("isotropic-half-diff", ("theta_h",)),
-    "theta_d": ("isotropic-half-diff", ("theta_d",)),
-    "theta_i": ("isotropic-in-out", ("theta_i",)),
-}
-FIXED_PROJECTIONS = tuple(_FIXED)
-
-
 def fixed_projection(name: str, reciprocal: bool, warp: Warp | None = None) -> Projection:
     """The projection of that name: two coordinates taken as they are, or one for a 1D texture.
 
     Raises BadInput that lists the names.
     """
-    if name not in _FIXED:
-        raise BadInput(f"projection: found {name!r}, expected one of {', '.join(_FIXED)}")
-    coordinates, axes = _FIXED[name]
+    if name not in FIXED_AXES:
+        raise BadInput(f"projection: found {name!r}, expected one of {', '.join(FIXED_AXES)}")
+    coordinates, axes = FIXED_AXES[name]
     system = coordinate_system(coordinates)
     rows = torch.zeros(2, system.dimension, dtype=torch.float64)
     for row, axis in enumerate(axes):

@@ -20,6 +20,7 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.geometry.directions import half_difference, normalize, to_spherical
+from homofact.geometry.names import HALF_DIFF, IN_OUT, ISOTROPIC_HALF_DIFF, ISOTROPIC_IN_OUT
 from homofact.geometry.parabolic import to_disc
 
 
@@ -87,7 +88,7 @@ COORDINATES = {
     system.name: system
     for system in (
         CoordinateSystem(
-            "in-out",
+            IN_OUT,
             ("u_i", "v_i", "u_o", "v_o"),
             "discs",
             ((0, 0, 1, 0), (0, 0, 0, 1), (1, 0, 0, 0), (0, 1, 0, 0)),
@@ -95,7 +96,7 @@ COORDINATES = {
             _in_out,
         ),
         CoordinateSystem(
-            "half-diff",
+            HALF_DIFF,
             ("u_h", "v_h", "u_d", "v_d"),
             "discs",
             ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, -1, 0), (0, 0, 0, -1)),
@@ -103,7 +104,7 @@ COORDINATES = {
             _half_diff,
         ),
         CoordinateSystem(
-            "isotropic-half-diff",
+            ISOTROPIC_HALF_DIFF,
             ("theta_h", "theta_d", "phi_d"),
             "box",
             ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -111,7 +112,7 @@ COORDINATES = {
             _isotropic_half_diff,
         ),
         CoordinateSystem(
-            "isotropic-in-out",
+            ISOTROPIC_IN_OUT,
             ("theta_i", "theta_o", "delta_phi"),
             "box",
             ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
@@ -125,5 +126,5 @@ COORDINATES = {
 def coordinate_system(name: str) -> CoordinateSystem:
     """The system called `name`. Raises BadInput that lists the names."""
     if name not in COORDINATES:
-        raise BadInput(f"parameterization: found {name!r}, expected one of {', '.join(COORDINATES)}")
+        raise BadInput(f"coordinates: found {name!r}, expected one of {', '.join(COORDINATES)}")
     return COORDINATES[name]

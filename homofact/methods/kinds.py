@@ -1,6 +1,6 @@
 """What a texture may be indexed by in a searched factorization: the candidates, by name.
 
-A kind is a fixed projection ("theta_h-theta_d", "h" …) or one of the four parameterizations, whose
+A kind is a fixed projection ("theta_h-theta_d", "h" …) or the name of coordinates, on which the
 projection is then searched. Symmetry first: for an isotropic material only coordinates that do not know
 the azimuth are candidates, since a 4D one would spend its texels on learning that turning changes nothing.
 An anisotropic material may use both: one texture for its lobe, another for what does not turn with it.
@@ -10,12 +10,11 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
-from homofact.geometry.coordinates import COORDINATES, coordinate_system
+from homofact.factor.names import KINDS
+from homofact.factor.projection import Projection, Warp, fixed_projection
+from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.names import COORDINATE_NAMES
 from homofact.geometry.rotation import Pair, from_matrix
-
-SEARCHED_KINDS = tuple(COORDINATES)
-KINDS = (*FIXED_PROJECTIONS, *SEARCHED_KINDS)
 
 ISOTROPIC_CANDIDATES = (
     "theta_h-theta_d",
@@ -44,15 +43,15 @@ WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01)
 
 
 def coordinates_of(kind: str) -> str:
-    """The parameterization that a kind's projection acts on. Raises BadInput that lists the kinds."""
+    """The coordinates that a kind's projection acts on. Raises BadInput that lists the kinds."""
     if kind not in KINDS:
-        raise BadInput(f"parameterization: found {kind!r}, expected one of {', '.join(KINDS)}")
-    return kind if kind in SEARCHED_KINDS else fixed_projection(kind, True).coordinates
+        raise BadInput(f"projections: found {kind!r}, expected one of {', '.join(KINDS)}")
+    return kind if kind in COORDINATE_NAMES else fixed_projection(kind, True).coordinates
 
 
 def is_searched(kind: str) -> bool:
     """Whether the projection of this kind has parameters to search."""
-    return kind in SEARCHED_KINDS
+    return kind in COORDINATE_NAMES
 
 
 def is_isotropic(kind: str) -> bool:

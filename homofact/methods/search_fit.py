@@ -18,31 +18,33 @@ from homofact.errors import BadInput, Report, Status
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization
 from homofact.factor.objective import Objective
-from homofact.factor.refine import refine_looks
-from homofact.factor.search.best import Search
+from homofact.factor.refine import refine_linear
+from homofact.factor.search.best import Search as Minimizer
 from homofact.factor.search.gradient import Gradient
 from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
-from homofact.methods.cole_fit import Fit, Progress, ProgressCallback, provenance_of, transform_of
-from homofact.methods.kinds import (
-    ANISOTROPIC_CANDIDATES,
-    ISOTROPIC_CANDIDATES,
-    coordinates_of,
-    is_isotropic,
-    is_searched,
+from homofact.methods.fitting import (
+    Fit,
+    Progress,
+    ProgressCallback,
+    at_azimuths,
+    coarse_size,
+    provenance_of,
+    transform_of,
 )
-from homofact.methods.settings import FitSettings
+from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, is_isotropic, is_searched
+from homofact.methods.search import Search
 from homofact.methods.structure_search import MixedSearch, MixSettings, Outcome
 from homofact.methods.validation import Folded, Partition, deal
 
 FOLDS = 4
-COARSE_SIZE = 16  # measured data judged on 12² textures picks other mixes than on 16²
+BUDGET = 20.0  # seconds, where the settings give none
 COARSE_SHARE = 0.6  # of the budget, for choosing the mix; the rest is for refining at full size
 
 
-def search_named(name: str) -> Search:
+def search_named(name: str) -> Minimizer:
     """The search over one vector of projections by name: "gradient", "powell", or "nlopt-" and nlopt's algorithm."""
     if name == "gradient":
         return Gradient()
@@ -53,34 +55,16 @@ def search_named(name: str) -> Search:
     raise BadInput(f"search: found {name!r}, expected gradient, powell, or nlopt-NAME such as nlopt-PRAXIS")
 
 
-def pinned_kinds(settings: FitSettings) -> tuple[str, ...] | None:
-    """The kinds that `settings.parameterization` names: one for all textures, or one each; None where it has none.
-
-    Raises BadInput for an unknown kind, and for a list of another length than there are textures.
-    """
-    if settings.parameterization is None:
-        return None
-    pinned = tuple(settings.parameterization.split("+"))
-    for kind in pinned:
-        coordinates_of(kind)
-    if len(pinned) not in (1, settings.textures):
-        raise BadInput(
-            f"parameterization: found {len(pinned)} kinds for {settings.textures} textures, expected one, or one each"
-        )
-    return pinned
-
-
-def candidates_of(samples: Samples, settings: FitSettings) -> tuple[tuple[str, ...], ...]:
+def candidates_of(samples: Samples, settings: Search) -> tuple[tuple[str, ...], ...]:
     """Which kinds each texture may be: all that suit the material, one for all, or a list, one a texture."""
-    pinned = pinned_kinds(settings)
-    if pinned is None:
+    if settings.projections is None:
         return (ISOTROPIC_CANDIDATES if samples.isotropic else ANISOTROPIC_CANDIDATES,)
-    return tuple((kind,) for kind in pinned)
+    return tuple((kind,) for kind in settings.projections)
 
 
 @one_thread
-def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
-    """Factor `samples` (the training samples as measured, without azimuth copies) within `settings.budget` seconds.
+def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | None = None) -> Fit:
+    """Factor `samples` (the training samples as measured, without azimuth copies) within its budget.
 
     The report's notes say what the user should know: textures that were not worth having, a budget that
     was too short, an interrupt. Raises BadInput where the samples cannot fill the folds.
@@ -98,23 +82,24 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
         chosen = chosen[: settings.search_samples].sort().values
         coarse, coarse_partitions = full.select(chosen), tuple(p.select(chosen) for p in partitions)
     search = search_named(settings.search)
+    budget = BUDGET if settings.budget is None else settings.budget
 
     def tell(term: int, evaluations: int, best: float) -> None:
         if progress is not None:
             progress(Progress(term, settings.textures, 1, 1, evaluations, best))
 
     choices = MixSettings(
-        settings.coarse_size(COARSE_SIZE),
+        coarse_size(settings),
         settings.reciprocal,
         settings.bound,
         settings.restarts,
         search,
         settings.smoothing,
-        COARSE_SHARE * settings.budget,
+        COARSE_SHARE * budget,
         settings.seed,
     )
     outcome = MixedSearch(coarse, coarse_partitions, choices, tell).run(settings.textures, candidates)
-    outcome, smoothing = _finish(outcome, full, partitions, settings, search, began)
+    outcome, smoothing = _finish(outcome, full, partitions, settings, search, began + budget)
     projections = outcome.mix.projections
     shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
     solved = solve_terms(full, projections, shapes, smoothing, settings.solver, settings.robust)
@@ -125,8 +110,8 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
         "validation_error": outcome.mix.error,
     }
     notes = outcome.notes
-    if settings.refine == "looks":
-        terms, account = refine_looks(full, terms, smoothing, transform)
+    if settings.refine == "linear":
+        terms, account = refine_linear(full, terms, smoothing, transform)
         made["refine"] = account
     if settings.confidence:
         terms = with_deviations(full, terms, smoothing)
@@ -148,7 +133,7 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
 
 
 def _prepare(
-    samples: Samples, transform: LogTransform, settings: FitSettings, knows_azimuth: bool
+    samples: Samples, transform: LogTransform, settings: Search, knows_azimuth: bool
 ) -> tuple[LogSamples, tuple[Partition, ...]]:
     """Log samples and how they are judged; with azimuth copies, one fold to a measurement, where kinds need them."""
     partitions = deal(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
@@ -157,25 +142,18 @@ def _prepare(
     return LogSamples.of(copied, transform), tuple(partition.repeated(times) for partition in partitions)
 
 
-def at_azimuths(samples: Samples, settings: FitSettings, knows_azimuth: bool) -> Samples:
-    """What textures are solved from: azimuth copies of isotropic samples where a projection knows the azimuth."""
-    if knows_azimuth and samples.isotropic and settings.copies > 1:
-        return samples.azimuth_copies(settings.copies, settings.seed, settings.mirrored)
-    return samples
-
-
 def _finish(
     outcome: Outcome,
     full: LogSamples,
     partitions: tuple[Partition, ...],
-    settings: FitSettings,
-    search: Search,
-    began: float,
+    settings: Search,
+    search: Minimizer,
+    deadline: float,
 ) -> tuple[Outcome, tuple[float, ...]]:
     """Searched projections refined on everything within what is left of the budget, then λ at full size."""
     mix = outcome.mix
     shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
-    left = settings.budget - (time.perf_counter() - began)
+    left = deadline - time.perf_counter()
     if any(map(is_searched, mix.kinds)) and left > 0 and outcome.status is not Status.INTERRUPTED:
         objective = Objective(full, mix.projections, shapes, mix.smoothing, settings.bound)
         vector, report = search.minimize(objective, objective.start(), seconds=left, seed=settings.seed)
@@ -185,7 +163,6 @@ def _finish(
             outcome = replace(outcome, status=Status.INTERRUPTED, notes=(*outcome.notes, "interrupted while refining"))
     if settings.smoothing is not None:
         return outcome, (settings.smoothing,) * len(mix.kinds)
-    deadline = began + settings.budget
     if time.perf_counter() > deadline:
         return outcome, mix.smoothing
     folded = Folded.of(full, partitions, mix.projections, shapes)

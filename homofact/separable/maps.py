@@ -20,6 +20,7 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.geometry import parabolic
+from homofact.separable.names import MAP_NAMES
 
 # The cosine of a texel's direction at the rim: 84.3°. Nearer to the horizon (.05, .01), the first terms of
 # Ashikhmin-Shirley's matrix go to grazing light, and the cosine-weighted error rises.
@@ -105,7 +106,7 @@ def _from_polar(uv: Tensor) -> Tensor:
     return torch.stack((sine * torch.cos(azimuth), sine * torch.sin(azimuth), 1 - drop), -1)
 
 
-MAPS = {
+_BY_NAME = {
     each.name: each
     for each in (
         DirectionMap("parabolic", True, parabolic.to_disc, parabolic.from_disc, lambda z: (1 + z) ** 2),
@@ -113,6 +114,7 @@ MAPS = {
         DirectionMap("polar", False, _to_polar, _from_polar, lambda z: (1 - z).clamp_min(0).sqrt()),
     )
 }
+MAPS = {name: _BY_NAME[name] for name in MAP_NAMES}
 
 
 def direction_map(name: str) -> DirectionMap:

@@ -5,6 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from homofact.methods.settings import FitSettings
 from typer.main import get_command
 
 import homofact.brdf.source
@@ -13,7 +14,6 @@ from homofact.cli.main import app, main
 from homofact.cli.options import KINDS
 from homofact.config import Config, load_config
 from homofact.methods import kinds
-from homofact.methods.settings import FitSettings
 
 MATERIAL = "material:phong-10"
 CORNELL = "# a paint\n2\n400 700\n0.1 0.0 0.2 3.0 0.5 0.5\n"

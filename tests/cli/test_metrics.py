@@ -14,7 +14,7 @@ from homofact.evaluate.brdf_metrics import METRICS, SIX
 from homofact.evaluate.compare import fit_and_measure, held_out_samples
 from homofact.evaluate.image_metrics import IMAGE_METRICS
 from homofact.evaluate.judging import Judge, chosen_metrics
-from homofact.methods.settings import FitSettings
+from homofact.methods.mccool import McCool
 
 FAST = [
     "material:blinn-phong-50", "--count", "600", "--size", "6", "--textures", "1", "--restarts", "1",
@@ -89,7 +89,7 @@ def test_a_configuration_names_metrics(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_metrics_are_of_the_held_out_samples(source: Source) -> None:
-    settings = FitSettings(method="mccool", size=6, seed=3)
+    settings = McCool(size=6, seed=3)
     row = fit_and_measure(source, settings)
     found = Judge(source, 0.2, chosen_metrics(("six",))).measure(row)
     assert found == pytest.approx(row.held_out.record(), rel=1e-12)
@@ -100,7 +100,7 @@ def test_metrics_are_of_the_held_out_samples(source: Source) -> None:
 
 
 def test_what_is_not_defined_is_none(source: Source) -> None:
-    row = fit_and_measure(source, FitSettings(method="mccool", size=6))
+    row = fit_and_measure(source, McCool(size=6))
     upright = source.samples.select(source.samples.wi[:, 2] > 0.8)
     only = Source(source.name, source.kind, upright, source.reflectance, 1e-5, 0.0)
     found = Judge(only, 0.2, ("male_theta_i_75_90", "male")).measure(row)

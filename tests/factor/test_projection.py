@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from homofact.errors import BadInput
-from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
+from homofact.factor.names import FIXED_PROJECTIONS
+from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import COORDINATES
 from homofact.geometry.directions import draw_in_discs
 from homofact.geometry.rotation import Pair
