@@ -35,8 +35,8 @@ def factorize(
     if settings.output.folder is None:
         raise BadInput("out: none given, expected a folder for the result (--out, or folder under [output])")
     folder = Path(settings.output.folder)
-    check_folder(folder, settings.output.force)
     fit = settings.fit.method_alone()
+    check_folder(folder, settings.output.force)
 
     from homofact.brdf.channels import display_of
     from homofact.evaluate.compare import fit_and_measure

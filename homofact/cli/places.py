@@ -32,9 +32,11 @@ def check_folder(folder: Path, force: bool) -> None:
 
     Raises BadInput; leaves nothing behind.
     """
-    from homofact.export.result import check_result_folder
+    from homofact.files.archive import NAME
+    from homofact.files.folder import check_new_folder
 
-    check_result_folder(folder, force)
+    # As `export.result.check_result_folder`, which loads torch.
+    check_new_folder(folder, "result", NAME, force)
     _try_writing(folder.resolve().parent)
 
 

@@ -30,7 +30,7 @@ def source() -> Source:
 def test_all_metrics_read_in_80_columns(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     methods = "mccool,mccool:theta_h-theta_d,mccool:h,mccool:wi+h,mccool:d,mccool:wi"
-    assert main(["compare", *FAST, "--methods", methods, "--metrics", "all", "-q"]) == 0
+    assert main(["compare", *FAST[:5], "--methods", methods, "--metrics", "all", "-q"]) == 0
     out = capsys.readouterr().out
     assert all(len(line) <= 80 for line in out.splitlines())
     assert "…" not in out

@@ -136,7 +136,7 @@ def test_a_file_is_found_beside_the_result_or_in_the_working_folder(
 
 
 def test_samples_that_the_fit_may_have_seen_are_not_called_held_out(run: Callable[..., Ran], tmp_path: Path) -> None:
-    fitted = homofact.fit(homofact.read("material:phong-10", count=400), method="mccool", size=6)
+    fitted = homofact.fit(homofact.read("material:phong-10", count=400), homofact.McCool(size=6))
     fitted.save(tmp_path / "all.npz")
     ran = run("view", tmp_path / "all.npz")
     assert ran.err == "homofact: the fit may have seen the samples that its errors are on: see the page's notes\n"

@@ -45,7 +45,7 @@ def bad_files(tmp_path: Path) -> dict[Path, str]:
     empty = edited(tmp_path / "good.npz", tmp_path / "empty.npz", lambda header: header.update(terms=[]))
     made(("450nm", "550nm", "650nm")).save(tmp_path / "three.npz")
     made(tuple(f"{w}nm" for w in range(400, 701, 10))).save(tmp_path / "spectrum.npz")
-    sums = homofact.fit(homofact.read("material:phong-30", count=500), method="svd", size=4)
+    sums = homofact.fit(homofact.read("material:phong-30", count=500), homofact.Svd(size=4))
     sums.save(str(tmp_path / "svd.npz"))
     (tmp_path / "text.npz").write_text("no archive")
     (tmp_path / "folder").mkdir()
