@@ -387,7 +387,7 @@ def _checked(value: Any, options: tuple[Declared, ...], where: str) -> Any:
             if len(value) == len(items):
                 return tuple(_item(item, items[i], f"{where}[{i}]") for i, item in enumerate(value))
         elif _is(value, kind):
-            return float(value) if kind is float else value
+            return float(typing.cast("float", value)) if kind is float else value
     raise BadInput(f"{where}: found {_described(value)}, expected {_expected(kinds)}")
 
 

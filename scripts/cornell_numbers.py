@@ -24,7 +24,6 @@ from homofact.brdf.source import Source, open_source
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.metrics import SixErrors, six_errors
 from homofact.methods.cole import Cole
-from homofact.methods.mccool import McCool
 from homofact.methods.table import mccool_like
 
 COORDINATES = ("half-diff", "in-out")
@@ -64,7 +63,7 @@ def fitted_line(paint: str, row: Row, data: Split) -> Line:
     """The line of a fit of ours."""
     settings = row.settings
     count = len(row.factorization.terms)
-    name = "McCool (ωi, h, ωo)" if isinstance(settings, McCool) else f"cole, {settings.coordinates}"
+    name = f"cole, {settings.coordinates}" if isinstance(settings, Cole) else "McCool (ωi, h, ωo)"
     return Line(
         paint,
         f"{name}, {count} texture{'s' if count > 1 else ''}",

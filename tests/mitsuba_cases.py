@@ -69,9 +69,9 @@ def saved_fits(folder: Path) -> dict[str, Path]:
         homofact.read("material:lafortune-blue-paint", count=5000),
         homofact.Cole(textures=2, size=12, restarts=1, search_size=4, search_samples=300),
     )
-    phong = homofact.fit(homofact.read("material:phong-30", count=5000), homofact.McCool(projections="h+theta_d"))
+    phong = homofact.fit(homofact.read("material:phong-30", count=5000), homofact.McCool(projections=("h", "theta_d")))
     ward = homofact.read("material:ward-brushed", count=20_000)
-    brushed = homofact.fit(ward, homofact.McCool(projections="h+wi", size=24))
+    brushed = homofact.fit(ward, homofact.McCool(projections=("h", "wi"), size=24))
     made = {"paint": paint, "phong": phong, "ward": brushed, "sharp": sharp()}
     for name, each in made.items():
         each.save(folder / f"{name}.npz")

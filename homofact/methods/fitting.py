@@ -73,8 +73,8 @@ class Fit:
 
     def evaluate(self, wi: Directions, wo: Directions) -> Any:
         """BRDF values (N, C) in sr⁻¹ without the cosine, for (N, 3) directions; see `answering_in_kind`."""
-        evaluate: Callable[[Any, Any], Any] = self.factorization.evaluate
-        return evaluate(wi, wo)
+        fitted: Any = self.factorization
+        return fitted.evaluate(wi, wo)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one .npz file that `homofact.load` reads back. Raises BadInput for an unwritable place."""

@@ -17,17 +17,18 @@ from homofact.methods.svd import Svd
 if TYPE_CHECKING:
     from homofact.methods.fitting import Method
 
-METHODS: "dict[str, type[Method]]" = {each.name: each for each in (Search, Cole, McCool, Svd, Nmf)}
+MCCOOL = McCool().projections
+METHODS: dict[str, type[Any]] = {each.name: each for each in (Search, Cole, McCool, Svd, Nmf)}
 
 
-def method_class(name: str) -> "type[Method]":
+def method_class(name: str) -> type[Any]:
     """The class of the method called `name`. Raises BadInput that lists the names."""
     if name not in METHODS:
         raise BadInput(f"method: found {name!r}, expected one of {', '.join(METHODS)}")
     return METHODS[name]
 
 
-def settings_of_class(method: "type[Method]") -> tuple[str, ...]:
+def settings_of_class(method: type[Any]) -> tuple[str, ...]:
     """The names of a method's settings."""
     return tuple(each.name for each in fields(method))
 
@@ -69,8 +70,11 @@ def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> "dict[str, 
 
 def mccool_like(method: "Method") -> McCool:
     """McCool's own factorization with the settings that `method` shares with it, to be set beside it."""
-    shared = {name: value for name, value in _own(McCool.name, vars(method)).items() if value is not None}
-    return McCool(**(shared | {"projections": McCool.projections}))
+    shared: dict[str, Any] = {
+        name: value for name, value in _own(McCool.name, vars(method)).items() if value is not None
+    }
+    shared["projections"] = MCCOOL
+    return McCool(**shared)
 
 
 def _built(label: str, settings: Mapping[str, Any]) -> "Method":

@@ -67,7 +67,9 @@ def test_rounding_that_knows_the_samples_moves_the_values_half_as_far_as_naive_r
 
 def test_on_a_close_fit_most_of_what_naive_rounding_adds_to_the_error_goes(paint) -> None:
     source, _ = paint
-    fitted = homofact.fit(source, homofact.McCool(size=16, projections="theta_h-theta_d+theta_i-theta_o")).factorization
+    fitted = homofact.fit(
+        source, homofact.McCool(size=16, projections=("theta_h-theta_d", "theta_i-theta_o"))
+    ).factorization
     assert isinstance(fitted, Factorization)
     aware, plain = quantize(fitted, source.samples, "png8"), replace(fitted, terms=naive(fitted.terms, 255))
     before, after, worse = (measure(each, source.samples, fitted.transform).log_mse for each in (fitted, aware, plain))
