@@ -117,12 +117,7 @@ def test_azimuth_copies_are_the_methods_own_and_only_of_what_needs_them(source: 
     for method in (quick("mccool", size=8), quick("cole", textures=1)):
         found = method.fit(measured).factorization
         assert found.provenance["samples"] == len(measured)
-        misses = [
-            float(
-                (found.transform.forward(found.evaluate(each.wi, each.wo)) - found.transform.forward(each.values)).std()
-            )
-            for each in (measured, turned)
-        ]
+        misses = [measure(found, each, found.transform).log_mse for each in (measured, turned)]
         # Without copies the fit of one azimuth is no fit of another.
         assert misses[1] < 2 * misses[0]
     same = quick("mccool", projections=("theta_h-theta_d",))
