@@ -22,7 +22,8 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("export",),
     ("viewer", "figures"),
     ("scene",),
-    ("api", "config"),
+    ("api", "sections"),
+    ("config",),
     ("cli",),
 )
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}

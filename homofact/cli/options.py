@@ -13,9 +13,10 @@ from typing import Annotated, Any
 
 import typer
 
-from homofact.config import FIT, SEED, fit_options, load_config, section_options
+from homofact.config import SEED, fit_options, load_config, section_options
 from homofact.methods.table import METHODS
 from homofact.options import Declared
+from homofact.sections import FIT
 
 Result = Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")]
 MadeFrom = Annotated[
