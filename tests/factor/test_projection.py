@@ -91,13 +91,13 @@ def test_a_warp_keeps_the_domain_and_spreads_the_peak(coordinates: str) -> None:
     ("call", "message"),
     [
         (lambda: fixed_projection("halfway", True), "projection: found 'halfway', expected one of wi, wo, h"),
-        (lambda: Projection("polar", torch.zeros(2, 4), True), "parameterization: found 'polar'"),
+        (lambda: Projection("polar", torch.zeros(2, 4), True), "coordinates: found 'polar'"),
         (lambda: Projection("in-out", torch.zeros(2, 3), True), r"shape \(2, 3\), expected \(2, 4\)"),
         (lambda: Projection("in-out", torch.full((2, 4), float("nan")), True), "not finite"),
         (lambda: Projection.from_rows("in-out", torch.eye(2, 4), True, "ball"), "bound: found 'ball'"),
         (
             lambda: Projection("in-out", torch.eye(2, 4), True, warp=Warp(0.1)).prepare(*PAIRS),
-            "warp: found parameterization 'in-out'",
+            "warp: found coordinates 'in-out'",
         ),
     ],
 )
