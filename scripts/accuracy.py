@@ -30,9 +30,10 @@ from homofact.evaluate.metrics import measure
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, texture_shape
 from homofact.methods.effort import Account
+from homofact.methods.fitting import Method
 from homofact.methods.folded import Folded
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import method
+from homofact.methods.mccool import McCool
+from homofact.methods.search import Search
 from homofact.methods.validation import partitions_of
 
 
@@ -44,16 +45,16 @@ def blue(short: bool) -> str:
     for draw in range(draws):
         train = sample_model(model, count=count, seed=2 * draw).channel("G")
         test = sample_model(model, count=count, seed=2 * draw + 1).channel("G")
-        for name, settings in (
-            ("mccool", FitSettings(method="mccool", epsilon=NOISE_FREE_EPSILON)),
-            ("search", FitSettings(textures=2, epsilon=NOISE_FREE_EPSILON, budget=5 if short else 30)),
+        for method in (
+            McCool(epsilon=NOISE_FREE_EPSILON),
+            Search(textures=2, epsilon=NOISE_FREE_EPSILON, budget=5 if short else 30),
         ):
-            fit = method(settings.method).fit(train, settings, None)
+            fit = method.fit(train)
             transform = fit.factorization.transform
             errors = [measure(fit.factorization, samples, transform).log_mse for samples in (train, test)]
             kinds = " · ".join(term.projection.coordinates for term in fit.factorization.terms)
             numbers = [figure(value) for value in (*errors, fit.report.seconds)]
-            rows.append((draw, name, kinds, *numbers, fit.report.status.value))
+            rows.append((draw, method.name, kinds, *numbers, fit.report.status.value))
     return markdown(("draw", "method", "coordinates", "train", "second draw", "seconds", "ended"), rows)
 
 
@@ -75,9 +76,9 @@ def cornell(short: bool) -> str:
     for file in files[:1] if short else files:
         paint = file.stem
         source = open_source(str(file))
-        base = FitSettings(epsilon=MEASURED_EPSILON, budget=5 if short else 30)
+        base = Search(epsilon=MEASURED_EPSILON, budget=5 if short else 30)
 
-        def errors(settings: FitSettings, source: Source = source) -> list[float]:
+        def errors(settings: Method, source: Source = source) -> list[float]:
             return [fit_and_measure(source, replace(settings, seed=s)).held_out.log_mse for s in seeds]
 
         mccool = errors(replace(base, method="mccool"))
@@ -108,10 +109,10 @@ def anisotropic(short: bool) -> str:
     rows = []
     for name in ("ward-brushed", "ashikhmin-shirley-wang"):
         source = open_source(f"material:{name}", count=3000 if short else 45_000)
-        mccool = fit_and_measure(source, FitSettings(method="mccool")).held_out.log_mse
+        mccool = fit_and_measure(source, McCool()).held_out.log_mse
         rows.append((name, "mccool", "wi · h", figure(mccool), 1, "", ""))
         for textures in (2,) if short else (2, 4):
-            row = fit_and_measure(source, FitSettings(textures=textures, budget=5 if short else 40))
+            row = fit_and_measure(source, Search(textures=textures, budget=5 if short else 40))
             kinds = " · ".join(term.projection.coordinates for term in row.factorization.terms)
             error = row.held_out.log_mse
             numbers = [figure(value) for value in (error, error / mccool, row.seconds_fit)]

@@ -48,11 +48,11 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
     from homofact.factor.search.nlopt import Nlopt
     from homofact.factor.textures import LogSamples, solve_terms
     from homofact.geometry.rotation import Rotation
-    from homofact.methods.cole_fit import transform_of
-    from homofact.methods.settings import FitSettings
+    from homofact.methods.cole import Cole
+    from homofact.methods.fitting import transform_of
 
     torch.set_num_threads(1)
-    settings = FitSettings(epsilon=EPSILON)
+    settings = Cole(epsilon=EPSILON)
     shapes = ((job.size, job.size),) * 2
     generator = torch.Generator().manual_seed(job.seed)
     pair = tuple(Projection.from_rotation("half-diff", Rotation.random(generator), True) for _ in range(2))
@@ -63,9 +63,9 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
         return LogSamples.of(samples, transform_of(samples, settings))
 
     def whole(data: LogSamples) -> int:
-        objective = Objective(data, pair, shapes, settings.fixed_smoothing)
+        objective = Objective(data, pair, shapes, settings.smoothing)
         vector, report = minimize(search, objective, objective.start(), seed=job.seed)
-        solve_terms(data, objective.projections(vector), shapes, settings.fixed_smoothing, settings.solver)
+        solve_terms(data, objective.projections(vector), shapes, settings.smoothing, settings.solver)
         return report.evaluations
 
     whole(prepared(500))
@@ -73,7 +73,7 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
     held = sum(tensor.numel() * tensor.element_size() for tensor in (data.wi, data.wo, data.logs, data.weights))
 
     before = resident(peak=False)
-    objective = Objective(data, pair, shapes, settings.fixed_smoothing)
+    objective = Objective(data, pair, shapes, settings.smoothing)
     ready = resident(peak=False)
     forget_peak()
     vector = objective.start()

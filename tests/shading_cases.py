@@ -4,7 +4,8 @@ import torch
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
+from homofact.factor.names import FIXED_PROJECTIONS
+from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.rotation import Rotation
 from homofact.separable.separable import Separable, SeparableTerm

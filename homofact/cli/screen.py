@@ -17,7 +17,7 @@ from homofact.errors import Report, Status
 
 
 class FitProgress(Protocol):
-    """What a fit says of itself on the way: `homofact.methods.cole_fit.Progress`."""
+    """What a fit says of itself on the way: `homofact.methods.fitting.Progress`."""
 
     @property
     def term(self) -> int:

@@ -1,12 +1,13 @@
 """Charts of error against cost: which fits are run, and each of them on the same split of its source.
 
-A plan is methods × textures × sizes × searches, less what a method ignores. Each finished run becomes a
+A plan is methods × textures × sizes × searches, of what each method has. Each finished run becomes a
 line of a CSV at once, so that an interrupted chart goes on where it stopped; what is not in it is fitted
 and measured as in a comparison.
 """
 
 import dataclasses
 import hashlib
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -15,12 +16,10 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, HomofactError, Status
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
-from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure, training_samples
+from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.machine import machine
-from homofact.methods.cole_fit import ProgressCallback
-from homofact.methods.mccool_fit import PROJECTIONS
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import check_settings, method
+from homofact.methods.fitting import Method, ProgressCallback
+from homofact.methods.mccool import McCool
 from homofact.version import __version__
 
 
@@ -29,7 +28,7 @@ class Run:
     """One fit of a chart; `label` is the method as it was asked for ("mccool:wi+h")."""
 
     label: str
-    settings: FitSettings
+    settings: Method
 
     @property
     def series(self) -> str:
@@ -39,35 +38,37 @@ class Run:
     @property
     def search(self) -> str:
         """The search's name, empty where the method takes none."""
-        return "" if "search" in method(self.settings.method).ignores else self.settings.search
+        return getattr(self.settings, "search", "")
+
+    @property
+    def textures(self) -> int:
+        """How many textures are asked for."""
+        fixed = self.settings.projections if isinstance(self.settings, McCool) else ()
+        return len(fixed) or getattr(self.settings, "textures")  # noqa: B009 (no protocol has it)
 
     @property
     def name(self) -> str:
         """The run in words."""
-        return f"{self.series}, {self.settings.textures} × {self.settings.size}²"
+        return f"{self.series}, {self.textures} × {self.settings.size}²"
 
 
 def plan(
-    methods: Mapping[str, FitSettings], textures: Sequence[int], sizes: Sequence[int], searches: Sequence[str]
+    methods: Mapping[str, Method], textures: Sequence[int], sizes: Sequence[int], searches: Sequence[str]
 ) -> tuple[Run, ...]:
     """Every run of a chart, smallest textures first; `methods` gives each label the settings that it starts from.
 
-    What a method ignores is not multiplied out: McCool's list is run once a size. Raises BadInput for an
-    empty list and for all that `check_settings` and the settings themselves refuse.
+    What a method has not is not multiplied out: McCool's list is run once a size. Raises BadInput for an
+    empty list and for all that the methods themselves refuse.
     """
     for name, found in (("methods", methods), ("textures", textures), ("sizes", sizes), ("searches", searches)):
         if not found:
             raise BadInput(f"{name}: found none, expected at least one")
     runs: dict[Run, None] = {}
     for label, base in methods.items():
-        ignored = method(base.method).ignores
-        counts = (len(base.projections or PROJECTIONS),) if "textures" in ignored else textures
-        for size in sizes:
-            for count in counts:
-                for search in (base.search,) if "search" in ignored else searches:
-                    run = Run(label, replace(base, textures=count, size=size, search=search))
-                    check_settings(run.settings)
-                    runs[run] = None
+        varied = {"size": sizes, "textures": textures, "search": searches}
+        own = {name: values for name, values in varied.items() if name in base.__dataclass_fields__}
+        for values in itertools.product(*own.values()):
+            runs[Run(label, replace(base, **dict(zip(own, values, strict=True))))] = None
     return tuple(runs)
 
 
@@ -76,15 +77,14 @@ def identity(source: Source, digest: str, run: Run, held_out: float, where: str)
     settings = run.settings
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
-    ignored = method(settings.method).ignores
-    used = {each.name: getattr(settings, each.name) for each in fields(settings) if each.name not in ignored}
+    used = {"method": settings.name} | {each.name: getattr(settings, each.name) for each in fields(settings)}
     words = [f"{name}={'+'.join(value) if isinstance(value, tuple) else value}" for name, value in used.items()]
     return Identity(digest, " ".join([*words, f"held_out={held_out}"]), where, __version__)
 
 
-def samples_digest(samples: Samples, kind: str) -> str:
-    """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels and kind."""
-    digest = hashlib.sha256(f"{kind} {samples.isotropic} {samples.channels}".encode())
+def samples_digest(samples: Samples) -> str:
+    """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels, azimuths."""
+    digest = hashlib.sha256(f"{samples.all_azimuths} {samples.isotropic} {samples.channels}".encode())
     for tensor in (samples.wi, samples.wo, samples.values, samples.weights):
         digest.update(str(tuple(tensor.shape)).encode())
         digest.update(tensor.cpu().contiguous().numpy().tobytes())
@@ -97,7 +97,7 @@ def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:
         source=row.source,
         label=run.label,
         search=run.search,
-        textures_asked=run.settings.textures,
+        textures_asked=run.textures,
         size=run.settings.size,
         textures=len(row.factorization.terms),
         bytes=row.factorization.nbytes,
@@ -132,7 +132,7 @@ def run_chart(
     `started` is called with the place of every run that is fitted. A fit that was interrupted is no line, even
     where it kept something: KeyboardInterrupt passes on, with every finished run in the ledger.
     """
-    digest, where = samples_digest(source.samples, source.kind), machine()
+    digest, where = samples_digest(source.samples), machine()
     rows: list[ChartRow] = []
     warm: set[str] = set()
     for place, run in enumerate(runs):
@@ -141,9 +141,9 @@ def run_chart(
         if row is None:
             if started is not None:
                 started(place, run)
-            if run.settings.method not in warm:
+            if run.settings.name not in warm:
                 _warm_up(source, run.settings)
-                warm.add(run.settings.method)
+                warm.add(run.settings.name)
             try:
                 fitted = fit_and_measure(source, run.settings, held_out, progress)
             except BadInput as error:
@@ -157,12 +157,13 @@ def run_chart(
     return rows
 
 
-def _warm_up(source: Source, settings: FitSettings) -> None:
+def _warm_up(source: Source, settings: Method) -> None:
     """A throw-away fit of a few samples, so that no run's time holds what is paid once (compilation, first calls)."""
-    small = replace(settings, size=4, search_size=4, search_samples=0, restarts=1, copies=1, budget=0.05, epsilon=0.01)
+    least = {"size": 4, "search_size": 4, "search_samples": 0, "restarts": 1, "copies": 1, "budget": 0.05}
+    own = {name: value for name, value in least.items() if name in settings.__dataclass_fields__}
+    small = replace(settings, epsilon=0.01, **own)
     # What is wrong with the samples or the settings, the fit itself will say.
     with suppress(HomofactError):
-        samples = training_samples(source, source.samples.subset(64, settings.seed), small)
-        fitted = method(settings.method).fit(samples, small, None)
+        fitted = small.fit(source.samples.subset(64, settings.seed))
         if fitted.report.status is Status.INTERRUPTED:
             raise KeyboardInterrupt

@@ -1,8 +1,8 @@
 """Several methods on one split of one source, measured alike.
 
-A share of the samples is held out before anything else; isotropic measurements are then copied to
-other azimuths for training, and the held-out ones turned at random. Both errors use the fit's own ε
-and A, which come from the training samples alone.
+A share of the samples is held out before anything else. For the errors isotropic samples are turned at random, those
+of the training as those held out: a fit that is good at the measured azimuth alone is not good. Both errors use the
+fit's own ε and A, which come from the training samples alone.
 """
 
 import time
@@ -17,9 +17,7 @@ from homofact.errors import Report
 from homofact.evaluate.metrics import SixErrors, measure
 from homofact.evaluate.verdict import Verdict, judge
 from homofact.factor.fitted import Fitted
-from homofact.methods.cole_fit import ProgressCallback
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import method, run
+from homofact.methods.fitting import Method, ProgressCallback
 
 HELD_OUT = 0.2
 
@@ -29,7 +27,7 @@ class Row:
     """One method on one source: the fit, its settings and its errors on training and held-out samples."""
 
     source: str
-    settings: FitSettings
+    settings: Method
     factorization: Fitted
     report: Report
     train: SixErrors
@@ -47,7 +45,7 @@ class Row:
         """
         return {
             "source": self.source,
-            "method": self.settings.method,
+            "method": self.settings.name,
             "textures": len(self.factorization.terms),
             "size": self.settings.size,
             "bytes": self.factorization.nbytes,
@@ -65,16 +63,6 @@ class Row:
         }
 
 
-def training_samples(source: Source, train: Samples, settings: FitSettings) -> Samples:
-    """What a fit of `source` is given: azimuth copies of an isotropic measurement, where the method wants them.
-
-    A model is drawn at all azimuths already and needs no copies.
-    """
-    if source.kind == "measurement" and train.isotropic and method(settings.method).wants_copies:
-        return train.azimuth_copies(settings.copies, settings.seed, settings.mirrored)
-    return train
-
-
 def held_out_samples(source: Source, held_out: float, seed: int) -> Samples:
     """The samples that fits of `seed` are tested on: left out of the fit, and turned at random."""
     return source.samples.split(held_out, seed)[1].rotated_at_random(seed)
@@ -82,7 +70,7 @@ def held_out_samples(source: Source, held_out: float, seed: int) -> Samples:
 
 def fit_and_measure(
     source: Source,
-    settings: FitSettings,
+    settings: Method,
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,
     subset: int = 0,
@@ -95,19 +83,18 @@ def fit_and_measure(
     began = time.perf_counter()
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
-    method(settings.method)
     train, test = source.samples.split(held_out, settings.seed)
     if subset > 0:
         train = stratified_subset(train, subset, settings.seed)
-    measured = train
-    train, test = training_samples(source, train, settings), test.rotated_at_random(settings.seed)
+    test = test.rotated_at_random(settings.seed)
     begin_fit = time.perf_counter()
-    fitted = run(train, settings, progress)
+    fitted = settings.fit(train, progress)
     seconds_fit = time.perf_counter() - begin_fit
     factorization = fitted.factorization
-    errors = tuple(measure(factorization, samples, factorization.transform) for samples in (train, test))
+    turned = train.rotated_at_random(settings.seed)
+    errors = tuple(measure(factorization, samples, factorization.transform) for samples in (turned, test))
     total = source.seconds_read + time.perf_counter() - began
-    verdict = judge(factorization, fitted.report, settings, measured, test, (errors[0], errors[1]))
+    verdict = judge(factorization, fitted.report, settings, train, test, (errors[0], errors[1]))
     return Row(
         source.name,
         settings,
@@ -125,11 +112,9 @@ def fit_and_measure(
 
 def compare(
     source: Source,
-    choices: Sequence[FitSettings],
+    choices: Sequence[Method],
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,
 ) -> list[Row]:
     """A row for every settings in `choices`, in their order; equal seeds give equal splits."""
-    for settings in choices:
-        method(settings.method)
     return [fit_and_measure(source, settings, held_out, progress) for settings in choices]

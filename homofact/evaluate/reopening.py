@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
     from homofact.brdf.source import Source
     from homofact.factor.fitted import Fitted
-    from homofact.methods.settings import FitSettings
+    from homofact.methods.fitting import Method
 
 SAME_MEAN = 1e-6
 USUAL_SAMPLES, USUAL_HELD_OUT = 45_000, 0.2
@@ -84,45 +84,53 @@ def reopen(
     return first
 
 
-def settings_of(fitted: "Fitted") -> "FitSettings":
+def settings_of(fitted: "Fitted") -> "Method":
     """The settings that the fit was made with, as its provenance has them; ε is the fit's own.
 
     What is missing or cannot be meant takes its default; the size is then that of the largest texture.
     """
-    from homofact.methods.settings import FitSettings
+    from homofact.methods.table import METHODS, settings_of_class
 
     kept = _mapping(fitted.provenance.get("settings"))
-    known: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in kept.items()
-        if name in FitSettings.__dataclass_fields__
-    }
+    name = fitted.provenance.get("method", kept.get("method"))
+    method = METHODS.get(name if isinstance(name, str) else "", METHODS["search"])
+    # A fit of version 0.1.0 has all methods' settings in one, the method's name among them.
+    kept = _renamed(kept, method.name) if "method" in kept else kept
+    known = {setting: value for setting, value in kept.items() if setting in settings_of_class(method)}
     own: dict[str, Any] = {"epsilon": fitted.transform.epsilon}
     side: dict[str, Any] = {"size": _largest_side(fitted)}
     try:
-        return FitSettings(**(side | known | own))
-    except (BadInput, TypeError):
-        return FitSettings(**(side | own))
+        return method(**(side | known | own))
+    except BadInput:
+        return method(**(side | own))
 
 
-def training_part(fitted: "Fitted", source: Reopened) -> "Samples":
-    """What of the source the fit was given, azimuth copies included where its method wants them."""
+def _renamed(kept: Mapping[str, Any], method: str) -> dict[str, Any]:
+    """The settings of version 0.1.0 by their names of today; what took a method's usual value is left to it."""
+    pinned = kept.get("parameterization")
+    renamed = {name: value for name, value in kept.items() if value is not None and value != []}
+    renamed |= {"joint_terms": kept.get("together", 2), "refine": "linear" if kept.get("refine") == "looks" else "none"}
+    if method == "search":
+        renamed |= {"projections": pinned.split("+") if isinstance(pinned, str) else None}
+    elif isinstance(pinned, str):
+        renamed |= {"coordinates": pinned}
+    return renamed
+
+
+def training_part(source: Reopened) -> "Samples":
+    """What of the source the fit was given, as measured."""
     from homofact.brdf.stratified import stratified_subset
-    from homofact.evaluate.compare import training_samples
-    from homofact.methods.table import METHODS
 
     train = source.source.samples.split(source.held_out, source.seed)[0]
-    train = stratified_subset(train, source.subset, source.seed) if source.subset else train
-    settings = settings_of(fitted)
-    return training_samples(source.source, train, settings) if settings.method in METHODS else train
+    return stratified_subset(train, source.subset, source.seed) if source.subset else train
 
 
 def parts(fitted: "Fitted", source: Reopened) -> "dict[str, Samples]":
-    """ "train", what the fit was given, and "held_out", what it was not, turned at random."""
+    """ "train", what the fit was given, and "held_out", what it was not, both turned at random."""
     from homofact.evaluate.compare import held_out_samples
 
     held = held_out_samples(source.source, source.held_out, source.seed)
-    return {"train": training_part(fitted, source), "held_out": held}
+    return {"train": training_part(source).rotated_at_random(source.seed), "held_out": held}
 
 
 def _largest_side(fitted: "Fitted") -> int:
@@ -182,9 +190,11 @@ def _parts(fitted: "Fitted", total: int, subset: int) -> Iterator[float]:
     """Parts that may have been held out: the usual one, and those that leave as many samples as the fit was given."""
     yield USUAL_HELD_OUT
     trained, settings = fitted.provenance.get("samples"), settings_of(fitted)
+    # A fit of version 0.1.0 counts its azimuth copies.
+    copied = getattr(settings, "copies", 1)
     if subset or not isinstance(trained, int):
         return
-    for copies in (1, settings.copies, 2 * settings.copies):
+    for copies in (1, copied, 2 * copied):
         if trained % copies == 0 and 0 < trained // copies < total:
             yield (total - trained // copies) / total
 

@@ -20,7 +20,7 @@ from homofact.errors import Report, Status
 from homofact.evaluate.metrics import SixErrors
 from homofact.factor.fitted import Fitted
 from homofact.linear.robust import scale_of
-from homofact.methods.settings import FitSettings
+from homofact.methods.fitting import Method
 
 LARGEST_CONDITION = 1e12
 LEAST_DETERMINED = 0.5
@@ -110,7 +110,7 @@ class Verdict:
 def judge(
     fitted: Fitted,
     report: Report,
-    settings: FitSettings,
+    settings: Method,
     train: Samples,
     test: Samples,
     errors: tuple[SixErrors, SixErrors],
@@ -174,7 +174,7 @@ def _outliers(misses: Tensor) -> float:
 
 def _findings(
     verdict: Verdict,
-    settings: FitSettings,
+    settings: Method,
     train: Samples,
     epsilon: float,
     noise: float | None,

@@ -22,7 +22,7 @@ from homofact.files.fields import Fields
 from homofact.geometry.coordinates import COORDINATES, CoordinateSystem
 from homofact.geometry.rotation import Rotation
 from homofact.separable.maps import MAPS
-from homofact.separable.matrix import PARAMETERIZATIONS
+from homofact.separable.names import SIDES
 from homofact.separable.separable import Separable, SeparableTerm
 from homofact.shading.encoding import Encoded
 
@@ -141,5 +141,5 @@ def _sum(
     if len({term.second is None for term in terms}) > 1:
         fields.refuse("terms", "the same number of textures in every term")
     read = torch.tensor(fields.bits("read", rows, columns))
-    name, kind = fields.text("map", MAPS), fields.text("parameterization", PARAMETERIZATIONS)
+    name, kind = fields.text("map", MAPS), fields.text("parameterization", SIDES)
     return Separable(tuple(terms), name, kind, read, transform, channels, provenance)

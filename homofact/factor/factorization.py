@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.reflectance import answering_in_kind
 from homofact.errors import BadInput
 from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
 from homofact.factor.projection import Projection, Warp, describe_projection, layout_of
@@ -125,6 +126,7 @@ class Factorization:
         """Σj p̃j (N, C): the sum of the textures, before the exponential."""
         return sum_of_terms(self.terms, wi, wo)
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         above, wi, wo = above_horizon(wi, wo)

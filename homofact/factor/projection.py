@@ -20,11 +20,11 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.factor.names import BOUNDS, FIXED_AXES
 from homofact.geometry.coordinates import CoordinateSystem, coordinate_system
 from homofact.geometry.rotation import Rotation
 from homofact.linear.layout import Axes, Axis, Shape, TexelLayout
 
-BOUNDS = ("disc", "cube")
 # What a warp stretches, in whatever system.
 WARPED_AXES = ("u_h", "v_h", "theta_h")
 
@@ -183,33 +183,14 @@ def _rotation(rotation: Rotation | None) -> dict[str, Any] | None:
     return {"kind": "single", "quaternion": rows[0]}
 
 
-# Fixed projections: parameterization and the axes that become the texture's columns and rows.
-_FIXED = {
-    "wi": ("in-out", ("u_i", "v_i")),
-    "wo": ("in-out", ("u_o", "v_o")),
-    "h": ("half-diff", ("u_h", "v_h")),
-    "d": ("half-diff", ("u_d", "v_d")),
-    "theta_h-theta_d": ("isotropic-half-diff", ("theta_h", "theta_d")),
-    "theta_d-phi_d": ("isotropic-half-diff", ("theta_d", "phi_d")),
-    "theta_h-phi_d": ("isotropic-half-diff", ("theta_h", "phi_d")),
-    "theta_i-theta_o": ("isotropic-in-out", ("theta_i", "theta_o")),
-    "theta_i-delta_phi": ("isotropic-in-out", ("theta_i", "delta_phi")),
-    "theta_h-phi_h": ("half-angles", ("theta_h", "phi_h")),
-    "theta_h": ("isotropic-half-diff", ("theta_h",)),
-    "theta_d": ("isotropic-half-diff", ("theta_d",)),
-    "theta_i": ("isotropic-in-out", ("theta_i",)),
-}
-FIXED_PROJECTIONS = tuple(_FIXED)
-
-
 def fixed_projection(name: str, reciprocal: bool, warp: Warp | None = None) -> Projection:
     """The projection of that name: two coordinates taken as they are, or one for a 1D texture.
 
     Raises BadInput that lists the names.
     """
-    if name not in _FIXED:
-        raise BadInput(f"projection: found {name!r}, expected one of {', '.join(_FIXED)}")
-    coordinates, axes = _FIXED[name]
+    if name not in FIXED_AXES:
+        raise BadInput(f"projection: found {name!r}, expected one of {', '.join(FIXED_AXES)}")
+    coordinates, axes = FIXED_AXES[name]
     system = coordinate_system(coordinates)
     rows = torch.zeros(2, system.dimension, dtype=torch.float64, device="cpu")
     for row, axis in enumerate(axes):

@@ -1,4 +1,4 @@
-"""A last refinement for looks: the linear, cosine-weighted error, lowered without giving up positivity.
+"""A last refinement where looks are judged: the linear, cosine-weighted error, lowered without giving up positivity.
 
 The log domain is a good place to fit and a poor judge of looks: it spends as much on a dark grazing
 corner as on the highlight. From the log fit s = By, Gauss-Newton steps on
@@ -25,7 +25,7 @@ STEPS = 8
 ENDS = 1e-3
 
 
-def refine_looks(
+def refine_linear(
     samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, transform: LogTransform
 ) -> tuple[tuple[Term, ...], dict[str, float]]:
     """(refined terms, {"log_mse_before", "log_mse_after", "cosine_mse_before", "cosine_mse_after", "steps"}).

@@ -20,7 +20,7 @@ _METRICS = (
 
 def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row]) -> None:
     """Draw the six metrics of `rows` as bars on logarithmic axes into `path` (PNG, SVG or PDF by its ending)."""
-    names = [f"{row.settings.method}, {len(row.factorization.terms)} × {row.settings.size}²" for row in rows]
+    names = [f"{row.settings.name}, {len(row.factorization.terms)} × {row.settings.size}²" for row in rows]
     figure = Figure(figsize=(12, 3 + 0.5 * len(rows)), layout="constrained")
     axes = figure.subplots(2, 3).ravel()
     places = range(len(rows))

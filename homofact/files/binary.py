@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from homofact.errors import BadInput
@@ -10,8 +11,25 @@ from homofact.errors import BadInput
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
     """All bytes of a file. Raises BadInput where it is missing, a folder, unreadable or empty."""
     target = Path(path)
-    try:
+    with _refusing(target):
         data = target.read_bytes()
+    if not data:
+        raise BadInput(f"{target}: the file is empty, expected a BRDF file")
+    return data
+
+
+def check_readable(path: str | os.PathLike[str]) -> None:
+    """Raise BadInput as `read_bytes` does for a file that is missing, a folder or unreadable."""
+    target = Path(path)
+    with _refusing(target), open(target, "rb"):
+        pass
+
+
+@contextlib.contextmanager
+def _refusing(target: Path) -> Iterator[None]:
+    """What goes wrong in reading a file, as BadInput."""
+    try:
+        yield
     except FileNotFoundError as error:
         raise BadInput(f"{target}: no such file, expected a BRDF file or material:NAME") from error
     except IsADirectoryError as error:
@@ -19,9 +37,6 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise BadInput(f"{target}: cannot be read ({reason}), expected a readable BRDF file") from error
-    if not data:
-        raise BadInput(f"{target}: the file is empty, expected a BRDF file")
-    return data
 
 
 def split_member(path: str | os.PathLike[str]) -> tuple[str, str | None]:

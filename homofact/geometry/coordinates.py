@@ -34,6 +34,7 @@ from homofact.errors import BadInput
 from homofact.geometry.axes import coordinates_of, stretched
 from homofact.geometry.expression import Expression, Let, variable
 from homofact.geometry.interpret import TORCH, interpret, value_of
+from homofact.geometry.names import HALF_ANGLES, HALF_DIFF, IN_OUT, ISOTROPIC_HALF_DIFF, ISOTROPIC_IN_OUT
 
 Scales = tuple[tuple[float, float], ...]
 
@@ -95,10 +96,10 @@ _PLAIN = ((1.0, 0.0),) * 4
 COORDINATES = {
     system.name: system
     for system in (
-        CoordinateSystem("in-out", ("u_i", "v_i", "u_o", "v_o"), _PLAIN, "discs", _EXCHANGE, False),
-        CoordinateSystem("half-diff", ("u_h", "v_h", "u_d", "v_d"), _PLAIN, "discs", _HALF_TURN, False),
+        CoordinateSystem(IN_OUT, ("u_i", "v_i", "u_o", "v_o"), _PLAIN, "discs", _EXCHANGE, False),
+        CoordinateSystem(HALF_DIFF, ("u_h", "v_h", "u_d", "v_d"), _PLAIN, "discs", _HALF_TURN, False),
         CoordinateSystem(
-            "isotropic-half-diff",
+            ISOTROPIC_HALF_DIFF,
             ("theta_h", "theta_d", "phi_d"),
             (_ANGLE,) * 3,
             "box",
@@ -106,7 +107,7 @@ COORDINATES = {
             True,
         ),
         CoordinateSystem(
-            "isotropic-in-out",
+            ISOTROPIC_IN_OUT,
             ("theta_i", "theta_o", "delta_phi"),
             (_ANGLE, _ANGLE, _TURN),
             "box",
@@ -114,7 +115,7 @@ COORDINATES = {
             True,
         ),
         CoordinateSystem(
-            "half-angles",
+            HALF_ANGLES,
             ("theta_h", "phi_h"),
             (_ANGLE, (1 / math.pi, 0.0)),
             "box",
@@ -130,7 +131,7 @@ COORDINATES = {
 def coordinate_system(name: str) -> CoordinateSystem:
     """The system called `name`. Raises BadInput that lists the names."""
     if name not in COORDINATES:
-        raise BadInput(f"parameterization: found {name!r}, expected one of {', '.join(COORDINATES)}")
+        raise BadInput(f"coordinates: found {name!r}, expected one of {', '.join(COORDINATES)}")
     return COORDINATES[name]
 
 

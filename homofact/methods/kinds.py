@@ -1,21 +1,20 @@
 """What a texture may be indexed by in a searched factorization: the candidates, by name.
 
-A kind is a fixed projection ("theta_h-theta_d", "h" …) or one of the four parameterizations without a periodic
-axis, whose projection is then searched: a mix of axes, which would jump where a periodic one closes. Symmetry first:
-for an isotropic material only coordinates that do not know the azimuth are candidates, since a 4D one would spend its
-texels on learning that turning changes nothing. An anisotropic material may use both: one texture for its lobe,
-another for what does not turn with it.
+A kind is a fixed projection ("theta_h-theta_d", "h" …) or the name of coordinates without a periodic axis, on which the
+projection is then searched: a mix of axes, which would jump where a periodic one closes. Symmetry first: for an
+isotropic material only coordinates that do not know the azimuth are candidates, since a 4D one would spend its texels
+on learning that turning changes nothing. An anisotropic material may use both: one texture for its lobe, another for
+what does not turn with it.
 """
 
 import torch
 
 from homofact.errors import BadInput
-from homofact.factor.projection import FIXED_PROJECTIONS, WARPED_AXES, Projection, Warp, fixed_projection
-from homofact.geometry.coordinates import COORDINATES, coordinate_system
+from homofact.factor.names import FIXED_PROJECTIONS, KINDS
+from homofact.factor.projection import WARPED_AXES, Projection, Warp, fixed_projection
+from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.names import COORDINATE_NAMES
 from homofact.geometry.rotation import Rotation
-
-SEARCHED_KINDS = tuple(name for name, system in COORDINATES.items() if not system.periodic)
-KINDS = (*FIXED_PROJECTIONS, *SEARCHED_KINDS)
 
 ISOTROPIC_CANDIDATES = (
     "theta_h-theta_d",
@@ -45,15 +44,15 @@ WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01)
 
 
 def coordinates_of(kind: str) -> str:
-    """The parameterization that a kind's projection acts on. Raises BadInput that lists the kinds."""
+    """The coordinates that a kind's projection acts on. Raises BadInput that lists the kinds."""
     if kind not in KINDS:
-        raise BadInput(f"parameterization: found {kind!r}, expected one of {', '.join(KINDS)}")
-    return kind if kind in SEARCHED_KINDS else fixed_projection(kind, True).coordinates
+        raise BadInput(f"projections: found {kind!r}, expected one of {', '.join(KINDS)}")
+    return kind if kind in COORDINATE_NAMES else fixed_projection(kind, True).coordinates
 
 
 def is_searched(kind: str) -> bool:
     """Whether the projection of this kind has parameters to search."""
-    return kind in SEARCHED_KINDS
+    return kind in COORDINATE_NAMES
 
 
 def is_isotropic(kind: str) -> bool:
@@ -94,7 +93,7 @@ def loosened(projection: Projection) -> Projection | None:
     Its two axes become the first rows of a rotation: a signed permutation, found in quaternions.
     """
     rows = projection.matrix
-    searchable = projection.coordinates in SEARCHED_KINDS
+    searchable = projection.coordinates in COORDINATE_NAMES
     if not searchable or projection.rotation is not None or bool((rows.abs().sum(1) == 0).any()):
         return None
     dimension = projection.system.dimension

@@ -6,7 +6,7 @@ fits on the same samples beside the pictures: those that neither has seen, where
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -127,9 +127,10 @@ def _measure(fitted: "Fitted", source: Reopened) -> "dict[str, SixErrors]":
 def _mccool(fitted: "Fitted", source: Reopened, stage: Stage) -> "Row | None":
     """McCool's projections on the same split, of the same size and ε; None where the fit is that itself."""
     from homofact.evaluate.compare import fit_and_measure
+    from homofact.methods.table import mccool_like
 
     settings = settings_of(fitted)
-    baseline = replace(settings, method="mccool", projections=())
+    baseline = mccool_like(settings)
     if baseline == settings:
         return None
     stage("McCool's projections")

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 import homofact
-from homofact.cli import export as command
 from homofact.cli.main import main
-from homofact.containers.formats import FORMATS
 from homofact.factor.factorization import Factorization
 
 MODEL = ["material:lafortune-blue-paint", "--count", "3000"]
@@ -25,10 +23,6 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def errors(text: str) -> dict:
     return json.loads(text)["errors"]
-
-
-def test_the_formats_of_the_help_are_those_there_are() -> None:
-    assert tuple(FORMATS) == command.FORMATS
 
 
 def test_an_export_says_what_storing_cost_and_reads_back(result: Path, tmp_path: Path, capsys) -> None:

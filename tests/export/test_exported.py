@@ -66,7 +66,7 @@ def test_every_format_gives_what_it_said_it_would(name: str, tmp_path: Path) -> 
 
 def test_whole_texels_survive_to_the_bit(tmp_path: Path) -> None:
     source = homofact.read("material:lafortune-blue-paint", count=3000)
-    fitted = homofact.fit(source, method="mccool", size=8, quantize="png8")
+    fitted = homofact.fit(source, homofact.McCool(size=8, quantize="png8")).factorization
     write(tmp_path / "out", fitted, "png8")
     assert np.allclose(values(open_exported(tmp_path / "out")), values(fitted), rtol=1e-12)
 

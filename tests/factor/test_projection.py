@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from homofact.errors import BadInput
-from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
+from homofact.factor.names import FIXED_PROJECTIONS
+from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import COORDINATES
 from homofact.geometry.directions import draw_in_discs
 from homofact.geometry.rotation import Rotation
@@ -110,7 +111,7 @@ def test_which_axes_go_round_is_read_off_the_matrix() -> None:
         (lambda: Projection("half-angles", torch.tensor([[0.6, 0.4], [0, 1]]), True), "mixes or scales phi_h"),
         (lambda: Projection("half-angles", torch.tensor([[1.0, 0], [0, 0.5]]), True), "mixes or scales phi_h"),
         (lambda: fixed_projection("halfway", True), "projection: found 'halfway', expected one of wi, wo, h"),
-        (lambda: Projection("polar", torch.zeros(2, 4), True), "parameterization: found 'polar'"),
+        (lambda: Projection("polar", torch.zeros(2, 4), True), "coordinates: found 'polar'"),
         (lambda: Projection("in-out", torch.zeros(2, 3), True), r"shape \(2, 3\), expected \(2, 4\)"),
         (lambda: Projection("in-out", torch.full((2, 4), float("nan")), True), "not finite"),
         (lambda: Projection.from_rows("in-out", torch.eye(2, 4), True, "ball"), "bound: found 'ball'"),

@@ -14,9 +14,9 @@ from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, domain_mask, solve_terms
-from homofact.methods.cole_fit import fit_cole
+from homofact.methods.cole import Cole
+from homofact.methods.mccool import McCool
 from homofact.methods.mccool_fit import fit_mccool
-from homofact.methods.settings import FitSettings
 
 NAMES = ("theta_h-theta_d", "theta_i-theta_o")
 PROJECTIONS = tuple(fixed_projection(name, True) for name in NAMES)
@@ -92,7 +92,7 @@ def test_the_predicted_deviation_is_the_observed_spread() -> None:
 
 def test_a_fit_leaves_deviations_that_are_saved_and_read_back(tmp_path) -> None:
     samples = sample_model(material("phong-10").model, 2000, "discs", 0)
-    settings = FitSettings(method="mccool", size=8, confidence=True)
+    settings = McCool(size=8, confidence=True)
     fit = fit_mccool(samples, settings).factorization
     fit.save(tmp_path / "fit.npz")
     for one, two in zip(fit.terms, Factorization.load(tmp_path / "fit.npz").terms, strict=True):
@@ -106,12 +106,11 @@ def test_a_fit_leaves_deviations_that_are_saved_and_read_back(tmp_path) -> None:
 
 
 def test_terms_that_were_not_solved_together_have_no_confidence() -> None:
+    with pytest.raises(BadInput, match=r"confidence: found joint_terms 1 for 3 textures with it, expected 0"):
+        Cole(textures=3, joint_terms=1, confidence=True)
     samples: Samples = sample_model(material("phong-10").model, 500, "discs", 0)
-    settings = FitSettings(
-        method="cole", textures=3, together=1, size=4, restarts=1, search_samples=200, confidence=True
-    )
-    with pytest.raises(BadInput, match="--together 0"):
-        fit_cole(samples, settings)
+    quick = Cole(textures=2, joint_terms=0, size=4, restarts=1, search_samples=200, confidence=True)
+    assert all(term.deviation is not None for term in quick.fit(samples).factorization.terms)
 
 
 def test_a_deviation_of_another_shape_is_refused(tmp_path) -> None:

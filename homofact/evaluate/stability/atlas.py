@@ -5,7 +5,7 @@ import io
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 from homofact.evaluate.stability.cells import Cell, Fitter, Judged, Outcome, References, fit_row, run_cell
@@ -13,16 +13,14 @@ from homofact.evaluate.stability.problem import Scale, Stressor, unstressed
 from homofact.evaluate.stability.real import Absent
 from homofact.evaluate.stability.stressors import STRESSORS, stressor
 from homofact.files.binary import write_bytes
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import METHODS, method
+from homofact.methods.table import METHODS, method_class
 
-# Small fits, so that hundreds of them take minutes. ε is that of measured data.
-BASE_SETTINGS = FitSettings(
-    textures=2, size=8, epsilon=1e-2, restarts=1, budget=0.6, search_size=5, search_samples=250, copies=2
-)
-SHORT_SETTINGS = FitSettings(
-    textures=2, size=8, epsilon=1e-2, restarts=1, budget=0.05, search_size=4, search_samples=100, copies=2
-)
+# Small fits, so that hundreds of them take minutes. ε is that of measured data. A method takes what it has of these.
+BASE_SETTINGS: dict[str, Any] = {
+    "textures": 2, "size": 8, "epsilon": 1e-2, "restarts": 1, "budget": 0.6, "search_size": 5, "search_samples": 250,
+    "copies": 2,
+}  # fmt: skip
+SHORT_SETTINGS = BASE_SETTINGS | {"budget": 0.05, "search_size": 4, "search_samples": 100}
 FULL, SHORT = Scale(), Scale(samples=600, clean=400)
 
 
@@ -38,7 +36,7 @@ class Plan:
     def __post_init__(self) -> None:
         """Refuse unknown names. Raises BadInput that lists the known ones."""
         for name in self.methods:
-            method(name)
+            method_class(name)
         for name in self.stressors:
             stressor(name)
 
@@ -48,9 +46,9 @@ class Plan:
         return SHORT if self.short else FULL
 
     @property
-    def settings(self) -> FitSettings:
-        """The settings that all fits share."""
-        return replace(SHORT_SETTINGS if self.short else BASE_SETTINGS, seed=self.seed)
+    def settings(self) -> dict[str, Any]:
+        """The settings that all fits share, as far as their methods have them."""
+        return (SHORT_SETTINGS if self.short else BASE_SETTINGS) | {"seed": self.seed}
 
     def strengths(self, of: Stressor) -> tuple[float, ...]:
         """The strengths of a stressor that are run."""

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.brdf.materials import material
-from homofact.brdf.source import MATERIAL_PREFIX
+from homofact.brdf.names import MATERIAL_PREFIX
 from homofact.errors import BadInput
 from homofact.render.environment import read_environment
 from homofact.render.light import DirectionalLight
