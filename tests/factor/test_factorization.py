@@ -102,3 +102,16 @@ def test_an_unwritable_place_leaves_nothing(factorization: Factorization, tmp_pa
     with pytest.raises(BadInput, match="cannot be written"):
         factorization.save(tmp_path / "missing" / "f.npz")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_textures_that_ran_away_together_stay_finite_in_float32() -> None:
+    """Each under the cap, their sum far above it."""
+    whole = torch.ones(4, 4, dtype=torch.bool)
+    terms = tuple(
+        Term(fixed_projection(name, True), torch.full((4, 4, 1), 60.0, dtype=torch.float64), whole)
+        for name in ("h", "theta_i-theta_o")
+    )
+    fit = Factorization(terms, LogTransform(0.01, torch.tensor([2.0], dtype=torch.float64)), ("Y",))
+    wi, wo = draw_in_discs(5, torch.Generator().manual_seed(0))
+    assert torch.allclose(fit.evaluate(wi, wo), torch.full((5, 1), 2 * np.exp(80.0), dtype=torch.float64))
+    assert bool(torch.isfinite(fit.evaluate(wi.float(), wo.float())).all())

@@ -50,6 +50,21 @@ SETS: dict[str, tuple[tuple[Projection, ...], int]] = {
         1 + 1,
     ),
     "five searched in R4, reciprocal": (tuple(searched(s) for s in range(5)), 4 + 8),
+    # u v and v u are one function: what adds up is the symmetric part of the outer product.
+    "axes exchanged": (
+        (
+            fixed_projection("h", False),
+            Projection("half-diff", fixed_projection("h", False).matrix.flip(0), False, "exchanged"),
+        ),
+        1 + 2 + 1,
+    ),
+    "axes exchanged, searched": (
+        (
+            searched(0, reciprocal=False),
+            Projection("half-diff", searched(0, reciprocal=False).matrix.flip(0), False, "exchanged"),
+        ),
+        1 + 2 + 1,
+    ),
     "different coordinates": ((searched(0, "in-out", False), searched(1, "half-diff", False)), 1),
 }
 
@@ -63,7 +78,8 @@ def problem_of(projections: tuple[Projection, ...], count: int = 8000):
 
 
 def null_of(rows: Tensor) -> Tensor:
-    _, values, right = torch.linalg.svd(rows, full_matrices=True)
+    # R has the rows' null space, and is square.
+    _, values, right = torch.linalg.svd(torch.linalg.qr(rows).R)
     rank = int((values > 1e-9 * values[0]).sum())
     return right[rank:].T
 

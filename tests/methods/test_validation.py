@@ -116,3 +116,41 @@ def test_other_sets_are_judged_at_random() -> None:
         (partition,) = deal(samples, 4, 0, rings=rings)
         assert partition.share == 1
         assert torch.equal(partition.folds, deal_folds(len(samples), 4, 0))
+
+
+def test_partitions_count_by_their_shares() -> None:
+    samples = _noisy(0.3)
+    even, thirds = deal_folds(900, 2, 0), deal_folds(900, 3, 1)
+    # The second leaves out half of the samples only: shares, not weights, are what counts between partitions.
+    thirds[450:] = -1
+
+    def error(*partitions: Partition) -> float:
+        return Folded.of(samples, partitions, PROJECTIONS, SHAPES).error((0.05, 0.02))
+
+    one, other = error(Partition(even, 1.0)), error(Partition(thirds, 1.0))
+    assert abs(one - other) > 1e-3 * one
+    assert error(Partition(even, 0.8), Partition(thirds, 0.2)) == pytest.approx(0.8 * one + 0.2 * other, rel=1e-9)
+    assert error(Partition(even, 0.1), Partition(thirds, 0.9)) == pytest.approx(0.1 * one + 0.9 * other, rel=1e-9)
+    chosen = Partition(even, 0.8).select(torch.arange(10)).repeated(3)
+    assert (chosen.share, len(chosen.folds)) == (0.8, 30)
+    assert torch.equal(chosen.folds, even[:10].repeat(3))
+
+
+def test_textures_that_differ_get_smoothing_that_differs() -> None:
+    """One texture has texel after texel to follow, the other is a ramp: one λ for both is worse than one each."""
+    generator = torch.Generator().manual_seed(0)
+    wi, wo = draw_in_discs(3000, generator, 0.98)
+    rough = torch.sin(9 * PROJECTIONS[0].place(wi, wo)[0]).sum(1)
+    # Linear in the place: smoothing costs it nothing.
+    ramp = 0.5 * sum(uv[:, 0] for uv in PROJECTIONS[1].place(wi, wo))
+    noise = 0.5 * torch.randn(3000, dtype=torch.float64, generator=generator)
+    samples = LogSamples(wi, wo, (rough + ramp + noise)[:, None], torch.ones(3000).double())
+    folded = Folded.of(samples, (Partition(deal_folds(3000, 4, 0), 1.0),), PROJECTIONS, ((10, 10), (10, 10)))
+    alike, common = folded.best_smoothing((1e-2, 1e-2))
+    each, error = folded.best_each(alike)
+    assert alike[0] == alike[1]
+    assert each[1] >= 10 * each[0]
+    assert error < common
+    for j, factor in ((0, 10), (0, 0.1), (1, 0.1)):
+        other = tuple(value * (factor if k == j else 1) for k, value in enumerate(each))
+        assert folded.error(other) > error
