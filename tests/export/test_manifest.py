@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def value_of(formula, **names):
 
 def words(pattern, *keys):
     """The formulas that a pattern's groups find in the conventions under `keys`."""
-    text = CONVENTIONS
+    text: Any = CONVENTIONS
     for key in keys:
         text = text[key]
     found = re.search(pattern, text)
