@@ -52,7 +52,7 @@ def verdict(
     test: Samples = TEST,
     log_mse: tuple[float, float] = (1e-4, 1e-4),
     status: Status = Status.DIRECT,
-    **details: float,
+    **details: Any,
 ) -> Verdict:
     report = Report(status, 0, 0, 0.0, 0.0, 0, details=details)
     pair = (errors(log_mse[0]), errors(log_mse[1]))
@@ -75,7 +75,7 @@ def test_endings(status: Status, found: bool) -> None:
 @pytest.mark.parametrize(
     ("name", "good", "bad"), [("condition", 0.9e12, 1.1e12), ("determined", 0.51, 0.49), ("condition", 1.0, math.inf)]
 )
-def test_the_system(name: str, good: float, bad: float) -> None:
+def test_the_system(name: str, good: Any, bad: Any) -> None:
     assert names(verdict(**{name: good})) == set()
     assert names(verdict(**{name: bad})) == {name}
 

@@ -135,3 +135,14 @@ def test_constants_do_not_depend_on_the_order_of_magnitude_of_the_data() -> None
         moved = (two.texture - one.texture)[one.mask]
         expected = torch.log(torch.tensor(100.0)).item() / one.projection.lookups if j == 0 else 0.0
         assert torch.allclose(moved, torch.full_like(moved, expected), atol=1e-3)
+
+
+def test_the_first_texture_is_the_one_that_keeps_its_mean() -> None:
+    projections, _ = SETS["three searched in R4, not reciprocal"]
+    _, masks = problem_of(projections)
+    rows = gauge_rows(projections, masks)
+    count = SIZE * SIZE
+    for j in range(3):
+        constant = torch.zeros(3 * count, dtype=torch.float64)
+        constant[j * count : (j + 1) * count] = 1 / SIZE
+        assert float((rows.T @ constant).norm()) == pytest.approx(0 if j == 0 else 1, abs=1e-9)

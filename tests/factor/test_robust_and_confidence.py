@@ -156,3 +156,14 @@ def test_a_sample_in_two_halves_changes_no_deviation() -> None:
         assert one.deviation is not None
         assert other.deviation is not None
         assert torch.allclose(one.deviation, other.deviation, rtol=1e-6)
+
+
+def test_smoothing_reaches_an_eighth_of_a_side_from_the_samples() -> None:
+    """One sample, read by the four texels round it: two more on every side of a texture of sixteen."""
+    logs, _ = planted(500)
+    theta = torch.acos(logs.wi[:, 2]) + torch.acos(logs.wo[:, 2])
+    middle = (torch.acos(logs.wi[:, 2]) - torch.acos(logs.wo[:, 2])).abs() + (theta - 1.5).abs()
+    one = logs.select(middle.argmin()[None])
+    projection = fixed_projection("theta_i-theta_o", False)
+    (term,) = solve_terms(one, (projection,), ((16, 16),), 1e-3, "cholesky").terms
+    assert int(term.mask.sum()) == (2 + 2 * 2) ** 2
