@@ -76,3 +76,14 @@ def test_noise_on_a_constant_comes_out_as_it_was_put_in(isotropic: bool) -> None
     added = local_scatter(noisy(flat, additive=0.05))
     assert added is not None
     assert added.relative == pytest.approx(0.05, rel=0.05)
+
+
+def test_the_floor_is_that_of_the_darkest_quarter() -> None:
+    samples = clean()
+    brightness = (samples.values / samples.values.mean(0)).mean(1)
+    loud = brightness > brightness.quantile(0.35)
+    noise = noisy(samples, additive=0.1).values
+    some = replace(samples, values=torch.where(loud[:, None], noise, samples.values))
+    scatter = local_scatter(some)
+    assert scatter is not None
+    assert scatter.floor < 0.02

@@ -7,9 +7,10 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.factor.factorization import Term, sum_of_terms
 from homofact.factor.gauge import gauge_rows, null_space
 from homofact.factor.projection import Projection, Warp, fixed_projection
-from homofact.factor.textures import LogSamples, inner_problem, solve_terms, texture_shape
+from homofact.factor.textures import LogSamples, centred, inner_problem, solve_terms, texture_shape
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.geometry.rotation import Pair
 from homofact.linear.normal import stencil_rows
@@ -146,3 +147,20 @@ def test_the_first_texture_is_the_one_that_keeps_its_mean() -> None:
         constant = torch.zeros(3 * count, dtype=torch.float64)
         constant[j * count : (j + 1) * count] = 1 / SIZE
         assert float((rows.T @ constant).norm()) == pytest.approx(0 if j == 0 else 1, abs=1e-9)
+
+
+def test_gathering_the_constants_leaves_the_sum_alone() -> None:
+    """A texture that is looked up twice brings its mean twice, and the first one takes it in halves."""
+    generator = torch.Generator().manual_seed(0)
+    whole = torch.ones(SIZE, SIZE, dtype=torch.bool)
+    projections = (searched(0), *fixed("theta_i-theta_o", "h"), searched(1))
+    assert len({projection.lookups for projection in projections}) == 2
+    terms = tuple(
+        Term(p, 1 + k + torch.rand(SIZE, SIZE, 2, dtype=torch.float64, generator=generator), whole)
+        for k, p in enumerate(projections)
+    )
+    moved = centred(terms)
+    wi, wo = draw_cosine_weighted(200, generator)
+    assert torch.allclose(sum_of_terms(moved, wi, wo), sum_of_terms(terms, wi, wo), atol=1e-12)
+    for term in moved[1:]:
+        assert float(term.texture.mean((0, 1)).abs().max()) < 1e-12

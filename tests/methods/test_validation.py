@@ -1,5 +1,7 @@
 """Cross-validation by subtraction against cross-validation by hand."""
 
+import math
+
 import pytest
 import torch
 
@@ -154,3 +156,28 @@ def test_textures_that_differ_get_smoothing_that_differs() -> None:
     for j, factor in ((0, 10), (0, 0.1), (1, 0.1)):
         other = tuple(value * (factor if k == j else 1) for k, value in enumerate(each))
         assert folded.error(other) > error
+
+
+def test_smoothing_moves_in_decades_or_half_ones_and_stays_in_its_range() -> None:
+    folded = Folded.of(_noisy(1.0), (Partition(deal_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
+    for found, step in (
+        (folded.best_smoothing((2e-3, 2e-3))[0], 1.0),
+        (folded.best_each((2e-3, 2e-3))[0], 1.0),
+        (folded.best_each((2e-3, 2e-3), stride=1)[0], 0.5),
+    ):
+        steps = [math.log10(value / 2e-3) / step for value in found]
+        assert steps == pytest.approx([round(each) for each in steps], abs=1e-9)
+        assert any(round(each) != 0 for each in steps)
+    half = [math.log10(value / 2e-3) * 2 for value in folded.best_each((2e-3, 2e-3), stride=1)[0]]
+    assert any(round(each) % 2 for each in half)
+
+
+def test_smoothing_that_only_helps_ends_at_the_last_step_in_its_range() -> None:
+    """Noise about a constant: the more smoothing the better, without end."""
+    samples = _noisy(1.0)
+    noise = torch.randn(900, 1, dtype=torch.float64, generator=torch.Generator().manual_seed(4))
+    flat = LogSamples(samples.wi, samples.wo, noise, torch.ones(900).double())
+    folded = Folded.of(flat, (Partition(deal_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
+    assert folded.error((200.0, 200.0)) < folded.error((20.0, 20.0)) < folded.error((2.0, 2.0))
+    assert folded.best_smoothing((2.0, 2.0))[0] == pytest.approx((20.0, 20.0))
+    assert max(folded.best_each((2.0, 2.0))[0]) <= 1e2
