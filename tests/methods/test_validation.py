@@ -1,5 +1,7 @@
 """Cross-validation by subtraction against cross-validation by hand."""
 
+import math
+
 import pytest
 import torch
 
@@ -118,3 +120,66 @@ def test_other_sets_are_judged_at_random() -> None:
         (partition,) = partitions_of(samples, 4, 0, rings=rings)
         assert partition.share == 1
         assert torch.equal(partition.folds, random_folds(len(samples), 4, 0))
+
+
+def test_partitions_count_by_their_shares() -> None:
+    samples = _noisy(0.3)
+    even, thirds = random_folds(900, 2, 0), random_folds(900, 3, 1)
+    # The second leaves out half of the samples only: shares, not weights, are what counts between partitions.
+    thirds[450:] = -1
+
+    def error(*partitions: Partition) -> float:
+        return Folded.of(samples, partitions, PROJECTIONS, SHAPES).error((0.05, 0.02))
+
+    one, other = error(Partition(even, 1.0)), error(Partition(thirds, 1.0))
+    assert abs(one - other) > 1e-3 * one
+    assert error(Partition(even, 0.8), Partition(thirds, 0.2)) == pytest.approx(0.8 * one + 0.2 * other, rel=1e-9)
+    assert error(Partition(even, 0.1), Partition(thirds, 0.9)) == pytest.approx(0.1 * one + 0.9 * other, rel=1e-9)
+    chosen = Partition(even, 0.8).select(torch.arange(10)).repeated(3)
+    assert (chosen.share, len(chosen.folds)) == (0.8, 30)
+    assert torch.equal(chosen.folds, even[:10].repeat(3))
+
+
+def test_textures_that_differ_get_smoothing_that_differs() -> None:
+    """One texture has texel after texel to follow, the other is a ramp: one λ for both is worse than one each."""
+    generator = torch.Generator().manual_seed(0)
+    wi, wo = draw_in_discs(3000, generator, 0.98)
+    rough = torch.sin(9 * PROJECTIONS[0].place(wi, wo)[0]).sum(1)
+    # Linear in the place: smoothing costs it nothing.
+    ramp = 0.5 * sum(uv[:, 0] for uv in PROJECTIONS[1].place(wi, wo))
+    noise = 0.5 * torch.randn(3000, dtype=torch.float64, generator=generator)
+    samples = LogSamples(wi, wo, (rough + ramp + noise)[:, None], torch.ones(3000).double())
+    folded = Folded.of(samples, (Partition(random_folds(3000, 4, 0), 1.0),), PROJECTIONS, ((10, 10), (10, 10)))
+    alike, common = folded.best_smoothing((1e-2, 1e-2), Account())
+    each, error = folded.best_each(alike, Account())
+    assert alike[0] == alike[1]
+    assert each[1] >= 10 * each[0]
+    assert error < common
+    for j, factor in ((0, 10), (0, 0.1), (1, 0.1)):
+        other = tuple(value * (factor if k == j else 1) for k, value in enumerate(each))
+        assert folded.error(other) > error
+
+
+def test_smoothing_moves_in_decades_or_half_ones_and_stays_in_its_range() -> None:
+    folded = Folded.of(_noisy(1.0), (Partition(random_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
+    for found, step in (
+        (folded.best_smoothing((2e-3, 2e-3), Account())[0], 1.0),
+        (folded.best_each((2e-3, 2e-3), Account())[0], 1.0),
+        (folded.best_each((2e-3, 2e-3), Account(), stride=1)[0], 0.5),
+    ):
+        steps = [math.log10(value / 2e-3) / step for value in found]
+        assert steps == pytest.approx([round(each) for each in steps], abs=1e-9)
+        assert any(round(each) != 0 for each in steps)
+    half = [math.log10(value / 2e-3) * 2 for value in folded.best_each((2e-3, 2e-3), Account(), stride=1)[0]]
+    assert any(round(each) % 2 for each in half)
+
+
+def test_smoothing_that_only_helps_ends_at_the_last_step_in_its_range() -> None:
+    """Noise about a constant: the more smoothing the better, without end."""
+    samples = _noisy(1.0)
+    noise = torch.randn(900, 1, dtype=torch.float64, generator=torch.Generator().manual_seed(4))
+    flat = LogSamples(samples.wi, samples.wo, noise, torch.ones(900).double())
+    folded = Folded.of(flat, (Partition(random_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
+    assert folded.error((200.0, 200.0)) < folded.error((20.0, 20.0)) < folded.error((2.0, 2.0))
+    assert folded.best_smoothing((2.0, 2.0), Account())[0] == pytest.approx((20.0, 20.0))
+    assert max(folded.best_each((2.0, 2.0), Account())[0]) <= 1e2

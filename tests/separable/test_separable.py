@@ -204,13 +204,6 @@ def test_what_is_below_zero_is_cut_and_counted() -> None:
     assert len(fit.factorization.terms) == 1
 
 
-def test_directions_under_the_horizon_reflect_nothing() -> None:
-    wi, wo = pairs(10)
-    down = wi * torch.tensor([1.0, 1.0, -1.0])
-    found = separable_of(GREY, 1, 4)
-    assert float(found.evaluate(down, wo).abs().max()) == float(found.evaluate(wo, down).abs().max()) == 0
-
-
 def test_local_planes_pass_through_a_plane_and_invent_nothing() -> None:
     samples = sample_model(WARD, 20_000)
     wi, wo = samples.wi[:300], samples.wo[:300]

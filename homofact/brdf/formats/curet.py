@@ -27,7 +27,7 @@ from homofact.brdf.channels import as_channels, check_channels
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.files.binary import read_bytes, split_member, write_bytes
-from homofact.files.text import number_table, numbered_lines
+from homofact.files.text import check_last_line, number_table, numbered_lines
 from homofact.geometry.directions import from_spherical, to_spherical
 
 NAME = "curet"
@@ -60,8 +60,8 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     """The 205 samples of the material that "FILE#NUMBER" names; of a file with one row, the number may be left out.
 
     Raises BadInput naming file and line: no table.txt beside it or one that is not 205 rows of four angles above the
-    horizon, rows of another length, numbers that are none, a sample's number twice or out of 1 to 61, no number
-    where there are several samples, and one that the file does not hold.
+    horizon, rows of another length, a cut end, numbers that are none, a sample's number twice or out of 1 to 61, no
+    number where there are several samples, and one that the file does not hold.
     """
     check_channels(channels)
     file, member = split_member(path)
@@ -119,6 +119,8 @@ def _rows(path: str | os.PathLike[str]) -> dict[int, np.ndarray]:
     numbers, places = number_table(
         path, numbered_lines(raw), MEASUREMENTS + 1, f"a sample's number and {MEASUREMENTS} values"
     )
+    if places:
+        check_last_line(path, raw, places[-1])
     table: dict[int, np.ndarray] = {}
     for row, line in zip(numbers, places, strict=True):
         if row[0] != int(row[0]) or not 1 <= row[0] <= SAMPLES or int(row[0]) in table:
@@ -133,9 +135,11 @@ def _directions(path: Path) -> np.ndarray:
     """theta_v, phi_v, theta_i, phi_i (205, 4) in radians."""
     if not path.is_file():
         raise BadInput(f"{path}: no such file, expected the database's table of {MEASUREMENTS} directions there")
-    numbers, places = number_table(path, numbered_lines(read_bytes(path)), 4, "theta_v phi_v theta_i phi_i")
+    raw = read_bytes(path)
+    numbers, places = number_table(path, numbered_lines(raw), 4, "theta_v phi_v theta_i phi_i")
     if len(numbers) != MEASUREMENTS:
         raise BadInput(f"{path}: {len(numbers)} rows, expected {MEASUREMENTS}")
+    check_last_line(path, raw, places[-1])
     theta = numbers[:, [0, 2]]
     wrong = ((theta < -_SLACK) | (theta > math.pi / 2 + _SLACK)).any(1)
     if wrong.any():
