@@ -29,6 +29,8 @@ from typing import Any
 from conditions import figure, machine, markdown, parser_of, write
 from cost_of_evaluation import EPSILON, MATERIAL, MIB, forget_peak, load, resident
 
+from homofact.files.atomic import replace_file
+
 COUNTS = (3_000, 10_000, 30_000, 100_000, 300_000, 1_100_000)
 TARGET = 1.05
 # Freed arrays go back to the system at once, or what is held would hide behind what was.
@@ -154,7 +156,7 @@ def draw(path: Path, counts: Sequence[int], found: Sequence[dict[str, Any]], eva
         axis.set_xlabel("samples N")
         axis.legend(frameon=False, fontsize=8)
         axis.spines[["top", "right"]].set_visible(False)
-    picture.savefig(path, dpi=110)
+    replace_file(path, lambda made: picture.savefig(made, dpi=110))
 
 
 def main(arguments: list[str] | None = None) -> int:

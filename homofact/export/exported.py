@@ -21,7 +21,7 @@ from homofact.export.manifest import CONVENTIONS, bits, describe_projection, wri
 from homofact.export.separable_files import EVALUATION, MAPS
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
-from homofact.files.atomic import replace_file
+from homofact.files.atomic import write_text
 from homofact.files.folder import check_new_folder, write_folder
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.separable.separable import Separable, SeparableTerm
@@ -146,7 +146,7 @@ def write_exported(
         for name, texture in zip(made.names, made.textures, strict=True):
             made.format.write(place / name, texture.stored, exr_channel_names(made.stored.channels), facts)
         for name, text in _codes(made).items():
-            replace_file(place / name, lambda beside, text=text: _write_text(beside, text))
+            write_text(place / name, text)
         write_json(place / MANIFEST, description)
 
     write_folder(folder, fill)
@@ -224,7 +224,3 @@ def _codes(made: Exported) -> dict[str, str]:
     last = f"The texels below are those of {', '.join(made.names)}, decoded."
     code = c_source(replace(program, title=(*program.title, last)), [texture.stored for texture in plain])
     return texts | {"brdf.c": code}
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")

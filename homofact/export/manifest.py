@@ -7,7 +7,6 @@ form); a reader in another language needs this file and the EXR textures, nothin
 import json
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -17,7 +16,7 @@ from homofact.containers.exr import exr_channel_names
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection
-from homofact.files.atomic import replace_file
+from homofact.files.atomic import write_text
 from homofact.geometry.rotation import Pair
 from homofact.version import __version__
 
@@ -92,11 +91,7 @@ def write_json(path: str | os.PathLike[str], obj: Any) -> None:
         text = json.dumps(obj, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     except (TypeError, ValueError) as error:
         raise BadInput(f"{path}: not JSON ({error}), expected plain finite values") from error
-    replace_file(path, lambda beside: _write_text(beside, text))
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def _texture(term: Term, names: Mapping[str, str]) -> dict[str, Any]:

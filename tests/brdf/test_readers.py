@@ -9,7 +9,7 @@ from homofact.brdf.formats import READERS, npz, read_samples
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
-from homofact.files.binary import write_bytes
+from homofact.files.atomic import write_bytes
 
 CORNELL = b"# num wls\n3\n400 550 700\n0.1 0 0.1 0 0.5 0.5 0.5\n"
 
@@ -62,7 +62,7 @@ def test_unreadable_file(tmp_path: Path) -> None:
     path = tmp_path / "secret"
     path.write_bytes(CORNELL)
     path.chmod(0)
-    with pytest.raises(BadInput, match=r"cannot be read .*expected a readable BRDF file"):
+    with pytest.raises(BadInput, match=r"cannot be read .*expected a BRDF file"):
         read_samples(path)
 
 

@@ -345,7 +345,7 @@ def test_a_scene_is_read(tmp_path: Path) -> None:
         ("share = 1", "share = 1\ncolour = 2", "material 1: unknown key colour"),
         ('named = "sun"', 'name = "sun"', "lighting.unknown key name, the nearest known one is named"),
         ('named = "sun"', 'named = "sun"\nenvironment = "x.hdr"', "found named and environment, expected exactly one"),
-        ('named = "sun"', 'environment = "none.hdr"', "none.hdr: cannot be read"),
+        ('named = "sun"', 'environment = "none.hdr"', "none.hdr: no such file, expected a .hdr or .exr"),
         ('named = "sun"', "lights = []", "lighting: found no lights, expected some light"),
         ('named = "sun"', "lights = [{direction = [0, 0, 1], radiance = 0}]", "only lights of radiance 0"),
         ('named = "sun"', "lights = [{direction = [0, 0, 0]}]", "light direction: found"),

@@ -267,7 +267,7 @@ def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:
         ({"header": retitled(map="round")}, "found map 'round'"),
         ({"header": retitled(terms=3)}, "incomplete"),
         ({"header": retitled(terms=0)}, "0 terms"),
-        ({"header": np.array("3")}, "no object"),
+        ({"header": np.array("3")}, "header is a JSON int, expected an object"),
         ({"first_1": data["first_1"][:2]}, "term 1 is damaged"),
         ({"first_1": data["first_1"] * np.nan}, "term 1 is damaged"),
         ({"second_1": data["first_1"]}, "term 1 is damaged"),

@@ -19,7 +19,8 @@ from torch import Tensor
 from homofact.brdf.channels import as_channels, check_channels, spectral_names
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes, write_bytes
+from homofact.files.atomic import write_text
+from homofact.files.reading import read_bytes
 from homofact.geometry.directions import from_spherical
 
 NAME = "cornell"
@@ -49,7 +50,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     that are none, not finite or negative, wrong column counts, a cut end, directions under the horizon.
     """
     check_channels(channels)
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     lines = list(_content(raw))
     wavelengths, start = _wavelengths(path, lines)
     rows = [_row(path, number, line, len(wavelengths)) for number, line in lines[start:]]
@@ -102,7 +103,7 @@ def write(
     text += [" ".join(words[k : k + 19]) for k in range(0, len(words), 19)]
     text += ["", "# theta i, phi i, theta s, phi_s, spectral sample values", ""]
     text += [" ".join(f"{x:.6f}" for x in row) for row in torch.cat((angles, spectra), 1).tolist()]
-    write_bytes(path, ("\n".join(text) + "\n").encode())
+    write_text(path, "\n".join(text) + "\n")
 
 
 def _content(raw: bytes) -> Iterator[tuple[int, str]]:
