@@ -94,6 +94,5 @@ def train(samples: Samples, transform: LogTransform, loss: str, steps: int, seed
         off.backward()
         optimiser.step()
         schedule.step()
-    weights = tuple(p.detach().double() for p in parameters[0::2])
-    biases = tuple(p.detach().double() for p in parameters[1::2])
-    return NeuralBrdf(weights, biases)  # pyright: ignore[reportArgumentType]
+    w0, b0, w1, b1, w2, b2 = (p.detach().double() for p in parameters)
+    return NeuralBrdf((w0, w1, w2), (b0, b1, b2))

@@ -5,6 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from typer.core import TyperGroup
 from typer.main import get_command
 
 import homofact.brdf.source
@@ -198,7 +199,9 @@ def test_the_defaults_in_the_help_are_the_real_ones() -> None:
     by = {name: "by method" for name in ("parameterization", "smoothing", "search_size")}
     by |= {"epsilon": "by the source", "decomposition": "by symmetry"}
     seen = set()
-    for command in get_command(app).commands.values():  # type: ignore[attr-defined]
+    commands = get_command(app)
+    assert isinstance(commands, TyperGroup)
+    for command in commands.commands.values():
         for option in command.params:
             said = re.search(r"Default: (.*)\.$", getattr(option, "help", None) or "")
             if said is None:

@@ -57,9 +57,9 @@ def packed(member: bytes) -> bytes:
     return buffer.getvalue()
 
 
-def member_of(array: np.ndarray, **more: bool) -> bytes:
+def member_of(array: np.ndarray, allow_pickle: bool = False) -> bytes:
     buffer = io.BytesIO()
-    np.lib.format.write_array(buffer, array, **more)
+    np.lib.format.write_array(buffer, array, allow_pickle=allow_pickle)
     return buffer.getvalue()
 
 

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -10,8 +11,7 @@ import torch
 
 from homofact.brdf.analytic import BlinnPhong, CookTorrance
 from homofact.brdf.analytic.lambert import Lambert
-from homofact.brdf.reflectance import Reflectance
-from homofact.brdf.sampling import sample_model
+from homofact.brdf.sampling import Drawable, sample_model
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, Report
 from homofact.factor.fitted import Fitted
@@ -46,10 +46,10 @@ reflected = 0.1
 """
 
 
-def bench_of(model: Reflectance, name: str = "own") -> Bench:
+def bench_of(model: Drawable, name: str = "own") -> Bench:
     """A bench whose source is a model that has no name of its own."""
     bench = Bench(name, QUICK)
-    samples = sample_model(model, QUICK.count)  # pyright: ignore[reportArgumentType]
+    samples = sample_model(model, QUICK.count)
     bench.__dict__["source"] = Source(name, "material", samples, model, 1e-5, 0.0)
     return bench
 
@@ -182,8 +182,8 @@ def oracle(level: float) -> dict[Candidate, Outcome]:
     return found
 
 
-def walked(answers: dict[Candidate, Outcome], tolerance: float, **limits: float) -> Walk:
-    return walk(ladder(), answers.__getitem__, tolerance, **limits)  # pyright: ignore[reportArgumentType]
+def walked(answers: dict[Candidate, Outcome], tolerance: float, **limits: Any) -> Walk:
+    return walk(ladder(), answers.__getitem__, tolerance, **limits)
 
 
 def test_a_walk_finds_the_optimum_with_few_questions() -> None:
@@ -316,7 +316,9 @@ def test_a_scene_is_planned_and_compared_with_one_size_for_all() -> None:
     found = plan_scene(scene, QUICK, benches)
     assert found.materials[0].walk is found.materials[2].walk
     assert found.bytes < found.one_size.bytes if found.one_size is not None else False
-    assert found.fetches == pytest.approx(0.3 * found.materials[1].outcome.fetches)  # pyright: ignore
+    paint = found.materials[1].outcome
+    assert paint is not None
+    assert found.fetches == pytest.approx(0.3 * paint.fetches)
     assert found.exhaustive_fits == 2 * sum(not each.is_colour for each in LADDER)
     assert found.planning_fits <= found.exhaustive_fits / 5
     assert found.warnings == ()

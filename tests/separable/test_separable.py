@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,13 +39,13 @@ def pairs(count: int = 400, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
     return draw_uniform(count, torch.Generator().manual_seed(seed))
 
 
-def settings(**changes: object) -> FitSettings:
-    return FitSettings(**{"method": "svd", "size": 8, "textures": 3, "epsilon": 1e-2} | changes)  # type: ignore[arg-type]
+def settings(**changes: Any) -> FitSettings:
+    return FitSettings(**{"method": "svd", "size": 8, "textures": 3, "epsilon": 1e-2} | changes)
 
 
-def rms(reflectance: homofact.brdf.reflectance.Reflectance, model: object) -> float:
+def rms(reflectance: homofact.brdf.reflectance.Reflectance, model: homofact.brdf.reflectance.Reflectance) -> float:
     wi, wo = pairs(2000, 7)
-    difference = reflectance.evaluate(wi, wo) - model.evaluate(wi, wo)  # type: ignore[attr-defined]
+    difference = reflectance.evaluate(wi, wo) - model.evaluate(wi, wo)
     return float(((difference * wi[:, 2:]) ** 2).mean().sqrt())
 
 
@@ -256,8 +257,8 @@ def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:
         data = dict(archive)
     header = json.loads(str(data["header"]))
 
-    def spoiled(**changes: object) -> None:
-        np.savez(path, **(data | changes))  # type: ignore[arg-type]
+    def spoiled(**changes: Any) -> None:
+        np.savez(path, **(data | changes))
 
     def retitled(**changes: object) -> np.ndarray:
         return np.array(json.dumps(header | changes))
