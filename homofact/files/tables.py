@@ -30,7 +30,7 @@ _WORDS = {int: "a whole number", float: "a number", str: "a string", bool: "true
 
 
 @dataclass(frozen=True)
-class _Limits:
+class Limits:
     """What a field's number may be."""
 
     least: float = -math.inf
@@ -38,16 +38,18 @@ class _Limits:
     above: float = -math.inf
 
     def allow(self, value: float) -> bool:
+        """Whether a number is within them, and finite."""
         return math.isfinite(value) and self.above < value and self.least <= value <= self.most
 
     def words(self) -> str:
+        """For an error, after the kind of number."""
         bounds = ((self.above, "above"), (self.least, "of at least"), (self.most, "at most"))
         return " and ".join(f"{word} {bound:g}" for bound, word in bounds if math.isfinite(bound)) or "that is finite"
 
 
 def limits(least: float = -math.inf, most: float = math.inf, above: float = -math.inf) -> dict[str, Any]:
     """Metadata of a field whose numbers are finite, at least `least`, at most `most`, and above `above`."""
-    return {_LIMITS: _Limits(least, most, above)}
+    return {_LIMITS: Limits(least, most, above)}
 
 
 def read_table(cls: type[T], table: Mapping[str, Any], place: str = "") -> T:
@@ -59,12 +61,23 @@ def read_table(cls: type[T], table: Mapping[str, Any], place: str = "") -> T:
     return _Reader(place, keys_of(cls)).build(cls, table, "")
 
 
-def values_of(cls: type[Any], table: Any, place: str, name: str, known: Sequence[str]) -> dict[str, Any]:
-    """The checked values that section `name` has for fields of `cls`, which is not made; errors as `read_table`.
+def plain_value(value: Any, kinds: Sequence[Any], where: str, allowed: Limits | None = None) -> Any:
+    """`value` as the first of `kinds` that it is one of: int, float, str, bool, or tuples of these.
 
-    For a table that says only a part of what `cls` is made from. `known` are all keys that a misspelt one may mean.
+    Raises BadInput, beginning with `where`, for a value of no such kind, and a number that is not `allowed`.
     """
-    return _Reader(place, known).values(cls, table, name)
+    for kind in kinds:
+        if typing.get_origin(kind) is tuple and isinstance(value, list):
+            items = typing.get_args(kind)
+            hints = [items[0]] * len(value) if items[-1] is Ellipsis else items
+            if len(hints) == len(value):
+                pairs = enumerate(zip(value, hints, strict=True))
+                return tuple(plain_value(each, (hint,), f"{where}[{k}]", allowed) for k, (each, hint) in pairs)
+        found: Any = float(value) if kind is float and type(value) is int else value
+        if type(found) is kind and (allowed is None or allowed.allow(found)):
+            return found
+    expected = " or ".join(_words(kind, allowed) for kind in kinds)
+    raise BadInput(f"{where}: found {described(value)}, expected {expected}")
 
 
 def keys_of(cls: type[Any], name: str = "") -> list[str]:
@@ -77,13 +90,19 @@ def keys_of(cls: type[Any], name: str = "") -> list[str]:
     return keys
 
 
+def kinds_of(hint: Any) -> tuple[Any, ...]:
+    """The alternatives of a type hint but None, which no table can hold."""
+    either = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    return tuple(option for option in either if option is not type(None))
+
+
 def nearest_key(key: str, known: Sequence[str]) -> str:
-    """The known key most like `key`: the same name under another heading, else by likeness, its own heading first."""
+    """The known key whose last name is most like that of `key`, under whatever heading; of equals that under its own."""
     section, _, name = re.sub(r"\[\d+\]", "", key).rpartition(".")
 
-    def likeness(candidate: str) -> tuple[bool, float, bool]:
+    def likeness(candidate: str) -> tuple[float, bool]:
         theirs, _, last = candidate.rpartition(".")
-        return last == name, difflib.SequenceMatcher(None, name, last).ratio(), theirs == section
+        return difflib.SequenceMatcher(None, name, last).ratio(), theirs == section
 
     return max(known, key=likeness)
 
@@ -131,21 +150,14 @@ class _Reader:
         return {key: self.value(value, *fields[key], _joined(name, key)) for key, value in table.items()}
 
     def value(self, value: Any, field: "dataclasses.Field[Any]", hint: Any, name: str) -> Any:
-        for option in _options(hint):
-            if isinstance(option, type) and dataclasses.is_dataclass(option):
-                return self.build(option, value, name)
-            if typing.get_origin(option) is tuple and isinstance(value, list):
-                hints = _hints_of_items(option, len(value))
-                if len(hints) == len(value):
-                    return tuple(
-                        self.value(v, field, h, f"{name}[{k}]")
-                        for k, (v, h) in enumerate(zip(value, hints, strict=True))
-                    )
-            found = float(value) if option is float and type(value) is int else value
-            allowed = field.metadata.get(_LIMITS)
-            if type(found) is option and (allowed is None or allowed.allow(found)):
-                return found
-        self.refuse(name, described(value), _expected(hint, field))
+        section = _section_in(hint)
+        if section is None:
+            return plain_value(value, kinds_of(hint), f"{self.place}{name}", field.metadata.get(_LIMITS))
+        if section in kinds_of(hint):
+            return self.build(section, value, name)
+        if not isinstance(value, list):
+            self.refuse(name, described(value), _expected(hint, field))
+        return tuple(self.build(section, each, f"{name}[{k}]") for k, each in enumerate(value))
 
     def refuse(self, name: str, found: str, expected: str) -> NoReturn:
         raise BadInput(f"{self.place}{name}: found {found}, expected {expected}")
@@ -167,21 +179,9 @@ def _fields(cls: type[Any]) -> "list[tuple[dataclasses.Field[Any], Any]]":
     return [(field, hints[field.name]) for field in dataclasses.fields(cls)]
 
 
-def _options(hint: Any) -> tuple[Any, ...]:
-    """The alternatives of a hint; None is no value that a table could hold."""
-    either = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
-    return tuple(option for option in either if option is not type(None))
-
-
-def _hints_of_items(option: Any, count: int) -> list[Any]:
-    """The hints of an array's items, as many as the tuple wants: `count` where it takes any number."""
-    items = typing.get_args(option)
-    return [items[0]] * count if items[-1] is Ellipsis else list(items)
-
-
 def _section_in(hint: Any) -> type[Any] | None:
     """The dataclass that a hint asks for, alone or in a tuple; None where it asks for plain values."""
-    for option in _options(hint):
+    for option in kinds_of(hint):
         inner = typing.get_args(option)[0] if typing.get_origin(option) is tuple else option
         if isinstance(inner, type) and dataclasses.is_dataclass(inner):
             return inner
@@ -190,16 +190,14 @@ def _section_in(hint: Any) -> type[Any] | None:
 
 def _expected(hint: Any, field: "dataclasses.Field[Any]") -> str:
     """What a field's value should have been, in words."""
-    allowed = field.metadata.get(_LIMITS)
+    section = _section_in(hint)
+    if section is not None:
+        return f"a section [{field.name}]" if section in kinds_of(hint) else f"sections [[{field.name}]]"
+    return " or ".join(_words(kind, field.metadata.get(_LIMITS)) for kind in kinds_of(hint))
 
-    def words(option: Any) -> str:
-        if typing.get_origin(option) is tuple:
-            items = typing.get_args(option)
-            if _section_in(option) is not None:
-                return f"sections [[{field.name}]]"
-            return f"an array{'' if items[-1] is Ellipsis else f' of {len(items)}'}, each {words(items[0])}"
-        if option not in _WORDS:
-            return f"a section [{field.name}]"
-        return _WORDS[option] if allowed is None else f"{_WORDS[option]} {allowed.words()}"
 
-    return " or ".join(words(option) for option in _options(hint))
+def _words(kind: Any, allowed: Limits | None) -> str:
+    if typing.get_origin(kind) is tuple:
+        items = typing.get_args(kind)
+        return f"an array{'' if items[-1] is Ellipsis else f' of {len(items)}'}, each {_words(items[0], allowed)}"
+    return _WORDS[kind] if allowed is None else f"{_WORDS[kind]} {allowed.words()}"

@@ -1,12 +1,13 @@
 """TOML tables into dataclasses: everything that can be wrong is said with its place, what was found and expected."""
 
+import math
 import tomllib
 from dataclasses import dataclass, field
 
 import pytest
 
 from homofact.errors import BadInput
-from homofact.files.tables import keys_of, limits, nearest_key, read_table, values_of
+from homofact.files.tables import Limits, keys_of, limits, nearest_key, plain_value, read_table
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Lamp:
 
 
 @dataclass(frozen=True)
-class Limits:
+class Bounds:
     count: int | None = field(default=None, metadata=limits(least=1, most=9))
     share: float = field(default=0.5, metadata=limits(above=0, most=1))
 
@@ -31,7 +32,7 @@ class Limits:
 class Run:
     name: str
     lamp: tuple[Lamp, ...] = ()
-    limits: Limits = Limits()
+    limits: Bounds = Bounds()
     names: tuple[str, ...] = ()
     fast: bool = False
 
@@ -58,7 +59,7 @@ def test_a_table_is_read() -> None:
     share = 1
     """
     found = read(text)
-    assert found == Run("a", (Lamp((0, 0.5, 1)), Lamp((1, 0, 0), (1, 2.5))), Limits(3, 1.0), ("x", "y"))
+    assert found == Run("a", (Lamp((0, 0.5, 1)), Lamp((1, 0, 0), (1, 2.5))), Bounds(3, 1.0), ("x", "y"))
     assert isinstance(found.limits.share, float)
     assert read("name = 'a'") == Run("a")
 
@@ -105,6 +106,7 @@ def test_a_table_is_read() -> None:
         ("name = 'a'\n[limits]\ncount = 1.0", "limits.count: found 1.0, expected a whole number of at least 1"),
         ("name = 'a'\n[limits]\nshare = 0", "limits.share: found 0, expected a number above 0 and at most 1"),
         ("name = 'a'\n[limits]\nshare = nan", "limits.share: found nan, expected a number above 0"),
+        ("name = 'a'\n[limits]\nshare = inf", "limits.share: found inf, expected a number above 0"),
         ("name = 'a'\n[limits]\nshare = 1.5", "limits.share: found 1.5, expected a number above 0"),
     ],
 )
@@ -115,14 +117,20 @@ def test_what_is_wrong_is_named_in_one_line(text: str, message: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_part_of_a_dataclass_is_checked_without_being_made() -> None:
-    known = keys_of(Run)
-    assert values_of(Limits, {"share": 1}, "", "limits", known) == {"share": 1.0}
-    assert values_of(Lamp, {"level": [1]}, "", "lamp", known) == {"level": (1.0,)}
-    with pytest.raises(BadInput, match=r"limits.direction, the nearest known one is lamp.direction"):
-        values_of(Limits, {"direction": 1}, "", "limits", known)
-    with pytest.raises(BadInput, match=r"limits: found 3, expected a section \[limits\]"):
-        values_of(Limits, 3, "", "limits", known)
+def test_a_plain_value_is_what_the_first_kind_that_fits_makes_of_it() -> None:
+    kinds = (int, float, tuple[float, ...])
+    for value, found in ((1, 1), (1.5, 1.5), ([1, 2], (1.0, 2.0)), ([], ())):
+        assert plain_value(value, kinds, "x") == found
+    with pytest.raises(BadInput, match=r"^x\[1\]: found true, expected a number$"):
+        plain_value([1, True], kinds, "x")
+    with pytest.raises(BadInput, match=r"^x: found the string 'a', expected a whole number or a number or"):
+        plain_value("a", kinds, "x")
+
+
+def test_numbers_within_limits_are_finite() -> None:
+    for allowed in (Limits(above=0), Limits(least=0)):
+        assert allowed.allow(1e300)
+        assert not allowed.allow(math.inf)
 
 
 def test_keys_and_the_nearest_of_them() -> None:
@@ -131,4 +139,6 @@ def test_keys_and_the_nearest_of_them() -> None:
     ]  # fmt: skip
     # The same name elsewhere comes before a likeness at home; of equals the one at home.
     assert nearest_key("lamp[3].share", keys_of(Run)) == "limits.share"
+    assert nearest_key("b.ab", ["b.abc", "a.ab"]) == "a.ab"
+    assert nearest_key("b.abcd", ["b.abc", "a.abcde"]) == "a.abcde"
     assert nearest_key("b.x", ["a.x", "b.x", "c.x"]) == "b.x"
