@@ -16,10 +16,7 @@ Paths in a file are relative to the working folder, as they are on the command l
 value of the wrong type is `BadInput` naming file, key and the nearest known key or the expected type.
 """
 
-import difflib
 import math
-import tomllib
-import types
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -27,6 +24,8 @@ from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
+from homofact.files.reading import read_toml
+from homofact.files.tables import described, kinds_of, nearest_key, plain_value
 from homofact.methods.settings import FitSettings
 
 
@@ -201,84 +200,19 @@ def load_config(path: str | Path | None = None, given: Mapping[str, Any] | None 
 
 def _read(path: Path) -> dict[str, Any]:
     """Dotted keys and checked values of a TOML file."""
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise BadInput(f"{path}: no such file, expected a TOML configuration") from error
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}), expected a TOML configuration") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: not TOML: {error}") from error
     values: dict[str, Any] = {}
-    for name, entry in table.items():
+    for name, entry in read_toml(path, "a TOML configuration").items():
         if name in _SECTIONS:
             if not isinstance(entry, dict):
-                raise BadInput(f"{path}: {name}: found {_described(entry)}, expected a section [{name}]")
+                raise BadInput(f"{path}: {name}: found {described(entry)}, expected a section [{name}]")
             values |= {f"{name}.{key}": value for key, value in entry.items()}
         elif isinstance(entry, dict):
-            nearest = _nearest(name, list(_SECTIONS))
+            nearest = nearest_key(name, list(_SECTIONS))
             raise BadInput(f"{path}: unknown section [{name}], the nearest known one is [{nearest}]")
         else:
             values[name] = entry
     for key, value in values.items():
         if key not in _TYPES:
-            raise BadInput(f"{path}: unknown key {key}, the nearest known one is {_nearest_key(key)}")
-        values[key] = _checked(value, _TYPES[key], f"{path}: {key}")
+            raise BadInput(f"{path}: unknown key {key}, the nearest known one is {nearest_key(key, list(_TYPES))}")
+        values[key] = plain_value(value, kinds_of(_TYPES[key]), f"{path}: {key}")
     return values
-
-
-def _nearest(name: str, known: list[str]) -> str:
-    return difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
-
-
-def _nearest_key(key: str) -> str:
-    """The known key most like `key`: the same name under another heading, else by likeness, its own first."""
-    section, _, name = key.rpartition(".")
-
-    def likeness(known: str) -> tuple[bool, float, bool]:
-        theirs, _, last = known.rpartition(".")
-        return last == name, difflib.SequenceMatcher(None, name, last).ratio(), theirs == section
-
-    return max(_TYPES, key=likeness)
-
-
-def _checked(value: Any, hint: Any, where: str) -> Any:
-    """`value` as `hint` wants it: whole numbers pass for floats, arrays become tuples, nothing else bends."""
-    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
-    for option in options:
-        if typing.get_origin(option) is tuple:
-            items = typing.get_args(option)
-            if not isinstance(value, list):
-                continue
-            if items[-1] is Ellipsis:
-                return tuple(_checked(item, items[0], f"{where}[{i}]") for i, item in enumerate(value))
-            if len(value) == len(items):
-                return tuple(_checked(item, items[i], f"{where}[{i}]") for i, item in enumerate(value))
-        elif option is float and isinstance(value, int | float) and not isinstance(value, bool):
-            return float(value)
-        elif type(value) is option:
-            return value
-    raise BadInput(f"{where}: found {_described(value)}, expected {_expected(options)}")
-
-
-_WORDS = {int: "a whole number", float: "a number", str: "a string", bool: "true or false"}
-
-
-def _expected(options: tuple[Any, ...]) -> str:
-    option = options[0]
-    if typing.get_origin(option) is not tuple:
-        return _WORDS[option]
-    items = typing.get_args(option)
-    if items[-1] is Ellipsis:
-        return f"an array, each {_WORDS[items[0]]}"
-    return f"an array of {len(items)}, each {_WORDS[items[0]]}"
-
-
-def _described(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return f"the string {value!r}"
-    if isinstance(value, list):
-        return f"an array of {len(value)}"
-    return "a section" if isinstance(value, dict) else f"{value!r}"
