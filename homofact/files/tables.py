@@ -97,7 +97,7 @@ def kinds_of(hint: Any) -> tuple[Any, ...]:
 
 
 def nearest_key(key: str, known: Sequence[str]) -> str:
-    """The known key whose last name is most like that of `key`, under whatever heading; of equals that under its own."""
+    """The known key whose last name is most like that of `key`, under any heading; of equals that under its own."""
     section, _, name = re.sub(r"\[\d+\]", "", key).rpartition(".")
 
     def likeness(candidate: str) -> tuple[float, bool]:
@@ -126,6 +126,7 @@ class _Reader:
     known: Sequence[str]
 
     def build(self, cls: type[T], table: Any, name: str) -> T:
+        """The `cls` of section `name`."""
         values = self.values(cls, table, name)
         for field, hint in _fields(cls):
             if field.name not in values and field.default is field.default_factory is dataclasses.MISSING:
@@ -138,6 +139,7 @@ class _Reader:
             raise BadInput(f"{self.place}{where}{error}") from error
 
     def values(self, cls: type[Any], table: Any, name: str) -> dict[str, Any]:
+        """What section `name` says, by the fields of `cls`."""
         fields = {field.name: (field, hint) for field, hint in _fields(cls)}
         if not isinstance(table, Mapping):
             expected = f"a table of {', '.join(fields)}" if name.endswith("]") else f"a section [{name}]"
@@ -150,6 +152,7 @@ class _Reader:
         return {key: self.value(value, *fields[key], _joined(name, key)) for key, value in table.items()}
 
     def value(self, value: Any, field: "dataclasses.Field[Any]", hint: Any, name: str) -> Any:
+        """One entry as its field's type hint wants it."""
         section = _section_in(hint)
         if section is None:
             return plain_value(value, kinds_of(hint), f"{self.place}{name}", field.metadata.get(_LIMITS))
@@ -160,9 +163,11 @@ class _Reader:
         return tuple(self.build(section, each, f"{name}[{k}]") for k, each in enumerate(value))
 
     def refuse(self, name: str, found: str, expected: str) -> NoReturn:
+        """Raise BadInput for what stands at `name`."""
         raise BadInput(f"{self.place}{name}: found {found}, expected {expected}")
 
     def refuse_unknown(self, key: str, value: Any, sections: list[str]) -> NoReturn:
+        """Raise BadInput for a key that means nothing; `sections` are those that a table in its place may be."""
         if isinstance(value, Mapping) and sections:
             nearest = nearest_key(key, sections)
             raise BadInput(f"{self.place}unknown section [{key}], the nearest known one is [{nearest}]")

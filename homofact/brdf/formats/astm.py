@@ -24,6 +24,7 @@ import torch
 from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import FROM_XYZ
+from homofact.brdf.symmetry import lit_from_one_azimuth
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
@@ -81,7 +82,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         from_spherical((theta_s.abs() * scale).clamp_max(math.pi / 2), phi_s * scale + across),
         values.clamp_min(0),
         channels=colours,
-        isotropic=bool((phi_i == phi_i[0]).all()),
+        isotropic=lit_from_one_azimuth(phi_i),
         provenance={
             "format": NAME,
             "comments": comments,

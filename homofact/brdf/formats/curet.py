@@ -23,6 +23,7 @@ import torch
 
 from homofact.brdf.channels import as_channels, check_channels
 from homofact.brdf.samples import Samples
+from homofact.brdf.symmetry import lit_from_one_azimuth
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes, split_member
@@ -82,7 +83,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         from_spherical(theta_v, phi_v),
         values.clamp_min(0),
         channels=names,
-        isotropic=bool((phi_i == phi_i[0]).all()),
+        isotropic=lit_from_one_azimuth(phi_i),
         provenance={
             "format": NAME,
             "material": f"sample {number}",
