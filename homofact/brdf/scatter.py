@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from scipy.spatial import KDTree
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import angles_of_pairs
 
@@ -47,7 +48,7 @@ def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
         place = torch.cat((some.wi, some.wo), 1).numpy()
     mean = some.values.mean(0).clamp_min(1e-300)
     linear = (some.values / mean).numpy()
-    logs = np.log(linear + 0.01)
+    logs = LogTransform(0.01, mean).forward(some.values).numpy()
     chosen = torch.randperm(len(some), generator=torch.Generator().manual_seed(seed))[:QUERIES].numpy()
     _, near = KDTree(place).query(place[chosen], k=NEIGHBOURS)
     both = np.hstack([logs, linear])
