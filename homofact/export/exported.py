@@ -126,7 +126,7 @@ def log_difference(before: Fitted, after: Fitted, pairs: int = 20_000, seed: int
 
 
 def check_export_folder(folder: str | os.PathLike[str], force: bool) -> None:
-    """Raise BadInput where `write_exported` could not put its files, as `folders.check_new_folder` says."""
+    """Raise BadInput where `write_exported` could not put its files, as `files.folder.check_new_folder` says."""
     check_new_folder(folder, "export", SHADER, force)
 
 

@@ -21,6 +21,7 @@ from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
+from homofact.files.text import short
 from homofact.geometry.directions import from_spherical
 
 NAME = "cornell"
@@ -125,7 +126,7 @@ def _wavelengths(path: object, lines: list[tuple[int, str]]) -> tuple[list[float
         raise BadInput(f"{path}: only comments, expected the number of wavelengths")
     number, line = lines[0]
     if not _is_count(line):
-        raise BadInput(f"{path}: line {number}: found {_short(line)}, expected the number of wavelengths")
+        raise BadInput(f"{path}: line {number}: found {short(line)}, expected the number of wavelengths")
     count, found, index = int(line), [], 1
     while len(found) < count:
         if index == len(lines):
@@ -166,9 +167,5 @@ def _number(path: object, number: int, word: str) -> float:
         value = math.nan
     # float() takes "1_0" too, which no measurement means.
     if not math.isfinite(value) or "_" in word:
-        raise BadInput(f"{path}: line {number}: found {_short(word)}, expected a finite number")
+        raise BadInput(f"{path}: line {number}: found {short(word)}, expected a finite number")
     return value
-
-
-def _short(word: str) -> str:
-    return repr(word if len(word) <= 40 else word[:37] + "...")

@@ -5,7 +5,7 @@ seed = 0
 source = "material:phong-30"       # or a file, relative to the scene's
 share = 0.6
 [lighting]                         # one of
-named = "overcast"                 # `plan_lighting.NAMED`
+named = "overcast"                 # `scene.lighting.NAMED`
 environment = "sky.hdr"            # lat-long .hdr or .exr, relative to the scene's file
 lights = [{ direction = [0, 1, 1], radiance = [3.1, 3.1, 3.1] }]
 [tolerance]                        # one of
@@ -44,7 +44,7 @@ class SceneMaterial:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """`kind` is one of `plan_measure.KINDS`, `value` what its error may be at most."""
+    """`kind` is one of `plan.measure.KINDS`, `value` what its error may be at most."""
 
     kind: str
     value: float
@@ -89,7 +89,7 @@ class _LightingTable:
 
 @dataclass(frozen=True)
 class _ToleranceTable:
-    """[tolerance] as it stands in the file; its keys are `plan_measure.KINDS`."""
+    """[tolerance] as it stands in the file; its keys are `plan.measure.KINDS`."""
 
     cole: float | None = field(default=None, metadata=limits(above=0))
     delta_e: float | None = field(default=None, metadata=limits(above=0))
