@@ -16,15 +16,15 @@ Paths in a file are relative to the working folder, as they are on the command l
 value of the wrong type is `BadInput` naming file, key and the nearest known key or the expected type.
 """
 
-import difflib
-import tomllib
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
+from homofact.files.reading import read_toml
+from homofact.files.tables import described, nearest_key, plain_value
 from homofact.methods import shared
 from homofact.methods.search import Search
 from homofact.methods.table import METHODS
@@ -154,95 +154,29 @@ def _check_for_some(name: str, value: Any) -> None:
 
 def _read(path: Path) -> dict[str, Any]:
     """Dotted keys and checked values of a TOML file."""
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise BadInput(f"{path}: no such file, expected a TOML configuration") from error
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}), expected a TOML configuration") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: not TOML: {error}") from error
     values: dict[str, Any] = {}
-    for name, entry in table.items():
+    for name, entry in read_toml(path, "a TOML configuration").items():
         if name in _SECTIONS:
             if not isinstance(entry, dict):
-                raise BadInput(f"{path}: {name}: found {_described(entry)}, expected a section [{name}]")
+                raise BadInput(f"{path}: {name}: found {described(entry)}, expected a section [{name}]")
             values |= {f"{name}.{key}": value for key, value in entry.items()}
         elif isinstance(entry, dict):
-            nearest = _nearest(name, list(_SECTIONS))
+            nearest = nearest_key(name, list(_SECTIONS))
             raise BadInput(f"{path}: unknown section [{name}], the nearest known one is [{nearest}]")
         else:
             values[name] = entry
     known = _known()
     for key, value in values.items():
         if key not in known:
-            raise BadInput(f"{path}: unknown key {key}, the nearest known one is {_nearest_key(key, known)}")
+            raise BadInput(f"{path}: unknown key {key}, the nearest known one is {nearest_key(key, list(known))}")
         values[key] = _checked(value, known[key], f"{path}: {key}")
     return values
 
 
-def _nearest(name: str, known: list[str]) -> str:
-    return difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
-
-
-def _nearest_key(key: str, every: Iterable[str]) -> str:
-    """The known key most like `key`: the same name under another heading, else by likeness, its own first."""
-    section, _, name = key.rpartition(".")
-
-    def likeness(known: str) -> tuple[bool, float, bool]:
-        theirs, _, last = known.rpartition(".")
-        return last == name, difflib.SequenceMatcher(None, name, last).ratio(), theirs == section
-
-    return max(every, key=likeness)
-
-
 def _checked(value: Any, options: tuple[Declared, ...], where: str) -> Any:
-    """`value` as an option wants it: whole numbers pass for floats, arrays become tuples, nothing else bends."""
+    """`value` as one of the options wants it; a list of names may be a text that joins them."""
     kinds = tuple(dict.fromkeys(kind for each in options for kind in each.kinds))
-    for kind in kinds:
-        if typing.get_origin(kind) is tuple:
-            items = typing.get_args(kind)
-            if isinstance(value, str) and "+" in options[0].option.separators:
-                return options[0].from_text(value)
-            if not isinstance(value, list):
-                continue
-            if items[-1] is Ellipsis:
-                return tuple(_item(item, items[0], f"{where}[{i}]") for i, item in enumerate(value))
-            if len(value) == len(items):
-                return tuple(_item(item, items[i], f"{where}[{i}]") for i, item in enumerate(value))
-        elif _is(value, kind):
-            return float(typing.cast("float", value)) if kind is float else value
-    raise BadInput(f"{where}: found {_described(value)}, expected {_expected(kinds)}")
-
-
-def _is(value: Any, kind: Any) -> bool:
-    return type(value) is kind or (kind is float and type(value) is int)
-
-
-def _item(value: Any, kind: Any, where: str) -> Any:
-    if not _is(value, kind):
-        raise BadInput(f"{where}: found {_described(value)}, expected {_expected((kind,))}")
-    return float(value) if kind is float else value
-
-
-_WORDS = {int: "a whole number", float: "a number", str: "a string", bool: "true or false"}
-
-
-def _expected(kinds: tuple[Any, ...]) -> str:
-    kind = kinds[0]
-    if typing.get_origin(kind) is not tuple:
-        return " or ".join(_WORDS[each] for each in kinds)
-    items = typing.get_args(kind)
-    if items[-1] is Ellipsis:
-        return f"an array, each {_WORDS[items[0]]}"
-    return f"an array of {len(items)}, each {_WORDS[items[0]]}"
-
-
-def _described(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return f"the string {value!r}"
-    if isinstance(value, list):
-        return f"an array of {len(value)}"
-    return "a section" if isinstance(value, dict) else f"{value!r}"
+    listed = any(typing.get_origin(kind) is tuple for kind in kinds)
+    if listed and isinstance(value, str) and "+" in options[0].option.separators:
+        return options[0].from_text(value)
+    return plain_value(value, kinds, where)

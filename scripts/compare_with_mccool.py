@@ -10,7 +10,6 @@ material:NAME or a file to the thesis's own. The measurements of leather and vel
 
 import csv
 import io
-import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -27,6 +26,7 @@ from thesis_statements import MCCOOL, Errors, Key, judge
 from homofact.brdf.source import Source, open_source
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.machine import machine
+from homofact.files.atomic import replace_file
 from homofact.methods.cole import Cole
 from homofact.methods.table import mccool_like
 
@@ -178,9 +178,7 @@ def draw(path: Path, records: Sequence[Mapping[str, Any]], title: str) -> None:
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     chart.suptitle(f"{title}\n{records[0]['machine']}", fontsize=9)
-    beside = path.with_name(f".{path.name}.partial")
-    chart.savefig(beside, dpi=120, format="png")
-    os.replace(beside, path)
+    replace_file(path, lambda made: chart.savefig(made, dpi=120, format="png"))
 
 
 def _minor_tick(value: float, _: object) -> str:

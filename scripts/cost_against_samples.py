@@ -30,6 +30,7 @@ from conditions import figure, markdown, parser_of, write
 from cost_of_evaluation import EPSILON, MATERIAL, MIB, forget_peak, load, resident
 
 from homofact.evaluate.machine import machine
+from homofact.files.atomic import replace_file
 
 COUNTS = (3_000, 10_000, 30_000, 100_000, 300_000, 1_100_000)
 TARGET = 1.05
@@ -157,7 +158,7 @@ def draw(path: Path, counts: Sequence[int], found: Sequence[dict[str, Any]], eva
         axis.set_xlabel("samples N")
         axis.legend(frameon=False, fontsize=8)
         axis.spines[["top", "right"]].set_visible(False)
-    picture.savefig(path, dpi=110)
+    replace_file(path, lambda made: picture.savefig(made, dpi=110))
 
 
 def main(arguments: list[str] | None = None) -> int:

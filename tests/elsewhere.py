@@ -26,7 +26,7 @@ class _Elsewhere(torch.Tensor):
 
     @staticmethod
     def __new__(cls, held: Tensor) -> "_Elsewhere":
-        made = torch.Tensor._make_wrapper_subclass(  # type: ignore[attr-defined]
+        made = torch.Tensor._make_wrapper_subclass(
             cls,
             held.shape,
             strides=held.stride(),
@@ -37,7 +37,7 @@ class _Elsewhere(torch.Tensor):
         made.held = held
         return made
 
-    def __repr__(self) -> str:  # type: ignore[override]
+    def __repr__(self) -> str:
         return f"elsewhere({self.held!r})"
 
     @classmethod

@@ -125,7 +125,7 @@ def test_a_bad_option_is_not_blamed_on_the_file(write) -> None:
 
 def test_a_missing_file_a_folder_and_bytes_are_refused(tmp_path: Path) -> None:
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe")
-    for name, expected in (("none.toml", "no such file"), (".", "cannot be read"), ("b.toml", "not TOML")):
+    for name, expected in (("none.toml", "no such file"), (".", "a folder, expected a TOML"), ("b.toml", "not TOML")):
         with pytest.raises(BadInput, match=expected):
             load_config(tmp_path / name)
 

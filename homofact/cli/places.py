@@ -5,7 +5,7 @@ from pathlib import Path
 
 from homofact.brdf.names import MATERIAL_PREFIX
 from homofact.errors import BadInput
-from homofact.files.binary import check_readable, split_member
+from homofact.files.reading import check_readable, split_member
 
 
 def check_measurement(source: str) -> None:
@@ -14,7 +14,7 @@ def check_measurement(source: str) -> None:
         return
     file, member = split_member(source)
     # Of a missing "a#b" the name as it was given is what helps.
-    check_readable(file if member is None or Path(file).exists() else source)
+    check_readable(file if member is None or Path(file).exists() else source, "a BRDF file or material:NAME")
 
 
 def check_result(place: Path) -> None:

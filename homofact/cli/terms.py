@@ -49,6 +49,7 @@ def terms(
         found = predicted_terms(subject.reflectance, share, math.radians(limit))
         stored = map_bytes(found.measured, len(subject.reflectance.channels))
         answer: dict[str, Any] = {"source": subject.name} | found.record() | {"bytes": stored}
+        beside: tuple[Row, Comparison] | None = None
         if fit:
             from homofact.evaluate.compare import fit_and_measure
 
@@ -56,9 +57,9 @@ def terms(
             bar.stage("fitting")
             row = fit_and_measure(subject, method, settings.evaluate.held_out, bar, settings.source.subset)
             bar.stage("comparing")
-            beside = against_fit(subject, row, found, settings.evaluate.held_out)
+            beside = row, against_fit(subject, row, found, settings.evaluate.held_out)
             answer["fit"] = row.record()
-            answer["within_limit"] = beside.record()
+            answer["within_limit"] = beside[1].record()
     if not found.settled:
         screen.note(
             f"homofact: {found.measured} terms are a rough count: the highlight is too sharp for the finest grid,"
@@ -71,9 +72,9 @@ def terms(
         "terms measured": f"{'' if found.settled else 'about '}{found.measured} by SVD",
         "as 32² maps": f"{stored} bytes, two a term ({stored // 2} where reciprocal), {2 * found.measured} fetches",
     }
-    if fit:
-        facts |= _compared(row, beside)
-        say_ending(screen, row.report)
+    if beside is not None:
+        facts |= _compared(*beside)
+        say_ending(screen, beside[0].report)
     screen.show(facts_table(subject.name, facts))
     screen.answer(answer)
 

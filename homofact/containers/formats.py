@@ -24,10 +24,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from homofact.containers.dds import read_dds, write_dds, write_dds_bc6h
-from homofact.containers.exr import decode_exr, write_exr, write_half_exr
+from homofact.containers.exr import read_exr, write_exr, write_half_exr
 from homofact.containers.ktx2 import read_ktx2, write_ktx2
 from homofact.containers.names import FORMAT_NAMES
-from homofact.containers.pixels import file_bytes, finite_pixels
+from homofact.containers.pixels import finite_pixels
 from homofact.containers.png import read_png, write_png
 from homofact.errors import BadInput
 from homofact.version import __version__
@@ -154,7 +154,7 @@ def _channel_names(channels: int) -> tuple[str, ...]:
 
 
 def _read_exr(path: _Place, names: Sequence[str] | None) -> np.ndarray:
-    planes = decode_exr(file_bytes(path, "an EXR file"), str(path))
+    planes = read_exr(path)
     order = names or _channel_names(len(planes))
     if names is None and set(order) != set(planes):
         order = sorted(planes)

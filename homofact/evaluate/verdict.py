@@ -13,9 +13,10 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.coverage import holes
-from homofact.brdf.faults import ALBEDO_DEGREES, albedo, reciprocity_of, reciprocity_of_samples
+from homofact.brdf.faults import ALBEDO_DEGREES, albedo
 from homofact.brdf.samples import Samples
 from homofact.brdf.scatter import local_scatter
+from homofact.brdf.symmetry import light_azimuths, reciprocity_of, reciprocity_of_samples
 from homofact.errors import Report, Status
 from homofact.evaluate.metrics import SixErrors
 from homofact.factor.fitted import Fitted
@@ -127,7 +128,7 @@ def judge(
     zero = transform.forward(torch.zeros(1, len(train.channels), dtype=torch.float64))
     scatter = local_scatter(drawn, settings.seed)
     swapped = reciprocity_of_samples(drawn, settings.seed)
-    azimuths = (0.0,) if train.isotropic else (0.0, math.pi / 2)
+    azimuths = light_azimuths(train.isotropic)
     verdict = Verdict(
         status=report.status,
         condition=report.details.get("condition"),

@@ -7,13 +7,12 @@ form); a reader in another language needs this file and the EXR textures, nothin
 import json
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from homofact.containers.exr import exr_channel_names
 from homofact.errors import BadInput
 from homofact.factor.fitted import Fitted, Texture
-from homofact.files.atomic import replace_file
+from homofact.files.atomic import write_text
 from homofact.version import __version__
 
 FORMAT = "homofact manifest"
@@ -160,8 +159,4 @@ def write_json(path: str | os.PathLike[str], obj: Any) -> None:
         text = json.dumps(obj, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     except (TypeError, ValueError) as error:
         raise BadInput(f"{path}: not JSON ({error}), expected plain finite values") from error
-    replace_file(path, lambda beside: _write_text(beside, text))
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)

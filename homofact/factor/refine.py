@@ -59,15 +59,13 @@ def refine_linear(
         weights = pull + hold
         targets = (pull * linear_target + hold * samples.logs) / weights
         proposed = _solve_by_channel(samples, terms, weights, targets, smoothing)
-        accepted = False
         for halving in range(6):
             trial = _blend(terms, proposed, 0.5**halving)
             trial_logs = sum_of_terms(trial, samples.wi, samples.wo)
             value = objective(trial_logs)
             if value < best:
-                accepted = True
                 break
-        if not accepted:
+        else:
             break
         gained = (best - value) / best
         terms, logs, best = trial, trial_logs, value

@@ -24,7 +24,7 @@ from homofact.evaluate.chart_ledger import ChartRow
 from homofact.evaluate.pareto import front
 from homofact.figures.label_places import nearest_edge, place_labels
 from homofact.figures.log_axis import log_x, log_y, plain_number, round_ticks, set_ticks
-from homofact.files.binary import write_bytes
+from homofact.files.atomic import write_bytes
 
 # Colours that differ to colour-blind eyes too (Okabe and Ito 2008), dark enough for text; with each a shape and its
 # width in points, later ones smaller, so that two runs on one spot are both seen.

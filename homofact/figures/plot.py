@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from homofact.evaluate.compare import Row
 from homofact.figures.log_axis import log_x
+from homofact.files.atomic import replace_file
 
 _METRICS = (
     ("log_mse", "log space, mean squared (Cole error)"),
@@ -19,7 +20,10 @@ _METRICS = (
 
 
 def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row]) -> None:
-    """Draw the six metrics of `rows` as bars on logarithmic axes into `path` (PNG, SVG or PDF by its ending)."""
+    """Draw the six metrics of `rows` as bars on logarithmic axes into `path` (PNG, SVG or PDF by its ending).
+
+    Raises BadInput where the place cannot be written.
+    """
     names = [f"{row.settings.name}, {len(row.factorization.terms)} × {row.settings.size}²" for row in rows]
     figure = Figure(figsize=(12, 3 + 0.5 * len(rows)), layout="constrained")
     axes = figure.subplots(2, 3).ravel()
@@ -42,4 +46,4 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row]) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     epsilon = rows[0].factorization.transform.epsilon
     figure.suptitle(f"{rows[0].source}: lower is better (ε = {epsilon:g}, {rows[0].samples} samples)")
-    figure.savefig(path, dpi=110)
+    replace_file(path, lambda made: figure.savefig(made, dpi=110))

@@ -18,6 +18,7 @@ from homofact.evaluate.stability.atlas import Atlas
 from homofact.evaluate.stability.cells import DEGRADED, WRONG, Cell, Outcome
 from homofact.evaluate.stability.solver_atlas import AGREES, WELL_POSED, Answer, SolverCell
 from homofact.evaluate.stability.stressors import stressor
+from homofact.files.atomic import replace_file
 
 # Of a factor's logarithm, from 1 to the last that the scale tells apart.
 _SCALE = LinearSegmentedColormap.from_list("factor", ["#ffffff", "#fff2b3", "#f6c35c", "#c97b1c", "#8a4513"])
@@ -61,7 +62,7 @@ def draw_atlas(path: str | os.PathLike[str], atlas: Atlas, base: Mapping[str, An
         f" {atlas.plan.scale.samples} samples)",
         fontsize=12,
     )
-    figure.savefig(path, dpi=110)
+    replace_file(path, lambda made: figure.savefig(made, dpi=110))
 
 
 def _row_name(atlas: Atlas, name: str) -> str:
@@ -156,7 +157,7 @@ def draw_solvers(path: str | os.PathLike[str], cells: list[SolverCell]) -> None:
         f"[condition number of the normal matrix]; above the line well posed, to agree to {AGREES:.0e}",
         fontsize=11,
     )
-    figure.savefig(path, dpi=110)
+    replace_file(path, lambda made: figure.savefig(made, dpi=110))
 
 
 def _solver_look(cell: SolverCell) -> tuple[str, str]:

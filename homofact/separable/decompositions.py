@@ -95,13 +95,17 @@ def power(
             break
         v = torch.randn(n, dtype=matrix.dtype, generator=generator).to(matrix)
         v = v / v.norm()
-        for count in range(1, most // POWERS + 1):
+        products = 0
+        while True:
             v, value, residual = _recombined(rest, v)
-            total += POWERS
+            products += POWERS
             largest = max(largest, abs(value))
             if residual <= max(tolerance * largest, floor):
                 break
-            converged &= count < most // POWERS
+            if products + POWERS > most:
+                converged = False
+                break
+        total += products
         vectors.append(v)
         values.append(value)
         rest -= value * torch.outer(v, v)

@@ -14,6 +14,7 @@ import torch
 from scipy.spatial import KDTree
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.scattered import Scattered
@@ -86,14 +87,13 @@ class LocalPlanes:
         return torch.cat((place[:, :2] * (_HALF_OVER_DIFFERENCE * stretch / radius), place[:, 2:]), 1).numpy()
 
     @cached_property
-    def _mean(self) -> Tensor:
-        mean = self.samples.values.mean(0)
-        return torch.where(mean > 0, mean, 1.0)
+    def _transform(self) -> LogTransform:
+        return LogTransform.of_values(self.samples.values, EPSILON)
 
     @cached_property
     def _data(self) -> tuple[KDTree, Tensor, Tensor]:
         """(tree, places (N, k), logs (N, C))."""
-        logs = torch.log(self.samples.values / self._mean + EPSILON)
+        logs = self._transform.forward(self.samples.values)
         place = self._place(self.samples.wi, self.samples.wo)
         if self.reciprocal:
             place = np.concatenate((place, self._place(self.samples.wo, self.samples.wi)))
@@ -116,4 +116,4 @@ class LocalPlanes:
         found = logs[near]
         plane = torch.linalg.solve(gram, weighted.transpose(1, 2) @ found)[:, 0]
         plane = plane.clamp(found.amin(1), found.amax(1))
-        return self._mean * (plane.exp() - EPSILON).clamp_min(0)
+        return self._transform.inverse(plane)

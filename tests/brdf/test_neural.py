@@ -33,7 +33,8 @@ def saved(tmp_path: Path, changed: dict[str, Any] | None = None, names: tuple[st
     arrays = {f"{name}/{part}": array for k, name in enumerate(names) for part, array in parts(k).items()}
     path = tmp_path / "weights.bin"
     with open(path, "wb") as file:
-        np.savez_compressed(file, **{k: v for k, v in (arrays | (changed or {})).items() if v is not None})  # pyright: ignore[reportArgumentType]
+        kept: dict[str, Any] = {k: v for k, v in (arrays | (changed or {})).items() if v is not None}
+        np.savez_compressed(file, **kept)
     return path
 
 

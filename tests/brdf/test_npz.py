@@ -129,9 +129,9 @@ def test_wrong_archives_name_the_array(tmp_path: Path, changed: dict[str, Any], 
 
 def test_pickles_are_not_opened(tmp_path: Path) -> None:
     path = tmp_path / "pickled"
-    content = arrays() | {"values": np.array([{"a": 1}], dtype=object)}
+    content: dict[str, Any] = arrays() | {"values": np.array([{"a": 1}], dtype=object)}
     with open(path, "wb") as file:
-        np.savez(file, **content)  # pyright: ignore[reportArgumentType]
+        np.savez(file, **content)
     with pytest.raises(BadInput, match=r"a damaged archive .*expected a whole"):
         npz.read(path)
 

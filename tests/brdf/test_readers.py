@@ -61,7 +61,7 @@ def test_unreadable_file(tmp_path: Path) -> None:
     path = tmp_path / "secret"
     path.write_bytes(CORNELL)
     path.chmod(0)
-    with pytest.raises(BadInput, match=r"cannot be read .*expected a readable BRDF file"):
+    with pytest.raises(BadInput, match=r"cannot be read .*expected a BRDF file"):
         read_samples(path)
 
 

@@ -205,7 +205,7 @@ BAD: dict[str, tuple[list[str], Callable[[Path], object] | None, str]] = {
     "two channels": (["{result}"], spectral, r"channels: found 2 \(450nm, 550nm\), expected 1 or RGB to show"),
     "a missing source": (["{result}", "--source", "{here}/none.brdf"], None, r"none\.brdf.*expected"),
     "an unknown material": (["{result}", "--source", "material:phong-11"], None, r"material: found 'phong-11'"),
-    "a missing mesh": (["{result}", "--mesh", "{here}/none.obj"], None, r"none\.obj: cannot be read .*OBJ or PLY"),
+    "a missing mesh": (["{result}", "--mesh", "{here}/none.obj"], None, r"none\.obj: no such file, expected an OBJ"),
     "no mesh": (["{result}", "--mesh", "{result}/compare.png"], None, r"compare\.png: neither text nor a PLY file"),
     "another ending": (["{result}", "--out", "{here}/a.png"], None, r"a\.png: ends in '\.png', expected \.html"),
     "a folder as the page": (["{result}", "--out", "{result}"], None, r"is a folder, expected a file's name"),

@@ -41,6 +41,7 @@ from homofact.evaluate.stability.solver_atlas import (
     run_solvers,
 )
 from homofact.evaluate.stability.stressors import STRESSORS
+from homofact.factor.factorization import Factorization
 from homofact.figures.stability import draw_atlas, draw_solvers, short_number
 from homofact.geometry.directions import normalize, to_spherical
 from homofact.linear.solvers import SOLVERS
@@ -192,14 +193,15 @@ def lying(factor: float) -> Fitter:
         verdict = replace(row.verdict, findings=())
         if len(source.samples) < SCALE.samples:
             transform = row.factorization.transform
-            wrong = replace(row.factorization, transform=replace(transform, mean=transform.mean * factor))  # type: ignore[type-var]
+            assert isinstance(row.factorization, Factorization)
+            wrong = replace(row.factorization, transform=replace(transform, mean=transform.mean * factor))
             row = replace(row, factorization=wrong)
         return replace(row, verdict=verdict)
 
     return fit
 
 
-def raising(error: Exception) -> Fitter:
+def raising(error: BaseException) -> Fitter:
     def fit(source: Source, settings: Method) -> Row:
         raise error
 
@@ -234,7 +236,8 @@ def test_a_warning_makes_a_wrong_fit_a_degraded_one() -> None:
 
 
 def problem_of(problem: Problem) -> tuple[Source, Method]:
-    source = Source("atlas", problem.kind, problem.samples, None, 1e-2, 0.0)  # type: ignore[arg-type]
+    # A stress has no source to evaluate, only samples.
+    source = Source("atlas", problem.kind, problem.samples, None, 1e-2, 0.0)  # pyright: ignore[reportArgumentType]
     return source, McCool(size=8, epsilon=1e-2, copies=2)
 
 
@@ -256,7 +259,7 @@ def test_what_a_fit_raises_is_a_refusal_or_a_crash(error: Exception, outcome: Ou
 
 def test_an_interrupt_passes_through() -> None:
     with pytest.raises(KeyboardInterrupt):
-        run_cell(EMPTY, stressed, references(), raising(KeyboardInterrupt()))  # type: ignore[arg-type]
+        run_cell(EMPTY, stressed, references(), raising(KeyboardInterrupt()))
 
 
 def test_a_method_is_given_only_settings_that_it_uses() -> None:

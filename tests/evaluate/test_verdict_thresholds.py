@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 import torch
-from homofact.methods.settings import FitSettings
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
@@ -17,6 +16,7 @@ from homofact.brdf.sampling import sample_model
 from homofact.errors import Report, Status
 from homofact.evaluate.metrics import SixErrors
 from homofact.evaluate.verdict import Verdict, judge
+from homofact.methods.search import Search
 
 MODEL = material("phong-10").model
 TRAIN, TEST = (sample_model(MODEL, 3000, seed=seed) for seed in (0, 1))
@@ -56,7 +56,8 @@ def verdict(
 ) -> Verdict:
     report = Report(status, 0, 0, 0.0, 0.0, 0, details=details)
     pair = (errors(log_mse[0]), errors(log_mse[1]))
-    return judge(fitted or Altered(), report, FitSettings(reciprocal=False), train, test, pair)
+    whole: Any = fitted or Altered()
+    return judge(whole, report, Search(reciprocal=False), train, test, pair)
 
 
 def names(found: Verdict) -> set[str]:

@@ -15,7 +15,7 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.factor.quantize import quantized_terms
-from homofact.factor.refine import refine_looks
+from homofact.factor.refine import refine_linear
 from homofact.factor.textures import LogSamples, inner_problem, solve_terms
 from homofact.geometry.directions import draw_in_discs
 from homofact.geometry.rotation import Rotation
@@ -126,7 +126,7 @@ def test_refining_and_quantizing(there: Samples) -> None:
     for samples in (HERE, there):
         logs, transform = logs_of(samples), LogTransform.of(samples, 1e-3)
         solved = solve_terms(logs, PROJECTIONS[:2], SHAPES[:2], 1e-2, "cholesky")
-        terms, account = refine_looks(logs, solved.terms, 1e-2, transform)
+        terms, account = refine_linear(logs, solved.terms, 1e-2, transform)
         rounded = quantized_terms(logs, terms, 1e-2, 255)
         found.append((account["cosine_mse_after"], rounded))
     assert found[1][0] == pytest.approx(found[0][0], rel=1e-5)

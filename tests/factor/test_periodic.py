@@ -21,8 +21,9 @@ from homofact.factor.textures import LogSamples, solve_terms
 from homofact.files.archive import read_archive, write_archive
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import draw_in_discs, from_half_difference, from_spherical
+from homofact.geometry.names import COORDINATE_NAMES
 from homofact.linear.layout import Axis
-from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, SEARCHED_KINDS, loosened, takes_warp
+from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, loosened, takes_warp
 
 ROUND = fixed_projection("theta_h-phi_h", True)
 
@@ -149,7 +150,7 @@ def test_an_export_reads_back_round(tmp_path: Path) -> None:
 def test_it_is_a_fixed_kind_for_anisotropic_materials() -> None:
     assert "theta_h-phi_h" in ANISOTROPIC_CANDIDATES
     assert "theta_h-phi_h" not in ISOTROPIC_CANDIDATES
-    assert "half-angles" not in SEARCHED_KINDS
+    assert "half-angles" not in COORDINATE_NAMES
     assert takes_warp("theta_h-phi_h")
     assert loosened(ROUND) is None
     assert [takes_warp(kind) for kind in ("d", "theta_d-phi_d", "theta_d", "wi", "in-out")] == [False] * 5

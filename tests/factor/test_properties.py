@@ -106,10 +106,10 @@ def test_a_factor_on_the_data_is_a_factor_on_the_fit(samples: Samples, chosen: M
     assert (one is None) == (other is None)
     if one is None or other is None:
         return
-    logs = [
-        Factorization.evaluate_log(fit.factorization, samples.wi, samples.wo)  # type: ignore[arg-type]
-        for fit in (one, other)
-    ]
+    logs = []
+    for fit in (one, other):
+        assert isinstance(fit.factorization, Factorization)
+        logs.append(fit.factorization.evaluate_log(samples.wi, samples.wo))
     # Rounding of the data grows by the condition number, at most to where a system counts as singular.
     condition = min(one.report.details["condition"], 1e12)
     tolerance = 1e-12 * condition + 1e-6

@@ -112,7 +112,8 @@ def test_a_fit_may_ask_for_it_by_its_settings(paint) -> None:
     source, _ = paint
     fitted = homofact.fit(source, homofact.McCool(size=8, quantize="png8")).factorization
     assert fitted.provenance["quantize"] == "png8"
-    assert all(float((n - n.round()).abs().max()) < 1e-6 for n in steps_of(fitted))  # type: ignore[arg-type]
+    assert isinstance(fitted, Factorization)
+    assert all(float((n - n.round()).abs().max()) < 1e-6 for n in steps_of(fitted))
 
 
 def test_a_refined_fit_keeps_its_own_texels_as_the_target(paint) -> None:

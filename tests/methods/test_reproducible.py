@@ -12,26 +12,25 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from homofact.methods.settings import FitSettings
 
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
-from homofact.methods.cole_fit import fit_cole
-from homofact.methods.mccool_fit import fit_mccool
-from homofact.methods.search_fit import fit_search
-from homofact.methods.separable_fit import fit_nmf, fit_svd
+from homofact.methods.cole import Cole
+from homofact.methods.fitting import Method
+from homofact.methods.mccool import McCool
+from homofact.methods.nmf import Nmf
+from homofact.methods.search import Search
+from homofact.methods.svd import Svd
 
 ROOT = Path(__file__).resolve().parents[2]
-SMALL: dict[str, Any] = {"textures": 2, "size": 8, "search_samples": 800, "restarts": 2, "epsilon": 1e-5}
-MANY: dict[str, Any] = SMALL | {"textures": 4, "size": 12, "restarts": 8}
-FITS: dict[str, tuple[Any, FitSettings]] = {
-    "search": (fit_search, FitSettings(budget=60.0, **SMALL)),
-    # A budget that ends it half way: this is where a clock would show.
-    "search, cut short": (fit_search, FitSettings(budget=0.3, **MANY)),
-    "cole": (fit_cole, FitSettings(method="cole", search_size=6, **SMALL)),
-    "mccool": (fit_mccool, FitSettings(method="mccool", **SMALL)),
-    "svd": (fit_svd, FitSettings(method="svd", **SMALL)),
-    "nmf": (fit_nmf, FitSettings(method="nmf", **SMALL)),
+FITS: dict[str, Method] = {
+    "search": Search(textures=2, size=8, search_samples=800, restarts=2, epsilon=1e-5, effort="quick"),
+    # An effort that ends it half way: this is where a clock would show.
+    "search, cut short": Search(textures=3, size=10, search_samples=800, epsilon=1e-5, effort=40.0),
+    "cole": Cole(textures=2, size=8, search_samples=800, restarts=2, epsilon=1e-5, search_size=6),
+    "mccool": McCool(size=8, epsilon=1e-5),
+    "svd": Svd(textures=2, size=8, epsilon=1e-5),
+    "nmf": Nmf(textures=2, size=8, epsilon=1e-5),
 }
 
 
@@ -39,8 +38,8 @@ def fingerprints() -> dict[str, str]:
     """A hash of every texture's bytes, of the projections and of λ, by the fit's name."""
     samples = sample_model(material("lafortune-blue-paint").model, 1500)
     result = {}
-    for name, (fit, settings) in FITS.items():
-        fitted = fit(samples, settings).factorization
+    for name, method in FITS.items():
+        fitted: Any = method.fit(samples).factorization
         digest = hashlib.sha256()
         for term in fitted.terms:
             textures = [term.texture] if hasattr(term, "texture") else list(term.textures)

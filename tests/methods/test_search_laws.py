@@ -4,23 +4,23 @@ from typing import Any
 
 import pytest
 import torch
-from homofact.methods.settings import FitSettings
 from torch import Tensor
 
 from homofact.brdf.samples import Samples
 from homofact.factor.projection import Projection, fixed_projection
 from homofact.factor.textures import LogSamples, residual, solve_terms
 from homofact.geometry.directions import draw_in_discs, from_spherical
-from homofact.methods.cole_fit import Fit
+from homofact.geometry.rotation import Rotation
+from homofact.methods.fitting import Fit
 from homofact.methods.kinds import loosened
-from homofact.methods.search_fit import fit_search
+from homofact.methods.search import Search
 
 SMOOTHING = 1e-5
 
 
 def fit(samples: Samples, **settings: Any) -> Fit:
     """The one place that knows how a searched fit is called."""
-    return fit_search(samples, FitSettings(epsilon=1e-5, budget=60.0, **settings))
+    return Search(epsilon=1e-5, **settings).fit(samples)
 
 
 def found(result: Fit, name: str) -> Any:
@@ -32,9 +32,10 @@ def rotated_off(name: str, seed: int, step: float) -> Projection:
     """A fixed projection turned a little, so that no fixed one is it any more."""
     loose = loosened(fixed_projection(name, True))
     assert loose is not None
-    assert isinstance(loose.rotation, Tensor)
-    moved = loose.rotation + step * torch.randn(4, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
-    return Projection.from_rotation(loose.coordinates, moved / moved.norm(), True)
+    assert loose.rotation is not None
+    step_taken = step * torch.randn(4, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+    moved = loose.rotation.quaternions.flatten() + step_taken
+    return Projection.from_rotation(loose.coordinates, Rotation.of_numbers(moved / moved.norm()), True)
 
 
 def samples_of(logs: Tensor, wi: Tensor, wo: Tensor) -> Samples:
@@ -54,7 +55,7 @@ def test_projections_off_the_fixed_ones_are_found() -> None:
     assert isinstance(logs, Tensor)
     samples = samples_of(logs, wi, wo)
     common = {"textures": 2, "size": 12, "search_size": 8, "search_samples": 1000, "restarts": 2, "smoothing": 1e-4}
-    fixed = fit(samples, parameterization="theta_h-theta_d+theta_i-theta_o", **common)
+    fixed = fit(samples, projections=("theta_h-theta_d", "theta_i-theta_o"), **common)
     free = fit(samples, **common)
     # Without loosening it ends at nine tenths of what the fixed kinds reach, with it at an eighth.
     assert free.report.residual < 0.3 * fixed.report.residual
@@ -67,7 +68,7 @@ def test_refinement_at_full_size_lowers_the_training_error() -> None:
     logs = sum(1.5 * torch.cos(5 * uv[:, 0] + 0.5) * torch.sin(4 * uv[:, 1] + 0.3) for uv in planted.place(wi, wo))
     assert isinstance(logs, Tensor)
     samples = samples_of(logs, wi, wo)
-    common = {"textures": 1, "parameterization": "isotropic-half-diff", "restarts": 3, "smoothing": SMOOTHING}
+    common = {"textures": 1, "projections": ("isotropic-half-diff",), "restarts": 3, "smoothing": SMOOTHING}
     fine = fit(samples, size=16, search_size=5, search_samples=300, **common)
     coarse = fit(samples, size=5, search_size=5, search_samples=300, **common)
     observed = LogSamples.of(samples, coarse.factorization.transform)
@@ -90,7 +91,7 @@ def goniometer() -> Samples:
 def test_how_gridded_data_are_judged_is_the_users_choice() -> None:
     """Left-out samples are known from their ring's others; a left-out ring is known from no one."""
     rings, scattered = (
-        fit(goniometer(), textures=1, size=8, parameterization="theta_i-theta_o", validation=name)
+        fit(goniometer(), textures=1, size=8, projections=("theta_i-theta_o",), validation=name)
         for name in ("rings", "random")
     )
     assert found(rings, "validation_error") > 1.3 * found(scattered, "validation_error")
@@ -101,7 +102,7 @@ def test_samples_on_no_rings_are_judged_alike() -> None:
     wi, wo = pairs(600)
     samples = samples_of(torch.cos(3 * wi[:, 0]) * wo[:, 2], wi, wo)
     one, other = (
-        fit(samples, textures=1, size=6, parameterization="theta_i-theta_o", validation=name)
+        fit(samples, textures=1, size=6, projections=("theta_i-theta_o",), validation=name)
         for name in ("rings", "random")
     )
     assert found(one, "validation_error") == pytest.approx(found(other, "validation_error"), rel=1e-12)
@@ -114,6 +115,6 @@ def test_every_texture_has_the_smoothing_that_its_data_ask_for() -> None:
     waves, ramp = (fixed_projection(name, True).place(wi, wo)[0] for name in ("theta_h-theta_d", "theta_i-theta_o"))
     noise = 0.5 * torch.randn(2500, dtype=torch.float64, generator=generator)
     logs = torch.sin(9 * waves).sum(1) + 0.3 * ramp.sum(1) + noise
-    result = fit(samples_of(logs, wi, wo), textures=2, size=10, parameterization="theta_h-theta_d+theta_i-theta_o")
+    result = fit(samples_of(logs, wi, wo), textures=2, size=10, projections=("theta_h-theta_d", "theta_i-theta_o"))
     rough, smooth = found(result, "smoothing")
     assert smooth >= 10 * rough

@@ -12,7 +12,7 @@ from homofact.evaluate.stability.cells import Cell, Fitter, Judged, Outcome, Ref
 from homofact.evaluate.stability.problem import Scale, Stressor, unstressed
 from homofact.evaluate.stability.real import Absent
 from homofact.evaluate.stability.stressors import STRESSORS, stressor
-from homofact.files.binary import write_bytes
+from homofact.files.atomic import write_text
 from homofact.methods.table import METHODS, method_class
 
 # Small fits, so that hundreds of them take minutes. ε is that of measured data. A method takes what it has of these.
@@ -112,7 +112,7 @@ def write_csv(path: str | os.PathLike[str], cells: Sequence[Any]) -> None:
     writer.writerow(names)
     for cell in cells:
         writer.writerow([_plain(getattr(cell, name)) for name in names])
-    write_bytes(path, text.getvalue().encode())
+    write_text(path, text.getvalue())
 
 
 def _plain(value: Any) -> Any:

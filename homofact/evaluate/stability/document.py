@@ -8,7 +8,7 @@ from homofact.evaluate.stability.cells import DEGRADED, JUDGING_EPSILON, WORTH_A
 from homofact.evaluate.stability.problem import Stressor
 from homofact.evaluate.stability.solver_atlas import AGREES, AGREES_ILL, SYSTEMS, WELL_POSED, Answer, SolverCell
 from homofact.evaluate.stability.stressors import stressor
-from homofact.files.binary import write_bytes
+from homofact.files.atomic import write_text
 from homofact.version import __version__
 
 _WORDS = {Outcome.REFUSED: "refused", Outcome.CRASHED: "crashed", Outcome.NONE: "–", Outcome.ABSENT: "no data"}
@@ -21,7 +21,7 @@ def write_document(
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     link = Path(os.path.relpath(pictures, target.parent)).as_posix()
-    write_bytes(target, document(atlas, solvers, link, where).encode())
+    write_text(target, document(atlas, solvers, link, where))
 
 
 def document(atlas: Atlas, solvers: list[SolverCell], link: str, where: str) -> str:
