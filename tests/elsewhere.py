@@ -37,7 +37,7 @@ class _Elsewhere(torch.Tensor):
         made.held = held
         return made
 
-    def __repr__(self) -> str:
+    def __repr__(self, *, tensor_contents: object = None) -> str:
         return f"elsewhere({self.held!r})"
 
     @classmethod
