@@ -109,7 +109,7 @@ class ChartSettings:
         COMPARED, "Names with commas; mccool:A+B has the fixed projections A and B", expected_instead=_several
     )
     textures: tuple[int, ...] = option((1, 2, 3), "Counts of textures, with commas", expected_instead=_several)
-    sizes: tuple[int, ...] = option((8, 16, 32), "Texels on a side, with commas", expected_instead=_several)
+    sizes: tuple[int, ...] = option((8, 16, 32), "Texels per side, with commas", expected_instead=_several)
     searches: tuple[str, ...] = option(
         ("gradient",),
         "How search refines, with commas: gradient, powell, nlopt-NAME",
@@ -138,14 +138,14 @@ class RenderSettings:
     """How a sphere is drawn.
 
     `light` points to a directional light (any length), None is the light of the comparison pictures; `environment` is
-    a lat-long .hdr or .exr file that takes its place, `size` the picture's pixels on a side, `file` where it goes.
+    a lat-long .hdr or .exr file that takes its place, `size` the picture's pixels per side, `file` where it goes.
     """
 
     light: tuple[float, float, float] | None = option(
         None, "Towards a directional light: x right, y up, z to the viewer", metavar="X,Y,Z"
     )
     environment: str | None = option(None, "A lat-long map (.hdr or .exr) in its place", metavar="FILE.hdr")
-    size: int = option(384, "Pixels on a side", least=16, most=8192, unit="pixels")
+    size: int = option(384, "Pixels per side", least=16, most=8192, unit="pixels")
     file: str | None = option(None, "The picture", flag="out", metavar="FILE.png")
 
     def __post_init__(self) -> None:

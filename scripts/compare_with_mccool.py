@@ -193,7 +193,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--data", type=Path, help="the folder of real measurements")
     parser.add_argument("--out", type=Path, default=Path("out/compare_with_mccool"), help="the folder to write")
     parser.add_argument("--textures", type=int, default=5)
-    parser.add_argument("--size", type=int, default=24, help="texels on a side, in the end")
+    parser.add_argument("--size", type=int, default=24, help="texels per side, in the end")
     parser.add_argument("--samples", type=int, default=45_000, help="pairs drawn of a material")
     parser.add_argument("--restarts", type=int, default=6)
     parser.add_argument("--seed", type=int, default=0)

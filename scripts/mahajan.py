@@ -172,8 +172,8 @@ def phong_part(short: bool, out: Path | None, exponents: Sequence[int]) -> list[
             rows.append((f"s = {s}: terms on the hemisphere", claim, str(k)))
     sixth = [s for s, k in zip(exponents, half, strict=True) if k <= 16]
     rows.append(("largest exponent with 16 terms", "about 6", str(max(sixth))))
-    foretold = mirror_terms(phong_filter(60, 30), SHARE), mirror_terms(phong_filter(60, 30), SHARE, hemisphere=True)
-    words = f"{foretold[0]} and {foretold[1]} (SVD {spectra[30].count(SHARE)} and {halves[30].count(SHARE)})"
+    predicted = mirror_terms(phong_filter(60, 30), SHARE), mirror_terms(phong_filter(60, 30), SHARE, hemisphere=True)
+    words = f"{predicted[0]} and {predicted[1]} (SVD {spectra[30].count(SHARE)} and {halves[30].count(SHARE)})"
     rows.append(("s = 30: K from F_l, each 2l+1 and l+1 times", "–", words))
     if out is not None:
         draw.spectrum(out / "figure_2.png", spectra, whole=True)

@@ -210,7 +210,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--projections", help="one name for all textures, or one each joined by + (the search chooses)")
     parser.add_argument("--texels", type=int, default=32, help="on a side of a texture (%(default)s)")
     parser.add_argument("--budget", type=float, default=20.0, help="seconds of the search (%(default)s)")
-    parser.add_argument("--size", type=int, default=300, help="pixels on a side (%(default)s)")
+    parser.add_argument("--size", type=int, default=300, help="pixels per side (%(default)s)")
     parser.add_argument("--spp", type=int, default=512, help="samples a pixel (%(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)

@@ -27,7 +27,7 @@ from homofact.methods.fitting import quantized
 from homofact.methods.search import Search
 
 MATERIAL, PAINT, STORAGE, HELD_OUT, TARGET = "material:lafortune-blue-paint", "garnet_red", "png8", 0.2, 1.3
-# Textures, and texels a side.
+# Textures, and texels per side.
 SIZES = ((2, 16), (5, 32))
 WAYS = ("as fitted", "each texel rounded", "solved for 8 bits")
 

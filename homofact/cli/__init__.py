@@ -1,1 +1,1 @@
-"""Floor 6: the command line, one file a command. Heavy imports wait until a command runs."""
+"""The command line, one file a command. Heavy imports wait until a command runs."""

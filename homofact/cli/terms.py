@@ -28,7 +28,7 @@ def terms(
 ) -> None:
     """Foretell and count the in-out terms (SVD) that a material needs.
 
-    Foretold from the highest order l* of its half-angle curve as
+    Predicted from the highest order l* of its half-angle curve as
     (l* + 1)²/4, counted in its singular values (Mahajan et al. 2008).
     """
     check_source(settings)

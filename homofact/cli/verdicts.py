@@ -14,7 +14,7 @@ def verdict_lines(verdict: "Verdict") -> list[str]:
     """The verdict with its figures, then a line a finding."""
     figures = [f"explains {max(verdict.explained, 0):.1%}", f"held out / training {figure(verdict.gap)}"]
     if verdict.determined is not None:
-        figures.append(f"{verdict.determined:.0%} of the texels held by samples")
+        figures.append(f"{verdict.determined:.0%} of the texels determined by samples")
     if verdict.condition is not None:
         figures.append(f"condition {verdict.condition:.0e}")
     figures += [f"albedo up to {figure(verdict.albedo)}", f"reciprocity error {verdict.reciprocity:.1%}"]

@@ -193,7 +193,7 @@ def _findings(
     if verdict.determined is not None and verdict.determined < LEAST_DETERMINED:
         yield Finding(
             "determined",
-            f"samples hold {verdict.determined:.0%} of the texels and smoothing the rest,"
+            f"{verdict.determined:.0%} of the texels are determined by samples, the rest by smoothing,"
             f" expected {LEAST_DETERMINED:.0%}",
             "smaller textures (--size), fewer of them, or more samples",
         )
@@ -231,7 +231,7 @@ def _findings(
     if verdict.albedo > LARGEST_ALBEDO:
         yield Finding(
             "energy",
-            f"the fit gives back {verdict.albedo:.3g} of the light at some angle, expected at most {LARGEST_ALBEDO:g}",
+            f"the directional albedo is {verdict.albedo:.3g} at some angle, expected at most {LARGEST_ALBEDO:g}",
             "check the measurement's units and its grazing angles (homofact info)",
         )
     if settings.reciprocal and (verdict.data_reciprocity or 0) > LARGEST_RECIPROCITY:

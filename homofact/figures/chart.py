@@ -177,7 +177,7 @@ def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str,
     columns = min(len(handles), 5 if figure.get_figwidth() < 12 else 8)
     lines = -(-len(handles) // columns)
     caption = [
-        "Labels: textures × texels a side².",
+        "Labels: textures × texels per side².",
         f"ε = {first.epsilon:g}, {first.held_out_part:.0%} of {first.samples} samples held out, seed {first.seed},"
         f" channels {first.channels if len(first.channels) < 16 else 'of a spectrum'}.",
         first.machine,

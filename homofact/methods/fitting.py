@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar, cast
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Directions
@@ -90,7 +90,7 @@ class Method(Protocol):
 
     @property
     def size(self) -> int:
-        """Texels on a side of a texture."""
+        """Texels per side of a texture."""
         ...
 
     @property
@@ -116,7 +116,16 @@ class Method(Protocol):
         ...
 
 
-class Copying(Method, Protocol):
+class Quantizing(Method, Protocol):
+    """A method whose texels may be whole numbers."""
+
+    @property
+    def quantize(self) -> str:
+        """Which whole numbers texels are to be: "none", "png8" or "png16"."""
+        ...
+
+
+class Copying(Quantizing, Protocol):
     """A method that turns isotropic measurements to other azimuths."""
 
     @property
@@ -129,23 +138,18 @@ class Copying(Method, Protocol):
         """Whether mirrored copies stand beside them."""
         ...
 
-    @property
-    def quantize(self) -> str:
-        """Which whole numbers texels are to be: "none", "png8" or "png16"."""
-        ...
-
 
 class Coarse(Method, Protocol):
     """A method that searches on smaller textures."""
 
     @property
     def search_size(self) -> int:
-        """Texels on a side there; 0 is the full size."""
+        """Texels per side there; 0 is the full size."""
         ...
 
 
 def coarse_size(method: Coarse) -> int:
-    """Texels on a side in a coarse search, never above `size`."""
+    """Texels per side in a coarse search, never above `size`."""
     return method.size if method.search_size == 0 else min(method.size, method.search_size)
 
 
@@ -177,14 +181,14 @@ def at_azimuths(samples: Samples, method: Copying, knows_azimuth: bool) -> Sampl
     return samples
 
 
-def quantized(fitted: F, samples: Samples, method: Copying, storage: str) -> F:
+def quantized(fitted: F, samples: Samples, method: Quantizing, storage: str) -> F:
     """A fit of `samples` by `method` with texels that `storage` ("png8", "png16") holds. Raises BadInput for others."""
     if is_solved(fitted):
-        samples = at_azimuths(samples, method, not fitted.evaluation.isotropic)
+        samples = at_azimuths(samples, cast("Copying", method), not fitted.evaluation.isotropic)
     return quantize(fitted, samples, storage)
 
 
-def with_whole_texels(fit: Fit, samples: Samples, method: Copying) -> Fit:
+def with_whole_texels(fit: Fit, samples: Samples, method: Quantizing) -> Fit:
     """The fit of `samples`, its texels whole numbers where the method's `quantize` asks for it."""
     if method.quantize == "none":
         return fit

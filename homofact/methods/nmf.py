@@ -26,6 +26,7 @@ class Nmf:
     coordinates: str = shared.coordinates("half-diff")
     reciprocal: bool = shared.reciprocal()
     map: str = shared.direction_map()
+    quantize: str = shared.quantize()
     seed: int = shared.seed()
 
     def __post_init__(self) -> None:
@@ -34,6 +35,7 @@ class Nmf:
 
     def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
         """Decompose the matrix resampled from `samples`; `progress` is never called."""
+        from homofact.methods.fitting import with_whole_texels
         from homofact.methods.separable_fit import fit_nmf
 
-        return fit_nmf(samples, self)
+        return with_whole_texels(fit_nmf(samples, self), samples, self)

@@ -62,7 +62,7 @@ class Search:
         "How much is searched: quick, normal, thorough, or a number of inner evaluations",
         expected_instead=_expected_effort,
     )
-    budget: float | None = option(None, "A guard in seconds", unit="seconds", above=0, none="none")
+    budget: float | None = shared.budget()
     refine: str = option("none", "linear: a last descent on the linear, cosine-weighted error", choices=REFINEMENTS)
     # Measured data judged on 12² textures picks other mixes than on 16².
     search_size: int = shared.search_size(16)

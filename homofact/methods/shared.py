@@ -22,8 +22,8 @@ def terms() -> Any:
 
 
 def size() -> Any:
-    """Texels on a side of a texture."""
-    return option(16, "Texels on a side of a texture", least=2)
+    """Texels per side of a texture."""
+    return option(16, "Texels per side of a texture", least=2)
 
 
 def epsilon() -> Any:
@@ -56,13 +56,20 @@ def restarts() -> Any:
     return option(6, "Random starts of the search for each texture", least=1)
 
 
+def budget() -> Any:
+    """Seconds after which a search ends with what it has: a guard, None is none."""
+    return option(
+        None, "A guard: ends the search, which is then not reproducible", unit="seconds", above=0, none="none"
+    )
+
+
 def search_size(usual: int) -> Any:
-    """Texels on a side in the coarse search, at most `size`; 0 is the full size."""
+    """Texels per side in the coarse search, at most `size`; 0 is the full size."""
 
     def expected(value: int) -> str | None:
         return "0 (the full size) or at least 2" if value < 0 or value == 1 else None
 
-    return option(usual, "Texels on a side during the search; 0 is the full size", expected_instead=expected)
+    return option(usual, "Texels per side during the search; 0 is the full size", expected_instead=expected)
 
 
 def search_samples() -> Any:

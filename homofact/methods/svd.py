@@ -32,6 +32,7 @@ class Svd:
     decomposition: str | None = option(
         None, "How the terms are found", choices=DECOMPOSITIONS, none="by the matrix's symmetry"
     )
+    quantize: str = shared.quantize()
     seed: int = shared.seed()
 
     def __post_init__(self) -> None:
@@ -57,6 +58,7 @@ class Svd:
 
     def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
         """Decompose the matrix resampled from `samples`; `progress` is never called."""
+        from homofact.methods.fitting import with_whole_texels
         from homofact.methods.separable_fit import fit_svd
 
-        return fit_svd(samples, self)
+        return with_whole_texels(fit_svd(samples, self), samples, self)

@@ -1,4 +1,4 @@
-"""How many in-out terms a BRDF needs: foretold from its spectrum, and counted in its decomposition.
+"""How many in-out terms a BRDF needs: predicted from its spectrum, and counted in its decomposition.
 
 Mahajan, Tseng and Ramamoorthi (2008): about the mirror direction the singular values on the sphere are F_l = Λ_l ρ̂_l,
 2l+1 times each (eq. 9), so K = (l* + 1)² (eq. 10); about l + 1 are left on hemispheres, half as many terms (eq. 13).
@@ -68,7 +68,7 @@ class InOutCount:
 
 
 def predicted_terms(reflectance: Reflectance, share: float = 0.99, limit: float = LIMIT) -> InOutCount:
-    """The number of in-out terms foretold from the half-angle curve's l*, beside the number counted.
+    """The number of in-out terms predicted from the half-angle curve's l*, beside the number counted.
 
     Raises BadInput for a share outside (0, 1), a limit outside (0, 90°] and a reflectance without energy.
     """

@@ -105,7 +105,7 @@ def coordinates(name, wi, wo):
 
 def warped(name, width, x):
     (formula,) = words(r"r -> (.+?) before", "warp")
-    (angle,) = words(r"or (\S+) \(isotropic-half-diff\)", "warp")
+    (angle,) = words(r"or (\S+) \(isotropic-half-diff, half-angles\)", "warp")
 
     def stretch(r):
         return value_of(formula, r=r, w=width)

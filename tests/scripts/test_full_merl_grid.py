@@ -25,6 +25,6 @@ def test_every_method_reads_and_fits_the_grid(
     assert len({row[0] for row in rows.values()}) == 1
     for row in rows.values():
         # Read and fit are parts of the total; the peak holds at least the libraries.
-        assert 0 < row[1] + row[2] <= row[3] * 1.001
+        assert 0 < row[1] + row[2] <= row[3] * 1.01
         assert row[4] > 100
     assert rows["search"][6] < rows["mccool"][6]

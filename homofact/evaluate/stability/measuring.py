@@ -52,7 +52,7 @@ def no_highlight(strength: float, seed: int, scale: Scale) -> Problem:
 
 
 def untouched_texels(strength: float, seed: int, scale: Scale) -> Problem:
-    """Smoothing off, and textures of `strength` texels a side for a third of the samples."""
+    """Smoothing off, and textures of `strength` texels per side for a third of the samples."""
     problem = unstressed(seed, scale)
     fewer = problem.samples.subset(scale.samples // 3, seed)
     size = int(strength)
@@ -181,7 +181,7 @@ STRESSORS = (
         " neighbours: the normal matrix is singular but for a tiny ridge, whose minimum-norm answer puts such texels"
         " near zero in log space, which is the mean brightness and has nothing to do with their surroundings.",
         "A smoothing above 0 (1e-3), or textures that the samples can fill.",
-        "texels a side", (8, 16, 24, 32), untouched_texels,
+        "texels per side", (8, 16, 24, 32), untouched_texels,
     ),
     Stressor(
         "grazing", "grazing angles",

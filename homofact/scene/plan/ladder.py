@@ -24,7 +24,7 @@ MCCOOL_TEXTURES = 2
 
 @dataclass(frozen=True, order=True)
 class Candidate:
-    """One rung: `method` ("constant", "lambert-9", "mccool", "search", "svd"), `textures` or terms, texels a side."""
+    """One rung: `method` ("constant", "lambert-9", "mccool", "search", "svd"), `textures` or terms, texels per side."""
 
     method: str
     textures: int = 0
