@@ -14,6 +14,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
 from homofact.evaluate.compare import training_samples
+from homofact.evaluate.split import Split
 from homofact.export.result import open_result
 from homofact.factor.fitted import Fitted
 from homofact.methods.settings import FitSettings
@@ -29,11 +30,11 @@ def read(source: str, *, channels: str = "rgb", count: int = 45_000, seed: int =
 
 
 def fit(source: Source | Samples, **settings: Any) -> Fitted:
-    """Factor all samples of a source by `FitSettings(**settings)`; nothing is held out.
+    """Factor all samples of a source by `FitSettings(**settings)`; nothing is held out, as the fit's split says.
 
     Use `homofact.evaluate.compare.fit_and_measure` for a fit with an honest error. Bare `Samples` are taken
-    as they are; pass `epsilon` with measured ones (1e-2 where zeros and noise are to be expected). Raises
-    BadInput for settings that cannot be meant.
+    as they are and leave the fit without a split; pass `epsilon` with measured ones (1e-2 where zeros and noise are
+    to be expected). Raises BadInput for settings that cannot be meant.
     """
     try:
         chosen = FitSettings(**settings)
@@ -44,7 +45,8 @@ def fit(source: Source | Samples, **settings: Any) -> Fitted:
         return run(source, chosen).factorization
     if chosen.epsilon is None:
         chosen = replace(chosen, epsilon=source.default_epsilon)
-    return run(training_samples(source, source.samples, chosen), chosen).factorization
+    train, _ = Split.of(source, 0.0, chosen.seed).parts(source)
+    return run(training_samples(source, train, chosen), chosen).factorization
 
 
 def load(path: str) -> Fitted:

@@ -12,6 +12,7 @@ from homofact.brdf.source import Source
 from homofact.errors import Report
 from homofact.evaluate.compare import HELD_OUT, Row, training_samples
 from homofact.evaluate.metrics import measure
+from homofact.evaluate.split import Split
 from homofact.evaluate.verdict import judge
 from homofact.factor.factorization import Factorization
 from homofact.factor.textures import LogSamples, residual
@@ -32,8 +33,8 @@ class _Cost:
 
 def split(source: Source, settings: FitSettings) -> tuple[Samples, Samples]:
     """(training with its azimuth copies, held out and turned), the split of `evaluate.compare.fit_and_measure`."""
-    train, test = source.samples.split(HELD_OUT, settings.seed)
-    return training_samples(source, train, settings), test.rotated_at_random(settings.seed)
+    parts = Split.of(source, HELD_OUT, settings.seed)
+    return training_samples(source, parts.parts(source)[0], settings), parts.test_samples(source)
 
 
 def ladder(source: Source, settings: FitSettings) -> list[Row]:
@@ -66,6 +67,7 @@ def ladder(source: Source, settings: FitSettings) -> list[Row]:
         rows.append(
             Row(
                 source.name,
+                Split.of(source, HELD_OUT, settings.seed),
                 chosen,
                 fitted,
                 report,

@@ -20,27 +20,13 @@ def check_source(settings: "Config") -> None:
 
 def open_subject(settings: "Config") -> "Source":
     """The configured source, read or sampled, in all its channels or in one of them. Raises BadInput."""
-    from homofact.brdf.channels import CHANNELS, OneChannel
     from homofact.brdf.source import open_source
 
     check_source(settings)
-    wanted = settings.source.channels
-    if wanted in CHANNELS:
-        kind = wanted
-    elif wanted in ("R", "G", "B") or wanted.endswith("nm"):
-        kind = "spectral" if wanted.endswith("nm") else "rgb"
-    else:
-        raise BadInput(f"channels: found {wanted!r}, expected {', '.join(CHANNELS)}, or one channel such as G or 550nm")
-    source = open_source(
-        str(settings.source.path),
-        channels=kind,
-        count=settings.source.count,
-        scheme=settings.source.scheme,
-        seed=settings.seed,
+    asked = settings.source
+    return open_source(
+        str(asked.path), channels=asked.channels, count=asked.count, scheme=asked.scheme, seed=settings.seed
     )
-    if wanted in CHANNELS:
-        return source
-    return replace(source, samples=source.samples.channel(wanted), reflectance=OneChannel(source.reflectance, wanted))
 
 
 def warmed_up(screen: "Screen") -> None:

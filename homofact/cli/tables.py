@@ -50,14 +50,15 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
 
 def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
     """What storing a fit cost: its errors on `part` of the samples, and how far its logarithms moved."""
-    table = _table(f"Error ({part}; mae in sr⁻¹; moved: RMS of the logarithms from those fitted)")
+    words = {"held_out": "held out", "source": "of the source"}[part]
+    table = _table(f"Error ({words}; mae in sr⁻¹; moved: RMS of the logarithms from those fitted)")
     _column(table, "", left=True)
-    names = [name for name in ("log_mse", "log_mae", "mae") if any("held_out" in each for each in errors.values())]
+    names = [name for name in ("log_mse", "log_mae", "mae") if any(part in each for each in errors.values())]
     for name in (*(name.replace("_", " ") for name in names), "moved"):
         _column(table, name)
     for label, each in errors.items():
-        held = each.get("held_out", {})
-        table.add_row(Text(label), *(figure(held.get(name)) for name in names), figure(each["log_difference"]))
+        tested = each.get(part, {})
+        table.add_row(Text(label), *(figure(tested.get(name)) for name in names), figure(each["log_difference"]))
     return table
 
 

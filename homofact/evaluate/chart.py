@@ -6,17 +6,16 @@ and measured as in a comparison.
 """
 
 import dataclasses
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 
-from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, HomofactError, Status
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure, training_samples
 from homofact.evaluate.machine import machine
+from homofact.evaluate.split import samples_digest
 from homofact.methods.cole_fit import ProgressCallback
 from homofact.methods.mccool_fit import PROJECTIONS
 from homofact.methods.settings import FitSettings
@@ -80,15 +79,6 @@ def identity(source: Source, digest: str, run: Run, held_out: float, where: str)
     used = {each.name: getattr(settings, each.name) for each in fields(settings) if each.name not in ignored}
     words = [f"{name}={'+'.join(value) if isinstance(value, tuple) else value}" for name, value in used.items()]
     return Identity(digest, " ".join([*words, f"held_out={held_out}"]), where, __version__)
-
-
-def samples_digest(samples: Samples, kind: str) -> str:
-    """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels and kind."""
-    digest = hashlib.sha256(f"{kind} {samples.isotropic} {samples.channels}".encode())
-    for tensor in (samples.wi, samples.wo, samples.values, samples.weights):
-        digest.update(str(tuple(tensor.shape)).encode())
-        digest.update(tensor.cpu().contiguous().numpy().tobytes())
-    return digest.hexdigest()[:16]
 
 
 def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:

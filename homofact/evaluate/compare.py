@@ -1,7 +1,7 @@
 """Several methods on one split of one source, measured alike.
 
-A share of the samples is held out before anything else; isotropic measurements are then copied to
-other azimuths for training, and the held-out ones turned at random. Both errors use the fit's own ε
+A part of the samples is held out before anything else (`evaluate.split`); isotropic measurements are then
+copied to other azimuths for training, and the held-out ones turned at random. Both errors use the fit's own ε
 and A, which come from the training samples alone.
 """
 
@@ -12,9 +12,9 @@ from typing import Any
 
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
-from homofact.brdf.stratified import stratified_subset
-from homofact.errors import Report
+from homofact.errors import BadInput, Report
 from homofact.evaluate.metrics import SixErrors, measure
+from homofact.evaluate.split import Split
 from homofact.evaluate.verdict import Verdict, judge
 from homofact.factor.fitted import Fitted
 from homofact.methods.cole_fit import ProgressCallback
@@ -26,9 +26,10 @@ HELD_OUT = 0.2
 
 @dataclass(frozen=True)
 class Row:
-    """One method on one source: the fit, its settings and its errors on training and held-out samples."""
+    """One method on one split of a source: the fit, its settings and its errors on training and held-out samples."""
 
     source: str
+    split: Split
     settings: FitSettings
     factorization: Fitted
     report: Report
@@ -54,6 +55,7 @@ class Row:
             "fetches": self.factorization.fetches,
             "samples": self.samples,
             "subset": self.factorization.provenance.get("source", {}).get("subset"),
+            "split": self.split.record(),
             "status": self.report.status.value,
             "evaluations": self.report.evaluations,
             "seed": self.settings.seed,
@@ -86,21 +88,32 @@ def fit_and_measure(
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,
     subset: int = 0,
+    split_seed: int | None = None,
 ) -> Row:
-    """Fit one method on the source's split by `settings.seed`, and measure it on both parts.
+    """Fit one method on a split of the source, and measure it on both parts.
 
-    A `subset` above 0 fits (and measures as training) at most so many samples, drawn by cells after the split
-    (`brdf.stratified`): the held-out samples, and so their errors, are the same with and without it.
+    The split is drawn by `split_seed`, or by `settings.seed` where that is None. A `subset` above 0 fits (and measures
+    as training) at most so many samples, drawn by cells after the split (`brdf.stratified`): the held-out samples,
+    and so their errors, are the same with and without it. Raises BadInput for a part that is not between 0 and 1.
+    """
+    if held_out == 0:
+        raise BadInput("held-out fraction: found 0, expected between 0 and 1")
+    seed = settings.seed if split_seed is None else split_seed
+    return fit_split(source, Split.of(source, held_out, seed, subset), settings, progress)
+
+
+def fit_split(source: Source, split: Split, settings: FitSettings, progress: ProgressCallback | None = None) -> Row:
+    """Fit one method on a split of the source that there is already, and measure it on both parts.
+
+    Where nothing is held out the errors called held out are on all samples at random azimuths. Raises BadInput as the
+    split's parts and the fit do.
     """
     began = time.perf_counter()
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
     method(settings.method)
-    train, test = source.samples.split(held_out, settings.seed)
-    if subset > 0:
-        train = stratified_subset(train, subset, settings.seed)
-    measured = train
-    train, test = training_samples(source, train, settings), test.rotated_at_random(settings.seed)
+    measured = split.parts(source)[0]
+    train, test = training_samples(source, measured, settings), split.test_samples(source)
     begin_fit = time.perf_counter()
     fitted = run(train, settings, progress)
     seconds_fit = time.perf_counter() - begin_fit
@@ -110,6 +123,7 @@ def fit_and_measure(
     verdict = judge(factorization, fitted.report, settings, measured, test, (errors[0], errors[1]))
     return Row(
         source.name,
+        split,
         settings,
         factorization,
         fitted.report,

@@ -17,6 +17,7 @@ import torch
 from homofact.containers.exr import exr_channel_names
 from homofact.containers.formats import Format
 from homofact.errors import BadInput
+from homofact.evaluate.split import without_places
 from homofact.export.manifest import CONVENTIONS, bits, describe_projection, write_json
 from homofact.export.separable_files import EVALUATION, MAPS
 from homofact.factor.factorization import Factorization, Term
@@ -205,7 +206,7 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         "code": {"function": "homofact_evaluate", "files": list(_codes(made))},
         "cost": made.cost.record(),
         "errors": dict(errors),
-        "provenance": fitted.provenance,
+        "provenance": without_places(fitted.provenance),
         "conventions": {name: CONVENTIONS[name] for name in kept} | own | {"storage": STORAGE, "sampler": SAMPLER},
     }
 

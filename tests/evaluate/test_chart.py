@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import homofact.evaluate.chart
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput, Status
-from homofact.evaluate.chart import Run, plan, run_chart, samples_digest
+from homofact.evaluate.chart import Run, plan, run_chart
 from homofact.evaluate.chart_ledger import ChartRow, Ledger
 from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.pareto import dominates, front
@@ -232,22 +232,6 @@ def test_times_of_another_machine_are_not_taken(
     rows = run_chart(source, runs, Ledger(tmp_path / "a.csv"))
     assert [row.machine for row in rows] == ["an abacus"]
     assert len(counting.fitted) == 2
-
-
-def test_the_digest_sees_every_sample(source: Source) -> None:
-    samples = source.samples
-    values = samples.values.clone()
-    values[-1, -1] += 1e-12
-    others = [
-        replace(samples, values=values),
-        replace(samples, weights=samples.weights * 2),
-        replace(samples, wi=samples.wo, wo=samples.wi),
-        replace(samples, channels=("A", "B", "C")),
-        replace(samples, isotropic=not samples.isotropic),
-    ]
-    digests = {samples_digest(each, "material") for each in (samples, *others)}
-    assert len(digests) == 1 + len(others)
-    assert samples_digest(samples, "material") == samples_digest(replace(samples, provenance={}), "material")
 
 
 def spoiled(text: str, how: str) -> str:
