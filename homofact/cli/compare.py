@@ -94,8 +94,8 @@ def compare(
             if strict:
                 refuse_findings(rows[label].verdict, label)
         bar.stage("measuring")
-        judge = Judge(subject, settings.evaluate.held_out, names)
-        values = {label: judge.measure(row) for label, row in rows.items()}
+        judge = Judge(subject, names)
+        values = {label: judge.measure(row.factorization, row.split) for label, row in rows.items()}
         conditions = judge.conditions()
         if target is not None:
             bar.stage("drawing")

@@ -139,11 +139,18 @@ def fit_split(source: Source, split: Split, settings: FitSettings, progress: Pro
 
 def compare(
     source: Source,
-    choices: Sequence[FitSettings],
+    methods: Sequence[FitSettings],
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,
+    subset: int = 0,
+    split_seed: int | None = None,
 ) -> list[Row]:
-    """A row for every settings in `choices`, in their order; equal seeds give equal splits."""
-    for settings in choices:
+    """A row for each of `methods`, in their order, all on the split that the first one's seed draws, or `split_seed`.
+
+    Raises BadInput for an unknown method before anything is fitted, and as `fit_and_measure`.
+    """
+    for settings in methods:
         method(settings.method)
-    return [fit_and_measure(source, settings, held_out, progress) for settings in choices]
+    if split_seed is None and methods:
+        split_seed = methods[0].seed
+    return [fit_and_measure(source, settings, held_out, progress, subset, split_seed) for settings in methods]

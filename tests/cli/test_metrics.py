@@ -91,7 +91,7 @@ def test_a_configuration_names_metrics(tmp_path: Path, capsys: pytest.CaptureFix
 def test_metrics_are_of_the_held_out_samples(source: Source) -> None:
     settings = FitSettings(method="mccool", size=6, seed=3)
     row = fit_and_measure(source, settings)
-    found = Judge(source, 0.2, chosen_metrics(("six",))).measure(row)
+    found = Judge(source, chosen_metrics(("six",))).measure(row.factorization, row.split)
     assert found == pytest.approx(row.held_out.record(), rel=1e-12)
     assert found != pytest.approx(row.train.record(), rel=1e-3)
     train, test = source.samples.split(0.2, 3)
@@ -103,7 +103,7 @@ def test_what_is_not_defined_is_none(source: Source) -> None:
     row = fit_and_measure(source, FitSettings(method="mccool", size=6))
     upright = source.samples.select(source.samples.wi[:, 2] > 0.8)
     only = Source(source.name, source.kind, upright, source.reflectance, 1e-5, 0.0)
-    found = Judge(only, 0.2, ("male_theta_i_75_90", "male")).measure(row)
+    found = Judge(only, ("male_theta_i_75_90", "male")).measure(row.factorization, row.split)
     assert found["male_theta_i_75_90"] is None
     assert found["male"] is not None
 

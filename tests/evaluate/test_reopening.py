@@ -131,6 +131,12 @@ def go_elsewhere(here: Path) -> None:
     os.chdir("/")
 
 
+def move_result_and_go(here: Path) -> None:
+    (here.parent / "far").mkdir()
+    shutil.move("out/fit", here.parent / "far")
+    os.chdir("/")
+
+
 @pytest.mark.parametrize(
     ("move", "result"),
     [
@@ -140,6 +146,7 @@ def go_elsewhere(here: Path) -> None:
         (move_source_beside, "here/out/fit"),
         (move_source_to_working_folder, "here/out/fit"),
         (go_elsewhere, "here/out/fit"),
+        (move_result_and_go, "far/fit"),
     ],
 )
 def test_it_is_found_after_moving(move: Callable[[Path], None], result: str, here: Path) -> None:
