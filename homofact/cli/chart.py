@@ -98,7 +98,8 @@ def chart(
 
     from homofact.evaluate.chart import Run, plan, run_chart
     from homofact.evaluate.chart_ledger import Ledger
-    from homofact.figures.chart import reference, write_charts
+    from homofact.evaluate.chart_points import points_of, reference
+    from homofact.figures.chart import write_charts
 
     # What the chart varies must not be refused for what [fit] says of it.
     fit = replace(settings.fit, textures=wanted.textures[0], size=wanted.sizes[0], search=wanted.searches[0])
@@ -127,10 +128,13 @@ def chart(
                 rows = run_chart(subject, runs, ledgers[text], settings.evaluate.held_out, started, bar)
                 kept = before + len(runs)
                 files += [ledgers[text].path, *write_charts(folder, names[text], rows)]
-                records, base = [row.record() for row in rows], reference(rows)
-                answer += records
+                points = points_of(rows)
+                base = reference(points)
+                answer += [row.record() for row in rows]
                 title = f"{subject.name}: held-out Cole error, ε = {rows[0].epsilon:g}"
-                tables.append(chart_table(title, records, None if base is None else base.held_out.log_mse))
+                tables.append(
+                    chart_table(title, [point.record() for point in points], None if base is None else base.error.mean)
+                )
                 others = len(ledgers[text]) - len(rows)
                 if others > 0:
                     screen.note(f"homofact: {ledgers[text].path}: {others} runs of other settings stay, not drawn")

@@ -1,6 +1,6 @@
 """Charts of error against cost: which fits are run, and each of them on the same split of its source.
 
-A plan is methods × textures × sizes × searches, less what a method ignores. Each finished run becomes a
+A plan is methods × textures × sizes × searches × seeds, less what a method ignores. Each finished run becomes a
 line of a CSV at once, so that an interrupted chart goes on where it stopped; what is not in it is fitted
 and measured as in a comparison.
 """
@@ -15,6 +15,7 @@ from homofact.errors import BadInput, HomofactError, Status
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure, training_samples
 from homofact.evaluate.machine import machine
+from homofact.evaluate.seeds import seeds_from
 from homofact.evaluate.split import samples_digest
 from homofact.methods.cole_fit import ProgressCallback
 from homofact.methods.mccool_fit import PROJECTIONS
@@ -25,10 +26,14 @@ from homofact.version import __version__
 
 @dataclass(frozen=True)
 class Run:
-    """One fit of a chart; `label` is the method as it was asked for ("mccool:wi+h")."""
+    """One fit of a chart; `label` is the method as it was asked for ("mccool:wi+h").
+
+    `split_seed` draws the held-out samples; the fit's own seed is in its settings.
+    """
 
     label: str
     settings: FitSettings
+    split_seed: int = 0
 
     @property
     def series(self) -> str:
@@ -43,16 +48,22 @@ class Run:
     @property
     def name(self) -> str:
         """The run in words."""
-        return f"{self.series}, {self.settings.textures} × {self.settings.size}²"
+        seed = "" if self.settings.seed == self.split_seed else f", seed {self.settings.seed}"
+        return f"{self.series}, {self.settings.textures} × {self.settings.size}²{seed}"
 
 
 def plan(
-    methods: Mapping[str, FitSettings], textures: Sequence[int], sizes: Sequence[int], searches: Sequence[str]
+    methods: Mapping[str, FitSettings],
+    textures: Sequence[int],
+    sizes: Sequence[int],
+    searches: Sequence[str],
+    seeds: int = 1,
 ) -> tuple[Run, ...]:
     """Every run of a chart, smallest textures first; `methods` gives each label the settings that it starts from.
 
-    What a method ignores is not multiplied out: McCool's list is run once a size. Raises BadInput for an
-    empty list and for all that `check_settings` and the settings themselves refuse.
+    Each fit is run by `seeds` seeds, from that of its settings on, which draws the split of them all. What a method
+    ignores is not multiplied out: McCool's list is run once a size. Raises BadInput for an empty list, fewer than one
+    seed, and for all that `check_settings` and the settings themselves refuse.
     """
     for name, found in (("methods", methods), ("textures", textures), ("sizes", sizes), ("searches", searches)):
         if not found:
@@ -64,9 +75,10 @@ def plan(
         for size in sizes:
             for count in counts:
                 for search in (base.search,) if "search" in ignored else searches:
-                    run = Run(label, replace(base, textures=count, size=size, search=search))
-                    check_settings(run.settings)
-                    runs[run] = None
+                    for seed in seeds_from(base.seed, 1 if "seed" in ignored else seeds):
+                        settings = replace(base, textures=count, size=size, search=search, seed=seed)
+                        check_settings(settings)
+                        runs[Run(label, settings, base.seed)] = None
     return tuple(runs)
 
 
@@ -78,7 +90,8 @@ def identity(source: Source, digest: str, run: Run, held_out: float, where: str)
     ignored = method(settings.method).ignores
     used = {each.name: getattr(settings, each.name) for each in fields(settings) if each.name not in ignored}
     words = [f"{name}={'+'.join(value) if isinstance(value, tuple) else value}" for name, value in used.items()]
-    return Identity(digest, " ".join([*words, f"held_out={held_out}"]), where, __version__)
+    words += [f"held_out={held_out}", f"split_seed={run.split_seed}"]
+    return Identity(digest, " ".join(words), where, __version__)
 
 
 def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:
@@ -101,6 +114,7 @@ def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:
         train=row.train,
         epsilon=row.factorization.transform.epsilon,
         seed=row.settings.seed,
+        split_seed=row.split.seed,
         samples=row.samples,
         channels=" ".join(row.factorization.channels),
         held_out_part=held_out,
@@ -135,7 +149,7 @@ def run_chart(
                 _warm_up(source, run.settings)
                 warm.add(run.settings.method)
             try:
-                fitted = fit_and_measure(source, run.settings, held_out, progress)
+                fitted = fit_and_measure(source, run.settings, held_out, progress, 0, run.split_seed)
             except BadInput as error:
                 raise BadInput(f"{run.name}: {error}") from error
             if fitted.report.status is Status.INTERRUPTED:
