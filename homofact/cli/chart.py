@@ -10,7 +10,7 @@ import typer
 
 from homofact.cli import options as o
 from homofact.cli.places import check_place
-from homofact.cli.screen import Screen
+from homofact.cli.screen import Screen, say_estimate
 from homofact.cli.subject import method_settings, open_subject
 from homofact.cli.tables import chart_table
 from homofact.errors import BadInput
@@ -96,9 +96,10 @@ def chart(
         raise BadInput("out: none given, expected a folder for the charts (--out, or folder under [output])")
     folder, wanted = Path(settings.output.folder), settings.chart
 
-    from homofact.evaluate.chart import Run, plan, run_chart
-    from homofact.evaluate.chart_ledger import Ledger
+    from homofact.evaluate.chart import Run, estimate_charts, plan, run_chart
+    from homofact.evaluate.chart_ledger import ChartRow, Ledger
     from homofact.evaluate.chart_points import points_of, reference
+    from homofact.evaluate.estimate import about
     from homofact.figures.chart import write_charts
 
     # What the chart varies must not be refused for what [fit] says of it.
@@ -117,15 +118,21 @@ def chart(
             subjects = {
                 text: open_subject(replace(settings, source=replace(settings.source, path=text))) for text in names
             }
+            held_out = settings.evaluate.held_out
+            estimate = estimate_charts([(subjects[text], ledgers[text]) for text in names], runs, held_out)
+            say_estimate(screen, estimate)
             for text, subject in subjects.items():
                 before = kept
 
                 def started(place: int, run: Run, before: int = before, name: str = subject.name) -> None:
                     nonlocal kept
                     kept = before + place
-                    bar.run(f"{name}: {run.name}", kept, total)
+                    bar.run(f"{name}: {run.name}, {about(estimate.seconds_left)} left", kept, total)
 
-                rows = run_chart(subject, runs, ledgers[text], settings.evaluate.held_out, started, bar)
+                def ended(place: int, row: ChartRow, before: int = before) -> None:
+                    estimate.finish(before + place, row.seconds_total - row.seconds_read)
+
+                rows = run_chart(subject, runs, ledgers[text], held_out, started, bar, ended)
                 kept = before + len(runs)
                 files += [ledgers[text].path, *write_charts(folder, names[text], rows)]
                 points = points_of(rows)

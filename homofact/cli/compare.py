@@ -8,7 +8,7 @@ from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.places import check_file
-from homofact.cli.screen import Screen, say_ending, say_subset
+from homofact.cli.screen import Screen, say_ending, say_estimate, say_subset
 from homofact.cli.subject import check_source, method_settings, open_subject, warmed_up
 from homofact.cli.tables import cost_table, error_table, metric_tables
 from homofact.cli.verdicts import brief_lines, refuse_findings
@@ -79,6 +79,7 @@ def compare(
     names = chosen_metrics(settings.compare.metrics)
 
     from homofact.evaluate.compare import fit_and_measure
+    from homofact.evaluate.estimate import TimeEstimate, about, fit_seconds, training_count
     from homofact.figures.plot import plot_rows
     from homofact.files.atomic import replace_file
 
@@ -87,10 +88,15 @@ def compare(
         bar.stage("reading")
         subject = open_subject(settings)
         warmed_up(screen)
+        held_out, subset = settings.evaluate.held_out, settings.source.subset
+        counts = {label: training_count(subject, fit, held_out, subset) for label, fit in fits.items()}
+        estimate = TimeEstimate([(fit.method, fit_seconds(fit, counts[label])) for label, fit in fits.items()])
+        say_estimate(screen, estimate)
         rows = {}
-        for label, fit in fits.items():
-            bar.stage(label)
-            rows[label] = fit_and_measure(subject, fit, settings.evaluate.held_out, bar, settings.source.subset)
+        for place, (label, fit) in enumerate(fits.items()):
+            bar.run(f"{label}, {about(estimate.seconds_left)} left", place, len(fits))
+            rows[label] = fit_and_measure(subject, fit, held_out, bar, subset)
+            estimate.finish(place, rows[label].seconds_total - rows[label].seconds_read)
             if strict:
                 refuse_findings(rows[label].verdict, label)
         bar.stage("measuring")

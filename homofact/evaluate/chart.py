@@ -14,6 +14,7 @@ from homofact.brdf.source import Source
 from homofact.errors import BadInput, HomofactError, Status
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure, training_samples
+from homofact.evaluate.estimate import TimeEstimate, fit_seconds, training_count
 from homofact.evaluate.machine import machine
 from homofact.evaluate.seeds import seeds_from
 from homofact.evaluate.split import samples_digest
@@ -123,6 +124,33 @@ def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:
     )
 
 
+def found_rows(source: Source, runs: Sequence[Run], ledger: Ledger, held_out: float) -> list[ChartRow | None]:
+    """The lines that `ledger` has for `runs` on `source`, in their order; None for those that are to be fitted."""
+    return [ledger.find(wanted) for wanted in _identities(source, runs, held_out)]
+
+
+def estimate_charts(
+    charts: Sequence[tuple[Source, Ledger]], runs: Sequence[Run], held_out: float = HELD_OUT
+) -> TimeEstimate:
+    """How long it takes to run `runs` on every source, one after the other; what its ledger has is done."""
+    jobs, done = [], {}
+    for source, ledger in charts:
+        for run, row in zip(runs, found_rows(source, runs, ledger, held_out), strict=True):
+            if row is not None:
+                done[len(jobs)] = row.seconds_total - row.seconds_read
+            count = training_count(source, run.settings, held_out)
+            jobs.append((run.settings.method, fit_seconds(run.settings, count)))
+    estimate = TimeEstimate(jobs)
+    for place, seconds in done.items():
+        estimate.finish(place, seconds)
+    return estimate
+
+
+def _identities(source: Source, runs: Sequence[Run], held_out: float) -> list[Identity]:
+    digest, where = samples_digest(source.samples, source.kind), machine()
+    return [identity(source, digest, run, held_out, where) for run in runs]
+
+
 def run_chart(
     source: Source,
     runs: Sequence[Run],
@@ -130,17 +158,17 @@ def run_chart(
     held_out: float = HELD_OUT,
     started: Callable[[int, Run], None] | None = None,
     progress: ProgressCallback | None = None,
+    ended: Callable[[int, ChartRow], None] | None = None,
 ) -> list[ChartRow]:
     """The lines of all `runs` on `source`, in their order; those in `ledger` are not fitted again.
 
-    `started` is called with the place of every run that is fitted. A fit that was interrupted is no line, even
-    where it kept something: KeyboardInterrupt passes on, with every finished run in the ledger.
+    `started` is called with the place of every run that is fitted, `ended` with its place and line. A fit that was
+    interrupted is no line, even where it kept something: KeyboardInterrupt passes on, with every finished run in the
+    ledger.
     """
-    digest, where = samples_digest(source.samples, source.kind), machine()
     rows: list[ChartRow] = []
     warm: set[str] = set()
-    for place, run in enumerate(runs):
-        wanted = identity(source, digest, run, held_out, where)
+    for place, (run, wanted) in enumerate(zip(runs, _identities(source, runs, held_out), strict=True)):
         row = ledger.find(wanted)
         if row is None:
             if started is not None:
@@ -156,6 +184,8 @@ def run_chart(
                 raise KeyboardInterrupt
             row = finished(run, fitted, held_out, wanted)
             ledger.append(row)
+            if ended is not None:
+                ended(place, row)
         # One fit may be asked for under two names ("mccool" and "mccool:wi+h").
         rows.append(replace(row, label=run.label))
     return rows

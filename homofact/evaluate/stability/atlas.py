@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from homofact.evaluate.estimate import TimeEstimate, fit_seconds
 from homofact.evaluate.stability.cells import Cell, Fitter, Judged, Outcome, References, fit_row, run_cell
 from homofact.evaluate.stability.problem import Scale, Stressor, unstressed
 from homofact.evaluate.stability.real import Absent
@@ -64,6 +65,12 @@ class Plan:
             for strength in self.strengths(each)
             for name in self.methods
         ]
+
+
+def estimate_atlas(plan: Plan) -> TimeEstimate:
+    """How long the cells of a plan take; the unstressed fits and the linear solves are few beside them."""
+    settings, samples = plan.settings, plan.scale.samples
+    return TimeEstimate([(name, fit_seconds(replace(settings, method=name), samples)) for _, _, name in plan.places()])
 
 
 @dataclass(frozen=True)
