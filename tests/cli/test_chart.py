@@ -86,6 +86,15 @@ def test_json_is_one_object_with_the_rows_of_the_csv(run: Callable[..., Ran], tm
         assert (row["bytes"], row["fetches"]) == (int(line["bytes"]), int(line["fetches"]))
 
 
+def test_a_long_chart_says_first_how_long(
+    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("homofact.cli.screen.WORTH_SAYING", 0.0)
+    assert run(*SMALL, *FAST, "--out", tmp_path, "--json").err == "homofact: 4 fits, under 10 s\n"
+    # What is there already is no work.
+    assert run(*SMALL, *FAST, "--out", tmp_path, "--json").err == "homofact: 0 fits, under 10 s\n"
+
+
 def test_quiet_says_nothing(run: Callable[..., Ran], tmp_path: Path) -> None:
     assert run(*SMALL, *FAST, "--out", tmp_path, "-q") == (0, "", "")
 
