@@ -78,6 +78,7 @@ def chart(
     map: o.Map = None,
     decomposition: o.Decomposition = None,
     seed: o.Seed = None,
+    seeds: o.Seeds = 1,
     config: o.ConfigFile = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
@@ -105,7 +106,7 @@ def chart(
     # What the chart varies must not be refused for what [fit] says of it.
     fit = replace(settings.fit, textures=wanted.textures[0], size=wanted.sizes[0], search=wanted.searches[0])
     methods = {label: method_settings(fit, label) for label in wanted.methods}
-    runs = plan(methods, wanted.textures, wanted.sizes, wanted.searches)
+    runs = plan(methods, wanted.textures, wanted.sizes, wanted.searches, seeds)
     check_place(folder)
     ledgers = {text: Ledger(folder / f"{name}.csv", settings.output.force) for text, name in names.items()}
 

@@ -61,6 +61,7 @@ def compare(
     map: o.Map = None,
     decomposition: o.Decomposition = None,
     seed: o.Seed = None,
+    seeds: o.Seeds = 1,
     config: o.ConfigFile = None,
     strict: o.Strict = False,
     as_json: o.AsJson = False,
@@ -78,8 +79,8 @@ def compare(
     fits = {label: method_settings(settings.fit, label) for label in settings.compare.methods}
     names = chosen_metrics(settings.compare.metrics)
 
-    from homofact.evaluate.compare import fit_and_measure
     from homofact.evaluate.estimate import TimeEstimate, about, fit_seconds, training_count
+    from homofact.evaluate.seeds import SeedRows, fit_seeds
     from homofact.figures.plot import plot_rows
     from homofact.files.atomic import replace_file
 
@@ -90,29 +91,37 @@ def compare(
         warmed_up(screen)
         held_out, subset = settings.evaluate.held_out, settings.source.subset
         counts = {label: training_count(subject, fit, held_out, subset) for label, fit in fits.items()}
-        estimate = TimeEstimate([(fit.method, fit_seconds(fit, counts[label])) for label, fit in fits.items()])
+        estimate = TimeEstimate(
+            [(fit.method, fit_seconds(fit, counts[label])) for label, fit in fits.items() for _ in range(seeds)]
+        )
         say_estimate(screen, estimate)
-        rows = {}
-        for place, (label, fit) in enumerate(fits.items()):
-            bar.run(f"{label}, {about(estimate.seconds_left)} left", place, len(fits))
-            rows[label] = fit_and_measure(subject, fit, held_out, bar, subset)
-            estimate.finish(place, rows[label].seconds_total - rows[label].seconds_read)
-            if strict:
-                refuse_findings(rows[label].verdict, label)
+        rows: dict[str, SeedRows] = {}
+        for label, fit in fits.items():
+            bar.run(f"{label}, {about(estimate.seconds_left)} left", len(rows) * seeds, len(fits) * seeds)
+            rows[label] = fit_seeds(subject, fit, seeds, held_out, bar, subset)
+            for row in rows[label].rows:
+                estimate.finish(estimate.done, row.seconds_total - row.seconds_read)
+                if strict:
+                    refuse_findings(row.verdict, label)
         bar.stage("measuring")
         judge = Judge(subject, names)
-        values = {label: judge.measure(row.factorization, row.split) for label, row in rows.items()}
+        values = {
+            label: _means([judge.measure(row.factorization, row.split) for row in several.rows])
+            for label, several in rows.items()
+        }
         conditions = judge.conditions()
         if target is not None:
             bar.stage("drawing")
             target.parent.mkdir(parents=True, exist_ok=True)
             replace_file(target, lambda beside: plot_rows(beside, list(rows.values())))
-    for label, row in rows.items():
-        say_ending(screen, row.report, label)
-    records = {label: row.record() | {"metrics": values[label]} for label, row in rows.items()}
+    for label, several in rows.items():
+        for row in several.rows:
+            of_several = f", seed {row.settings.seed}" if seeds > 1 else ""
+            say_ending(screen, row.report, f"{label}{of_several}")
+    records = {label: several.record() | {"metrics": values[label]} for label, several in rows.items()}
     say_subset(screen, next(iter(records.values())))
     screen.show(error_table(records), *metric_tables(values), *(Text(each) for each in conditions), cost_table(records))
-    screen.show(*brief_lines({label: row.verdict for label, row in rows.items()}))
+    screen.show(*brief_lines({label: several.first.verdict for label, several in rows.items()}))
     answer: dict[str, Any] = {
         "source": subject.name,
         "rows": [{"label": label, **each} for label, each in records.items()],
@@ -122,3 +131,12 @@ def compare(
         screen.note(f"The figure: {target}")
         answer["plot"] = str(target)
     screen.answer(answer)
+
+
+def _means(measured: "list[dict[str, float | None]]") -> "dict[str, float | None]":
+    """The mean of every metric over the seeds, None where one of them has none."""
+    found = {name: [each[name] for each in measured] for name in measured[0]}
+    return {
+        name: None if None in numbers else sum(number or 0.0 for number in numbers) / len(numbers)
+        for name, numbers in found.items()
+    }

@@ -40,8 +40,15 @@ def fit_seconds(settings: FitSettings, samples: int) -> float:
 
 
 def training_count(source: Source, settings: FitSettings, held_out: float, subset: int = 0) -> int:
-    """How many samples a fit of the source will be given, azimuth copies included."""
-    count = round((1 - held_out) * len(source.samples))
+    """How many samples a fit of the source will be given, azimuth copies included.
+
+    Raises BadInput where there are too few to hold some out, before a time is promised.
+    """
+    total = len(source.samples)
+    held = round(held_out * total)
+    if held_out > 0 and held in (0, total):
+        source.samples.split(held_out, settings.seed)
+    count = total - held
     count = min(count, subset) if subset > 0 else count
     if source.kind == "measurement" and source.samples.isotropic and method(settings.method).wants_copies:
         return count * settings.copies * (2 if settings.mirrored else 1)
@@ -64,6 +71,11 @@ class TimeEstimate:
         """The first `count` fits took so many seconds together; each counts for its modelled share."""
         scale = seconds / max(sum(each for _, each in self._jobs[:count]), 1e-9)
         self._measured |= {place: scale * self._jobs[place][1] for place in range(count)}
+
+    @property
+    def done(self) -> int:
+        """How many fits are done."""
+        return len(self._measured)
 
     @property
     def left(self) -> int:

@@ -117,3 +117,21 @@ def test_a_subset_is_said_and_recorded(capsys: pytest.CaptureFixture[str], tmp_p
         row = answer["rows"][0] if "rows" in answer else answer
         assert (row["subset"]["samples"], row["subset"]["of"], row["samples"]) == (300, 480, 600)
         assert "fitted to 300 of 480 samples" in err
+
+
+def test_several_seeds_are_means_with_their_spread(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    command = ["compare", *FAST, "--methods", "mccool,cole", "--seeds", "3", "--metrics", "six,male"]
+    assert main([*command, "--json", "--plot", str(tmp_path / "a.png")]) == 0
+    mccool, cole = json.loads(capsys.readouterr().out)["rows"]
+    assert cole["seeds"] == [0, 1, 2]
+    errors = [row["error"]["held_out"]["log_mse"] for row in cole["rows"]]
+    assert cole["error"]["held_out"]["log_mse"] == pytest.approx(sum(errors) / 3)
+    assert cole["metrics"]["log_mse"] == pytest.approx(sum(errors) / 3)
+    spread = cole["spread"]["error"]["held_out"]["log_mse"]
+    assert (spread["min"], spread["max"]) == (min(errors), max(errors))
+    # A model has no azimuth copies: McCool's fit has no luck in it.
+    assert mccool["spread"]["error"]["held_out"]["log_mse"]["standard_deviation"] == 0
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    assert "mean ± standard deviation of 3 seeds" in " ".join(out.split())
+    assert f"± {spread['standard_deviation']:.3g}" in out
