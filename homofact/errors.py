@@ -30,6 +30,7 @@ class Status(Enum):
 
     CONVERGED = "converged"
     BUDGET = "budget"
+    GUARD = "guard"
     INTERRUPTED = "interrupted"
     DIRECT = "direct"
     FALLBACK = "fallback"
@@ -42,7 +43,8 @@ class Status(Enum):
 
 _REMEDIES = {
     Status.CONVERGED: "nothing: the search stopped by its own tolerance",
-    Status.BUDGET: "the budget ended the search: give it more time or evaluations for a better fit",
+    Status.BUDGET: "the effort was used up: give it more for a better fit",
+    Status.GUARD: "the clock ended the search: another run may end elsewhere; give it a larger --budget, or none",
     Status.INTERRUPTED: "the search was interrupted: the best so far was kept; run again for the whole search",
     Status.DIRECT: "nothing: the projections are fixed, one linear solve",
     Status.FALLBACK: "the system was singular to working precision: more smoothing, fewer textures or more samples",

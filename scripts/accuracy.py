@@ -17,7 +17,7 @@ from dataclasses import replace
 from statistics import mean, median
 
 import torch
-from conditions import cornell_files, data_folder, figure, machine, markdown
+from conditions import cornell_files, data_folder, figure, markdown
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
@@ -25,6 +25,7 @@ from homofact.brdf.sampling import sample_model
 from homofact.brdf.scattered import Scattered
 from homofact.brdf.source import MEASURED_EPSILON, NOISE_FREE_EPSILON, Source, open_source
 from homofact.evaluate.compare import fit_and_measure
+from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, texture_shape

@@ -13,11 +13,12 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from conditions import figure, machine, markdown, parser_of, spread, write
+from conditions import figure, markdown, parser_of, spread, write
 
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import RADIUS_SQUARED, sample_model
+from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.methods.settings import FitSettings
 from homofact.methods.table import method

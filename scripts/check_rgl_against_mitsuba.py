@@ -20,12 +20,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from conditions import data_folder, machine, markdown
+from conditions import data_folder, markdown
 from torch import Tensor
 
 from homofact.brdf.formats.rgl import load
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput, MissingDependency
+from homofact.evaluate.machine import machine
 from homofact.geometry.directions import draw_uniform
 
 COUNT = 100_000

@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from conditions import cornell_files, data_folder, figure, machine, markdown, parser_of, write
+from conditions import cornell_files, data_folder, figure, markdown, parser_of, write
 from ladder import ladder
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, FuncFormatter
@@ -26,6 +26,7 @@ from thesis_statements import MCCOOL, Errors, Key, judge
 
 from homofact.brdf.source import Source, open_source
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
+from homofact.evaluate.machine import machine
 from homofact.methods.settings import FitSettings
 
 MATERIALS = ("material:lafortune-blue-paint", "material:cook-torrance-plastic")

@@ -1,10 +1,8 @@
-"""What every script of figures shares: the conditions they were made under, tables, where files are."""
+"""What every script of figures shares: tables, where files are, what it is told on the command line."""
 
 import argparse
 import os
-import platform
 from collections.abc import Iterable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -27,29 +25,6 @@ def cornell_files(folder: Path) -> tuple[list[Path], list[str]]:
         if not file.is_file()
     ]
     return [file for file in files if file.is_file()], missing
-
-
-def machine() -> str:
-    """Processor, cores, threads and versions, in one line; imports no library, so that it costs no memory."""
-    processor = platform.processor() or platform.machine()
-    model = _model_name()
-    threads = ", ".join(
-        f"{name}={os.environ[name]}" for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if name in os.environ
-    )
-    libraries = ", ".join(f"{name} {version(name)}" for name in ("homofact", "torch", "numba", "numpy", "scipy"))
-    return (
-        f"{processor}{f' ({model})' if model else ''}, {os.cpu_count()} cores, {threads or 'default threads'},"
-        f" {platform.system()}, Python {platform.python_version()}, {libraries}"
-    )
-
-
-def _model_name() -> str:
-    """The processor's name where the system tells it, which platform.processor often does not."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return ""
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "")
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[object]], text_columns: int = 1) -> str:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import waterloo
-from conditions import cornell_files, data_folder, machine, markdown, parser_of, spread, write
+from conditions import cornell_files, data_folder, markdown, parser_of, spread, write
 from ladder import ladder, split
 
 from homofact.brdf.log_transform import LogTransform
@@ -22,6 +22,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
+from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import SixErrors, six_errors
 from homofact.methods.settings import FitSettings
 

@@ -26,8 +26,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from conditions import figure, machine, markdown, parser_of, write
+from conditions import figure, markdown, parser_of, write
 from cost_of_evaluation import EPSILON, MATERIAL, MIB, forget_peak, load, resident
+
+from homofact.evaluate.machine import machine
 
 COUNTS = (3_000, 10_000, 30_000, 100_000, 300_000, 1_100_000)
 TARGET = 1.05

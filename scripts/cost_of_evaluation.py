@@ -20,7 +20,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from conditions import figure, machine, markdown, parser_of, write
+from conditions import figure, markdown, parser_of, write
+
+from homofact.evaluate.machine import machine
 
 SOLVERS = ("cholesky", "qr", "lsmr", "cg", "qmr")
 FITS = (("mccool", ""), ("cole", "half-diff"), ("cole", "in-out"))

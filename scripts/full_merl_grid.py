@@ -15,7 +15,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from conditions import figure, machine, markdown, parser_of
+from conditions import figure, markdown, parser_of
+
+from homofact.evaluate.machine import machine
 
 METHODS = ("search", "mccool", "cole")
 TARGETS = "asked: read in under 2 s, fitted within 2 GB"

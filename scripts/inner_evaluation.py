@@ -23,10 +23,11 @@ import numba
 import numpy as np
 import scipy.sparse.linalg
 import torch
-from conditions import figure, machine, markdown, parser_of, write
+from conditions import figure, markdown, parser_of, write
 
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
+from homofact.evaluate.machine import machine
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples

@@ -16,11 +16,12 @@ from pathlib import Path
 
 import mahajan_figures as draw
 import torch
-from conditions import cornell_files, data_folder, figure, machine, markdown, parser_of
+from conditions import cornell_files, data_folder, figure, markdown, parser_of
 from torch import Tensor
 
 from homofact.brdf.analytic import TorranceSparrow
 from homofact.brdf.source import open_source
+from homofact.evaluate.machine import machine
 from homofact.render.environment import read_environment
 from homofact.scene.half_curve import ORDER, HalfCurve, half_angle_curve
 from homofact.scene.in_out import Decomposition, Grid, Symmetry, count_for_share, decompose

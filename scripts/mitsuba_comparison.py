@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from conditions import data_folder, figure, machine, markdown, parser_of, write
+from conditions import data_folder, figure, markdown, parser_of, write
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -40,12 +40,13 @@ from homofact.brdf.source import open_source
 from homofact.cli.verdicts import verdict_lines
 from homofact.errors import BadInput
 from homofact.evaluate.compare import fit_and_measure
-from homofact.factor.factorization import Factorization
+from homofact.evaluate.machine import machine
+from homofact.factor.fitted import Fitted
 from homofact.figures.compare_picture import FLOOR, relative_difference
 from homofact.files.atomic import replace_file
 from homofact.geometry.directions import draw_uniform
 from homofact.methods.settings import FitSettings
-from homofact.render.mitsuba_bsdf import load_bsdf, open_factorization
+from homofact.render.mitsuba_bsdf import load_bsdf, open_fit
 from homofact.render.sphere import SphereImage
 from homofact.render.tonemap import choose_exposure, tonemap
 
@@ -241,7 +242,7 @@ def compare(chosen: Any) -> int:
         row.factorization.save(place)
         words = [f"log MSE {figure(row.held_out.log_mse)} on held-out samples, {row.seconds_fit:.1f} s of fit"]
         verdict = [f"- {line.lstrip(' -')}" for line in verdict_lines(row.verdict)]
-    fit = open_factorization(place)
+    fit = open_fit(place)
     measured = measured_bsdf(mi, file)
     name = file.stem.removesuffix("_rgb")
     conditions = f"Mitsuba {mi.__version__}, {VARIANT}, {import_module('drjit').thread_count()} threads. {machine()}"
@@ -298,9 +299,9 @@ def cost(rendering: Rendering, noise: float) -> str:
     return f"{rendering.seconds:.0f} s of CPU time, Monte-Carlo noise {noise:.1%}"
 
 
-def described(fit: Factorization) -> str:
+def described(fit: Fitted) -> str:
     """Textures, bytes and fetches."""
-    sizes = [f"{columns} × {rows}" for rows, columns in (term.size for term in fit.terms)]
+    sizes = [f"{columns} × {rows}" for rows, columns in (texture.size for texture in fit.textures)]
     shape = f"of {sizes[0]}" if len(set(sizes)) == 1 else f"({', '.join(sizes)})"
     return f"{len(sizes)} textures {shape}, {fit.nbytes / 1024:.0f} KiB, {fit.fetches} fetches"
 

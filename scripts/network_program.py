@@ -15,7 +15,7 @@ from torch import Tensor
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.neural import LAYERS, NeuralBrdf, network_input
 from homofact.brdf.samples import Samples
-from homofact.shading.expression import Expression, Let, call, constant, variable
+from homofact.geometry.expression import Expression, Let, call, constant, variable
 from homofact.shading.program import Program
 
 LOSSES = ("cole", "log1p")

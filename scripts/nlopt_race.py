@@ -19,11 +19,12 @@ from pathlib import Path
 
 import numba
 import torch
-from conditions import figure, machine, markdown, parser_of, write
+from conditions import figure, markdown, parser_of, write
 
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.errors import Report
+from homofact.evaluate.machine import machine
 from homofact.factor.objective import Objective
 from homofact.factor.search.best import Search
 from homofact.factor.search.gradient import Gradient

@@ -16,10 +16,11 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from conditions import CORNELL, data_folder, figure, machine, markdown, parser_of, write
+from conditions import CORNELL, data_folder, figure, markdown, parser_of, write
 
 from homofact.brdf.source import open_source
 from homofact.errors import HomofactError
+from homofact.evaluate.machine import machine
 from homofact.linear.normal import warm_up
 from homofact.scene.lighting import named_lighting
 from homofact.scene.plan.ladder import COLOURS, CONSTANT, LAMBERT, Candidate, FitOptions, fit_candidate, ladder

@@ -16,13 +16,14 @@ from itertools import product
 from pathlib import Path
 from statistics import mean
 
-from conditions import cornell_files, data_folder, figure, machine, markdown, parser_of, write
+from conditions import cornell_files, data_folder, figure, markdown, parser_of, write
 
 from homofact.brdf.source import open_source
 from homofact.evaluate.compare import held_out_samples, training_samples
+from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
-from homofact.factor.quantize import LEVELS, naive
+from homofact.factor.quantize import rounded
 from homofact.methods.settings import FitSettings
 from homofact.methods.table import quantized, run
 
@@ -45,7 +46,7 @@ def errors(text: str, textures: int, size: int, seed: int, budget: float) -> dic
     assert isinstance(fitted, Factorization)
     fits = (
         fitted,
-        replace(fitted, terms=naive(fitted.terms, LEVELS[STORAGE])),
+        rounded(fitted, STORAGE),
         quantized(fitted, train, settings),
     )
     before = fitted.evaluate_log(held.wi, held.wo)

@@ -14,13 +14,14 @@ import tempfile
 from pathlib import Path
 
 import torch
-from conditions import figure, machine, markdown, parser_of
+from conditions import figure, markdown, parser_of
 
 from homofact.brdf.formats import merl
 from homofact.brdf.formats import merl as writer
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.table import AngleTable, Axis
+from homofact.evaluate.machine import machine
 from homofact.geometry.directions import draw_uniform, from_spherical
 
 NODES = (15, 30, 60, 90)

@@ -20,12 +20,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numba
-from conditions import ROOT, figure, machine, markdown, parser_of, write
+from conditions import ROOT, figure, markdown, parser_of, write
 
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.config import load_config
+from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.methods.cole_fit import Fit, Progress
 from homofact.methods.settings import FitSettings

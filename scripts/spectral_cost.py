@@ -16,11 +16,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import torch
-from conditions import cornell_files, data_folder, figure, machine, markdown, parser_of, write
+from conditions import cornell_files, data_folder, figure, markdown, parser_of, write
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import MEASURED_EPSILON, open_source
+from homofact.evaluate.machine import machine
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, solve_terms, texture_shape

@@ -16,11 +16,12 @@ import sys
 from dataclasses import replace
 
 import torch
-from conditions import figure, machine, markdown, parser_of
+from conditions import figure, markdown, parser_of
 
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
+from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Term

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from conditions import data_folder, figure, machine, markdown
+from conditions import data_folder, figure, markdown
 
 from homofact.brdf.formats.nbrdf import load, material_names
 from homofact.brdf.log_transform import LogTransform
@@ -22,6 +22,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import MEASURED_EPSILON
 from homofact.errors import Status
+from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection

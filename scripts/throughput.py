@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from conditions import data_folder, figure, machine, markdown, parser_of, write
+from conditions import data_folder, figure, markdown, parser_of, write
 from mitsuba_throughput import measured_throughput
 from network_program import LOSSES, network_program, train
 
@@ -37,6 +37,7 @@ from homofact.brdf.source import Source, open_source
 from homofact.containers.formats import FORMATS
 from homofact.errors import HomofactError
 from homofact.evaluate.compare import fit_and_measure, held_out_samples
+from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.export.exported import exported
 from homofact.factor.factorization import Factorization

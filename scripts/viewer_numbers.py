@@ -14,12 +14,13 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from conditions import figure, machine, markdown, parser_of, write
+from conditions import figure, markdown, parser_of, write
 from headless import chromium, first_frame, open_page, settled
 
 from homofact.brdf.source import open_source
 from homofact.errors import BadInput
 from homofact.evaluate.compare import fit_and_measure
+from homofact.evaluate.machine import machine
 from homofact.factor.factorization import Factorization
 from homofact.methods.settings import FitSettings
 from homofact.viewer.page import write_view

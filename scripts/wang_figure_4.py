@@ -17,12 +17,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
-from conditions import figure, machine, markdown, parser_of, write
+from conditions import figure, markdown, parser_of, write
 from matplotlib.figure import Figure
 
 from homofact.brdf.channels import OneChannel
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
+from homofact.evaluate.machine import machine
 from homofact.files.atomic import replace_file
 from homofact.geometry.directions import draw_uniform
 from homofact.linear.threads import one_thread

@@ -13,6 +13,7 @@ from torch import Tensor
 
 import homofact
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.reflectance import Reflectance
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform, from_spherical
@@ -122,7 +123,7 @@ def apart(found: Tensor, expected: Tensor) -> Tensor:
     return ((found - expected).abs() / expected)[expected > 0].sort().values
 
 
-def albedo(fit: Factorization, wo: Tensor, rows: int = 300, columns: int = 480) -> Tensor:
+def albedo(fit: Reflectance, wo: Tensor, rows: int = 300, columns: int = 480) -> Tensor:
     """∫ f cosθi dωi (C,) by the midpoint rule."""
     theta = (torch.arange(rows, dtype=torch.float64) + 0.5) * (math.pi / 2 / rows)
     phi = (torch.arange(columns, dtype=torch.float64) + 0.5) * (2 * math.pi / columns)

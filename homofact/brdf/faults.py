@@ -18,6 +18,7 @@ from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
+from homofact.geometry.coordinates import axes_of
 from homofact.geometry.directions import draw_cosine_weighted, from_spherical, to_spherical
 
 ALBEDO_DEGREES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
@@ -38,9 +39,8 @@ def reciprocity_of_samples(samples: Samples, seed: int = 0) -> dict[str, float] 
     Pairs whose swapped place is their own (θi = θo within 1°) say nothing and are left out.
     """
     some = samples.subset(_MOST_SAMPLES, seed)
-    (theta_i, phi_i), (theta_o, phi_o) = (to_spherical(w) for w in (some.wi, some.wo))
     if samples.isotropic:
-        turn = torch.cos(phi_i - phi_o).clamp(-1, 1).acos()
+        theta_i, theta_o, turn = axes_of(("theta_i", "theta_o", "delta_phi"), some.wi, some.wo).unbind(1)
         here, there = (torch.stack(x, 1) for x in ((theta_i, theta_o, turn), (theta_o, theta_i, turn)))
     else:
         here, there = torch.cat((some.wi, some.wo), 1), torch.cat((some.wo, some.wi), 1)

@@ -18,7 +18,7 @@ import torch
 from scipy.spatial import KDTree
 
 from homofact.brdf.samples import Samples
-from homofact.geometry.directions import to_spherical
+from homofact.geometry.coordinates import axes_of
 
 NEIGHBOURS = 12
 QUERIES = 2000
@@ -39,9 +39,8 @@ def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
     some = samples.subset(MOST_SAMPLES, seed)
     if len(some) < 2 * NEIGHBOURS:
         return None
-    (theta_i, phi_i), (theta_o, phi_o) = (to_spherical(w) for w in (some.wi, some.wo))
     if samples.isotropic:
-        turn = torch.cos(phi_i - phi_o).clamp(-1, 1).acos()
+        theta_i, theta_o, turn = axes_of(("theta_i", "theta_o", "delta_phi"), some.wi, some.wo).unbind(1)
         # In arc length, so that near the normal an azimuth counts for little.
         place = torch.stack((theta_i, theta_o, turn * torch.sin((theta_i + theta_o) / 2)), 1).numpy()
     else:

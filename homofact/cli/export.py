@@ -37,7 +37,8 @@ def export(
     quantize: Annotated[
         str | None,
         typer.Option(
-            help="png8 or png16: solve for the best texels of 8 or 16 bits, instead of rounding each by itself.",
+            help="png8 or png16: solve for the best texels of 8 or 16 bits, instead of rounding each by itself"
+            " (of a sum of products they are rounded).",
             show_default=False,
         ),
     ] = None,
@@ -67,6 +68,7 @@ def export(
     from homofact.evaluate.reopening import NotReopened, Reopened, reopen
     from homofact.export.exported import check_export_folder, exported, write_exported
     from homofact.export.result import open_result
+    from homofact.factor.quantize import is_solved
 
     chosen = format_named(name)
     check_export_folder(to, force)
@@ -85,8 +87,10 @@ def export(
         rows: dict[str, Exported | Fitted] = {"as fitted": fitted, f"stored as {name}": made}
         if quantize is not None:
             bar.stage("solving for whole texels")
-            best = exported(_solved(fitted, samples, quantize), chosen)
-            rows = {"as fitted": fitted, "each texel rounded": made, f"solved for {name}": best}
+            best = exported(_quantized(fitted, samples, quantize), chosen)
+            rows = {"as fitted": fitted, "each texel rounded": made}
+            if is_solved(fitted):
+                rows[f"solved for {name}"] = best
             made = best
         bar.stage("measuring and writing")
         errors = {label: _errors(each, fitted, samples) for label, each in rows.items()}
@@ -109,16 +113,16 @@ def export(
     screen.answer({"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name})
 
 
-def _solved(fitted: "Fitted", samples: "dict[str, Samples] | str", storage: str) -> "Fitted":
-    """The fit with whole texels, solved on the samples that it was made from."""
+def _quantized(fitted: "Fitted", samples: "dict[str, Samples] | str", storage: str) -> "Fitted":
+    """The fit with whole texels; a product's are solved on the samples that it was made from."""
     from homofact.evaluate.reopening import settings_of
-    from homofact.factor.factorization import Factorization
+    from homofact.factor.quantize import is_solved, rounded
     from homofact.methods.table import quantized
 
+    if not is_solved(fitted):
+        return rounded(fitted, storage)
     if isinstance(samples, str):
         raise BadInput(f"quantize: {samples}, expected the samples to solve on: name them by --source")
-    if not isinstance(fitted, Factorization):
-        raise BadInput("quantize: found a sum of products, expected a product of textures (search, cole or mccool)")
     return quantized(fitted, samples["train"], replace(settings_of(fitted), quantize=storage))
 
 

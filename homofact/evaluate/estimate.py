@@ -8,6 +8,7 @@ import math
 from collections.abc import Collection, Sequence
 
 from homofact.brdf.source import Source
+from homofact.methods.effort import units
 from homofact.methods.settings import FitSettings
 from homofact.methods.table import method
 
@@ -18,6 +19,8 @@ _SAMPLE_MEASURED = 7e-6  # a sample in errors and verdict
 _ALWAYS = 0.3  # the verdict's own pictures of the fit
 _POWELL = 140  # evaluations of Powell's method for a restart of a term
 _EVALUATION, _SAMPLE_EVALUATED = 2e-3, 2.3e-6  # of an inner problem, for each term solved together
+
+_UNIT = 7e-3  # of `methods.effort`
 
 
 def fit_seconds(settings: FitSettings, samples: int) -> float:
@@ -30,7 +33,9 @@ def fit_seconds(settings: FitSettings, samples: int) -> float:
         return after + 2.8 * (size / 16) ** 4
     solve = _SAMPLE_SOLVED * samples * textures + _CUBE * (textures * size**2) ** 3
     if settings.method == "search":
-        return after + solve + settings.budget
+        # Its own count of work is in units of one inner evaluation; refining takes about a quarter as much again.
+        searched = 1.25 * units(settings.effort, textures) * _UNIT
+        return after + solve + (searched if settings.budget is None else min(searched, settings.budget))
     if settings.method == "cole":
         searched = min(samples, settings.search_samples or samples)
         together = settings.together or textures

@@ -5,14 +5,21 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
+from homofact.version import __version__
+
+_LIBRARIES = ("torch", "numba", "numpy", "scipy")
+
 
 def machine() -> str:
-    """Processor, cores, threads asked for, system, and the versions of what does the work."""
+    """Processor, cores, threads asked for, system, and the versions of what does the work.
+
+    Imports none of these libraries, so that asking costs no memory.
+    """
     processor = " ".join(part for part in (platform.machine(), _model_name()) if part)
     threads = [f"{name}={os.environ[name]}" for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if name in os.environ]
-    libraries = [f"{name} {version(name)}" for name in ("torch", "numba")]
     system = f"{platform.system()}, Python {platform.python_version()}"
-    return ", ".join((processor, f"{os.cpu_count()} cores", *threads, system, *libraries))
+    libraries = [f"homofact {__version__}", *(f"{name} {version(name)}" for name in _LIBRARIES)]
+    return ", ".join((processor, f"{os.cpu_count()} cores", *(threads or ["default threads"]), system, *libraries))
 
 
 def _model_name() -> str:

@@ -18,20 +18,16 @@ from homofact.containers.exr import exr_channel_names
 from homofact.containers.formats import Format
 from homofact.errors import BadInput
 from homofact.evaluate.split import without_places
-from homofact.export.manifest import CONVENTIONS, bits, describe_projection, write_json
-from homofact.export.separable_files import EVALUATION, MAPS
-from homofact.factor.factorization import Factorization, Term
+from homofact.export.manifest import conventions, write_json
 from homofact.factor.fitted import Fitted
 from homofact.files.atomic import replace_file
 from homofact.files.folder import check_new_folder, write_folder
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.separable.separable import Separable, SeparableTerm
 from homofact.shading.c_code import c_source
 from homofact.shading.cost import Cost, cost_of
-from homofact.shading.encoding import Encoded, as_floats, encode, encode_term
-from homofact.shading.fitted_program import fitted_program, textures_of
+from homofact.shading.encoding import Encoded, as_floats, encode_texture
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
-from homofact.shading.program import Program
+from homofact.shading.program import Program, program_of
 from homofact.version import __version__
 
 FORMAT = "homofact export"
@@ -62,7 +58,7 @@ class Exported:
     on the GPU.
     """
 
-    stored: Factorization | Separable
+    stored: Fitted
     textures: tuple[Encoded, ...]
     program: Program
     cost: Cost
@@ -79,41 +75,16 @@ def exported(fitted: Fitted, form: Format) -> Exported:
 
     Raises BadInput, named by texture, where the format cannot hold a texture, and for more than four channels.
     """
-    sizes = [(int(texture.shape[0]), int(texture.shape[1])) for texture in textures_of(fitted)]
     channels = len(fitted.channels)
     if channels > 4:
         raise BadInput(f"channels: found {channels}, expected at most the 4 of a texture: fit with --channels rgb")
-    for k, (rows, columns) in enumerate(sizes):
-        form.check(rows, columns, channels, f"texture {k}")
-    if isinstance(fitted, Factorization):
-        textures = tuple(encode_term(term, form.storage) for term in fitted.terms)
-        stored = decoded_product(fitted, textures)
-    else:
-        assert isinstance(fitted, Separable)
-        textures = tuple(encode(texture, fitted.read, form.storage) for texture in textures_of(fitted))
-        stored = decoded_sum(fitted, textures)
-    program = fitted_program(fitted, textures)
-    nbytes = sum(form.bytes_of(rows, columns, channels) for rows, columns in sizes)
+    for k, texture in enumerate(fitted.textures):
+        form.check(*texture.size, channels, f"texture {k}")
+    textures = tuple(encode_texture(texture, form.storage) for texture in fitted.textures)
+    stored = fitted.with_textures([texture.decoded() for texture in textures])
+    program = program_of(fitted, textures)
+    nbytes = sum(form.bytes_of(*texture.size, channels) for texture in fitted.textures)
     return Exported(stored, textures, program, cost_of(program, nbytes), form)
-
-
-def decoded_product(fitted: Factorization, textures: tuple[Encoded, ...]) -> Factorization:
-    """The factorization with stored texels in place of its own."""
-    terms = (
-        Term(term.projection, texture.decoded(), term.mask)
-        for term, texture in zip(fitted.terms, textures, strict=True)
-    )
-    return replace(fitted, terms=tuple(terms))
-
-
-def decoded_sum(fitted: Separable, textures: tuple[Encoded, ...]) -> Separable:
-    """The separable fit with stored texels in place of its own."""
-    left = iter(textures)
-    terms = []
-    for term in fitted.terms:
-        first = next(left).decoded()
-        terms.append(SeparableTerm(first, None if term.second is None else next(left).decoded(), term.signs))
-    return replace(fitted, terms=tuple(terms))
 
 
 def log_difference(before: Fitted, after: Fitted, pairs: int = 20_000, seed: int = 0) -> float:
@@ -156,7 +127,7 @@ def write_exported(
 
 def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]:
     """All that a loader needs beside the texels, JSON-able."""
-    fitted = made.stored
+    fitted, described = made.stored, made.stored.describe()
     textures = [
         {
             "file": name,
@@ -168,31 +139,6 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         }
         for name, texture in zip(made.names, made.textures, strict=True)
     ]
-    kept = ["frame", "directions", "value", "mask"]
-    if isinstance(fitted, Factorization):
-        what: dict[str, Any] = {
-            "kind": "product",
-            "terms": [
-                {"texture": k, "projection": describe_projection(term.projection), "mask": bits(term.mask)}
-                for k, term in enumerate(fitted.terms)
-            ],
-        }
-        own = {"evaluation": CONVENTIONS["evaluation"]}
-        kept += ["parabolic_map", "half_difference", "coordinates", "warp", "projection", "rotation"]
-    else:
-        shared = fitted.terms[0].second is None
-        what = {
-            "kind": "sum of products",
-            "map": fitted.map,
-            "parameterization": fitted.parameterization,
-            "read": bits(fitted.read),
-            "terms": [
-                {"textures": [k] if shared else [2 * k, 2 * k + 1], "signs": term.signs.tolist()}
-                for k, term in enumerate(fitted.terms)
-            ],
-        }
-        own = {"evaluation": EVALUATION, "map": MAPS[fitted.map]}
-        kept += ["half_difference"]
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -202,12 +148,12 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         "epsilon": fitted.transform.epsilon,
         "A": {"values": fitted.transform.mean.tolist(), "unit": "1/sr", "meaning": "mean of the training samples"},
         "textures": textures,
-        **what,
+        **described,
         "code": {"function": "homofact_evaluate", "files": list(_codes(made))},
         "cost": made.cost.record(),
         "errors": dict(errors),
         "provenance": without_places(fitted.provenance),
-        "conventions": {name: CONVENTIONS[name] for name in kept} | own | {"storage": STORAGE, "sampler": SAMPLER},
+        "conventions": conventions(described) | {"storage": STORAGE, "sampler": SAMPLER},
     }
 
 
@@ -220,8 +166,8 @@ def _codes(made: Exported) -> dict[str, str]:
     program = replace(made.program, title=(*made.program.title, *lines))
     texts = {f"brdf{language.suffix}": shader(program, language) for language in (GLSL, HLSL, WGSL)}
     # The C code holds the texels decoded.
-    plain = [as_floats(texture) for texture in textures_of(made.stored)]
-    program = fitted_program(made.stored, plain)
+    plain = [as_floats(texture.texels) for texture in made.stored.textures]
+    program = program_of(made.stored, plain)
     last = f"The texels below are those of {', '.join(made.names)}, decoded."
     code = c_source(replace(program, title=(*program.title, last)), [texture.stored for texture in plain])
     return texts | {"brdf.c": code}

@@ -5,11 +5,13 @@ sampler's bilinear interpolation is then the one of the fit (interpolating exp(p
 is off by percents). The scale A and ε stay in the manifest. The first scanline is row 0, v = −1, and the
 first pixel of a scanline is
 column 0, u = −1: an API that puts the first scanline at texture coordinate 0 needs no flip. Texels outside
-the mask hold the filler of the smoothing, which no direction reaches.
+the mask hold the filler of the smoothing, which no direction reaches. The factors of a sum of products are stored as
+they are too, linear and of both signs: a renderer interpolates, multiplies and adds.
 
 A PNG shows the logarithm p̃ over the whole texture square, the same way round (row 0 on top), enlarged by
 whole factors to at least 256 pixels a side. Texels outside the mask are hatched yellow, as the thesis
-(figure 4.3) paints them. Its text chunk `Description` says how grey values were made.
+(figure 4.3) paints them. Of a factor it shows the absolute values over the largest one through the gamma 2.2, as Wang,
+Tran and Luebke 2004 (figure 4) do. Its text chunk `Description` says how grey values were made.
 """
 
 import os
@@ -23,7 +25,7 @@ from torch import Tensor
 
 from homofact.containers.exr import exr_channel_names, write_exr
 from homofact.errors import BadInput
-from homofact.factor.factorization import Factorization, Term
+from homofact.factor.fitted import Fitted, Texture
 from homofact.files.atomic import replace_file
 
 SIDE = 256
@@ -31,69 +33,82 @@ OUTSIDE = (255, 213, 0)
 HATCH = (176, 132, 0)
 # A texture that varies by less than a factor e looks as flat as it is.
 _LEAST_RANGE = 1.0
+_WHAT = {"log": "logarithm p", "factor": "factor of a product, linear"}
 
 
-def write_texture_exr(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
-    """The logarithm p̃ of one texture. Raises BadInput as `write_exr`."""
-    comment = "logarithm p; first scanline is row 0, v = -1; see manifest.json"
-    write_exr(path, term.texture.cpu().numpy(), exr_channel_names(channels), comment)
+def write_texture_exr(path: str | os.PathLike[str], texture: Texture, channels: Sequence[str]) -> None:
+    """The texels of one texture, as they are. Raises BadInput as `write_exr`."""
+    comment = f"{_WHAT[texture.quantity]}; first scanline is row 0, v = -1; see manifest.json"
+    write_exr(path, texture.texels.cpu().numpy(), exr_channel_names(channels), comment)
 
 
-def write_deviation_exr(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
-    """The standard deviation of every texel's logarithm, where the term has one. Raises BadInput as `write_exr`."""
-    if term.deviation is None:
+def write_deviation_exr(path: str | os.PathLike[str], texture: Texture, channels: Sequence[str]) -> None:
+    """The standard deviation of every texel's logarithm, where there is one. Raises BadInput as `write_exr`."""
+    if texture.deviation is None:
         raise BadInput(f"{path}: the texture has no deviation, expected a fit with --confidence")
     comment = "standard deviation of the logarithm p; rows as in the texture; 0 outside the mask"
-    write_exr(path, term.deviation.cpu().numpy(), exr_channel_names(channels), comment)
+    write_exr(path, texture.deviation.cpu().numpy(), exr_channel_names(channels), comment)
 
 
-def write_texture_png(path: str | os.PathLike[str], term: Term, channels: Sequence[str]) -> None:
+def write_texture_png(path: str | os.PathLike[str], texture: Texture, channels: Sequence[str]) -> None:
     """One texture for the eye, as the module's head says. Raises BadInput for an unwritable place."""
-    pixels, description = texture_picture(term, channels)
+    pixels, description = texture_picture(texture, channels)
     text = PngImagePlugin.PngInfo()
     text.add_text("Description", description)
     picture = Image.fromarray(pixels)
     replace_file(path, lambda beside: picture.save(beside, format="PNG", pnginfo=text))
 
 
-def texture_picture(term: Term, channels: Sequence[str]) -> tuple[np.ndarray, str]:
-    """(pixels (H, W, 3) uint8, the words of the text chunk) of one texture.
+def texture_picture(texture: Texture, channels: Sequence[str]) -> tuple[np.ndarray, str]:
+    """(pixels (H, W, 3) uint8, the words of the text chunk) of one texture, as the module's head says.
 
-    Grey is linear in p̃ from the least to the largest value inside the mask, all channels alike, over a
-    range of at least 1. Three channels are shown as red, green, blue; more as the mean logarithms of the
-    last, middle and first third (long wavelengths red); fewer as grey.
+    Three channels are shown as red, green, blue; more as the means of the last, middle and first third (long
+    wavelengths red); fewer as grey.
     """
-    shown, words = three_channels(term.texture.cpu(), channels)
-    mask = term.mask.cpu()
-    inside = shown[mask] if bool(mask.any()) else shown.reshape(-1, 3)
-    low, high = float(inside.min()), float(inside.max())
-    spare = max(0.0, _LEAST_RANGE - (high - low)) / 2
-    low, high = low - spare, high + spare
-    grey = ((shown - low) / (high - low)).clamp(0, 1) * 255
-    rows, columns = term.size
+    grey, how = (_logarithms if texture.quantity == "log" else _absolute)(texture, channels)
+    rows, columns = texture.size
     tall, wide = _magnification(rows, columns)
-    pixels = enlarged_and_hatched(grey.round().to(torch.uint8), mask)
+    pixels = enlarged_and_hatched((grey * 255).round().to(torch.uint8), texture.mask.cpu())
     description = (
-        f"log texture p, 8 bit = 255 (p - low)/(high - low), low = {low:.6g}, high = {high:.6g}; {words};"
-        f" row 0 (v = -1) on top, column 0 (u = -1) at the left; {columns} x {rows} texels enlarged {wide} x"
+        f"{how}; row 0 (v = -1) on top, column 0 (u = -1) at the left; {columns} x {rows} texels enlarged {wide} x"
         f" {tall} times; yellow hatching: outside the mask"
     )
     return pixels, description
 
 
-def write_textures(folder: Path, factorization: Factorization) -> list[dict[str, str]]:
-    """texture_0.exr, texture_0.png and so on into `folder`; the names of each texture's files.
+def _logarithms(texture: Texture, channels: Sequence[str]) -> tuple[Tensor, str]:
+    """(grey in [0, 1] (rows, columns, 3), words): linear from the least to the largest inside the mask, at least 1."""
+    shown, words = three_channels(texture.texels.cpu(), channels)
+    mask = texture.mask.cpu()
+    inside = shown[mask] if bool(mask.any()) else shown.reshape(-1, 3)
+    low, high = float(inside.min()), float(inside.max())
+    spare = max(0.0, _LEAST_RANGE - (high - low)) / 2
+    low, high = low - spare, high + spare
+    grey = ((shown - low) / (high - low)).clamp(0, 1)
+    return grey, f"log texture p, 8 bit = 255 (p - low)/(high - low), low = {low:.6g}, high = {high:.6g}; {words}"
 
-    A fit with confidence leaves texture_0_deviation.exr and so on beside them.
+
+def _absolute(texture: Texture, channels: Sequence[str]) -> tuple[Tensor, str]:
+    """(grey in [0, 1] (rows, columns, 3), words): absolute values over the largest, through the gamma 2.2."""
+    shown, words = three_channels(texture.texels.cpu().abs(), channels)
+    high = float(shown.max())
+    grey = (shown / high if high > 0 else shown) ** (1 / 2.2)
+    return grey, f"8 bit = 255 (|g|/high)^(1/2.2), high = {high:.6g}; {words}"
+
+
+def write_textures(folder: Path, fitted: Fitted) -> list[dict[str, str]]:
+    """NAME.exr and NAME.png of every texture into `folder`; the names of each texture's files.
+
+    A fit with confidence leaves NAME_deviation.exr beside them.
     """
     files = []
-    for number, term in enumerate(factorization.terms):
-        names = {"exr": f"texture_{number}.exr", "png": f"texture_{number}.png"}
-        write_texture_exr(folder / names["exr"], term, factorization.channels)
-        write_texture_png(folder / names["png"], term, factorization.channels)
-        if term.deviation is not None:
-            names["deviation_exr"] = f"texture_{number}_deviation.exr"
-            write_deviation_exr(folder / names["deviation_exr"], term, factorization.channels)
+    for texture in fitted.textures:
+        names = {kind: f"{texture.name}.{kind}" for kind in ("exr", "png")}
+        write_texture_exr(folder / names["exr"], texture, fitted.channels)
+        write_texture_png(folder / names["png"], texture, fitted.channels)
+        if texture.deviation is not None:
+            names["deviation_exr"] = f"{texture.name}_deviation.exr"
+            write_deviation_exr(folder / names["deviation_exr"], texture, fitted.channels)
         files.append(names)
     return files
 

@@ -1,4 +1,4 @@
-"""The manifest: everything but the texels that a program needs to evaluate a factorization, in JSON.
+"""The manifest: everything but the texels that a program needs to evaluate a fit, in JSON.
 
 The format is versioned by itself. Numbers are written so that they read back exactly (float64, shortest
 form); a reader in another language needs this file and the EXR textures, nothing else.
@@ -10,18 +10,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import torch
-from torch import Tensor
-
 from homofact.containers.exr import exr_channel_names
 from homofact.errors import BadInput
-from homofact.factor.factorization import Factorization, Term
-from homofact.factor.projection import Projection
+from homofact.factor.fitted import Fitted, Texture
 from homofact.files.atomic import replace_file
-from homofact.geometry.rotation import Pair
 from homofact.version import __version__
 
 FORMAT = "homofact manifest"
+SEPARABLE_FORMAT = "homofact separable manifest"
 FORMAT_VERSION = 1
 
 CONVENTIONS = {
@@ -54,31 +50,100 @@ CONVENTIONS = {
 }
 
 
-def manifest(factorization: Factorization, files: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+# Of a sum of products, in place of those above.
+_MAPS = {
+    "parabolic": "(u, v) = (w.x, w.y) / (1 + w.z)",
+    "orthographic": "(u, v) = (w.x, w.y)",
+    "polar": "u = atan2(w.y, w.x) / pi, v = 2 sqrt(1 - w.z) - 1",
+}
+_SUM = (
+    "f = max(0, sum over terms of sign * first(place of a) * second(place of b)), per channel; (a, b) = (wi, wo) for"
+    " in-out, (h, d) for half-diff; a term without second reads first at both"
+)
+_SUM_IMAGES = {
+    "images": "EXR: the factor, linear, first scanline row 0 (v = -1), first pixel column 0 (u = -1); PNG: its absolute"
+    " value for the eye, same way round, not for evaluation",
+    "read": "one string a row, row 0 first; 1: some direction's bilinear stencil reads the texel",
+}
+
+
+def conventions(described: Mapping[str, Any]) -> dict[str, Any]:
+    """Words on all that a fit's `describe` leaves to be known, but for how and where its texels are stored."""
+    kept = ["frame", "directions", "value", "half_difference", "mask"]
+    if described["kind"] == "product":
+        kept += ["parabolic_map", "coordinates", "warp", "projection", "rotation", "evaluation"]
+        return {name: CONVENTIONS[name] for name in CONVENTIONS if name in kept}
+    own = {"evaluation": _SUM, "map": _MAPS[described["map"]]}
+    return {name: CONVENTIONS[name] for name in kept} | own
+
+
+def manifest(fitted: Fitted, files: Sequence[Mapping[str, str]]) -> dict[str, Any]:
     """The JSON-able description; `files` names each texture's files, for instance {"exr": …, "png": …}.
 
     Raises BadInput where the files are not one entry a texture.
     """
-    if len(files) != len(factorization.terms):
-        raise BadInput(f"manifest: files of {len(files)} textures, expected {len(factorization.terms)}")
+    textures, described = fitted.textures, fitted.describe()
+    if len(files) != len(textures):
+        raise BadInput(f"manifest: files of {len(files)} textures, expected {len(textures)}")
+    layout = _product if described["kind"] == "product" else _sum_of_products
+    own = layout(described, textures, files)
     return {
-        "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "homofact_version": __version__,
-        "channels": list(factorization.channels),
-        "exr_channels": list(exr_channel_names(factorization.channels)),
-        "epsilon": factorization.transform.epsilon,
-        "A": {
-            "values": factorization.transform.mean.tolist(),
-            "unit": "1/sr",
-            "meaning": "mean of the training samples, per channel",
-        },
-        "bytes": factorization.nbytes,
-        "fetches": factorization.fetches,
-        "textures": [_texture(term, names) for term, names in zip(factorization.terms, files, strict=True)],
-        "seed": factorization.provenance.get("seed"),
-        "provenance": factorization.provenance,
+        "channels": list(fitted.channels),
+        "exr_channels": list(exr_channel_names(fitted.channels)),
+        "epsilon": fitted.transform.epsilon,
+        "bytes": fitted.nbytes,
+        "fetches": fitted.fetches,
+        "seed": fitted.provenance.get("seed"),
+        "provenance": fitted.provenance,
+        **own,
+        "A": {"values": fitted.transform.mean.tolist(), "unit": "1/sr", "meaning": own["A"]},
+    }
+
+
+def _product(
+    described: Mapping[str, Any], textures: Sequence[Texture], files: Sequence[Mapping[str, str]]
+) -> dict[str, Any]:
+    entries = [
+        {
+            "files": dict(names),
+            "rows": texture.size[0],
+            "columns": texture.size[1],
+            "mask": term["mask"],
+            "projection": term["projection"],
+        }
+        for term, texture, names in zip(described["terms"], textures, files, strict=True)
+    ]
+    return {
+        "format": FORMAT,
+        "A": "mean of the training samples, per channel",
+        "textures": entries,
         "conventions": CONVENTIONS,
+    }
+
+
+def _sum_of_products(
+    described: Mapping[str, Any], textures: Sequence[Texture], files: Sequence[Mapping[str, str]]
+) -> dict[str, Any]:
+    sides = ("first", "second")
+    said = {name: text for name, text in conventions(described).items() if name != "mask"}
+    return {
+        "format": SEPARABLE_FORMAT,
+        "A": "mean of the training samples, per channel; of the error's log transform, not of the evaluation",
+        "map": described["map"],
+        "parameterization": described["parameterization"],
+        "rows": textures[0].size[0],
+        "columns": textures[0].size[1],
+        "read": described["read"],
+        "terms": [
+            {
+                "files": {side: dict(files[k]) for side, k in zip(sides, term["textures"], strict=False)},
+                "signs": term["signs"],
+            }
+            for term in described["terms"]
+        ],
+        "conventions": said | {"texels": CONVENTIONS["texels"]} | _SUM_IMAGES,
     }
 
 
@@ -97,44 +162,3 @@ def write_json(path: str | os.PathLike[str], obj: Any) -> None:
 
 def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
-
-
-def _texture(term: Term, names: Mapping[str, str]) -> dict[str, Any]:
-    rows, columns = term.size
-    return {
-        "files": dict(names),
-        "rows": rows,
-        "columns": columns,
-        "mask": bits(term.mask),
-        "projection": describe_projection(term.projection),
-    }
-
-
-def bits(mask: Tensor) -> list[str]:
-    """A mask (rows, columns) as one string a row, 1 where it is True."""
-    return ["".join("1" if texel else "0" for texel in row) for row in mask.tolist()]
-
-
-def describe_projection(projection: Projection) -> dict[str, Any]:
-    """The JSON-able description of a projection, as `CONVENTIONS` explains it."""
-    matrices = projection.matrices()
-    return {
-        "name": projection.name,
-        "coordinates": projection.coordinates,
-        "axes": list(projection.system.axes),
-        "matrix": projection.matrix.tolist(),
-        "scale": projection.matrix.norm(dim=1).tolist(),
-        "reciprocal": projection.reciprocal,
-        "conjugate_matrix": matrices[1].tolist() if len(matrices) == 2 else None,
-        "lookups": projection.lookups,
-        "warp": None if projection.warp is None else {"width": projection.warp.width},
-        "rotation": _rotation(projection.rotation),
-    }
-
-
-def _rotation(rotation: Pair | Tensor | None) -> dict[str, Any] | None:
-    if isinstance(rotation, Pair):
-        return {"kind": "pair", "left": rotation.left.tolist(), "right": rotation.right.tolist()}
-    if isinstance(rotation, torch.Tensor):
-        return {"kind": "single", "quaternion": rotation.tolist()}
-    return None

@@ -5,18 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from homofact.errors import BadInput
 from homofact.export.exported_reader import is_export, open_exported
 from homofact.export.images import write_textures
 from homofact.export.manifest import manifest, write_json
-from homofact.export.separable_files import separable_manifest, write_separable_textures
-from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
 from homofact.files.archive import NAME as FACTORIZATION
-from homofact.files.archive import read_archive, saved_file
 from homofact.files.folder import check_new_folder, write_folder
-from homofact.separable.separable import FORMAT as SEPARABLE
-from homofact.separable.separable import Separable
+from homofact.methods.saved import open_saved
 
 MANIFEST = "manifest.json"
 REPORT = "report.json"
@@ -48,7 +43,7 @@ def write_result(
 
     def fill(place: Path) -> None:
         factorization.save(place / FACTORIZATION)
-        write_json(place / MANIFEST, _with_textures(place, factorization))
+        write_json(place / MANIFEST, manifest(factorization, write_textures(place, factorization)))
         write_json(place / REPORT, report)
         if pictures is not None:
             pictures(place)
@@ -61,16 +56,4 @@ def open_result(place: str | os.PathLike[str]) -> Fitted:
     target = Path(place)
     if target.is_dir() and not (target / FACTORIZATION).exists() and is_export(target):
         return open_exported(target)
-    target = saved_file(target)
-    if read_archive(target)[1].get("format") == SEPARABLE:
-        return Separable.load(target)
-    return Factorization.load(target)
-
-
-def _with_textures(folder: Path, fitted: Fitted) -> dict[str, Any]:
-    """Write the textures to `folder`; the manifest that goes with them."""
-    if isinstance(fitted, Separable):
-        return separable_manifest(fitted, write_separable_textures(folder, fitted))
-    if isinstance(fitted, Factorization):
-        return manifest(fitted, write_textures(folder, fitted))
-    raise BadInput(f"result: found a {type(fitted).__name__}, expected a factorization or a separable one")
+    return open_saved(target)

@@ -6,7 +6,8 @@ readable without homofact; arrays are stored as they are, so a loaded factorizat
 """
 
 import os
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +16,24 @@ from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
-from homofact.factor.projection import Projection, Warp
+from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
+from homofact.factor.projection import Projection, Warp, describe_projection
 from homofact.files.archive import check_version, read_archive, write_archive
 from homofact.geometry.coordinates import COORDINATES
+from homofact.geometry.directions import above_horizon
 from homofact.geometry.rotation import Pair
 from homofact.linear.bilinear import lookup
 
 FORMAT_VERSION = 1
 
 
-@dataclass(frozen=True)
-class Grid:
-    """The values that a texture of whole numbers can hold: low + k · step per channel (C,), k = 0 … `levels`."""
-
-    low: Tensor
-    step: Tensor
-    levels: int
+_LETTERS = {
+    "wi": "ωi", "wo": "ωo", "theta_i": "θi", "theta_o": "θo", "theta_h": "θh", "theta_d": "θd", "phi_d": "φd",
+    "delta_phi": "Δφ",
+}  # fmt: skip
+_SPACES = {
+    "in-out": "ωi, ωo", "half-diff": "h, d", "isotropic-half-diff": "θh, θd, φd", "isotropic-in-out": "θi, θo, Δφ",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ def sum_of_terms(terms: tuple[Term, ...], wi: Tensor, wo: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Factorization:
-    """A fitted product of textures; a `Reflectance`.
+    """A fitted product of textures; a `Reflectance` and a `Fitted`.
 
     `provenance` holds what the fit was made from and by (method, seed, sampling, version), JSON-able.
     """
@@ -93,9 +96,54 @@ class Factorization:
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
-        values = self.transform.inverse(self.evaluate_log(wi, wo))
-        above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
-        return values * above[:, None]
+        above, wi, wo = above_horizon(wi, wo)
+        return self.transform.inverse(self.evaluate_log(wi, wo)) * above[:, None]
+
+    @property
+    def textures(self) -> tuple[Texture, ...]:
+        """One texture of logarithms a term."""
+        return tuple(
+            Texture(
+                f"texture_{k}", _caption(term.projection), "log", term.texture, term.mask, term.grid, term.deviation
+            )
+            for k, term in enumerate(self.terms)
+        )
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """A (exp Σ lookups − ε); a conjugate is a lookup of its own."""
+        lookups = []
+        for k, term in enumerate(self.terms):
+            projection, (rows, columns) = term.projection, term.size
+            system, warp = projection.system, None if projection.warp is None else projection.warp.width
+            words = f"texture {k}: {projection.name} on {projection.coordinates}, {columns} x {rows} texels"
+            for matrix in projection.matrices():
+                lookups.append(Lookup(k, system.axes, system.scales, matrix, warp, words))
+                words = "reciprocity: the directions swapped"
+        ones = (1.0,) * len(self.channels)
+        return Evaluation(tuple(lookups), tuple(Product((k,), ones) for k in range(len(lookups))), self.transform)
+
+    def with_textures(
+        self,
+        texels: Sequence[Tensor],
+        grids: Sequence[Grid | None] | None = None,
+        facts: Mapping[str, Any] | None = None,
+    ) -> "Factorization":
+        """The same projections and masks with other logarithms (rows, columns, C); as `Fitted.with_textures`."""
+        chosen = grids or (None,) * len(self.terms)
+        terms = zip(self.terms, texels, chosen, strict=True)
+        made = tuple(replace(term, texture=each, grid=grid) for term, each, grid in terms)
+        return replace(self, terms=made, provenance=self.provenance | dict(facts or {}))
+
+    def describe(self) -> dict[str, Any]:
+        """The projections and masks."""
+        return {
+            "kind": "product",
+            "terms": [
+                {"texture": k, "projection": describe_projection(term.projection), "mask": bits(term.mask)}
+                for k, term in enumerate(self.terms)
+            ],
+        }
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one file (.npz), beside first and then renamed, so that a failure leaves no half file."""
@@ -145,6 +193,15 @@ class Factorization:
             if term.deviation is not None and term.deviation.shape != term.texture.shape:
                 raise BadInput(f"{target}: deviation {j} has another shape than its texture, expected the same")
         return result
+
+
+def _caption(projection: Projection) -> str:
+    """What a texture is indexed by, in the field's letters: "θh, θd, warped", "searched in θi, θo, Δφ"."""
+    if projection.rotation is None:
+        where = ", ".join(_LETTERS.get(axis, axis) for axis in projection.name.split("-"))
+    else:
+        where = f"{projection.name} in {_SPACES.get(projection.coordinates, projection.coordinates)}"
+    return where if projection.warp is None else f"{where}, warped"
 
 
 def _describe(term: Term) -> dict[str, Any]:

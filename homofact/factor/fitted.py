@@ -1,15 +1,99 @@
-"""What every fit ends in, whatever its method: a reflectance that can be measured, written and read back."""
+"""What every fit ends in, whatever its method: a reflectance whose parts can be looked at, stored, exported, read back.
+
+A fit says as plain data how it is evaluated (`Evaluation`): which textures are read at which places, and how the values
+combine. Shaders, compiled code and renderers are made from that (`shading.program`) and need not know the fit's kind.
+"""
 
 import os
-from collections.abc import Sequence
-from typing import Any, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
+from homofact.geometry.coordinates import Scales
+
+# The axes that do not change when both directions are turned about the normal.
+_ISOTROPIC = {"theta_i", "theta_o", "theta_h", "theta_d", "phi_d", "delta_phi"}
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The values that a texture of whole numbers can hold: low + k · step per channel (C,), k = 0 … `levels`."""
+
+    low: Tensor
+    step: Tensor
+    levels: int
+
+
+@dataclass(frozen=True)
+class Texture:
+    """One texture of a fit.
+
+    `texels` (rows, columns, C) float64; `mask` (rows, columns) is False where no pair of directions reads. `name` is
+    for its files ("texture_0"), `caption` for people: what it is indexed by, in the field's letters. `quantity` says
+    what the texels are: "log" of a product's, "factor" of a sum's. `grid` and `deviation` as in `Term`.
+    """
+
+    name: str
+    caption: str
+    quantity: str
+    texels: Tensor
+    mask: Tensor
+    grid: Grid | None = None
+    deviation: Tensor | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return int(self.texels.shape[0]), int(self.texels.shape[1])
+
+
+@dataclass(frozen=True)
+class Lookup:
+    """One fetch: texture number `texture` at (u, v) = `matrix` x in [−1, 1]².
+
+    x (k,) are the `axes` (`geometry.axes`), each factor · raw + offset of `scales`, stretched by a warp of the width
+    `warp` where there is one. `words` say so in a comment.
+    """
+
+    texture: int
+    axes: tuple[str, ...]
+    scales: Scales
+    matrix: Tensor
+    warp: float | None
+    words: str
+
+
+@dataclass(frozen=True)
+class Product:
+    """The product of the values of some `lookups`, by number, times `signs`, ±1 a channel."""
+
+    lookups: tuple[int, ...]
+    signs: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """f as plain data: with s the sum of the products, max(0, s), or A max(0, exp(s) − ε) with a `transform`.
+
+    Both are 0 where a direction is under the horizon.
+    """
+
+    lookups: tuple[Lookup, ...]
+    products: tuple[Product, ...]
+    transform: LogTransform | None
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether no texture's coordinates change when both directions are turned about the normal."""
+        return all(set(lookup.axes) <= _ISOTROPIC for lookup in self.lookups)
 
 
 class Fitted(Reflectance, Protocol):
-    """A `Reflectance` made by a fit: a product of textures (`Factorization`), or a sum of products of them."""
+    """A `Reflectance` made by a fit: a product of textures (`Factorization`), or a sum of products (`Separable`)."""
 
     @property
     def terms(self) -> Sequence[Any]:
@@ -26,6 +110,34 @@ class Fitted(Reflectance, Protocol):
         """What it was made from and by (method, seed, settings, version), JSON-able."""
         ...
 
+    @property
+    def textures(self) -> tuple[Texture, ...]:
+        """All its textures, in the order in which lookups number them."""
+        ...
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """How values come from the textures."""
+        ...
+
+    def with_textures(
+        self,
+        texels: Sequence[Tensor],
+        grids: Sequence[Grid | None] | None = None,
+        facts: Mapping[str, Any] | None = None,
+    ) -> Self:
+        """The same fit with other texels of the same sizes, on `grids` where given; `facts` join the provenance."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """What a manifest says of it beside texels and transform, JSON-able: its kind and its terms."""
+        ...
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one .npz file that reads back bit-identical. Raises BadInput for an unwritable place."""
         ...
+
+
+def bits(mask: Tensor) -> list[str]:
+    """A mask (rows, columns) as one string a row, 1 where it is True."""
+    return ["".join("1" if texel else "0" for texel in row) for row in mask.tolist()]

@@ -11,6 +11,7 @@ A reciprocal projection that is not its own conjugate looks its texture up twice
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -39,22 +40,9 @@ class Warp:
 
     width: float
 
-    def __call__(self, radius: Tensor) -> Tensor:
-        """The stretched radius, in [0, 1]."""
-        scale = torch.asinh(torch.tensor(1 / self.width, dtype=radius.dtype, device=radius.device))
-        return torch.asinh(radius / self.width) / scale
-
     def on(self, system: CoordinateSystem, coordinates: Tensor) -> Tensor:
-        """The coordinates (N, k) with their half-vector part stretched."""
-        if system.name == "half-diff":
-            radius = coordinates[..., :2].norm(dim=-1, keepdim=True)
-            # At radius 0 the factor is the slope there, reached by a tiny radius.
-            safe = radius.clamp_min(1e-12)
-            return torch.cat((coordinates[..., :2] * (self(safe) / safe), coordinates[..., 2:]), -1)
-        if system.name == "isotropic-half-diff":
-            theta = self((coordinates[..., :1] + 1) / 2) * 2 - 1
-            return torch.cat((theta, coordinates[..., 1:]), -1)
-        raise BadInput(f"warp: found parameterization {system.name!r}, expected one with a half vector")
+        """The coordinates (N, k) with their half-vector part stretched. Raises BadInput where they have none."""
+        return system.stretch(coordinates, self.width)
 
 
 @dataclass(frozen=True)
@@ -113,8 +101,7 @@ class Projection:
 
     def prepare(self, wi: Tensor, wo: Tensor) -> Tensor:
         """The coordinates (N, k) that the matrix acts on, warped where this projection warps."""
-        x = self.system.evaluate(wi, wo)
-        return x if self.warp is None else self.warp.on(self.system, x)
+        return self.system.evaluate(wi, wo, None if self.warp is None else self.warp.width)
 
     def place_coordinates(self, x: Tensor) -> tuple[Tensor, ...]:
         """As `place`, from coordinates (N, k) that `prepare` made."""
@@ -137,6 +124,31 @@ class Projection:
     def lookups(self) -> int:
         """Texture fetches of one evaluation."""
         return len(self.matrices())
+
+
+def describe_projection(projection: Projection) -> dict[str, Any]:
+    """The JSON-able description of a projection, as a manifest explains it."""
+    matrices = projection.matrices()
+    return {
+        "name": projection.name,
+        "coordinates": projection.coordinates,
+        "axes": list(projection.system.axes),
+        "matrix": projection.matrix.tolist(),
+        "scale": projection.matrix.norm(dim=1).tolist(),
+        "reciprocal": projection.reciprocal,
+        "conjugate_matrix": matrices[1].tolist() if len(matrices) == 2 else None,
+        "lookups": projection.lookups,
+        "warp": None if projection.warp is None else {"width": projection.warp.width},
+        "rotation": _rotation(projection.rotation),
+    }
+
+
+def _rotation(rotation: Pair | Tensor | None) -> dict[str, Any] | None:
+    if isinstance(rotation, Pair):
+        return {"kind": "pair", "left": rotation.left.tolist(), "right": rotation.right.tolist()}
+    if isinstance(rotation, torch.Tensor):
+        return {"kind": "single", "quaternion": rotation.tolist()}
+    return None
 
 
 # Fixed projections: parameterization and the axes that become the texture's columns and rows.

@@ -1,6 +1,6 @@
 """Textures of whole numbers: the texels that fit best among those that 8 or 16 bits can hold.
 
-Rounding every texel by itself (`naive`) throws away what the others could make good. With y the minimum of the inner
+Rounding every texel by itself (`rounded`) throws away what the others could make good. With y the minimum of the inner
 problem, other texels q give logarithms that are off by B(q − y). What counts is how far they are off at the samples and
 wherever else a renderer may ask: half of the weight is on the samples, half on `PAIRS` cosine-weighted pairs U.
 Smoothing is there to choose y; the small steps of whole numbers are rough whatever one does, so it counts by
@@ -18,9 +18,13 @@ The range of a texture is part of the fit. Constants and ramps that move between
 (`factor.gauge`) are moved so that the ranges, and with them the steps, become small: a linear program a channel. And
 a few texels that samples hardly hold may run far out and widen the steps of all others: each end of each range is
 drawn in as far as that lowers the objective, texels beyond it being held at the end.
+
+The logarithm of a product is linear in all texels at once, and that is what is solved. A sum of products is not: its
+texels are rounded.
 """
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -31,7 +35,8 @@ from torch import Tensor
 
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.factor.factorization import Factorization, Grid, Term
+from homofact.factor.factorization import Term
+from homofact.factor.fitted import Fitted, Grid
 from homofact.factor.gauge import null_space
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, Smoothing, filled, inner_problem
@@ -43,27 +48,52 @@ from homofact.linear.normal import accumulate
 FRACTIONS = 256
 SMOOTHNESS, PAIRS = 0.01, 20_000
 LEVELS = {"png8": 255, "png16": 65535}
+F = TypeVar("F", bound=Fitted)
 _SWEEPS = 50
 # How much of a range is drawn in at a time, first and last.
 _FIRST_SHARE, _LAST_SHARE = 0.25, 0.01
 
 
-def quantize(factorization: Factorization, samples: Samples, storage: str) -> Factorization:
-    """The factorization with texels that `storage` ("png8", "png16") holds exactly, fitted to `samples` anew.
+def quantize(fitted: F, samples: Samples, storage: str) -> F:
+    """The fit with texels that `storage` ("png8", "png16") holds exactly.
 
-    Its projections, ε, A and λ (from the provenance) stay. `samples` are those it was solved from, with their azimuth
-    copies where a projection knows the azimuth. Raises BadInput for another storage.
+    A product's are fitted to `samples` anew; its projections, ε, A and λ (from the provenance) stay. `samples` are
+    those it was solved from, with their azimuth copies where a projection knows the azimuth. The texels of a sum of
+    products, whose values are no linear function of them all, are rounded each by itself. Raises BadInput for another
+    storage.
     """
     if storage not in LEVELS:
         raise BadInput(f"quantize: found {storage!r}, expected one of {', '.join(LEVELS)}")
-    settings = factorization.provenance.get("settings", {})
-    logs = LogSamples.of(samples, factorization.transform)
-    found = factorization.provenance.get("smoothing", 1e-3)
+    return _solved(fitted, samples, storage) if is_solved(fitted) else rounded(fitted, storage)
+
+
+def is_solved(fitted: Fitted) -> bool:
+    """Whether `quantize` solves for the texels; else it rounds them."""
+    return fitted.evaluation.transform is not None
+
+
+def rounded(fitted: F, storage: str) -> F:
+    """The fit with every texel rounded by itself within its texture's range: what a plain export does."""
+    made = [_rounded(texture.texels, texture.mask, LEVELS[storage]) for texture in fitted.textures]
+    return fitted.with_textures([texels for texels, _ in made], [grid for _, grid in made], {"quantize": storage})
+
+
+def _rounded(texels: Tensor, mask: Tensor, levels: int) -> tuple[Tensor, Grid]:
+    inside = texels[mask]
+    low = inside.amin(0)
+    step = (inside.amax(0) - low).clamp_min(1e-6) / levels
+    return low + step * ((texels - low) / step).round().clamp(0, levels), Grid(low, step, levels)
+
+
+def _solved(fitted: F, samples: Samples, storage: str) -> F:
+    settings = fitted.provenance.get("settings", {})
+    logs = LogSamples.of(samples, fitted.transform)
+    found = fitted.provenance.get("smoothing", 1e-3)
     smoothing = tuple(found) if isinstance(found, list | tuple) else float(found)
     solved_anew = not settings.get("robust", False) and settings.get("refine", "none") == "none"
-    terms = quantized_terms(logs, factorization.terms, smoothing, LEVELS[storage], solved_anew)
-    provenance = factorization.provenance | {"quantize": storage}
-    return replace(factorization, terms=terms, provenance=provenance)
+    terms = quantized_terms(logs, tuple(fitted.terms), smoothing, LEVELS[storage], solved_anew)
+    texels, grids = [term.texture for term in terms], [term.grid for term in terms]
+    return fitted.with_textures(texels, grids, {"quantize": storage})
 
 
 def quantized_terms(
@@ -113,18 +143,6 @@ def _everywhere(problem: LeastSquares, projections: tuple[Projection, ...]) -> T
     coordinates = torch.cat([projection.prepare(wi, wo) for projection in projections], 1)
     nothing, ones = torch.zeros(PAIRS, 1, dtype=torch.float64), torch.ones(PAIRS, dtype=torch.float64)
     return accumulate(coordinates, problem.lookups, nothing, ones, problem.kept.shape[0]).matrix
-
-
-def naive(terms: tuple[Term, ...], levels: int) -> tuple[Term, ...]:
-    """The terms with every texel rounded by itself within its texture's range: what a plain export does."""
-    result = []
-    for term in terms:
-        inside = term.texture[term.mask]
-        low = inside.amin(0)
-        step = (inside.amax(0) - low).clamp_min(1e-6) / levels
-        numbers = ((term.texture - low) / step).round().clamp(0, levels)
-        result.append(replace(term, texture=low + step * numbers, grid=Grid(low, step, levels)))
-    return tuple(result)
 
 
 def _smallest_ranges(texels: np.ndarray, gauge: np.ndarray, owner: np.ndarray) -> np.ndarray:

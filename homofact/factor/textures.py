@@ -85,7 +85,7 @@ def inner_problem(
         in_chunks(projection.prepare, samples.wi, samples.wo, coordinates[:, start:end])
         lookups += [Lookup(start, matrix, shape, offset) for matrix in projection.matrices()]
         start, offset = end, offset + shape[0] * shape[1]
-    roughness = _roughness(shapes) if masks is None else Roughness(torch.block_diag(*map(laplacian, masks)))
+    roughness = roughness_of(shapes) if masks is None else Roughness(torch.block_diag(*map(laplacian, masks)))
     if masks is None:
         masks = tuple(torch.ones(shape, dtype=torch.bool) for shape in shapes)
     kept = torch.cat([mask.reshape(-1) for mask in masks])
@@ -109,7 +109,7 @@ def per_texel(smoothing: Smoothing, shapes: tuple[Shape, ...]) -> float | Tensor
 
 
 @lru_cache(maxsize=32)
-def _roughness(shapes: tuple[Shape, ...]) -> Roughness:
+def roughness_of(shapes: tuple[Shape, ...]) -> Roughness:
     """The smoothing rows of whole textures, shared by every evaluation of a search."""
     return Roughness(torch.block_diag(*(laplacian(torch.ones(shape, dtype=torch.bool)) for shape in shapes)))
 

@@ -2,8 +2,10 @@
 
 Each system takes a pair of directions to k numbers. Two kinds of domain:
 
-* discs: parabolic coordinates of two unit vectors, k = 4, the product of two unit discs;
+* discs: coordinates of two unit vectors on a direction map, k = 4; on the parabolic map the product of two unit discs;
 * box: k angles, each scaled to [−1, 1].
+
+What the axes are is said once, as expressions, in `axes`; a system names its own and their scales.
 
 `swap` is the k × k signed permutation S with x(ωo, ωi) = S x(ωi, ωo), by which the conjugate of a
 projection P (thesis 3.2.3) is P S. For isotropic half-diff it is the identity: φd is folded by
@@ -12,111 +14,93 @@ reciprocal by itself. Here φd is Rusinkiewicz's, measured in the frame turned w
 not depend on the azimuth), not in the Kautz-McCool frame of half-diff, which is fixed to the tangent.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.geometry.directions import half_difference, normalize, to_spherical
-from homofact.geometry.parabolic import to_disc
+from homofact.geometry.axes import coordinates_of, stretched
+from homofact.geometry.expression import Expression, Let, variable
+from homofact.geometry.interpret import TORCH, interpret, value_of
+
+Scales = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
 class CoordinateSystem:
     """A named map from pairs of directions (N, 3), (N, 3) to coordinates (N, k).
 
-    `axes` names the k coordinates; `swap` is described in the module's head; `isotropic` says that the
-    coordinates do not change when both directions are turned about the normal together.
+    `axes` names the k coordinates, each factor · raw + offset of `scales`; `swap` is described in the module's head;
+    `isotropic` says that the coordinates do not change when both directions are turned about the normal together.
     """
 
     name: str
     axes: tuple[str, ...]
+    scales: tuple[tuple[float, float], ...]
     domain: str
     swap: tuple[tuple[float, ...], ...]
     isotropic: bool
-    evaluate: Callable[[Tensor, Tensor], Tensor]
 
     @property
     def dimension(self) -> int:
         """k, the number of coordinates."""
         return len(self.axes)
 
+    @property
+    def half_axes(self) -> int:
+        """How many of the first axes are the half vector's radius, which a warp stretches; 0 where there is none."""
+        return {"u_h": 2, "theta_h": 1}.get(self.axes[0], 0)
 
-def _in_out(wi: Tensor, wo: Tensor) -> Tensor:
-    return torch.cat((to_disc(wi), to_disc(wo)), -1)
+    def evaluate(self, wi: Tensor, wo: Tensor, warp: float | None = None) -> Tensor:
+        """Coordinates (..., k) of unit vectors (..., 3), the half vector's part stretched by a `warp` of that width.
 
+        Raises BadInput for a warp where there is no half vector.
+        """
+        return axes_of(self.axes, wi, wo, self.scales, warp)
 
-def _half_diff(wi: Tensor, wo: Tensor) -> Tensor:
-    h, d = half_difference(wi, wo)
-    return torch.cat((to_disc(h), to_disc(d)), -1)
-
-
-def rusinkiewicz_angles(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """(θh, θd, φd) in radians (Rusinkiewicz 1998), φd folded to [0, π/2].
-
-    φd is the azimuth of ωi about h, from the plane of n and h: the component of ωi across that plane
-    is (n × h)·ωi / |n × h|, the one within it, at right angles to h, (n − (n·h)h)·ωi / |n × h|. The fold
-    leaves only their sizes. At h = n the plane is undefined; φd is 0 there.
-    """
-    h = normalize(wi + wo)
-    theta_h, _ = to_spherical(h)
-    cos_d = (wi * h).sum(-1)
-    sin_d = (wi - wo).norm(dim=-1) / 2
-    theta_d = torch.atan2(sin_d, cos_d)
-    # |n × h| scales both components alike, so neither is normalised.
-    across = h[..., 0] * wi[..., 1] - h[..., 1] * wi[..., 0]
-    along = wi[..., 2] - cos_d * h[..., 2]
-    return theta_h, theta_d, torch.atan2(across.abs(), along.abs())
+    def stretch(self, x: Tensor, width: float) -> Tensor:
+        """Coordinates (..., k) without a warp with their half-vector part stretched. Raises BadInput as `evaluate`."""
+        count = half_axes(self.axes)
+        columns = x.unbind(-1)
+        raw = zip(self.axes[:count], columns, self.scales, strict=False)
+        values = {axis: [(column - offset) / factor] for axis, column, (factor, offset) in raw}
+        named = tuple(variable(axis, 1) for axis in self.axes)
+        statements, axes, scales = warped(self.axes, named, self.scales, width, "warped")
+        interpret(statements, values, TORCH)
+        made = [_scaled(axis, scale, values) for axis, scale in zip(axes[:count], scales, strict=False)]
+        return torch.stack((*made, *columns[count:]), -1)
 
 
-def _isotropic_half_diff(wi: Tensor, wo: Tensor) -> Tensor:
-    return torch.stack(rusinkiewicz_angles(wi, wo), -1) * (4 / torch.pi) - 1
-
-
-def _isotropic_in_out(wi: Tensor, wo: Tensor) -> Tensor:
-    theta_i, phi_i = to_spherical(wi)
-    theta_o, phi_o = to_spherical(wo)
-    turn = torch.remainder(phi_i - phi_o + torch.pi, 2 * torch.pi) - torch.pi
-    # |Δφ| in [0, π]: left-right symmetry folds the sign away.
-    return torch.stack((theta_i * 2, theta_o * 2, turn.abs()), -1) * (2 / torch.pi) - 1
-
+_EXCHANGE = ((0, 0, 1, 0), (0, 0, 0, 1), (1, 0, 0, 0), (0, 1, 0, 0))
+_HALF_TURN = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, -1, 0), (0, 0, 0, -1))
+_ANGLE, _TURN = (4 / math.pi, -1.0), (2 / math.pi, -1.0)
+_PLAIN = ((1.0, 0.0),) * 4
 
 COORDINATES = {
     system.name: system
     for system in (
-        CoordinateSystem(
-            "in-out",
-            ("u_i", "v_i", "u_o", "v_o"),
-            "discs",
-            ((0, 0, 1, 0), (0, 0, 0, 1), (1, 0, 0, 0), (0, 1, 0, 0)),
-            False,
-            _in_out,
-        ),
-        CoordinateSystem(
-            "half-diff",
-            ("u_h", "v_h", "u_d", "v_d"),
-            "discs",
-            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, -1, 0), (0, 0, 0, -1)),
-            False,
-            _half_diff,
-        ),
+        CoordinateSystem("in-out", ("u_i", "v_i", "u_o", "v_o"), _PLAIN, "discs", _EXCHANGE, False),
+        CoordinateSystem("half-diff", ("u_h", "v_h", "u_d", "v_d"), _PLAIN, "discs", _HALF_TURN, False),
         CoordinateSystem(
             "isotropic-half-diff",
             ("theta_h", "theta_d", "phi_d"),
+            (_ANGLE,) * 3,
             "box",
             ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
             True,
-            _isotropic_half_diff,
         ),
         CoordinateSystem(
             "isotropic-in-out",
             ("theta_i", "theta_o", "delta_phi"),
+            (_ANGLE, _ANGLE, _TURN),
             "box",
             ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
             True,
-            _isotropic_in_out,
         ),
     )
 }
@@ -127,3 +111,63 @@ def coordinate_system(name: str) -> CoordinateSystem:
     if name not in COORDINATES:
         raise BadInput(f"parameterization: found {name!r}, expected one of {', '.join(COORDINATES)}")
     return COORDINATES[name]
+
+
+def half_axes(axes: Sequence[str]) -> int:
+    """How many of the first axes are the half vector's radius, which a warp stretches; 0 where there is none."""
+    return {"u_h": 2, "theta_h": 1}.get(axes[0], 0)
+
+
+def warped(
+    names: Sequence[str], axes: Sequence[Expression], scales: Scales, width: float, name: str
+) -> tuple[list[Let], list[Expression], Scales]:
+    """(further statements, axes, scales) of coordinates whose half vector is stretched, as `axes.stretched`.
+
+    `names` are those of the raw `axes`; `name` begins those of the statements. Raises BadInput where there is no half
+    vector.
+    """
+    count = half_axes(names)
+    if count == 0:
+        raise BadInput(f"warp: found the coordinates {', '.join(names)}, expected some with a half vector")
+    statements, half, whole = stretched(name, list(axes[:count]), width)
+    # Parabolic h keeps its direction; the angle's share of π/2 becomes a coordinate in [−1, 1].
+    new = ((whole, 0.0),) * 2 if count == 2 else ((2 * whole, -1.0),)
+    return statements, [*half, *axes[count:]], (*new, *scales[count:])
+
+
+def axes_of(
+    names: Sequence[str], wi: Tensor, wo: Tensor, scales: Scales | None = None, warp: float | None = None
+) -> Tensor:
+    """Axes by name (..., k) of unit vectors (..., 3), raw or scaled. Raises BadInput as `warped`."""
+    statements, axes, factors = _program(tuple(names), scales, warp)
+    values = {"wi": list(wi.unbind(-1)), "wo": list(wo.unbind(-1))}
+    interpret(statements, values, TORCH)
+    return torch.stack([_scaled(axis, scale, values) for axis, scale in zip(axes, factors, strict=True)], -1)
+
+
+@lru_cache(maxsize=256)
+def _program(
+    names: tuple[str, ...], scales: Scales | None, warp: float | None
+) -> tuple[list[Let], list[Expression], Scales]:
+    made = coordinates_of(frozenset(names))
+    statements, axes = list(made.statements), [made.axes[name] for name in names]
+    scales = scales or ((1.0, 0.0),) * len(names)
+    if warp is None:
+        return statements, axes, scales
+    further, axes, scales = warped(names, axes, scales, warp, "warped")
+    return statements + further, axes, scales
+
+
+def _scaled(axis: Expression, scale: tuple[float, float], values: dict[str, Any]) -> Tensor:
+    found, (factor, offset) = value_of(axis, values, TORCH)[0], scale
+    return found if (factor, offset) == (1, 0) else found * factor + offset
+
+
+def rusinkiewicz_angles(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """θh, θd, φd in radians (Rusinkiewicz 1998), φd folded to [0, π/2].
+
+    φd is the azimuth of ωi about h, from the plane of n and h; the fold leaves only the sizes of its components across
+    and along that plane. At h = n the plane is undefined; φd is 0 there.
+    """
+    theta_h, theta_d, phi_d = axes_of(("theta_h", "theta_d", "phi_d"), wi, wo).unbind(-1)
+    return theta_h, theta_d, phi_d

@@ -25,12 +25,27 @@ def from_spherical(theta: Tensor, phi: Tensor) -> Tensor:
     return torch.stack((sine * torch.cos(phi), sine * torch.sin(phi), torch.cos(theta)), -1)
 
 
+def from_cosine(cosine: Tensor, phi: Tensor) -> Tensor:
+    """Unit vectors (..., 3) from cosθ and φ in radians; the sine is √((1 − cosθ)(1 + cosθ)), sound at both poles."""
+    sine = torch.sqrt(((1 - cosine) * (1 + cosine)).clamp_min(0))
+    return torch.stack((sine * torch.cos(phi), sine * torch.sin(phi), cosine.expand_as(sine)), -1)
+
+
 def to_spherical(w: Tensor) -> tuple[Tensor, Tensor]:
     """(θ, φ) of unit vectors, θ in [0, π], φ in (−π, π]; φ is 0 on the axis.
 
     θ comes from atan2, not acos, which loses half of the digits near the normal.
     """
     return torch.atan2(torch.hypot(w[..., 0], w[..., 1]), w[..., 2]), torch.atan2(w[..., 1], w[..., 0])
+
+
+def above_horizon(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """(whether both have z ≥ 0 (N,), wi, wo), pairs (N, 3) that do not being replaced by the normal, a safe place."""
+    above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
+    if bool(above.all()):
+        return above, wi, wo
+    normal = wi.new_tensor([0, 0, 1])
+    return above, torch.where(above[:, None], wi, normal), torch.where(above[:, None], wo, normal)
 
 
 def half_difference(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:

@@ -21,6 +21,7 @@ import scipy.sparse
 import torch
 from torch import Tensor
 
+from homofact.linear.definite import penalised_lower, solve_lower
 from homofact.linear.normal import Lookup, NormalEquations, accumulate, stencil_rows
 
 RELATIVE_RIDGE = 1e-9
@@ -35,8 +36,13 @@ class Roughness:
     @cached_property
     def gram(self) -> Tensor:
         """LᵀL (T, T)."""
-        sparse = scipy.sparse.csr_matrix(self.rows.numpy())
-        return torch.from_numpy((sparse.T @ sparse).toarray())
+        return torch.from_numpy(self.sparse.toarray())
+
+    @cached_property
+    def sparse(self) -> scipy.sparse.csr_matrix:
+        """The same, sparse: a dozen entries a row."""
+        rows = scipy.sparse.csr_matrix(self.rows.numpy())
+        return scipy.sparse.csr_matrix(rows.T @ rows)
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,8 @@ class LeastSquares:
 
     def penalty(self, texels: Tensor) -> float:
         """λ'|Ly|² + δ|y|² of texels (T, C), summed over channels."""
-        rough = float((texels * (self.penalty_scale * (self.roughness.gram @ texels))).sum())
+        flat = texels.numpy()
+        rough = float((flat * (self.penalty_scale.numpy() * (self.roughness.sparse @ flat))).sum())
         return rough + self.ridge * float(texels.square().sum())
 
     def normal(self) -> tuple[Tensor, Tensor]:
@@ -141,11 +148,42 @@ class LeastSquares:
         return float((self.weights[:, None] * squares).sum() / self.weights.sum()) / squares.shape[1]
 
 
-def penalised_matrix(data: NormalEquations, roughness: Roughness, smoothing: float | Tensor, lookups: int) -> Tensor:
-    """BᵀWB + λ'LᵀL + δI (T, T) of accumulated samples, all texels kept: `LeastSquares.normal` without samples."""
+def solve_penalised(
+    data: NormalEquations,
+    roughness: Roughness,
+    smoothing: float | Tensor,
+    lookups: int,
+    without: NormalEquations | None = None,
+) -> Tensor:
+    """Texels (T, C) of accumulated samples, all of them or all `without` a part; all texels kept.
+
+    Where the matrix is not positive definite to working precision, the answer of minimum norm.
+    """
     unknowns = data.matrix.shape[0]
-    scale = _penalty_scale(smoothing, data.weight, unknowns, unknowns)
-    return _penalised(data.matrix, roughness, scale, _ridge(data.weight, lookups, unknowns))
+    weight = data.weight - (0.0 if without is None else without.weight)
+    scale = _penalty_scale(smoothing, weight, unknowns, unknowns)
+    ridge = _ridge(weight, lookups, unknowns)
+    rhs = data.rhs if without is None else data.rhs - without.rhs
+    if data.matrix.device.type == "cpu":
+        part = np.zeros((0, 0)) if without is None else without.matrix.numpy()
+        gram = roughness.sparse
+        weights = scale.numpy().ravel()
+        lower = penalised_lower(data.matrix.numpy(), part, gram.indptr, gram.indices, gram.data, weights, ridge)
+        solution = solve_lower(lower, rhs.numpy())
+        if solution is not None:
+            return torch.from_numpy(solution)
+    matrix = _penalised(data.matrix if without is None else data.matrix - without.matrix, roughness, scale, ridge)
+    factor, info = torch.linalg.cholesky_ex(matrix)
+    return minimum_norm(matrix, rhs) if int(info) else torch.cholesky_solve(rhs, factor)
+
+
+def minimum_norm(matrix: Tensor, rhs: Tensor) -> Tensor:
+    """The shortest x (T, C) of a symmetric system that is only semidefinite to working precision."""
+    values, vectors = torch.linalg.eigh(matrix)
+    # Directions under the rounding of the largest eigenvalue carry no information.
+    sound = values > values[-1] * matrix.shape[0] * torch.finfo(matrix.dtype).eps
+    inverse = torch.where(sound, 1 / values.clamp_min(torch.finfo(values.dtype).tiny), torch.zeros_like(values))
+    return vectors @ (inverse[:, None] * (vectors.T @ rhs))
 
 
 def _penalty_scale(smoothing: float | Tensor, weight: float, kept: int, unknowns: int) -> Tensor:

@@ -2,17 +2,15 @@
 
 Row n of B holds the bilinear weights of all lookups of sample n; B is N × T with 4 weights a lookup.
 Minimising Σ wn (fn − (By)n)² needs only BᵀWB (T × T), BᵀWf (T × C) and, for the value at the minimum,
-Σ wn fn² (C): memory T², whatever N. Two paths, tested to agree: a compiled one for the CPU (one private
-matrix a thread, summed in order, so the result depends on the number of threads only in rounding) and
+Σ wn fn² (C): memory T², whatever N. Two paths, tested to agree: a compiled one for the CPU (the samples in a
+fixed number of ranges, each with a private matrix, summed in order: the same bits on any number of threads) and
 one in torch for any device, in chunks.
 """
 
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from itertools import pairwise
 
 import numba
 import numpy as np
@@ -20,9 +18,12 @@ import torch
 from torch import Tensor
 
 from homofact.linear.bilinear import stencil
+from homofact.linear.definite import symmetric_total
+from homofact.linear.threads import in_parallel
 
-# Multiply-adds under which a second thread costs more than it saves.
-WORTH_A_THREAD = 1_000_000
+# Multiply-adds under which a second range of samples costs more than a second thread saves.
+WORTH_A_RANGE = 1_000_000
+RANGES = 2
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,15 @@ class NormalEquations:
         """
         quadratic = (texels * (self.matrix @ texels - 2 * self.rhs)).sum(0) + self.energy
         return float(quadratic.clamp_min(0).mean()) / self.weight
+
+
+def total(parts: Sequence[NormalEquations]) -> NormalEquations:
+    """The equations of all samples of `parts`, added in their order."""
+    matrix, rhs, energy = parts[0].matrix.clone(), parts[0].rhs, parts[0].energy
+    for part in parts[1:]:
+        matrix += part.matrix
+        rhs, energy = rhs + part.rhs, energy + part.energy
+    return NormalEquations(matrix, rhs, energy, sum(part.weight for part in parts))
 
 
 def accumulate(
@@ -109,40 +119,23 @@ def accumulate_compiled(
     """The same on the CPU, compiled: stencils are made and used sample by sample, none is stored."""
     entries = 4 * len(lookups)
     arrays = (coordinates.contiguous().numpy(), *pack(lookups), targets.contiguous().numpy())
-    parts = _on_threads(
-        lambda begin, end: _accumulate(*arrays, weights.contiguous().numpy(), unknowns, begin, end),
-        coordinates.shape[0],
-        entries * entries,
-    )
-    half = _total([part[0] for part in parts])
+    weighting = weights.contiguous().numpy()
+    ranges = _ranges(coordinates.shape[0], entries * entries)
+    halves = np.zeros((len(ranges), unknowns, unknowns))
+    rest = in_parallel(lambda place: _accumulate(*arrays, weighting, halves[place], *ranges[place]), range(len(ranges)))
     return NormalEquations(
-        half + half.T, _total([part[1] for part in parts]), _total([part[2] for part in parts]), float(weights.sum())
+        torch.from_numpy(symmetric_total(halves)),
+        torch.from_numpy(sum(part[0] for part in rest)),
+        torch.from_numpy(sum(part[1] for part in rest)),
+        float(weights.sum()),
     )
 
 
-def _on_threads(kernel: Callable[[int, int], Any], count: int, cost: int) -> list[Any]:
-    """The kernel's results over ranges of samples, in order: one range a thread where the work is worth a thread.
-
-    Plain threads round a kernel that lets go of the interpreter's lock, not a parallel loop: its waiting
-    workers would take the cores from the factorization that follows.
-    """
-    threads = max(1, min(numba.get_num_threads(), count * cost // WORTH_A_THREAD))
-    edges = [thread * count // threads for thread in range(threads + 1)]
-    if threads == 1:
-        return [kernel(0, count)]
-    return list(_workers(threads).map(kernel, edges[:-1], edges[1:]))
-
-
-@lru_cache(maxsize=1)
-def _workers(threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads, thread_name_prefix="normal")
-
-
-def _total(parts: list[np.ndarray]) -> Tensor:
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-    return torch.from_numpy(total)
+def _ranges(count: int, cost: int) -> list[tuple[int, int]]:
+    """Ranges (begin, end) of samples that are worked on by themselves: as many for equal work on every machine."""
+    number = max(1, min(RANGES, count * cost // WORTH_A_RANGE))
+    edges = [place * count // number for place in range(number + 1)]
+    return list(pairwise(edges))
 
 
 def pack(lookups: tuple[Lookup, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -191,12 +184,11 @@ def _stencil(x, n, matrices, layout, lookup, numbers, values):  # pragma: no cov
 
 
 @numba.njit(cache=True, nogil=True)
-def _accumulate(x, matrices, layout, targets, weights, unknowns, begin, end):  # pragma: no cover (compiled)
-    """BᵀWB without its mirrored half (pairs of entries once, the diagonal halved), BᵀWf and energy of a range."""
+def _accumulate(x, matrices, layout, targets, weights, matrix, begin, end):  # pragma: no cover (compiled)
+    """Add the lower triangle of a range's BᵀWB to `matrix`; its BᵀWf and energy."""
     channels = targets.shape[1]
     entries = 4 * layout.shape[0]
-    matrix = np.zeros((unknowns, unknowns))
-    rhs = np.zeros((unknowns, channels))
+    rhs = np.zeros((matrix.shape[0], channels))
     energy = np.zeros(channels)
     numbers = np.empty(entries, dtype=np.int64)
     values = np.empty(entries)
@@ -208,13 +200,16 @@ def _accumulate(x, matrices, layout, targets, weights, unknowns, begin, end):  #
             row = numbers[a]
             weighted = w * values[a]
             for b in range(a):
-                matrix[row, numbers[b]] += weighted * values[b]
-            matrix[row, row] += 0.5 * weighted * values[a]
+                column = numbers[b]
+                # Two entries of a sample that share a texel count once for each order.
+                share = 2.0 if column == row else 1.0
+                matrix[max(row, column), min(row, column)] += share * weighted * values[b]
+            matrix[row, row] += weighted * values[a]
             for c in range(channels):
                 rhs[row, c] += weighted * targets[n, c]
         for c in range(channels):
             energy[c] += w * targets[n, c] ** 2
-    return matrix, rhs, energy
+    return rhs, energy
 
 
 def gradient(
@@ -228,12 +223,9 @@ def gradient(
     if coordinates.device.type != "cpu":
         return gradient_torch(coordinates, lookups, targets, weights, texels)
     arrays = (coordinates.contiguous().numpy(), *pack(lookups), targets.contiguous().numpy())
-    parts = _on_threads(
-        lambda begin, end: _gradient(*arrays, weights.contiguous().numpy(), texels.contiguous().numpy(), begin, end),
-        coordinates.shape[0],
-        64 * len(lookups),
-    )
-    return _total([part[0] for part in parts]), sum(part[1] for part in parts)
+    more = (weights.contiguous().numpy(), texels.contiguous().numpy())
+    parts = in_parallel(lambda both: _gradient(*arrays, *more, *both), _ranges(coordinates.shape[0], 64 * len(lookups)))
+    return torch.from_numpy(sum(part[0] for part in parts)), sum(part[1] for part in parts)
 
 
 def gradient_torch(

@@ -80,6 +80,15 @@ def make(kind: str, reciprocal: bool, warp: Warp | None, generator: torch.Genera
     return Projection.from_rotation(kind, rotation, reciprocal, bound, used)
 
 
+def relatives(kind: str) -> tuple[str, ...]:
+    """The fixed projections of two axes on a searched kind's coordinates: places where its rotation may start."""
+    return tuple(
+        name
+        for name in FIXED_PROJECTIONS
+        if coordinates_of(name) == kind and bool((fixed_projection(name, True).matrix.abs().sum(1) > 0).all())
+    )
+
+
 def loosened(projection: Projection) -> Projection | None:
     """A fixed projection as a searched one at the same place, or None where no rotation stands for it.
 

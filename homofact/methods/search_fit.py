@@ -1,12 +1,13 @@
-"""The searched fit: mix, projections, warp and λ found from the data within a time budget.
+"""The searched fit: mix, projections, warp and λ found from the data, the work counted and not timed.
 
-Coarse to fine. A `MixedSearch` on small textures and a subset of the samples chooses the mix; what is
-left of the budget refines the searched projections jointly on all samples at full size; λ is chosen
-again there by cross-validation; one masked solve gives the textures. Azimuth copies are made here, and
+Coarse to fine. A `StructureSearch` on small textures and a subset of the samples chooses the mix; then the searched
+projections are refined jointly on all samples at full size, and λ is chosen again there by cross-validation, for an
+effort of its own; one masked solve gives the textures. Azimuth copies are made here, and
 only where a chosen kind knows the azimuth: fixed and searched isotropic projections see the measured
 samples alone.
 """
 
+import math
 import time
 from dataclasses import replace
 
@@ -19,13 +20,15 @@ from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization
 from homofact.factor.objective import Objective
 from homofact.factor.refine import refine_looks
-from homofact.factor.search.best import Search
 from homofact.factor.search.gradient import Gradient
+from homofact.factor.search.minimize import Search, minimize
 from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
 from homofact.methods.cole_fit import Fit, Progress, ProgressCallback, provenance_of, transform_of
+from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve, units
+from homofact.methods.folded import Folded
 from homofact.methods.kinds import (
     ANISOTROPIC_CANDIDATES,
     ISOTROPIC_CANDIDATES,
@@ -34,12 +37,14 @@ from homofact.methods.kinds import (
     is_searched,
 )
 from homofact.methods.settings import FitSettings
-from homofact.methods.structure_search import MixedSearch, MixSettings, Outcome
-from homofact.methods.validation import Folded, Partition, deal
+from homofact.methods.structure_search import ENOUGH, Outcome, StructureSearch, StructureSettings, rounded
+from homofact.methods.validation import Partition, partitions_of
 
 FOLDS = 4
 COARSE_SIZE = 16  # measured data judged on 12² textures picks other mixes than on 16²
-COARSE_SHARE = 0.6  # of the budget, for choosing the mix; the rest is for refining at full size
+FINE_SHARE = 0.5  # of the search's effort, once more for refining and smoothing at full size
+FINE_ROUNDS = 4  # of refining and smoothing, as long as that helps and the effort lasts
+FINE_STEPS = (3, 40)  # iterations at full size: at least, at most
 
 
 def search_named(name: str) -> Search:
@@ -80,12 +85,15 @@ def candidates_of(samples: Samples, settings: FitSettings) -> tuple[tuple[str, .
 
 @one_thread
 def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
-    """Factor `samples` (the training samples as measured, without azimuth copies) within `settings.budget` seconds.
+    """Factor `samples` (the training samples as measured, without azimuth copies) with `settings.effort`.
 
-    The report's notes say what the user should know: textures that were not worth having, a budget that
-    was too short, an interrupt. Raises BadInput where the samples cannot fill the folds.
+    `settings.budget` seconds end the search where the effort takes longer: a guard, after which the status is GUARD and
+    the provenance says that the fit is not reproducible. The report's notes say what the user should know: textures
+    that were not worth having, the guard, an interrupt. Raises BadInput where the samples cannot fill the folds.
     """
     began = time.perf_counter()
+    deadline = math.inf if settings.budget is None else began + settings.budget
+    granted = units(settings.effort, settings.textures)
     if len(samples) < 2 * FOLDS:
         raise BadInput(f"samples: found {len(samples)}, expected at least {2 * FOLDS} for a searched fit")
     candidates = candidates_of(samples, settings)
@@ -103,18 +111,19 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
         if progress is not None:
             progress(Progress(term, settings.textures, 1, 1, evaluations, best))
 
-    choices = MixSettings(
+    choices = StructureSettings(
         settings.coarse_size(COARSE_SIZE),
         settings.reciprocal,
         settings.bound,
         settings.restarts,
         search,
         settings.smoothing,
-        COARSE_SHARE * settings.budget,
         settings.seed,
     )
-    outcome = MixedSearch(coarse, coarse_partitions, choices, tell).run(settings.textures, candidates)
-    outcome, smoothing = _finish(outcome, full, partitions, settings, search, began)
+    account = Account(granted, deadline)
+    outcome = StructureSearch(coarse, coarse_partitions, choices, account, tell).run(settings.textures, candidates)
+    fine = Account(FINE_SHARE * granted, deadline)
+    outcome, smoothing = _finish(outcome, full, partitions, settings, search, fine)
     projections = outcome.mix.projections
     shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
     solved = solve_terms(full, projections, shapes, smoothing, settings.solver, settings.robust)
@@ -123,8 +132,12 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
         "smoothing": list(smoothing),
         "kinds": list(outcome.mix.kinds),
         "validation_error": outcome.mix.error,
+        "effort": {"granted": granted, "search": account.spent, "fine": fine.spent},
+        "reproducible": outcome.status not in (Status.GUARD, Status.INTERRUPTED),
     }
     notes = outcome.notes
+    if outcome.status is Status.GUARD:
+        notes += (f"the guard of {settings.budget:g} s ended the search: another run may end elsewhere",)
     if settings.refine == "looks":
         terms, account = refine_looks(full, terms, smoothing, transform)
         made["refine"] = account
@@ -151,7 +164,7 @@ def _prepare(
     samples: Samples, transform: LogTransform, settings: FitSettings, knows_azimuth: bool
 ) -> tuple[LogSamples, tuple[Partition, ...]]:
     """Log samples and how they are judged; with azimuth copies, one fold to a measurement, where kinds need them."""
-    partitions = deal(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
+    partitions = partitions_of(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
     copied = at_azimuths(samples, settings, knows_azimuth)
     times = len(copied) // len(samples)
     return LogSamples.of(copied, transform), tuple(partition.repeated(times) for partition in partitions)
@@ -170,24 +183,55 @@ def _finish(
     partitions: tuple[Partition, ...],
     settings: FitSettings,
     search: Search,
-    began: float,
+    account: Account,
 ) -> tuple[Outcome, tuple[float, ...]]:
-    """Searched projections refined on everything within what is left of the budget, then λ at full size."""
+    """Searched projections refined on everything, then λ at full size; as much of both as `account` grants."""
     mix = outcome.mix
-    shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
-    left = settings.budget - (time.perf_counter() - began)
-    if any(map(is_searched, mix.kinds)) and left > 0 and outcome.status is not Status.INTERRUPTED:
-        objective = Objective(full, mix.projections, shapes, mix.smoothing, settings.bound)
-        vector, report = search.minimize(objective, objective.start(), seconds=left, seed=settings.seed)
-        mix = replace(mix, projections=objective.projections(vector))
-        outcome = replace(outcome, mix=mix, evaluations=outcome.evaluations + report.evaluations)
-        if report.status is Status.INTERRUPTED:
-            outcome = replace(outcome, status=Status.INTERRUPTED, notes=(*outcome.notes, "interrupted while refining"))
-    if settings.smoothing is not None:
-        return outcome, (settings.smoothing,) * len(mix.kinds)
-    deadline = began + settings.budget
-    if time.perf_counter() > deadline:
+    if outcome.status in (Status.INTERRUPTED, Status.GUARD):
         return outcome, mix.smoothing
-    folded = Folded.of(full, partitions, mix.projections, shapes)
-    smoothing, error = folded.best_each(mix.smoothing, stride=1, deadline=deadline)
-    return replace(outcome, mix=replace(mix, smoothing=smoothing, error=error)), smoothing
+    shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
+    texels = sum(rows * columns for rows, columns in shapes)
+    cost = cost_of_evaluation(len(full.logs), sum(projection.lookups for projection in mix.projections), texels)
+    smoothing = carried_smoothing(mix.smoothing, settings.coarse_size(COARSE_SIZE), settings.size)
+    if settings.smoothing is None:
+        folded = Folded.of(full, partitions, mix.projections, shapes)
+        account.spend(cost)
+        smoothing, _ = folded.best_smoothing(smoothing, account, 1)
+        del folded
+    error = mix.error
+    for round_number in range(FINE_ROUNDS):
+        before = error
+        if any(map(is_searched, mix.kinds)):
+            fewest, most = FINE_STEPS
+            steps = min(max(int(0.5 * account.left / cost), fewest), most)
+            objective = Objective(full, mix.projections, shapes, smoothing, settings.bound)
+            left = max(account.deadline - time.perf_counter(), 1e-3)
+            vector, report = minimize(
+                search.limited(steps), objective, objective.start(), seconds=left, seed=settings.seed
+            )
+            mix = replace(mix, projections=objective.projections(rounded(vector)))
+            account.spend(report.evaluations * cost, report.evaluations)
+            if report.status in (Status.INTERRUPTED, Status.GUARD):
+                notes = ("interrupted while refining",) if report.status is Status.INTERRUPTED else ()
+                return replace(outcome, mix=mix, status=report.status, notes=(*outcome.notes, *notes)), smoothing
+        if settings.smoothing is not None or account.over:
+            break
+        folded = Folded.of(full, partitions, mix.projections, shapes)
+        account.spend(cost)
+        # Every λ is asked about at least twice: with all folds where that can be paid for, else with one.
+        asked = 2 * len(smoothing) * folded.solves() * cost_of_solve(folded.unknowns)
+        smoothing, error = folded.best_each(smoothing, account, 1, None if asked < account.left else 1)
+        mix = replace(mix, smoothing=smoothing, error=error)
+        if not any(map(is_searched, mix.kinds)) or account.over or (round_number > 0 and error > ENOUGH * before):
+            break
+    status = Status.GUARD if account.late else outcome.status
+    return replace(outcome, mix=mix, status=status, evaluations=outcome.evaluations + account.evaluations), smoothing
+
+
+def carried_smoothing(smoothing: tuple[float, ...], coarse: int, fine: int) -> tuple[float, ...]:
+    """λs found on textures of one size, for another.
+
+    Second differences of a smooth function fall with the square of the texels' distance h, and λ is weighed by samples
+    a texel: λ Σw h² Σ (h² y″)² is the same penalty on the function where λ h⁴ is the same.
+    """
+    return tuple(value * (fine / coarse) ** 4 for value in smoothing)

@@ -65,7 +65,8 @@ class FitSettings:
     restarts: int = 6
     search: str = "gradient"
     validation: str = "rings"
-    budget: float = 20.0
+    effort: str | float = "normal"
+    budget: float | None = None
     refine: str = "none"
     search_size: int | None = None
     search_samples: int = 8000
@@ -98,7 +99,7 @@ class FitSettings:
             raise BadInput(f"epsilon: found {self.epsilon!r}, expected a number above 0")
         if self.smoothing is not None and not 0 <= self.smoothing < float("inf"):
             raise BadInput(f"smoothing: found {self.smoothing!r}, expected a number of at least 0")
-        if not 0 < self.budget < float("inf"):
+        if self.budget is not None and not 0 < self.budget < float("inf"):
             raise BadInput(f"budget: found {self.budget!r}, expected seconds above 0")
         if self.search_size is not None and (self.search_size < 0 or self.search_size == 1):
             raise BadInput(f"search_size: found {self.search_size}, expected 0 (the full size) or at least 2")

@@ -1,33 +1,53 @@
-"""The search over whole mixes: which kind each texture is, where its projection points, which λ and warp.
+"""The search over whole mixes: what each texture is indexed by, where its projection points, which λ and warp.
 
-A beam search over kinds. At every level each mix in the beam is tried with one more texture of every
-fixed kind, and the best of the beam with one more of a searched kind, refined from several random
-starts of which the losers stop early (successive halving). All textures of a trial are solved together
-and judged by cross-validation with their own best λ. Then the winner is loosened: each fixed texture is
-tried as the searched kind it is a point of, from there downhill, jointly with all others.
+One number of textures after another, up to as many as are asked for:
 
-All of this runs on small textures and a subset of the samples; the projections carry over (thesis 4.2).
-The search ends when the textures are used up, when one more does not lower the validation error, or
-when the time is; what it returns is always the best mix judged so far.
+* Fixed projections, exhaustively. For every warp all fixed candidates are accumulated together; each mix of them is a
+  block of that matrix (`folded.FixedBank`). Every mix is judged on textures of half the size, the better ones again at
+  the search's own size (successive halving by rule, so that neither luck nor the clock has a part in it).
+* Searched projections, from there. Starts are the best fixed mixes with their textures loosened (searched from where
+  they are fixed), the best mix of one texture less with every other kind beside it, and rotations drawn once for all.
+  All of them descend a few steps, the better half some more, and so on; the last few are judged like the fixed ones.
+
+Then exchange: each texture of the winner is taken out and every other kind tried in its place, as long as that helps.
+All textures of a trial are solved together and judged by cross-validation with their own λ.
+
+All of this runs on small textures and a subset of the samples; the projections carry over (thesis 4.2). Work is paid
+from an `Account`; what an equal account buys is equal. Of more textures the best mix is only taken where it is better
+than that of fewer by `ENOUGH`, so more textures asked for are never worse.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import torch
+from torch import Tensor
 
 from homofact.errors import Status
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection, Warp
-from homofact.factor.search.best import Search
+from homofact.factor.search.minimize import Search, minimize
 from homofact.factor.textures import LogSamples, texture_shape
-from homofact.methods.kinds import WARP_WIDTHS, is_isotropic, is_searched, loosened, make, takes_warp
-from homofact.methods.validation import Folded, Partition
+from homofact.linear.threads import in_parallel
+from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve
+from homofact.methods.folded import FixedBank, Folded
+from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, relatives, takes_warp
+from homofact.methods.validation import Partition
 
 FIRST_SMOOTHING = 1e-3
 ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
-BEAM = 4
+ROTATIONS = 20020801  # seeds the rotations that searches start from
+BEAM = 4  # fixed mixes that the next step goes on from
+FIRST_LOOK = 0.5  # of the search's texture size: what all fixed mixes are first looked at with
+FINALISTS = 3  # mixes that are polished and judged in full at the end of a tournament
+FIRST_STEPS, LAST_STEPS = 6, 24  # iterations of the first and the last round of descents
+LOOKS = 4  # starts that are looked at for every one that may descend
+POLISH = 40  # iterations of the winner's last descent
+EXCHANGES = 3  # rounds of exchange at most
+ALL_WARPS_UP_TO = 2  # textures: mixes of one more are looked at with the two best warps, of more with the best
 
 
 @dataclass(frozen=True)
@@ -37,20 +57,33 @@ class Mix:
     kinds: tuple[str, ...]
     projections: tuple[Projection, ...]
     smoothing: tuple[float, ...]
-    error: float
+    error: float = math.inf
 
     @property
     def warp(self) -> Warp | None:
         """The stretch of the half vector that its textures share."""
         return next((p.warp for p in self.projections if p.warp is not None), None)
 
+    def with_one_more(self, kind: str, projection: Projection) -> "Mix":
+        """The mix with one more texture, its λ that of the last one; not judged yet."""
+        last = self.smoothing[-1] if self.smoothing else FIRST_SMOOTHING
+        return Mix((*self.kinds, kind), (*self.projections, projection), (*self.smoothing, last))
 
-EMPTY = Mix((), (), (), float("inf"))
+    def without(self, place: int) -> "Mix":
+        """The mix without one texture; not judged yet."""
+
+        def rest(values: tuple) -> tuple:
+            return (*values[:place], *values[place + 1 :])
+
+        return Mix(rest(self.kinds), rest(self.projections), rest(self.smoothing))
+
+
+EMPTY = Mix((), (), ())
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a mixed search found, how it ended, and what it cost; `notes` are for the user."""
+    """What a search found, how it ended, and what it cost; `notes` are for the user."""
 
     mix: Mix
     status: Status
@@ -60,8 +93,8 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class MixSettings:
-    """Texels a side, reciprocity and bound of every trial; starts and search of searched kinds; λ where it is given."""
+class StructureSettings:
+    """Texels along an axis, reciprocity and bound of every trial; random starts of searched kinds; λ where given."""
 
     size: int
     reciprocal: bool
@@ -69,178 +102,332 @@ class MixSettings:
     restarts: int
     search: Search
     smoothing: float | None
-    seconds: float
     seed: int
 
 
-class MixedSearch:
+class StructureSearch:
     """One run over coarse samples; make one, call `run` once."""
 
     def __init__(
         self,
         samples: LogSamples,
         partitions: tuple[Partition, ...],
-        settings: MixSettings,
+        settings: StructureSettings,
+        account: Account,
         progress: Callable[[int, int, float], None] | None = None,
     ) -> None:
-        """`progress` is called with (term, evaluations, best validation error) after every trial."""
+        """`progress` is called with (textures, evaluations, best validation error) after every group of trials."""
         self._samples, self._partitions, self._settings, self._progress = samples, partitions, settings, progress
-        self._generator = torch.Generator().manual_seed(settings.seed)
+        self._account = account
+        # The same rotations whatever the seed: which are tried is no matter of luck.
+        self._generator = torch.Generator().manual_seed(ROTATIONS)
         self._began = time.perf_counter()
-        self._deadline = self._began + settings.seconds
-        self._evaluations = 0
         self._best = EMPTY
         self._trace: list[tuple[float, int, float]] = []
+        self._banks: dict[tuple[Warp | None, float], FixedBank] = {}
 
     def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> Outcome:
         """Choose up to `textures` textures, of the kinds in candidates[j] for texture j (its last entry from there on).
 
-        Where a list of kinds is given texture by texture, or only one kind, all textures are used.
+        Where a kind is given texture by texture, or only one, all textures are used.
         """
         pinned = all(len(kinds) == 1 for kinds in candidates)
         notes: list[str] = []
         status = Status.CONVERGED
-        beam: list[Mix] = [EMPTY]
         try:
-            for term in range(1, textures + 1):
-                # No texture may use up the time of those after it.
-                self._deadline = self._began + self._settings.seconds * term / textures
-                if term > 1 and self._late() and not pinned:
-                    status = Status.BUDGET
-                    notes.append(f"the time was up after {term - 1} of {textures} textures: give it a larger budget")
-                    break
-                kinds = candidates[min(term, len(candidates)) - 1]
-                trials = sorted(self._level(beam, kinds, term, textures, pinned), key=lambda mix: mix.error)
-                if term > 1:
-                    best = [self._settled(mix) for mix in _distinct(trials)[:BEAM]]
-                    trials = sorted(best, key=lambda mix: mix.error)
-                    self._note(trials[0].error)
-                if self._late():
-                    status = Status.BUDGET
-                if not pinned and beam[0].error * ENOUGH < trials[0].error:
-                    notes.append(
-                        f"{term - 1} of {textures} textures kept: one more does not lower the validation error"
-                    )
-                    break
-                beam = _distinct(trials)[:BEAM]
-                self._best = beam[0]
-            self._deadline = self._began + self._settings.seconds
-            if not pinned:
-                self._loosen()
+            if pinned:
+                self._run_pinned(tuple(candidates[min(j, len(candidates) - 1)][0] for j in range(textures)))
+            else:
+                self._run_free(textures, candidates[0])
+                kept = len(self._best.kinds)
+                if kept < textures:
+                    notes.append(f"{kept} of {textures} textures kept: more do not lower the validation error")
         except KeyboardInterrupt:
             if not self._best.kinds:
                 raise
             status = Status.INTERRUPTED
-            notes.append(f"interrupted after {len(self._best.kinds)} of {textures} textures")
-        return Outcome(self._best, status, self._evaluations, tuple(self._trace), tuple(notes))
+            notes.append(f"interrupted: the best mix so far has {len(self._best.kinds)} of {textures} textures")
+        if self._account.late and status is Status.CONVERGED:
+            status = Status.GUARD
+        return Outcome(self._best, status, self._account.evaluations, tuple(self._trace), tuple(notes))
 
-    def _level(self, beam: list[Mix], kinds: tuple[str, ...], term: int, textures: int, pinned: bool) -> list[Mix]:
-        """The mixes of the beam with one more texture, as many as the time allows, and at least one."""
-        trials: list[Mix] = []
-        # Loosening finds what a fixed kind is near to; a search from random starts is for the last texture, and
-        # for kinds that know the azimuth, where no fixed kind is near.
-        searched = [
-            kind for kind in kinds if is_searched(kind) and (pinned or term == textures or not is_isotropic(kind))
-        ]
-        fixed = [kind for kind in kinds if not is_searched(kind)]
-        # The best mix with every kind comes first, so that a short budget has seen them all beside it.
-        growths = [(beam[0], kind) for kind in fixed + searched]
-        growths += [(mix, kind) for mix in beam[1:] for kind in fixed]
-        for mix, kind in growths:
-            if trials and self._late():
+    def _run_free(self, textures: int, kinds: tuple[str, ...]) -> None:
+        fixed = tuple(kind for kind in kinds if not is_searched(kind))
+        searched = tuple(kind for kind in kinds if is_searched(kind))
+        levels: list[Mix] = []
+        whole = self._account.left
+        # A system's cost grows with the cube of its texels: later textures get more of the account.
+        weights = [(count + 1) ** 2 for count in range(textures)]
+        for count in range(1, textures + 1):
+            until = whole * 0.7 * sum(weights[:count]) / sum(weights)
+            judged = self._fixed_mixes(fixed, count, levels)
+            if (searched and count > 1) or not judged:
+                before = levels[-1] if levels else EMPTY
+                starts = self._starts(judged, before, fixed, searched)
+                judged += self._tournament(starts, until)
+            judged.sort(key=lambda mix: mix.error)
+            levels.append(judged[0])
+            self._offer(judged[0])
+            if self._account.late:
+                return
+        for _ in range(EXCHANGES):
+            best = self._best
+            self._exchange(kinds)
+            if not self._best.error < ENOUGH * best.error or self._account.over:
                 break
-            if kind in mix.kinds and not is_searched(kind) and not pinned:
-                continue
-            for warp in self._warps(mix, kind, trials):
-                if trials and self._late():
-                    break
-                trial = self._grown(mix, kind, warp)
-                trials.append(trial)
-                if not self._best.kinds:
-                    self._best = trial
-                self._note(trial.error)
-                if self._progress is not None:
-                    self._progress(term, self._evaluations, min(each.error for each in trials))
-        return trials
 
-    def _warps(self, base: Mix, kind: str, trials: list[Mix]) -> list[Warp | None]:
-        """The warps to try: the base's own where it has one, else all, or for a search the best two met so far."""
+    def _run_pinned(self, kinds: tuple[str, ...]) -> None:
+        """Textures of given kinds, one after another; the best of their starts and warps goes on."""
+        mix = EMPTY
+        whole = self._account.left
+        for count, kind in enumerate(kinds, 1):
+            starts: list[Mix] = []
+            for warp in self._warps(mix, kind):
+                alone = [make(kind, self._settings.reciprocal, warp, self._generator, self._settings.bound)]
+                if is_searched(kind):
+                    alone = self._searched_starts(kind, warp, self._settings.restarts)
+                starts += [mix.with_one_more(kind, projection) for projection in alone]
+            mix = self._tournament(starts, whole * count / len(kinds))[0]
+            self._best = mix
+            self._tell(count, mix.error)
+
+    def _warps(self, base: Mix, kind: str) -> list[Warp | None]:
+        """The warps to try with one more texture: the mix's own where it has one."""
         if base.warp is not None or not takes_warp(kind):
             return [base.warp]
-        every: list[Warp | None] = [None, *(Warp(width) for width in WARP_WIDTHS)]
-        if not is_searched(kind):
-            return every
-        met = [mix.warp for mix in sorted(trials, key=lambda mix: mix.error) if takes_warp(mix.kinds[-1])]
-        return list(dict.fromkeys(met))[:2] if met else every
+        return [None, *(Warp(width) for width in WARP_WIDTHS)]
 
-    def _grown(self, base: Mix, kind: str, warp: Warp | None) -> Mix:
-        """`base` with one more texture of this kind, refined where it has something to refine."""
-        if is_searched(kind):
-            projections = self._refined_start(base, kind, warp)
-        else:
-            projections = (*base.projections, self._make(kind, warp))
-        return self._judge((*base.kinds, kind), projections, _with_one_more(base.smoothing))
+    # Fixed projections.
 
-    def _refined_start(self, base: Mix, kind: str, warp: Warp | None) -> tuple[Projection, ...]:
-        """Successive halving over random starts: half of them, the better ones, go on with more steps."""
-        starts = [(*base.projections, self._make(kind, warp)) for _ in range(self._settings.restarts)]
-        steps = 4
-        while True:
-            refined = []
-            for projections in starts:
-                refined.append(self._descend(projections, _with_one_more(base.smoothing), steps))
-                if self._late():
-                    break
-            refined.sort(key=lambda pair: pair[0])
-            starts = [projections for _, projections in refined[: max(1, len(refined) // 2)]]
-            if len(refined) == 1 or self._late():
-                return starts[0]
+    def _fixed_mixes(self, fixed: tuple[str, ...], count: int, levels: list[Mix]) -> list[Mix]:
+        """The best mixes of `count` fixed kinds over all warps, judged in full; none where there are too few kinds."""
+        warps: list[Warp | None] = [None, *(Warp(width) for width in WARP_WIDTHS)]
+        if count > ALL_WARPS_UP_TO:
+            warps = self._best_warps[: 2 if count == ALL_WARPS_UP_TO + 1 else 1]
+        smoothing = _scale_of(levels[-1].smoothing) if levels else FIRST_SMOOTHING
+        trials: list[tuple[tuple[int, ...], Warp | None]] = []
+        for warp in warps:
+            for chosen in combinations(range(len(fixed)), count):
+                # A mix that no warp touches is the same under all of them.
+                if warp is None or any(takes_warp(fixed[j]) for j in chosen):
+                    trials.append((chosen, warp))
+        if not trials:
+            return []
+        for warp in warps:
+            self._bank(fixed, warp)
+            self._bank(fixed, warp, FIRST_LOOK)
+
+        def first_look(trial: tuple[tuple[int, ...], Warp | None]) -> tuple[float, Account]:
+            account = self._account.beside()
+            folded = self._bank(fixed, trial[1], FIRST_LOOK).mix(trial[0])
+            return self._smoothed(folded, (smoothing,) * count, account, each=False)[1], account
+
+        looks = self._beside(first_look, trials)
+        order = sorted(range(len(trials)), key=lambda place: looks[place])
+        chosen = [trials[place] for place in order[: max(BEAM + 2, len(trials) // 10)]]
+        found = self._beside(lambda trial: self._settled(fixed, trial, smoothing, each=False), chosen)
+        order = sorted(range(len(chosen)), key=lambda place: found[place].error)
+        if count <= ALL_WARPS_UP_TO:
+            self._best_warps = list(dict.fromkeys(chosen[place][1] for place in order))[:2]
+        mixes = sorted(found, key=lambda mix: mix.error)[:BEAM]
+        if count > 1:
+            scale = _scale_of(mixes[0].smoothing)
+            mixes[:1] = self._beside(lambda trial: self._settled(fixed, trial, scale, each=True), [chosen[order[0]]])
+            mixes.sort(key=lambda mix: mix.error)
+        self._tell(count, mixes[0].error)
+        return mixes
+
+    def _bank(self, fixed: tuple[str, ...], warp: Warp | None, share: float = 1.0) -> FixedBank:
+        """All fixed kinds under a warp, accumulated on first use, on textures of a share of the search's size."""
+        if (warp, share) not in self._banks:
+            size = max(2, round(share * self._settings.size))
+            projections = tuple(self._make(kind, warp) for kind in fixed)
+            shapes = tuple(texture_shape(projection, size) for projection in projections)
+            self._banks[warp, share] = FixedBank.of(self._samples, self._partitions, projections, shapes)
+            lookups = sum(projection.lookups for projection in projections)
+            self._account.spend(cost_of_evaluation(self._samples.logs.shape[0], lookups, 0))
+        return self._banks[warp, share]
+
+    def _settled(
+        self, fixed: tuple[str, ...], trial: tuple[tuple[int, ...], Warp | None], smoothing: float, each: bool
+    ) -> tuple[Mix, Account]:
+        """A mix of the bank with all folds and one λ for all of its textures, or one for `each`."""
+        account = self._account.beside()
+        chosen, warp = trial
+        bank = self._bank(fixed, warp)
+        folded = bank.mix(chosen)
+        found, error = self._smoothed(folded, (smoothing,) * len(chosen), account, each)
+        projections = tuple(bank.projections[j] for j in chosen)
+        return Mix(tuple(fixed[j] for j in chosen), projections, found, error), account
+
+    def _smoothed(
+        self, folded: Folded, start: tuple[float, ...], account: Account, each: bool
+    ) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): the given λ, or the best for all textures alike, or for `each` from there."""
+        if self._settings.smoothing is not None:
+            return self._judged(folded, (self._settings.smoothing,) * len(start), account)
+        # λ is found on one fold of each partition, the mix is judged by all of them.
+        smoothing, _ = folded.best_smoothing(start, account, 1)
+        if each and len(start) > 1:
+            smoothing, _ = folded.best_each(smoothing, account, folds=1)
+        return self._judged(folded, smoothing, account)
+
+    def _judged(
+        self, folded: Folded, smoothing: tuple[float, ...], account: Account, folds: int | None = None
+    ) -> tuple[tuple[float, ...], float]:
+        account.spend(folded.solves(folds) * cost_of_solve(folded.unknowns))
+        return smoothing, folded.error(smoothing, folds)
+
+    # Searched projections.
+
+    def _starts(self, judged: list[Mix], before: Mix, fixed: tuple[str, ...], searched: tuple[str, ...]) -> list[Mix]:
+        """What the searched projections of one more texture start from, the likeliest first."""
+        starts = [loose for mix in judged for loose in [_loose(mix)] if loose is not None]
+        warp = before.warp if before.kinds else (judged[0].warp if judged else None)
+        movable = any(projection.rotation is not None for projection in before.projections)
+        for kind in fixed if movable else ():
+            if kind not in before.kinds:
+                starts.append(before.with_one_more(kind, self._make(kind, warp)))
+        for kind in searched:
+            starts += [before.with_one_more(kind, each) for each in self._searched_starts(kind, warp, 0)]
+        for _ in range(LOOKS * self._settings.restarts):
+            starts += [before.with_one_more(kind, self._make(kind, warp)) for kind in searched]
+        return starts
+
+    def _searched_starts(self, kind: str, warp: Warp | None, random: int) -> list[Projection]:
+        """Rotations of a searched kind: those that its fixed relatives stand at, and `random` ones."""
+        own = warp if takes_warp(kind) else None
+        placed = [loosened(self._make(name, own)) for name in relatives(kind)]
+        found = [projection for projection in placed if projection is not None]
+        return found + [self._make(kind, warp) for _ in range(random)]
+
+    def _tournament(self, starts: list[Mix], until: float) -> list[Mix]:
+        """The best few of `starts`, best first: all descend a few steps, the better half some more, and so on.
+
+        As many of the starts take part as can be paid for with `until` units spent in all, at least two; descents are
+        compared with one λ for all.
+        """
+        if not starts:
+            return []
+        searched = [mix for mix in starts if _movable(mix)]
+        rest = [mix for mix in starts if not _movable(mix)]
+        # Where projections have moved into place there is less for λ to smooth over.
+        scale = 0.1 * _scale_of(starts[0].smoothing)
+        steps, spare = FIRST_STEPS, until - self._account.spent
+        if searched:
+            # A round costs about as much as the one before it, half of the starts with twice the steps; of the rest a
+            # third is for looking at more starts than can descend, and a third for judging.
+            each = max(self._cost(mix) for mix in searched) * (1 + FIRST_STEPS)
+            places = max(2, int(spare / (3 * each)))
+            searched = searched[: LOOKS * places]
+            if len(searched) > places:
+                looks = self._beside(lambda mix: self._looked(mix, scale), searched)
+                order = sorted(range(len(searched)), key=lambda place: looks[place])
+                searched = [searched[place] for place in sorted(order[:places])]
+        while searched:
+            ranked = self._beside(lambda mix, steps=steps: self._descended(mix, scale, steps), searched)
+            ranked.sort(key=lambda pair: pair[0])
+            searched = [mix for _, mix in ranked]
+            if steps >= LAST_STEPS or self._account.late:
+                break
+            searched = searched[: max(2, math.ceil(len(searched) / 2))]
             steps *= 2
+        mixes = self._beside(self._polished, searched[:FINALISTS])
+        mixes += self._beside(lambda mix: self._judge(mix, scale), rest[:BEAM])
+        mixes.sort(key=lambda mix: mix.error)
+        return mixes
 
-    def _descend(
-        self, projections: tuple[Projection, ...], smoothing: tuple[float, ...], steps: int
-    ) -> tuple[float, tuple[Projection, ...]]:
-        objective = Objective(self._samples, projections, self._shapes(projections), smoothing, self._settings.bound)
-        search = self._settings.search.limited(steps)
-        left = max(self._deadline - time.perf_counter(), 1e-3)
-        vector, report = search.minimize(objective, objective.start(), seconds=left, seed=self._settings.seed)
-        self._evaluations += report.evaluations
+    def _polished(self, mix: Mix) -> tuple[Mix, Account]:
+        """The mix with λ texture by texture, after a longer descent with these; judged there."""
+        account = self._account.beside()
+        folded = self._folded(mix, account)
+        smoothing, error = self._smoothed(folded, (_scale_of(mix.smoothing),) * len(mix.kinds), account, each=True)
+        mix = replace(mix, smoothing=smoothing, error=error)
+        if not _movable(mix):
+            return mix, account
+        (_, moved), more = self._descended(mix, None, POLISH)
+        account.add(more)
+        _, error = self._judged(self._folded(moved, account), smoothing, account)
+        return min(mix, replace(moved, error=error), key=lambda each: each.error), account
+
+    def _exchange(self, kinds: tuple[str, ...]) -> None:
+        """Each texture of the best mix taken out, and every other kind tried in its place."""
+        best = self._best
+        starts: list[Mix] = []
+        for place in range(len(best.kinds)):
+            rest = best.without(place)
+            for kind in kinds:
+                if is_searched(kind):
+                    starts += [rest.with_one_more(kind, self._make(kind, best.warp))]
+                elif kind not in best.kinds:
+                    starts.append(rest.with_one_more(kind, self._make(kind, best.warp)))
+        order = torch.randperm(len(starts), generator=self._generator).tolist()
+        found = self._tournament([starts[place] for place in order], self._account.granted)
+        if found:
+            self._offer(found[0])
+
+    def _descended(self, mix: Mix, scale: float | None, steps: int) -> tuple[tuple[float, Mix], Account]:
+        """((R, the mix there), account): its searched projections moved together, with one λ or (None) its own."""
+        account = self._account.beside()
+        smoothing = mix.smoothing if scale is None else (scale,) * len(mix.kinds)
+        objective = Objective(
+            self._samples, mix.projections, self._shapes(mix.projections), smoothing, self._settings.bound
+        )
+        left = max(account.deadline - time.perf_counter(), 1e-3)
+        vector, report = minimize(
+            self._settings.search.limited(steps), objective, objective.start(), seconds=left, seed=self._settings.seed
+        )
+        account.spend(report.evaluations * self._cost(mix), report.evaluations)
         if report.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
-        return report.residual, objective.projections(vector)
+        return (report.residual, replace(mix, projections=objective.projections(rounded(vector)))), account
 
-    def _loosen(self) -> None:
-        """Each fixed texture tried as the searched kind it is a point of, as long as that helps."""
-        for place, kind in enumerate(self._best.kinds):
-            projection = loosened(self._best.projections[place])
-            if projection is None or is_searched(kind):
-                continue
-            if self._late():
-                return
-            projections = list(self._best.projections)
-            projections[place] = projection
-            _, refined = self._descend(tuple(projections), self._best.smoothing, 24)
-            kinds = (*self._best.kinds[:place], projection.coordinates, *self._best.kinds[place + 1 :])
-            trial = self._judge(kinds, refined, self._best.smoothing)
-            if trial.error < ENOUGH * self._best.error:
-                self._best = trial
-                self._note(trial.error)
+    def _looked(self, mix: Mix, scale: float) -> tuple[float, Account]:
+        """(R, account) where the mix stands."""
+        account = self._account.beside()
+        shapes = self._shapes(mix.projections)
+        smoothing = (scale,) * len(mix.kinds)
+        objective = Objective(self._samples, mix.projections, shapes, smoothing, self._settings.bound)
+        account.spend(self._cost(mix))
+        return objective.error(objective.start()), account
 
-    def _judge(self, kinds: tuple[str, ...], projections: tuple[Projection, ...], smoothing: tuple[float, ...]) -> Mix:
-        folded = Folded.of(self._samples, self._partitions, projections, self._shapes(projections))
-        self._evaluations += 1
-        if self._settings.smoothing is not None:
-            given = (self._settings.smoothing,) * len(kinds)
-            return Mix(kinds, projections, given, folded.error(given))
-        return Mix(kinds, projections, *folded.best_smoothing(smoothing, self._deadline))
+    def _judge(self, mix: Mix, scale: float) -> tuple[Mix, Account]:
+        account = self._account.beside()
+        folded = self._folded(mix, account)
+        smoothing, error = self._smoothed(folded, (scale,) * len(mix.kinds), account, each=False)
+        return replace(mix, smoothing=smoothing, error=error), account
 
-    def _settled(self, mix: Mix) -> Mix:
-        """The mix with λ chosen texture by texture, which is dearer than one for all."""
-        if self._settings.smoothing is not None or self._late():
-            return mix
-        folded = Folded.of(self._samples, self._partitions, mix.projections, self._shapes(mix.projections))
-        smoothing, error = folded.best_each(mix.smoothing, deadline=self._deadline)
-        return replace(mix, smoothing=smoothing, error=error)
+    def _folded(self, mix: Mix, account: Account) -> Folded:
+        account.spend(self._cost(mix))
+        return Folded.of(self._samples, self._partitions, mix.projections, self._shapes(mix.projections))
+
+    # Keeping count.
+
+    def _cost(self, mix: Mix) -> float:
+        """Units of one evaluation of a mix."""
+        texels = sum(rows * columns for rows, columns in self._shapes(mix.projections))
+        lookups = sum(projection.lookups for projection in mix.projections)
+        return cost_of_evaluation(self._samples.logs.shape[0], lookups, texels)
+
+    def _beside(self, function: Callable, pieces: list) -> list:
+        """The function's results of all pieces, their accounts added; on threads where the search allows it."""
+        run = in_parallel if self._settings.search.independent else (lambda each, all: [each(one) for one in all])
+        results = run(function, pieces)
+        for _, account in results:
+            self._account.add(account)
+        return [result for result, _ in results]
+
+    def _offer(self, mix: Mix) -> None:
+        """Take `mix` where it is enough better than the best with as many textures or fewer."""
+        if mix.error < ENOUGH * self._best.error:
+            self._best = mix
+        self._tell(len(mix.kinds), self._best.error)
+
+    def _tell(self, textures: int, error: float) -> None:
+        if not self._trace or error < self._trace[-1][2]:
+            self._trace.append((time.perf_counter() - self._began, self._account.evaluations, error))
+        if self._progress is not None:
+            self._progress(textures, self._account.evaluations, error)
 
     def _make(self, kind: str, warp: Warp | None) -> Projection:
         return make(kind, self._settings.reciprocal, warp, self._generator, self._settings.bound)
@@ -248,26 +435,33 @@ class MixedSearch:
     def _shapes(self, projections: tuple[Projection, ...]) -> tuple[tuple[int, int], ...]:
         return tuple(texture_shape(projection, self._settings.size) for projection in projections)
 
-    def _late(self) -> bool:
-        return time.perf_counter() > self._deadline
 
-    def _note(self, error: float) -> None:
-        if not self._trace or error < self._trace[-1][2]:
-            self._trace.append((time.perf_counter() - self._began, self._evaluations, error))
+def rounded(vector: Tensor) -> Tensor:
+    """Quaternions (V,) of unit length on a grid of 2⁻²⁰.
 
-
-def _with_one_more(smoothing: tuple[float, ...]) -> tuple[float, ...]:
-    """The λs of a mix that grows: the new texture starts with the last one's, or the usual first."""
-    return (*smoothing, smoothing[-1] if smoothing else FIRST_SMOOTHING)
+    Rounding differs between processors in the last bits, and a descent magnifies that. Cut off after every descent, it
+    does not grow from one to the next, so that other machines end in the same projections.
+    """
+    quaternions = vector.reshape(-1, 4)
+    return torch.round(quaternions / quaternions.norm(dim=1, keepdim=True) * 2**20).reshape(-1) / 2**20
 
 
-def _distinct(mixes: list[Mix]) -> list[Mix]:
-    """The mixes without those that hold the same kinds as a better one before them: a beam of one kind is none."""
-    seen: set[tuple[str, ...]] = set()
-    result = []
-    for mix in mixes:
-        key = tuple(sorted(mix.kinds))
-        if key not in seen:
-            seen.add(key)
-            result.append(mix)
-    return result
+def _movable(mix: Mix) -> bool:
+    """Whether some projection of the mix has a rotation to search."""
+    return any(projection.rotation is not None for projection in mix.projections)
+
+
+def _loose(mix: Mix) -> Mix | None:
+    """The mix with every texture that can be searched from where it is fixed; None where there is none."""
+    kinds, projections = [], []
+    for kind, projection in zip(mix.kinds, mix.projections, strict=True):
+        loose = None if is_searched(kind) else loosened(projection)
+        kinds.append(kind if loose is None else loose.coordinates)
+        projections.append(projection if loose is None else loose)
+    found = Mix(tuple(kinds), tuple(projections), mix.smoothing)
+    return found if found.kinds != mix.kinds else None
+
+
+def _scale_of(smoothing: tuple[float, ...]) -> float:
+    """One λ for all textures: the geometric mean, at the whole decade below."""
+    return 10.0 ** math.floor(sum(math.log10(value) for value in smoothing) / len(smoothing) + 1e-9)

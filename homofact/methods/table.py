@@ -2,16 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.factor.factorization import Factorization
-from homofact.factor.quantize import quantize
+from homofact.factor.fitted import Fitted
+from homofact.factor.quantize import is_solved, quantize
 from homofact.methods.cole_fit import PARAMETERIZATIONS, Fit, ProgressCallback, fit_cole
 from homofact.methods.mccool_fit import fit_mccool
 from homofact.methods.search_fit import at_azimuths, fit_search, pinned_kinds, search_named
 from homofact.methods.separable_fit import fit_nmf, fit_svd, nmf_parameterization, svd_parameterization
 from homofact.methods.settings import FitSettings
+
+F = TypeVar("F", bound=Fitted)
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,7 @@ class Method:
 _NO_SOLVE = frozenset(
     {
         "solver", "smoothing", "together", "restarts", "search", "validation", "budget", "refine", "search_size",
-        "search_samples", "copies", "mirrored", "bound", "projections", "robust", "confidence", "quantize",
+        "search_samples", "copies", "mirrored", "bound", "projections", "robust", "confidence",
     }
 )  # fmt: skip
 
@@ -71,20 +74,19 @@ def method(name: str) -> Method:
 def run(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
     """The fit of `settings.method`, its texels rounded where `settings.quantize` asks for it. Raises BadInput."""
     fit = method(settings.method).fit(samples, settings, progress)
-    if settings.quantize == "none" or not isinstance(fit.factorization, Factorization):
+    if settings.quantize == "none":
         return fit
     return replace(fit, factorization=quantized(fit.factorization, samples, settings))
 
 
-def quantized(factorization: Factorization, samples: Samples, settings: FitSettings) -> Factorization:
+def quantized(fitted: F, samples: Samples, settings: FitSettings) -> F:
     """A fit of `settings` with texels that `settings.quantize` holds, from the samples that it was given itself.
 
     Raises BadInput for quantize "none" and as `method`.
     """
-    if not method(settings.method).wants_copies:
-        knows_azimuth = not all(term.projection.system.isotropic for term in factorization.terms)
-        samples = at_azimuths(samples, settings, knows_azimuth)
-    return quantize(factorization, samples, settings.quantize)
+    if is_solved(fitted) and not method(settings.method).wants_copies:
+        samples = at_azimuths(samples, settings, not fitted.evaluation.isotropic)
+    return quantize(fitted, samples, settings.quantize)
 
 
 def check_settings(settings: FitSettings) -> None:

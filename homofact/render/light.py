@@ -4,7 +4,7 @@ World frame: x to the right, y up, z towards the viewer's default place.
 
 Lat-long map: row 0 on top is +y, the last row −y; the middle column looks along −z, which is what a
 viewer at +z sees behind the sphere, and columns to its right turn towards +x:
-column/columns = 1/2 + atan2(x, −z)/2π, row/rows = acos(y)/π. Each texel holds constant radiance over its
+column/columns = 1/2 + atan2(x, −z)/2π, row/rows = atan2(√(x² + z²), y)/π. Each texel holds constant radiance over its
 solid angle, Δφ·Δcosθ, which makes drawing from the map and its density exact.
 """
 
@@ -99,7 +99,7 @@ class EnvironmentMap:
         rows, columns, channels = self.radiance.shape
         turns = (torch.atan2(directions[..., 0], -directions[..., 2]) + self.turn) / (2 * torch.pi) + 0.5
         column = (torch.remainder(turns, 1.0) * columns).to(torch.int64).clamp(0, columns - 1)
-        colatitude = torch.acos(directions[..., 1].clamp(-1, 1)) / torch.pi
+        colatitude = torch.atan2(torch.hypot(directions[..., 0], directions[..., 2]), directions[..., 1]) / torch.pi
         row = (colatitude * rows).to(torch.int64).clamp(0, rows - 1)
         texel = row * columns + column
         level = self.radiance.reshape(-1, channels)

@@ -26,7 +26,6 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
-from homofact.factor.factorization import Factorization
 from homofact.geometry.directions import normalize
 from homofact.linear.bilinear import lookup
 
@@ -77,11 +76,6 @@ class LobeSampling:
         share = self.cosine_share(wo)
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         return (share * wi[:, 2] / torch.pi + (1 - share) * lobe) * above
-
-
-def is_isotropic(factorization: Factorization) -> bool:
-    """Whether no texture's coordinates change when both directions are turned about the normal."""
-    return all(term.projection.system.isotropic for term in factorization.terms)
 
 
 def lobe_sampling(reflectance: Reflectance, isotropic: bool) -> LobeSampling:

@@ -1,4 +1,4 @@
-"""A fitted factorization as a material of Mitsuba 3 (the extra `mitsuba`).
+"""A fit as a material of Mitsuba 3 (the extra `mitsuba`).
 
     import mitsuba
     mitsuba.set_variant("llvm_ad_rgb")
@@ -11,11 +11,12 @@ cosine, as Mitsuba expects. The material has a front only: put it into `twosided
 shape with texture coordinates, whose first gives the tangent.
 
 `sampling` is "lobe", where light is drawn from `lobe_sampling`'s mixture of cosine and lobe, or "cosine", where it is
-drawn from the cosine alone. The texels, `texture_0` and so on in `mitsuba.traverse`, are logarithms and can be
-differentiated; the mixture is not drawn up anew when they change, which costs noise and no correctness.
+drawn from the cosine alone. The texels, `texture_0` and so on in `mitsuba.traverse` (logarithms of
+a product, factors of a sum of products), can be differentiated; the mixture is not drawn up anew when they change,
+which costs noise and no correctness.
 
 The channels R, G, B are taken as linear sRGB, and one channel as grey. Variants are rgb and mono, where R, G, B become
-their luminance; spectral and polarized variants are refused, as are fits of a spectrum and sums of products.
+their luminance; spectral and polarized variants are refused, as are fits of a spectrum.
 """
 
 import os
@@ -27,10 +28,10 @@ from typing import Any
 import numpy as np
 
 from homofact.errors import BadInput, MissingDependency
-from homofact.factor.factorization import Factorization
-from homofact.files.archive import read_archive, saved_file
-from homofact.render.lobe_sampling import SCALE, SIGMA, is_isotropic, lobe_sampling
-from homofact.separable.separable import FORMAT as SEPARABLE
+from homofact.factor.fitted import Fitted
+from homofact.files.archive import saved_file
+from homofact.methods.saved import open_saved
+from homofact.render.lobe_sampling import SCALE, SIGMA, lobe_sampling
 
 NAME = "homofact"
 SAMPLINGS = ("lobe", "cosine")
@@ -51,7 +52,7 @@ def register(name: str = NAME) -> None:
 def load_bsdf(place: str | os.PathLike[str], sampling: str = "lobe") -> Any:
     """The material (a `mitsuba.BSDF`) of a result's folder or saved file, to be used in a scene's dictionary.
 
-    `sampling` is one of `SAMPLINGS`. Raises as `register` and `open_factorization`, BadInput and not what Mitsuba
+    `sampling` is one of `SAMPLINGS`. Raises as `register` and `open_fit`, BadInput and not what Mitsuba
     makes of it.
     """
     material = bsdf_class()
@@ -61,16 +62,13 @@ def load_bsdf(place: str | os.PathLike[str], sampling: str = "lobe") -> Any:
     return material(properties)
 
 
-def open_factorization(place: str | os.PathLike[str]) -> Factorization:
-    """The factorization of a result's folder or of a saved file; needs no Mitsuba.
+def open_fit(place: str | os.PathLike[str]) -> Fitted:
+    """The fit of a result's folder or of a saved file; needs no Mitsuba.
 
-    Raises BadInput where there is none, for a sum of products (`svd`, `nmf`), which this material cannot evaluate,
-    and for channels that are neither R, G, B nor one alone.
+    Raises BadInput where there is none, and for channels that are neither R, G, B nor one alone.
     """
     target = saved_file(place)
-    if read_archive(target)[1].get("format") == SEPARABLE:
-        raise BadInput(f"{target}: found a sum of products (svd or nmf), expected a product of textures")
-    found = Factorization.load(target)
+    found = open_saved(target)
     if not found.terms:
         raise BadInput(f"{target}: found no textures, expected at least one")
     if len(found.channels) != 1 and found.channels != _RGB:
@@ -106,28 +104,28 @@ def bsdf_class() -> Any:
 def _class_of(variant: str) -> Any:
     """The class of a variant, which is the one that is set."""
     mi, dr = _mitsuba(), import_module("drjit")
-    from homofact.shading.drjit import DrJitFactorization
+    from homofact.shading.drjit import DrJitFit
 
-    class FactorizationBSDF(mi.BSDF):
-        """`mitsuba.BSDF` of a factorization; arguments and results are Mitsuba's."""
+    class FittedBSDF(mi.BSDF):
+        """`mitsuba.BSDF` of a fit; arguments and results are Mitsuba's."""
 
         def __init__(self, properties: Any) -> None:
             mi.BSDF.__init__(self, properties)
             if "filename" not in properties:
                 raise BadInput("homofact material: no filename, expected a result's folder or factorization.npz")
             self.path = _resolved(mi, str(properties["filename"]))
-            factorization = open_factorization(self.path)
-            self.size = ", ".join(f"{rows} x {columns}" for rows, columns in (t.size for t in factorization.terms))
-            self.fetches = factorization.fetches
-            self.values = DrJitFactorization(factorization, mi)
+            fitted = open_fit(self.path)
+            self.size = ", ".join(f"{rows} x {columns}" for rows, columns in (t.size for t in fitted.textures))
+            self.fetches = fitted.fetches
+            self.values = DrJitFit(fitted, mi)
             self.sampling = str(properties["sampling"]) if "sampling" in properties else SAMPLINGS[0]
             if self.sampling not in SAMPLINGS:
                 raise BadInput(
                     f"homofact material: sampling: found {self.sampling!r}, expected one of {', '.join(SAMPLINGS)}"
                 )
-            isotropic = is_isotropic(factorization)
+            isotropic = fitted.evaluation.isotropic
             if self.sampling == "lobe":
-                mixture = lobe_sampling(factorization, isotropic)
+                mixture = lobe_sampling(fitted, isotropic)
                 self.lobe = mi.MarginalContinuous2D0(mixture.table.numpy().astype(np.float32))
                 share = mixture.cosine.numpy().astype(np.float32)[:, None]
                 self.share = mi.Texture1f(mi.TensorXf(share), False, False, dr.FilterMode.Linear, dr.WrapMode.Clamp)
@@ -170,12 +168,12 @@ def _class_of(variant: str) -> Any:
             return found, dr.select(active, value / dr.maximum(density, 1e-30), 0)
 
         def traverse(self, callback: Any) -> None:
-            """The textures' logarithms."""
+            """The textures' texels."""
             for j, texture in enumerate(self.values.textures):
                 callback.put(f"texture_{j}", texture.tensor(), mi.ParamFlags.Differentiable)
 
         def parameters_changed(self, keys: Any = ()) -> None:
-            """Take changed logarithms over."""
+            """Take changed texels over."""
             for texture in self.values.textures:
                 texture.update_inplace()
 
@@ -215,7 +213,7 @@ def _class_of(variant: str) -> Any:
         radius = 2 * dr.sqrt(s * (1 - s))
         return mi.Vector3f(radius * cosine, radius * sine, 1 - 2 * s)
 
-    return FactorizationBSDF
+    return FittedBSDF
 
 
 def _resolved(mi: Any, filename: str) -> str:

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
-from homofact.geometry.directions import from_spherical
+from homofact.geometry.directions import from_cosine
 
 
 def term_index(order: int, m: int) -> int:
@@ -94,7 +94,7 @@ def quadrature(order: int, low: float = -1.0) -> tuple[Tensor, Tensor]:
     cosine, ring = gauss_legendre(order + 1, low, 1.0)
     turns = 2 * order + 2
     phi = torch.arange(turns, dtype=torch.float64) * (2 * math.pi / turns)
-    directions = from_spherical(torch.arccos(cosine)[:, None].expand(-1, turns), phi.expand(order + 1, -1))
+    directions = from_cosine(cosine[:, None].expand(-1, turns), phi.expand(order + 1, -1))
     return directions.reshape(-1, 3), (ring * (2 * math.pi / turns)).repeat_interleave(turns)
 
 

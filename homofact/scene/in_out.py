@@ -19,7 +19,7 @@ from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
-from homofact.geometry.directions import draw_uniform, from_spherical
+from homofact.geometry.directions import draw_uniform, from_spherical, to_spherical
 from homofact.linear.threads import one_thread
 from homofact.scene.harmonics import check_share, gauss_legendre
 
@@ -80,7 +80,8 @@ def symmetry_of(reflectance: Reflectance, limit: float = math.pi / 2, tolerance:
     generator = torch.Generator().manual_seed(0)
     pairs = draw_uniform(64, generator)
     squeeze = limit / (math.pi / 2) if limit < math.pi / 2 else 1.0
-    wi, wo = (from_spherical(torch.arccos(w[:, 2]) * squeeze, torch.atan2(w[:, 1], w[:, 0])) for w in pairs)
+    angles = (to_spherical(w) for w in pairs)
+    wi, wo = (from_spherical(theta * squeeze, phi) for theta, phi in angles)
     # Some pairs near the mirror direction, where a lobe lives.
     wo[:32] = torch.stack((-wi[:32, 0], -wi[:32, 1], wi[:32, 2]), 1) + 0.05 * wo[:32]
     wo = wo / wo.norm(dim=1, keepdim=True)

@@ -1,6 +1,6 @@
 """Maps of the upper hemisphere to the texture square, by which separable factors are stored as textures.
 
-* parabolic: (u, v) = (ωx, ωy)/(1 + ωz), the house's map (`geometry.parabolic`);
+* parabolic: (u, v) = (ωx, ωy)/(1 + ωz), the usual map (`geometry.parabolic`);
 * orthographic: (u, v) = (ωx, ωy) (Wang, Tran and Luebke 2004, eq. 7, here in [−1, 1]);
 * polar: u = φ/π, v = 2√(1 − ωz) − 1 (ibid., eq. 8); its first and last column are one meridian, and its first
   row is the normal.
@@ -20,25 +20,34 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.geometry import parabolic
+from homofact.geometry.axes import map_axes
+from homofact.geometry.coordinates import Scales, axes_of
 
 # The cosine of a texel's direction at the rim: 84.3°. Nearer to the horizon (.05, .01), the first terms of
 # Ashikhmin-Shirley's matrix go to grazing light, and the cosine-weighted error rises.
 LEAST_COSINE = 0.1
+_PLAIN: Scales = ((1.0, 0.0), (1.0, 0.0))
+_POLAR: Scales = ((1 / math.pi, 0.0), (2.0, -1.0))
 
 
 @dataclass(frozen=True)
 class DirectionMap:
     """A named map: `to_square` takes unit vectors (..., 3) with z ≥ 0 to (..., 2) in [−1, 1]², `from_square` back.
 
+    Its axes are those of `geometry.axes`, `scales` makes them coordinates in [−1, 1].
     `disc` says that the hemisphere fills the unit disc; else it fills the square. `from_square` takes points
     outside to the nearest of the rim. `_density` is dω/(du dv) of a cosine, up to a constant.
     """
 
     name: str
     disc: bool
-    to_square: Callable[[Tensor], Tensor]
+    scales: Scales
     _inverse: Callable[[Tensor], Tensor]
     _density: Callable[[Tensor], Tensor]
+
+    def to_square(self, w: Tensor) -> Tensor:
+        """Points (..., 2) of unit vectors (..., 3), z ≥ 0."""
+        return axes_of(map_axes(self.name, "i"), w, w, self.scales)
 
     def from_square(self, uv: Tensor) -> Tensor:
         """Unit vectors (..., 3), z ≥ 0, of points (..., 2)."""
@@ -83,19 +92,8 @@ def raised(w: Tensor) -> Tensor:
     return torch.where(low, torch.cat((flat * scale, torch.full_like(length, LEAST_COSINE)), -1), w)
 
 
-def _to_orthographic(w: Tensor) -> Tensor:
-    return w[..., :2]
-
-
 def _from_orthographic(uv: Tensor) -> Tensor:
     return torch.cat((uv, (1 - (uv**2).sum(-1, keepdim=True)).clamp_min(0).sqrt()), -1)
-
-
-def _to_polar(w: Tensor) -> Tensor:
-    azimuth = torch.atan2(w[..., 1], w[..., 0]) / math.pi
-    # 1 − z without the cancellation near the normal.
-    drop = (w[..., :2] ** 2).sum(-1) / (1 + w[..., 2])
-    return torch.stack((azimuth, 2 * drop.clamp(0, 1).sqrt() - 1), -1)
 
 
 def _from_polar(uv: Tensor) -> Tensor:
@@ -108,9 +106,9 @@ def _from_polar(uv: Tensor) -> Tensor:
 MAPS = {
     each.name: each
     for each in (
-        DirectionMap("parabolic", True, parabolic.to_disc, parabolic.from_disc, lambda z: (1 + z) ** 2),
-        DirectionMap("orthographic", True, _to_orthographic, _from_orthographic, lambda z: 1 / z),
-        DirectionMap("polar", False, _to_polar, _from_polar, lambda z: (1 - z).clamp_min(0).sqrt()),
+        DirectionMap("parabolic", True, _PLAIN, parabolic.from_disc, lambda z: (1 + z) ** 2),
+        DirectionMap("orthographic", True, _PLAIN, _from_orthographic, lambda z: 1 / z),
+        DirectionMap("polar", False, _POLAR, _from_polar, lambda z: (1 - z).clamp_min(0).sqrt()),
     )
 }
 

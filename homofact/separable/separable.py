@@ -9,7 +9,8 @@ All that an evaluation needs is in one .npz file of plain arrays and a JSON head
 """
 
 import os
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,14 +20,20 @@ from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
+from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
 from homofact.files.archive import check_version, read_archive, write_archive
-from homofact.geometry.directions import half_difference
+from homofact.geometry.axes import map_axes
+from homofact.geometry.coordinates import axes_of
+from homofact.geometry.directions import above_horizon
 from homofact.linear.bilinear import lookup
 from homofact.separable.maps import MAPS, direction_map
 from homofact.separable.matrix import PARAMETERIZATIONS
 
 FORMAT = "homofact separable factorization"
 FORMAT_VERSION = 1
+# Letters of the two sides' axes, and what people call them.
+_SIDES = {"in-out": ("i", "o"), "half-diff": ("h", "d")}
+_LETTERS = {"i": "ωi", "o": "ωo", "h": "h", "d": "d"}
 
 
 @dataclass(frozen=True)
@@ -34,11 +41,13 @@ class SeparableTerm:
     """One product: `first` gk and `second` hk (rows, columns, C), `second` None where it is `first`.
 
     `signs` (C,) are ±1. g·h is in sr⁻¹ without the cosine; the channels' terms are in order of size, each by itself.
+    `grids`, one a stored texture, are there where its texels are rounded to whole numbers.
     """
 
     first: Tensor
     second: Tensor | None
     signs: Tensor
+    grids: tuple[Grid, ...] = ()
 
     @property
     def textures(self) -> tuple[Tensor, ...]:
@@ -74,23 +83,89 @@ class Separable:
 
     def evaluate_signed(self, wi: Tensor, wo: Tensor) -> Tensor:
         """The sum of products (N, C) in sr⁻¹ before it is cut at zero."""
-        a, b = (wi, wo) if self.parameterization == "in-out" else half_difference(wi, wo)
-        place = direction_map(self.map).to_square
+        scales = direction_map(self.map).scales
+        a, b = (axes_of(axes, wi, wo, scales) for axes in self._axes)
         first, second = self._stacked
         count, channels = len(self.terms), len(self.channels)
-        left = lookup(first, place(a).to(first)).reshape(-1, count, channels)
-        right = lookup(first if second is None else second, place(b).to(first)).reshape(-1, count, channels)
+        left = lookup(first, a.to(first)).reshape(-1, count, channels)
+        right = lookup(first if second is None else second, b.to(first)).reshape(-1, count, channels)
         signs = torch.stack([term.signs for term in self.terms])
         return (left * right * signs).sum(1).to(wi)
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
-        above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
-        return torch.where(above[:, None], self.evaluate_signed(wi, wo).clamp_min(0), 0.0)
+        above, wi, wo = above_horizon(wi, wo)
+        return self.evaluate_signed(wi, wo).clamp_min(0) * above[:, None]
 
     def clipped(self, wi: Tensor, wo: Tensor) -> float:
         """The share of values at these pairs, over all channels, that are negative and evaluate to 0."""
         return float((self.evaluate_signed(wi, wo) < 0).double().mean())
+
+    @property
+    def _axes(self) -> tuple[tuple[str, str], ...]:
+        """The axes of the first and of the second side."""
+        return tuple(map_axes(self.map, letter) for letter in _SIDES[self.parameterization])
+
+    @property
+    def textures(self) -> tuple[Texture, ...]:
+        """Of every term its first factor and, where it has one, its second."""
+        sides = [_LETTERS[letter] for letter in _SIDES[self.parameterization]]
+        found = []
+        for k, term in enumerate(self.terms):
+            whats = [" and ".join(sides)] if term.second is None else sides
+            for j, (side, texels) in enumerate(zip(("first", "second"), term.textures, strict=False)):
+                caption = f"term {k + 1}: {whats[j]}, {self.map}"
+                grid = term.grids[j] if term.grids else None
+                found.append(Texture(f"term_{k}_{side}", caption, "factor", texels, self.read, grid))
+        return tuple(found)
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """max(0, Σ signs · first lookup · second lookup)."""
+        scales = direction_map(self.map).scales
+        rows, columns = self.read.shape
+        square = torch.eye(2, dtype=torch.float64)
+        lookups, products, texture = [], [], 0
+        for term in self.terms:
+            for j, axes in enumerate(self._axes):
+                letter = _SIDES[self.parameterization][j]
+                what = letter if letter in "hd" else f"w{letter}"
+                words = f"{what} on the {self.map} map, {columns} x {rows} texels"
+                number = texture + (j if term.second is not None else 0)
+                lookups.append(Lookup(number, axes, scales, square, None, words))
+            texture += len(term.textures)
+            products.append(Product((len(lookups) - 2, len(lookups) - 1), tuple(term.signs.tolist())))
+        return Evaluation(tuple(lookups), tuple(products), None)
+
+    def with_textures(
+        self,
+        texels: Sequence[Tensor],
+        grids: Sequence[Grid | None] | None = None,
+        facts: Mapping[str, Any] | None = None,
+    ) -> "Separable":
+        """The same terms with other factors (rows, columns, C); as `Fitted.with_textures`."""
+        left, grid = iter(texels), iter(grids or (None,) * len(texels))
+        terms = []
+        for term in self.terms:
+            made = [next(left) for _ in term.textures]
+            on = tuple(found for _ in term.textures if (found := next(grid)) is not None)
+            terms.append(SeparableTerm(made[0], made[1] if len(made) == 2 else None, term.signs, on))
+        return replace(self, terms=tuple(terms), provenance=self.provenance | dict(facts or {}))
+
+    def describe(self) -> dict[str, Any]:
+        """The map, what the sides are indexed by, which texels are read, and the terms' signs."""
+        terms, texture = [], 0
+        for term in self.terms:
+            numbers = list(range(texture, texture + len(term.textures)))
+            texture += len(numbers)
+            terms.append({"textures": numbers, "signs": term.signs.tolist()})
+        return {
+            "kind": "sum of products",
+            "map": self.map,
+            "parameterization": self.parameterization,
+            "read": bits(self.read),
+            "terms": terms,
+        }
 
     @cached_property
     def _stacked(self) -> tuple[Tensor, Tensor | None]:
@@ -111,6 +186,8 @@ class Separable:
             "terms": len(self.terms),
             "provenance": self.provenance,
         }
+        if self.terms and self.terms[0].grids:
+            header["levels"] = self.terms[0].grids[0].levels
         arrays: dict[str, Any] = {
             "mean": self.transform.mean.cpu().numpy(),
             "read": self.read.cpu().numpy(),
@@ -118,6 +195,9 @@ class Separable:
         for k, term in enumerate(self.terms):
             arrays[f"first_{k}"] = term.first.cpu().numpy()
             arrays[f"signs_{k}"] = term.signs.cpu().numpy()
+            if term.grids:
+                pairs = [torch.stack((grid.low, grid.step)) for grid in term.grids]
+                arrays[f"grids_{k}"] = torch.stack(pairs).cpu().numpy()
             if term.second is not None:
                 arrays[f"second_{k}"] = term.second.cpu().numpy()
         write_archive(path, header, arrays)
@@ -136,6 +216,10 @@ class Separable:
                     torch.from_numpy(data[f"first_{k}"]),
                     torch.from_numpy(data[f"second_{k}"]) if f"second_{k}" in data else None,
                     torch.from_numpy(data[f"signs_{k}"]),
+                    tuple(
+                        Grid(torch.from_numpy(pair[0]), torch.from_numpy(pair[1]), int(header["levels"]))
+                        for pair in data.get(f"grids_{k}", ())
+                    ),
                 )
                 for k in range(header["terms"])
             )

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from homofact.shading.expression import INFIX, Expression, component
+from homofact.geometry.expression import INFIX, Expression, component
 from homofact.shading.languages import infix, number, remark
 from homofact.shading.program import Program
 
 _FUNCTIONS = {
     "sqrt": "sqrtf", "abs": "fabsf", "exp": "expf", "log": "logf", "asinh": "asinhf",
-    "atan2": "atan2f", "max": "fmaxf", "min": "fminf",
+    "atan2": "atan2f", "max": "fmaxf", "min": "fminf", "floor": "floorf",
 }  # fmt: skip
 _LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int columns, const float uv[2], float *value)
 {{
@@ -80,6 +80,8 @@ def render(expression: Expression) -> str:
     if kind in INFIX:
         return infix(expression, *(render(operand) for operand in operands))
     parts = [render(operand) for operand in operands]
+    if kind == "fract":
+        return f"({parts[0]} - floorf({parts[0]}))"
     if kind == "step":
         return f"({parts[1]} >= {parts[0]} ? 1.0f : 0.0f)"
     return f"{_FUNCTIONS[kind]}({', '.join(parts)})"

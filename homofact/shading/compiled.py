@@ -16,10 +16,10 @@ from numba import njit, prange
 from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.factor.factorization import Factorization
+from homofact.factor.fitted import Fitted
+from homofact.geometry.expression import INFIX, Expression, Let, component, nodes
 from homofact.shading import float_functions
 from homofact.shading.encoding import as_floats
-from homofact.shading.expression import INFIX, Expression, Let, component, nodes
 from homofact.shading.program import Program, program_of
 
 BLOCK = 128
@@ -58,13 +58,13 @@ class Compiled:
         return values
 
 
-def compiled(factorization: Factorization) -> Compiled:
-    """A factorization ready for fast evaluation; the first evaluation compiles it, in seconds.
+def compiled(fitted: Fitted) -> Compiled:
+    """A fit ready for fast evaluation; the first evaluation compiles it, in seconds.
 
     Raises BadInput for more than four channels.
     """
-    plain = [as_floats(term.texture) for term in factorization.terms]
-    return compiled_program(program_of(factorization, plain), [texture.stored for texture in plain])
+    plain = [as_floats(texture.texels) for texture in fitted.textures]
+    return compiled_program(program_of(fitted, plain), [texture.stored for texture in plain])
 
 
 def compiled_program(program: Program, textures: Sequence[np.ndarray]) -> Compiled:
@@ -232,7 +232,9 @@ def _render(scalar: Expression, constants: dict[str, np.float32]) -> str:
     parts = [_render(operand, constants) for operand in operands]
     if kind in INFIX:
         return f"({parts[0]} {kind} {parts[1]})"
+    if kind == "fract":
+        return f"({parts[0]} - np.floor({parts[0]}))"
     if kind == "step":
         one, zero = _constant(1.0, constants), _constant(0.0, constants)
         return f"({one} if {parts[1]} >= {parts[0]} else {zero})"
-    return f"{'np.sqrt' if kind == 'sqrt' else kind}({', '.join(parts)})"
+    return f"{f'np.{kind}' if kind in ('sqrt', 'floor') else kind}({', '.join(parts)})"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from homofact.shading.expression import nodes
+from homofact.geometry.expression import nodes
 from homofact.shading.program import Program
 
 _FREE = {"constant", "name", "swizzle", "vector", "fetch"}

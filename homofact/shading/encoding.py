@@ -1,8 +1,9 @@
 """What a texture becomes when it is stored: float32, float16, whole numbers of 8 or 16 bits, or blocks of BC6H.
 
-A stored texel t stands for the logarithm p = scale · t + bias, per channel, with t in [0, 1] for whole numbers and
-scale 1 for floats. Interpolation is linear, so a sampler may interpolate t and the shader decode the result. float16
-holds 11 bits of a number: its bias is the middle of the texture's range, which keeps numbers small.
+A stored texel t stands for p = scale · t + bias, per channel, with t in [0, 1] for whole numbers and scale 1 for
+floats; p is a logarithm of a product, or a factor of a sum of products. Interpolation is linear, so a sampler may
+interpolate t and the shader decode the result. float16 holds 11 bits of a number: its bias is the middle of the
+texture's range, which keeps numbers small.
 
 BC6H (`containers.bc6h`) interpolates the patterns of halves: linearly within a power of two, geometrically across
 several, and wildly through zero, next to which it is finest. So a texture's range is kept on one side of zero: with R
@@ -22,7 +23,7 @@ from torch import Tensor
 
 from homofact.containers.bc6h import decode_bc6h, encode_bc6h
 from homofact.errors import BadInput
-from homofact.factor.factorization import Grid, Term
+from homofact.factor.fitted import Grid, Texture
 
 LEVELS = {"unorm8": 255, "unorm16": 65535}
 STORAGES = ("float32", "float16", *LEVELS, "bc6h")
@@ -54,7 +55,7 @@ class Encoded:
         return decode_bc6h(blocks, rows, columns, "bc6h")[..., :channels]
 
     def decoded(self) -> Tensor:
-        """The logarithms (rows, columns, C) float64 that a sampler gives at texel centres, decoded by the shader."""
+        """The texels (rows, columns, C) float64 that a sampler gives at texel centres, decoded by the shader."""
         levels = LEVELS.get(self.storage, 1)
         return torch.from_numpy(self.sampled.astype(np.float64) / levels * self.scale + self.bias)
 
@@ -66,13 +67,13 @@ def as_floats(texture: Tensor) -> Encoded:
     return Encoded("float32", stored, np.ones(channels), np.zeros(channels))
 
 
-def encode_term(term: Term, storage: str) -> Encoded:
-    """The term's texture in a storage, as `encode`.
+def encode_texture(texture: Texture, storage: str) -> Encoded:
+    """A fit's texture in a storage, as `encode`.
 
-    A term that was fitted to whole numbers (`factor.quantize`) keeps its own scale and bias in that storage, and
-    loses nothing.
+    One that was fitted to whole numbers (`factor.quantize`) keeps its own scale and bias in that storage, and loses
+    nothing.
     """
-    return encode(term.texture, term.mask, storage, term.grid)
+    return encode(texture.texels, texture.mask, storage, texture.grid)
 
 
 def encode(texture: Tensor, mask: Tensor, storage: str, grid: Grid | None = None) -> Encoded:

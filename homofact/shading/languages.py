@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from homofact.shading.expression import INFIX, Expression
+from homofact.geometry.expression import INFIX, Expression
 from homofact.shading.program import Program
 
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
@@ -116,8 +116,8 @@ def shader(program: Program, language: Language, prefix: str = "homofact") -> st
 def _glsl(program: Program, body: str, prefix: str) -> str:
     kind = GLSL.types[program.result.dimension - 1]
     textures = "".join(
-        f"uniform highp sampler2D {prefix}_texture_{k};  // {columns} x {rows}\n"
-        for k, (rows, columns) in enumerate(program.shapes)
+        f"uniform highp sampler{len(shape)}D {prefix}_texture_{k};  // {' x '.join(map(str, shape[::-1]))}\n"
+        for k, shape in enumerate(program.shapes)
     )
     return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo) {{\n{body}\n}}\n"
 
@@ -158,7 +158,7 @@ HLSL = Language(
     "HLSL",
     ".hlsl",
     ("float", "float2", "float3", "float4"),
-    {},
+    {"fract": "frac"},
     "{type} {name}",
     "{texture}.SampleLevel({sampler}, {uv}, 0.0)",
     (".r", ".rg", ".rgb", ""),

@@ -1,11 +1,13 @@
-"""The shading program of a factorization: f(ωi, ωo) from its stored textures, nothing in it that it does not need.
+"""The shading program of a fit: f(ωi, ωo) from its stored textures, nothing in it that it does not need.
+
+For a product, whose textures hold logarithms p,
 
     f = max(0, exp(Σ fetches + B) − εA) · [both directions above the horizon],   B = log A + Σ biases
 
-which is A max(0, exp(Σ p) − ε) with A and the biases of stored textures taken into one constant. A lookup's place is
-(u, v) = M x in [−1, 1]²; the sampler's coordinate ((u + 1)/2 (n − 1) + ½)/n of a side of n texels is affine in it, and
-both, with the coordinates' own scales, are folded into one matrix and one offset. Logs above `MOST` are cut, as
-Python does, only where the textures can add up to that.
+which is A max(0, exp(Σ p) − ε) with A and the biases of stored textures taken into one constant; logs above `MOST` are
+cut, as Python does, only where the textures can add up to that. For a sum of products f = max(0, Σk sk gk hk) per
+channel. A lookup's place is (u, v) = M x in [−1, 1]²; the sampler's coordinate ((u + 1)/2 (n − 1) + ½)/n of a side of n
+texels is affine in it, and both, with the coordinates' own scales, are folded into one matrix and one offset.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,10 +19,11 @@ import torch
 
 from homofact.brdf.log_transform import MOST
 from homofact.errors import BadInput
-from homofact.factor.factorization import Factorization, Term
-from homofact.shading.coordinates import SCALES, Coordinates, coordinates_of, gathered, place, warped
+from homofact.factor.fitted import Evaluation, Fitted, Lookup
+from homofact.geometry.axes import Coordinates, coordinates_of, gathered
+from homofact.geometry.coordinates import Scales, warped
+from homofact.geometry.expression import Expression, Let, call, constant, fetch, needed, variable, vector
 from homofact.shading.encoding import Encoded
-from homofact.shading.expression import Expression, Let, call, constant, fetch, needed, variable, vector
 
 TEXTURES = (
     "wi, wo: unit, to the light and to the viewer, in the surface frame (z normal, x tangent).",
@@ -33,109 +36,197 @@ TEXTURES = (
 class Program:
     """Statements over wi and wo (3,), and the BRDF (C,) in sr⁻¹ without the cosine as `result`.
 
-    `shapes` are the (rows, columns) of the textures that fetches number; `title` are lines on what it evaluates.
+    `shapes` are the (rows, columns) of the textures that fetches number, (depth, rows, columns) of one in three
+    dimensions, which GLSL alone prints; `title` are lines on what it evaluates.
     """
 
     statements: tuple[Let, ...]
     result: Expression
-    shapes: tuple[tuple[int, int], ...]
+    shapes: tuple[tuple[int, ...], ...]
     channels: tuple[str, ...]
     title: tuple[str, ...]
 
 
-def program_of(factorization: Factorization, textures: Sequence[Encoded]) -> Program:
-    """The program that reads `textures`, one a term. Raises BadInput for more than four channels."""
-    count = len(factorization.channels)
+def program_of(fitted: Fitted, textures: Sequence[Encoded], cut: bool = False) -> Program:
+    """The program that reads `textures`, those of the fit, stored as they are.
+
+    `cut` says to cut runaway logarithms whatever the texels, for a program that outlives them. Raises BadInput for more
+    than four channels.
+    """
+    count = len(fitted.channels)
     if count > 4:
         raise BadInput(f"channels: found {count}, expected at most the 4 of a texture: fit with --channels rgb")
     wi, wo = variable("wi", 3), variable("wo", 3)
-    coordinates = coordinates_of(_used(factorization))
+    evaluation = fitted.evaluation
+    shapes = tuple(texture.stored.shape[:2] for texture in textures)
+    coordinates = coordinates_of(_used(evaluation))
     statements = list(coordinates.statements)
-    fetched: list[Expression] = []
-    bias = np.log(factorization.transform.mean.cpu().numpy().astype(np.float64))
-    most = np.zeros(count)
-    for number, (term, texture) in enumerate(zip(factorization.terms, textures, strict=True)):
-        decoded = texture.decoded().amax((0, 1)).numpy()
-        value: Expression | None = None
-        for k, uv in enumerate(_places(term, number, coordinates, statements)):
-            name = f"p_{number}" if k == 0 else f"p_{number}_conjugate"
-            statements.append(Let(name, fetch(number, uv, count)))
-            value = variable(name, count) if value is None else value + variable(name, count)
-            bias = bias + texture.bias
-            most = most + decoded
-        if value is not None:
-            fetched.append(value if np.all(texture.scale == 1) else value * _constant(texture.scale))
-    total = fetched[0]
-    for value in fetched[1:]:
-        total = total + value
-    total = total + _constant(bias)
-    epsilon, mean = factorization.transform.epsilon, factorization.transform.mean.cpu().numpy().astype(np.float64)
-    comment = "the sum of logarithms; the constant is log A and the textures' biases"
-    if bool((most > MOST).any()):
-        total = call("min", total, _constant(MOST + np.log(mean)))
-        comment += "; runaway texels are cut"
-    statements.append(Let("log_f", total, comment))
+    fetched = _fetches(evaluation, shapes, count, coordinates, statements)
+    total, bias = _sum(evaluation, fetched, textures, count)
+    transform = evaluation.transform
+    if transform is None:
+        total = total if not np.any(bias) else total + _constant(bias)
+        comment = "a truncated sum may fall below 0"
+    else:
+        mean = transform.mean.cpu().numpy().astype(np.float64)
+        total = total + _constant(bias + np.log(mean))
+        comment = "the sum of logarithms; the constant is log A and the textures' biases"
+        if cut or _runs_away(evaluation, textures):
+            total = call("min", total, _constant(MOST + np.log(mean)))
+            comment += "; runaway texels are cut"
+        statements.append(Let("log_f", total, comment))
+        total = call("exp", variable("log_f", count)) - _constant(transform.epsilon * mean)
+        comment = "epsilon A was added before the logarithm"
     statements.append(Let("above", call("step", 0.0, call("min", wi.z, wo.z)), "0 under the horizon"))
-    value = call("max", call("exp", variable("log_f", count)) - _constant(epsilon * mean), 0.0)
-    statements.append(Let("f", value, "epsilon A was added before the logarithm"))
+    statements.append(Let("f", call("max", total, 0.0), comment))
     result = variable("f", count) * variable("above", 1)
-    return Program(
-        needed(statements, result),
-        result,
-        tuple(term.size for term in factorization.terms),
-        factorization.channels,
-        _title(factorization),
-    )
+    return Program(needed(statements, result), result, shapes, fitted.channels, _title(fitted))
 
 
 def _constant(values: np.ndarray) -> Expression:
     return constant(*np.atleast_1d(values).tolist())
 
 
-def _used(factorization: Factorization) -> set[str]:
-    """Names of the axes that some projection reads; a vector of a half-diff disc comes whole."""
+def _used(evaluation: Evaluation) -> frozenset[str]:
+    """Names of the axes that some lookup reads; a vector of a half-diff disc comes whole."""
     used = set()
-    for term in factorization.terms:
-        projection = term.projection
-        dense = any(bool((matrix != 0).sum(1).gt(1).any()) for matrix in projection.matrices())
-        read = torch.stack([(matrix != 0).any(0) for matrix in projection.matrices()]).any(0)
-        used |= {axis for axis, one in zip(projection.system.axes, read.tolist(), strict=True) if one or dense}
-    return used
+    for lookup in evaluation.lookups:
+        nonzero = lookup.matrix != 0
+        dense = bool(nonzero.sum(1).gt(1).any())
+        read = nonzero.any(0).tolist()
+        used |= {axis for axis, one in zip(lookup.axes, read, strict=True) if one or dense}
+    return frozenset(used)
 
 
-def _places(term: Term, number: int, coordinates: Coordinates, statements: list[Let]) -> list[Expression]:
-    """Names of the sampler coordinates (2,) of the term's lookups; what they need is appended to `statements`."""
-    projection = term.projection
+def _fetches(
+    evaluation: Evaluation,
+    shapes: Sequence[tuple[int, int]],
+    count: int,
+    coordinates: Coordinates,
+    statements: list[Let],
+) -> list[Expression]:
+    """The names of the lookups' values (C,); what they need is appended to `statements`. Each is fetched once."""
+    vectors: dict[Any, tuple[str, list[Expression], Scales]] = {}
+    places: dict[Any, Expression] = {}
+    values: dict[Any, Expression] = {}
+    fetched = []
+    for lookup in evaluation.lookups:
+        number, (rows, columns) = lookup.texture, shapes[lookup.texture]
+        kind = (lookup.axes, lookup.scales, lookup.warp)
+        if kind not in vectors:
+            vectors[kind] = _vector(lookup, f"x_{len(vectors)}", coordinates, statements)
+        x, axes, scaled = vectors[kind]
+        spot = (*kind, rows, columns, tuple(map(tuple, lookup.matrix.tolist())))
+        if spot not in places:
+            scales = torch.tensor(scaled, dtype=torch.float64)
+            # u ↦ ((u + 1)/2 (n − 1) + ½)/n, and x = factor · raw + offset.
+            gain = torch.tensor([(columns - 1) / (2 * columns), (rows - 1) / (2 * rows)], dtype=torch.float64)
+            matrix = lookup.matrix.cpu().to(torch.float64) * gain[:, None]
+            offsets = (matrix * scales[:, 1]).sum(1) + 0.5
+            uv = _place((matrix * scales[:, 0]).tolist(), offsets.tolist(), axes, variable(x, 4))
+            statements.append(Let(f"uv_{len(places)}", uv, lookup.words))
+            places[spot] = variable(f"uv_{len(places)}", 2)
+        read = (number, places[spot])
+        if read not in values:
+            again = any(known == number for known, _ in values)
+            statements.append(Let(f"p_{number}{'_conjugate' * again}", fetch(number, places[spot], count)))
+            values[read] = variable(statements[-1].name, count)
+        fetched.append(values[read])
+    return fetched
+
+
+def _vector(
+    lookup: Lookup, name: str, coordinates: Coordinates, statements: list[Let]
+) -> tuple[str, list[Expression], Scales]:
+    """(name of the vector of the lookup's axes, the axes, their scales), warped where the lookup is."""
     # An axis that no row reads is named by none.
-    axes = [coordinates.axes.get(axis, constant(0)) for axis in projection.system.axes]
-    scaled = SCALES[projection.coordinates]
-    if projection.warp is not None:
-        made, axes, scaled = warped(projection.coordinates, projection.warp.width, number, axes)
+    axes, scales = [coordinates.axes.get(axis, constant(0)) for axis in lookup.axes], lookup.scales
+    if lookup.warp is not None:
+        made, axes, scales = warped(lookup.axes, axes, scales, lookup.warp, name.replace("x", "warped"))
         statements += made
-    rows, columns = term.size
-    scales = torch.tensor(scaled, dtype=torch.float64)
-    # u ↦ ((u + 1)/2 (n − 1) + ½)/n, and x = factor · raw + offset.
-    gain = torch.tensor([(columns - 1) / (2 * columns), (rows - 1) / (2 * rows)], dtype=torch.float64)[:, None]
-    statements.append(Let(f"x_{number}", vector(*gathered(axes), *([constant(1)] if len(axes) < 4 else []))))
-    places = []
-    for k, matrix in enumerate(projection.matrices()):
-        m = matrix.cpu().to(torch.float64) * gain
-        offsets = (m * scales[:, 1]).sum(1) + 0.5
-        uv = place((m * scales[:, 0]).tolist(), offsets.tolist(), axes, variable(f"x_{number}", 4))
-        name = f"uv_{number}" if k == 0 else f"uv_{number}_conjugate"
-        words = f"texture {number}: {projection.name} on {projection.coordinates}, {columns} x {rows} texels"
-        statements.append(Let(name, uv, words if k == 0 else "reciprocity: the directions swapped"))
-        places.append(variable(name, 2))
-    return places
+    statements.append(Let(name, vector(*gathered(axes), *([constant(1)] if len(axes) < 4 else []))))
+    return name, axes, scales
 
 
-def _title(factorization: Factorization) -> tuple[str, ...]:
-    facts = factorization.provenance
-    mean = ", ".join(f"{value:.6g}" for value in factorization.transform.mean.tolist())
+def _sum(
+    evaluation: Evaluation, fetched: Sequence[Expression], textures: Sequence[Encoded], count: int
+) -> tuple[Expression, np.ndarray]:
+    """(the sum of the products less the biases of those of one texture alone, these biases (C,))."""
+    bias = np.zeros(count)
+    # Lookups of one texture are added before they are scaled.
+    alone: dict[int, Expression] = {}
+    parts: list[tuple[Expression, tuple[float, ...]]] = []
+    ones = (1.0,) * count
+    for product in evaluation.products:
+        first, *others = product.lookups
+        number = evaluation.lookups[first].texture
+        if not others and product.signs == ones:
+            alone[number] = alone[number] + fetched[first] if number in alone else fetched[first]
+            bias = bias + textures[number].bias
+            continue
+        value = _decoded(fetched[first], textures[number])
+        for other in others:
+            value = value * _decoded(fetched[other], textures[evaluation.lookups[other].texture])
+        parts.append((value, product.signs))
+    scaled = [(_scaled(value, textures[number]), ones) for number, value in alone.items()]
+    (total, signs), *rest = scaled + parts
+    total = total if min(signs) > 0 else total * constant(*signs)
+    for value, signs in rest:
+        if min(signs) > 0:
+            total = total + value
+        elif max(signs) < 0:
+            total = total - value
+        else:
+            total = total + value * constant(*signs)
+    return total, bias
+
+
+def _scaled(value: Expression, texture: Encoded) -> Expression:
+    return value if np.all(texture.scale == 1) else value * _constant(texture.scale)
+
+
+def _decoded(value: Expression, texture: Encoded) -> Expression:
+    value = _scaled(value, texture)
+    return value if not np.any(texture.bias) else value + _constant(texture.bias)
+
+
+def _runs_away(evaluation: Evaluation, textures: Sequence[Encoded]) -> bool:
+    """Whether the logarithms of all lookups can add up to more than `MOST`."""
+    highest = [texture.decoded().amax((0, 1)) for texture in textures]
+    most = torch.stack([highest[lookup.texture] for lookup in evaluation.lookups]).sum(0)
+    return bool((most > MOST).any())
+
+
+def _place(rows: list[list[float]], offsets: list[float], axes: list[Expression], x: Expression) -> Expression:
+    """(u, v) = rows · axes + offsets: one product where each row has one axis, else dot products with x.
+
+    `x` (4,) names the axes in one vector, three of them with a 1 behind, which takes the offsets.
+    """
+    if all(sum(c != 0 for c in row) <= 1 for row in rows):
+        picked = [next((k for k, c in enumerate(row) if c), None) for row in rows]
+        if picked[0] is not None and picked[1] is not None:
+            gain = constant(rows[0][picked[0]], rows[1][picked[1]])
+            return vector(*gathered([axes[picked[0]], axes[picked[1]]])) * gain + constant(*offsets)
+        single = [
+            constant(o) if k is None else axes[k] * r[k] + o for k, r, o in zip(picked, rows, offsets, strict=True)
+        ]
+        return vector(*single)
+    if len(axes) < 4:
+        return vector(*(call("dot", constant(*row, offset), x) for row, offset in zip(rows, offsets, strict=True)))
+    return vector(*(call("dot", constant(*row), x) for row in rows)) + constant(*offsets)
+
+
+def _title(fitted: Fitted) -> tuple[str, ...]:
+    evaluation = fitted.evaluation
+    count, fetches = len(fitted.terms), len(evaluation.lookups)
+    begin = f"BRDF of {name_of(fitted.provenance)}, by homofact {fitted.provenance.get('homofact_version', '')}:"
+    if evaluation.transform is None:
+        many = "product" if count == 1 else "products"
+        return (f"{begin} sum of {count} {many} of textures, {fetches} fetches.", *TEXTURES)
+    mean = ", ".join(f"{value:.6g}" for value in evaluation.transform.mean.tolist())
     return (
-        f"BRDF of {name_of(facts)}, by homofact {facts.get('homofact_version', '')}: {len(factorization.terms)} log"
-        f" textures, {factorization.fetches} fetches.",
-        f"epsilon = {factorization.transform.epsilon:g}, A = ({mean}) 1/sr.",
+        f"{begin} {count} log textures, {fetches} fetches.",
+        f"epsilon = {evaluation.transform.epsilon:g}, A = ({mean}) 1/sr.",
         *TEXTURES,
     )
 

@@ -131,10 +131,9 @@ function fillReading(place, point, rows) {
     return;
   }
   const { wi, wo } = point, degrees = (x) => `${((180 / Math.PI) * x).toFixed(1)}°`;
-  const theta = (w) => Math.acos(Math.min(1, Math.max(-1, w[2])));
-  const half = normalized([wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]]);
+  const half = wi.map((x, k) => x + wo[k]), apart = wi.map((x, k) => x - wo[k]);
   const angles = element("div", { class: "reading-angles" });
-  for (const [name, value] of [["θi", theta(wi)], ["θo", theta(wo)], ["θh", theta(half)], ["θd", Math.acos(Math.min(1, dot(wi, half)))]]) {
+  for (const [name, value] of [["θi", fromNormal(wi)], ["θo", fromNormal(wo)], ["θh", fromNormal(half)], ["θd", Math.atan2(Math.hypot(...apart), Math.hypot(...half))]]) {
     angles.append(element("div", {}, element("span", {}, name), degrees(value)));
   }
   if (wi[2] <= 0) {

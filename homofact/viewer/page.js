@@ -150,9 +150,9 @@ class View {
     const { lights, views, degrees } = curveDirections(wi);
     const style = getComputedStyle(document.documentElement);
     const colour = (layer) => style.getPropertyValue(colourOf(this.layers, layer.key).slice(4, -1)).trim();
-    const theta = (180 / Math.PI) * Math.acos(Math.min(1, wi[2]));
+    const theta = (180 / Math.PI) * fromNormal(wi);
     const side = lit ? Math.sign(-(point.wi[0] * point.wo[0] + point.wi[1] * point.wo[1])) || 1 : 0;
-    const mark = lit ? side * (180 / Math.PI) * Math.acos(Math.min(1, point.wo[2])) : null;
+    const mark = lit ? side * (180 / Math.PI) * fromNormal(point.wo) : null;
     // Drawn in the order of the page's back to front: the source under its fits.
     drawCurves(document.getElementById("curve"), degrees,
       visible.toReversed().map((layer) => ({ values: stage.evaluate(layer.key, lights, views), colour: colour(layer) })), mark, theta);

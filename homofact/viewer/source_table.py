@@ -31,7 +31,12 @@ from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
+from homofact.geometry.axes import coordinates_of, stretched
 from homofact.geometry.directions import draw_cosine_weighted, normalize
+from homofact.geometry.expression import Expression, Let, call, constant, fetch, needed, variable, vector
+from homofact.geometry.interpret import TORCH, interpret
+from homofact.shading.languages import GLSL, shader
+from homofact.shading.program import Program
 from homofact.viewer.packing import differences, pack
 
 STEP = 1 / 256
@@ -45,6 +50,7 @@ ENOUGH = (0.003, 0.02)
 _REACH = 0.99
 _ALIKE = 1e-3
 _BATCH = 1 << 15
+_TITLE = "The source as a table over the angles of the half vector; logarithms, linear between its nodes."
 
 
 @dataclass(frozen=True)
@@ -131,64 +137,42 @@ class SourceTable:
         return values * ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
 
     def glsl(self, prefix: str) -> str:
-        """GLSL ES 3.00: declares `PREFIX_table` (a 3D sampler), defines `vec3 PREFIX_evaluate(vec3 wi, vec3 wo)`."""
+        """GLSL ES 3.00: declares `PREFIX_texture_0`, a 3D sampler; defines `vec3 PREFIX_evaluate(vec3 wi, vec3 wo)`."""
+        return shader(self._program, GLSL, prefix)
+
+    @property
+    def _program(self) -> Program:
+        """What the shader computes: the place in the table, one fetch or two, and what the logarithms stand for."""
         slices, theta_h, theta_d, phi_d = self.steps.shape[:4]
-        symmetry = self.symmetry
+        statements, axes = _place_statements(self.symmetry, self.width)
+        shape = (slices * theta_h, theta_d, phi_d)
+
+        def texel(first: Expression | None = None) -> Expression:
+            """Where the sampler reads in the slice that begins at θh's node `first`."""
+            sides = [
+                axis * ((n - 1) / m)
+                for axis, n, m in zip(axes[:0:-1], (phi_d, theta_d, theta_h), shape[::-1], strict=True)
+            ]
+            half = constant(*(0.5 / m for m in shape[::-1]))
+            return vector(sides[0], sides[1], sides[2] if first is None else sides[2] + first) + half
+
+        statements = list(statements)
+        if self.symmetry.isotropic:
+            statements.append(Let("value", fetch(0, texel(), 3)))
+        else:
+            slice_, below = variable("slice", 1), variable("below", 1)
+            statements.append(Let("slice", axes[0] * (slices - 1)))
+            statements.append(Let("below", call("min", call("floor", slice_), slices - 2.0)))
+            statements.append(Let("low", fetch(0, texel(below * (1 / slices)), 3)))
+            statements.append(Let("high", fetch(0, texel((below + 1) * (1 / slices)), 3)))
+            low, high = variable("low", 3), variable("high", 3)
+            statements.append(Let("value", low + (high - low) * (slice_ - below)))
+        wi, wo = variable("wi", 3), variable("wo", 3)
+        statements.append(Let("above", call("step", 0.0, call("min", wi.z, wo.z)), "0 under the horizon"))
         mean = self.mean if len(self.mean) == 3 else self.mean * 3
-        fold_h = f"    float turn = fract(atan(h.y, h.x) / {_f(symmetry.period_h)});\n"
-        if symmetry.mirrored:
-            fold_h += "    if (turn > 0.5) {{ turn = 1.0 - turn; across = -across; }}\n    turn *= 2.0;\n"
-        fold_d = f"    float x = fract(atan(across, along) / {_f(symmetry.period_d)});\n"
-        if symmetry.isotropic and symmetry.mirrored:
-            fold_d += "    x = 2.0 * min(x, 1.0 - x);\n"
-        read = (
-            "    vec3 value = texture({p}_table, ({p}_SIZE - 1.0) * vec3(x, y, z) / {p}_SIZE + 0.5 / {p}_SIZE).rgb;\n"
-        )
-        if not symmetry.isotropic:
-            read = (
-                "    float slice = turn * {last:.1f};\n"
-                "    float below = min(floor(slice), {last:.1f} - 1.0);\n"
-                "    vec3 at = vec3((x * ({p}_SIZE.x - 1.0) + 0.5) / {p}_SIZE.x,"
-                " (y * ({p}_SIZE.y - 1.0) + 0.5) / {p}_SIZE.y,\n"
-                "        (below * {p}_SIZE.z + z * ({p}_SIZE.z - 1.0) + 0.5) / ({slices:.1f} * {p}_SIZE.z));\n"
-                "    vec3 value = mix(texture({p}_table, at).rgb,"
-                " texture({p}_table, at + vec3(0.0, 0.0, 1.0 / {slices:.1f})).rgb, slice - below);\n"
-            )
-        text = (
-            "// The source as a table over the angles of the half vector; logarithms, linear between its nodes.\n"
-            "uniform highp sampler3D {p}_table;\n"
-            "const vec3 {p}_SIZE = vec3({phi_d:.1f}, {theta_d:.1f}, {theta_h:.1f});\n\n"
-            "vec3 {p}_evaluate(vec3 wi, vec3 wo) {{\n"
-            "    if (wi.z < 0.0 || wo.z < 0.0) return vec3(0.0);\n"
-            "    vec3 h = wi + wo;\n"
-            "    h = dot(h, h) > 0.0 ? normalize(h) : vec3(0.0, 0.0, 1.0);\n"
-            "    float sine = length(h.xy);\n"
-            "    float towards = dot(wi, h);\n"
-            "    // The tiny numbers keep atan away from (0, 0), where it is not defined.\n"
-            "    float along = towards * h.z - wi.z + 1e-20;\n"
-            "    float across = h.x * wi.y - h.y * wi.x;\n"
-            "    float theta_h = atan(sine, h.z);\n"
-            "    float theta_d = atan(0.5 * length(wi - wo), towards);\n"
-            "    float reach = atan(h.z + 1e-6, sine * abs(along) * inversesqrt(along * along + across * across"
-            " + 1e-30));\n" + ("" if symmetry.isotropic else fold_h) + fold_d + "    float y ="
-            " min(theta_d / ({reach} * reach), 1.0);\n"
-            "    float z = asinh(theta_h * {per_width}) * {per_range};\n"
-            + read
-            + "    return {mean} * max(exp(value) - {floor}, 0.0);\n}}\n"
-        )
-        return text.format(
-            p=prefix,
-            phi_d=phi_d,
-            theta_d=theta_d,
-            theta_h=theta_h,
-            slices=slices,
-            last=slices - 1,
-            reach=_f(_REACH),
-            per_width=_f(2 / math.pi / self.width),
-            per_range=_f(1 / math.asinh(1 / self.width)),
-            mean="vec3(" + ", ".join(_f(value) for value in mean) + ")",
-            floor=_f(FLOOR),
-        )
+        f = call("max", call("exp", variable("value", 3)) - FLOOR, 0.0) * constant(*mean)
+        result = f * variable("above", 1)
+        return Program(needed(statements, result), result, (shape,), ("R", "G", "B"), (_TITLE,))
 
 
 def source_table(reflectance: Reflectance, *, pairs: int = 4096, seed: int = 0, budget: int = 150_000) -> SourceTable:
@@ -275,27 +259,42 @@ def _tabulate(
     return steps.to(torch.int16).reshape(*theta.shape, -1).numpy()
 
 
+def _place_statements(symmetry: Symmetry, width: float) -> tuple[tuple[Let, ...], list[Expression]]:
+    """(statements, a pair's place along the four axes, φh first, each in [0, 1]); φh is 0 for an isotropic source."""
+    wanted = {"theta_h", "theta_d", "azimuth_d", "reach_d"} | (set() if symmetry.isotropic else {"azimuth_h"})
+    made = coordinates_of(frozenset(wanted))
+    statements, axes = list(made.statements), made.axes
+    around, turn = axes["azimuth_d"] * (1 / symmetry.period_d), variable("turn", 1)
+    if symmetry.isotropic:
+        statements.append(Let("turn", constant(0)))
+    elif symmetry.mirrored:
+        whole = variable("whole", 1)
+        statements.append(Let("whole", call("fract", axes["azimuth_h"] * (1 / symmetry.period_h))))
+        statements.append(Let("turn", call("min", whole, 1 - whole) * 2, "mirrored, phi_d with it"))
+        around = around * (1 - call("step", 0.5, whole) * 2)
+    else:
+        statements.append(Let("turn", call("fract", axes["azimuth_h"] * (1 / symmetry.period_h))))
+    x = variable("x", 1)
+    if symmetry.isotropic and symmetry.mirrored:
+        unfolded = variable("unfolded", 1)
+        statements.append(Let("unfolded", call("fract", around)))
+        statements.append(Let("x", call("min", unfolded, 1 - unfolded) * 2))
+    else:
+        statements.append(Let("x", call("fract", around)))
+    share = call("min", axes["theta_d"] / (axes["reach_d"] * _REACH), 1.0)
+    statements.append(Let("y", share, "theta_d as a share of what is possible"))
+    stretch, half, factor = stretched("stretched", [axes["theta_h"]], width)
+    statements += [*stretch, Let("z", half[0] * factor)]
+    return tuple(statements), [turn, variable("z", 1), variable("y", 1), x]
+
+
 def _place(wi: Tensor, wo: Tensor, symmetry: Symmetry, width: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Where pairs are along the four axes, φh first, each in [0, 1]: the shader's own steps."""
-    h = normalize(wi + wo)
-    sine = torch.hypot(h[:, 0], h[:, 1])
-    towards = (wi * h).sum(-1)
-    along = towards * h[:, 2] - wi[:, 2]
-    across = h[:, 0] * wi[:, 1] - h[:, 1] * wi[:, 0]
-    theta_h = torch.atan2(sine, h[:, 2])
-    theta_d = torch.atan2((wi - wo).norm(dim=-1) / 2, towards)
-    reach = torch.atan2(h[:, 2] + 1e-6, sine * along.abs() / torch.hypot(along, across).clamp_min(1e-15))
-    turn = torch.zeros_like(sine)
-    if not symmetry.isotropic:
-        turn = torch.remainder(torch.atan2(h[:, 1], h[:, 0]) / symmetry.period_h, 1)
-        if symmetry.mirrored:
-            across = torch.where(turn > 0.5, -across, across)
-            turn = 2 * torch.minimum(turn, 1 - turn)
-    x = torch.remainder(torch.atan2(across, along) / symmetry.period_d, 1)
-    if symmetry.isotropic and symmetry.mirrored:
-        x = 2 * torch.minimum(x, 1 - x)
-    z = torch.asinh(theta_h * (2 / math.pi / width)) / math.asinh(1 / width)
-    return turn, z.clamp(0, 1), (theta_d / (_REACH * reach)).clamp(0, 1), x
+    statements, axes = _place_statements(symmetry, width)
+    values = {"wi": list(wi.unbind(-1)), "wo": list(wo.unbind(-1))}
+    interpret(statements, values, TORCH)
+    turn, z, y, x = (torch.as_tensor(values[axis.text][0]).to(wi).expand(len(wi)) for axis in axes)
+    return turn, z.clamp(0, 1), y, x
 
 
 def _pairs(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -321,12 +320,6 @@ def _evaluate(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:
     if not bool(torch.isfinite(values).all()):
         raise BadInput("source: a value is not finite, expected finite values at all directions above the horizon")
     return values.clamp_min(0)
-
-
-def _f(value: float) -> str:
-    """A GLSL float literal."""
-    text = f"{value:.9g}"
-    return text if "." in text or "e" in text else text + ".0"
 
 
 def _percent(value: float) -> str:

@@ -17,6 +17,8 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const scaled = (a, s) => a.map((x) => x * s);
 const normalized = (a) => scaled(a, 1 / (Math.hypot(...a) || 1));
+// The angle of a vector, of any length, from the normal.
+const fromNormal = (w) => Math.atan2(Math.hypot(w[0], w[1]), w[2]);
 const azimuthal = (n) => (Math.hypot(n[0], n[2]) > 1e-6 ? normalized([n[2], 0, -n[0]]) : [1, 0, 0]);
 /** The unit vector of an azimuth from +z towards +x and an elevation, in degrees. */
 function direction({ azimuth, elevation }) {

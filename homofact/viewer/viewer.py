@@ -192,7 +192,7 @@ def _texture(texture: LayerTexture) -> dict[str, Any]:
 
 
 def _volume(key: str, table: SourceTable) -> dict[str, Any]:
-    return {"name": f"{key}_table", "step": STEP, "steps": pack(table.differences())}
+    return {"name": f"{key}_texture_0", "step": STEP, "steps": pack(table.differences())}
 
 
 def _mesh(mesh: Mesh) -> dict[str, Any]:

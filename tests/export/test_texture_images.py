@@ -1,5 +1,7 @@
 """Texture images: EXR to the bit, PNG with its marks, one-dimensional and spectral textures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -16,14 +18,12 @@ from homofact.export.images import (
     write_texture_exr,
     write_texture_png,
 )
-from homofact.factor.factorization import Term
-from homofact.factor.projection import fixed_projection
+from homofact.factor.fitted import Texture
 
 
 def term(rows, columns, channels, seed=0):
     texture = torch.randn(rows, columns, channels, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
-    mask = torch.ones(rows, columns, dtype=torch.bool)
-    return Term(fixed_projection("h", True), texture, mask)
+    return Texture("texture_0", "h", "log", texture, torch.ones(rows, columns, dtype=torch.bool))
 
 
 @pytest.mark.parametrize("channels", [("R", "G", "B"), ("G",), tuple(f"{400 + 10 * k}nm" for k in range(31))])
@@ -34,7 +34,7 @@ def test_exr_holds_the_factor_to_the_bit(tmp_path, channels, shape):
     planes = read_exr(tmp_path / "t.exr")
     assert set(planes) == ({"Y"} if len(channels) == 1 else set(channels))
     for c, name in enumerate(exr_channel_names(channels)):
-        expected = one.texture[..., c].numpy().astype(np.float32)
+        expected = one.texels[..., c].numpy().astype(np.float32)
         assert planes[name].dtype == np.float32
         np.testing.assert_array_equal(planes[name].view(np.uint32), expected.view(np.uint32))
 
@@ -70,20 +70,20 @@ def test_png_marks_the_texels_outside_the_mask_and_only_them(tmp_path):
 
 def test_png_grey_follows_its_words(tmp_path):
     one = term(3, 5, 1)
-    one.texture[0, 0] = 100.0
+    one.texels[0, 0] = 100.0
     one.mask[0, 0] = False
     write_texture_png(tmp_path / "t.png", one, ("Y",))
     picture = Image.open(tmp_path / "t.png")
     words = picture.info["Description"]
     low, high = (float(words.split(f"{name} = ")[1].split(";")[0].split(",")[0]) for name in ("low", "high"))
-    inside = one.texture[one.mask]
+    inside = one.texels[one.mask]
     assert (low, high) == (
         pytest.approx(float(inside.min()), rel=1e-5),
         pytest.approx(float(inside.max()), rel=1e-5),
     )
     wide, tall = picture.size[0] // 5, picture.size[1] // 3
     shown = np.asarray(picture)[tall // 2 :: tall, wide // 2 :: wide]
-    expected = np.round(255 * (one.texture[..., 0].numpy() - low) / (high - low))
+    expected = np.round(255 * (one.texels[..., 0].numpy() - low) / (high - low))
     difference = np.abs(shown[..., 0].astype(float) - expected)[one.mask.numpy()]
     assert difference.max() <= 1
     assert min(picture.size) >= 256
@@ -91,11 +91,11 @@ def test_png_grey_follows_its_words(tmp_path):
 
 def test_flat_texture_looks_flat():
     one = term(4, 4, 3)
-    flat = Term(one.projection, one.texture * 1e-3, one.mask)
+    flat = replace(one, texels=one.texels * 1e-3)
     pixels, _ = texture_picture(flat, ("R", "G", "B"))
     assert pixels.min() > 120
     assert pixels.max() < 135
-    constant = Term(one.projection, torch.zeros_like(one.texture), torch.zeros_like(one.mask))
+    constant = replace(one, texels=torch.zeros_like(one.texels), mask=torch.zeros_like(one.mask))
     pixels, _ = texture_picture(constant, ("R", "G", "B"))
     assert set(map(tuple, pixels.reshape(-1, 3).tolist())) == {OUTSIDE, HATCH}
 
@@ -105,7 +105,7 @@ def test_one_row_fills_the_square_and_spectra_become_three():
     assert pixels.shape == (256, 256, 3)
     assert (pixels == pixels[:1]).all()
     one = term(2, 2, 6)
-    one.texture[...] = torch.tensor([0.0, 0, 1, 1, 3, 3], dtype=torch.float64)
+    one.texels[...] = torch.tensor([0.0, 0, 1, 1, 3, 3], dtype=torch.float64)
     pixels, words = texture_picture(one, tuple("abcdef"))
     assert pixels[0, 0].tolist() == [255, 85, 0]
     assert "third of 6 channels" in words

@@ -1,5 +1,7 @@
 """Projections: orthonormal rows that fit the square, conjugates, warps, fixed names."""
 
+import math
+
 import pytest
 import torch
 
@@ -78,12 +80,18 @@ def test_a_warp_keeps_the_domain_and_spreads_the_peak(coordinates: str) -> None:
     warped = Warp(0.05).on(system, x)
     assert float(warped.abs().max()) <= 1 + 1e-12
     assert torch.equal(warped[:, -1], x[:, -1])
-    warp = Warp(0.05)
-    ends = warp(torch.tensor([0.0, 1.0], dtype=torch.float64))
-    assert torch.allclose(ends, torch.tensor([0.0, 1.0], dtype=torch.float64))
-    assert float(warp(torch.tensor(0.05, dtype=torch.float64))) > 0.2
-    wide = Warp(1e6)(torch.tensor(0.3, dtype=torch.float64))
-    assert float(wide) == pytest.approx(0.3, rel=1e-9)
+
+    def radius(width: float, rho: float) -> float:
+        """Where the warp takes a radius of 0 … 1."""
+        begin = (rho, 0.0) if coordinates == "half-diff" else (2 * rho - 1,)
+        at = torch.zeros(1, system.dimension, dtype=torch.float64)
+        at[0, : len(begin)] = torch.tensor(begin, dtype=torch.float64)
+        found = float(Warp(width).on(system, at)[0, 0])
+        return found if coordinates == "half-diff" else (found + 1) / 2
+
+    assert [radius(0.05, 0), radius(0.05, 1)] == pytest.approx([0, 1], abs=1e-12)
+    assert radius(0.05, 0.05) == pytest.approx(math.asinh(1) / math.asinh(20))
+    assert radius(1e6, 0.3) == pytest.approx(0.3, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +104,7 @@ def test_a_warp_keeps_the_domain_and_spreads_the_peak(coordinates: str) -> None:
         (lambda: Projection.from_rows("in-out", torch.eye(2, 4), True, "ball"), "bound: found 'ball'"),
         (
             lambda: Projection("in-out", torch.eye(2, 4), True, warp=Warp(0.1)).prepare(*PAIRS),
-            "warp: found parameterization 'in-out'",
+            "warp: found the coordinates u_i, v_i, u_o, v_o, expected some with a half vector",
         ),
     ],
 )

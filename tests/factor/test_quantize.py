@@ -13,7 +13,7 @@ from homofact.brdf.source import Source
 from homofact.errors import BadInput
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
-from homofact.factor.quantize import _Closest, naive, quantize
+from homofact.factor.quantize import _Closest, quantize, rounded
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.linear.bilinear import stencil
 from homofact.linear.normal import Lookup, accumulate_compiled, accumulate_torch
@@ -61,7 +61,7 @@ def test_rounding_that_knows_the_samples_moves_the_values_half_as_far_as_naive_r
     def moved(other: Factorization) -> float:
         return float((other.evaluate_log(wi, wo) - fitted.evaluate_log(wi, wo)).square().mean().sqrt())
 
-    plain = replace(fitted, terms=naive(fitted.terms, 255))
+    plain = rounded(fitted, "png8")
     assert moved(quantize(fitted, source.samples, "png8")) < 0.5 * moved(plain)
 
 
@@ -69,7 +69,7 @@ def test_on_a_close_fit_most_of_what_naive_rounding_adds_to_the_error_goes(paint
     source, _ = paint
     fitted = homofact.fit(source, method="mccool", size=16, projections=("theta_h-theta_d", "theta_i-theta_o"))
     assert isinstance(fitted, Factorization)
-    aware, plain = quantize(fitted, source.samples, "png8"), replace(fitted, terms=naive(fitted.terms, 255))
+    aware, plain = quantize(fitted, source.samples, "png8"), rounded(fitted, "png8")
     before, after, worse = (measure(each, source.samples, fitted.transform).log_mse for each in (fitted, aware, plain))
     assert after - before < 0.7 * (worse - before)
 
@@ -155,5 +155,5 @@ def test_where_samples_are_few_values_elsewhere_do_not_drift() -> None:
     def moved(other: Factorization) -> float:
         return float((other.evaluate_log(wi, wo) - fitted.evaluate_log(wi, wo)).square().mean().sqrt())
 
-    plain = replace(fitted, terms=naive(fitted.terms, 255))
+    plain = rounded(fitted, "png8")
     assert moved(quantize(fitted, few, "png8")) < moved(plain)

@@ -12,7 +12,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import fixed_projection
 from homofact.geometry.directions import draw_uniform, from_spherical
-from homofact.render.lobe_sampling import LEAST, LobeSampling, is_isotropic, lobe_sampling
+from homofact.render.lobe_sampling import LEAST, LobeSampling, lobe_sampling
 
 ANGLES = (0.0, 30.0, 60.0, 80.0)
 
@@ -176,11 +176,11 @@ def test_nothing_is_drawn_under_the_horizon() -> None:
 
 
 def test_what_is_isotropic() -> None:
-    assert not is_isotropic(wide(3, 3))
+    assert not wide(3, 3).evaluation.isotropic
     texture, mask = torch.zeros(3, 3, 3, dtype=torch.float64), torch.ones(3, 3, dtype=torch.bool)
     terms = tuple(
         Term(fixed_projection(name, True), texture, mask) for name in ("theta_h-theta_d", "theta_i-delta_phi")
     )
     transform = LogTransform(1e-5, torch.ones(3, dtype=torch.float64))
-    assert is_isotropic(Factorization(terms, transform, ("R", "G", "B")))
-    assert not is_isotropic(Factorization((*terms, *wide(3, 3).terms), transform, ("R", "G", "B")))
+    assert Factorization(terms, transform, ("R", "G", "B")).evaluation.isotropic
+    assert not Factorization((*terms, *wide(3, 3).terms), transform, ("R", "G", "B")).evaluation.isotropic

@@ -28,11 +28,13 @@ from mitsuba_cases import (
     variant,
     vectors,
 )
+from shading_cases import SEPARABLE
 
+import homofact
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.render import mitsuba_bsdf
-from homofact.render.lobe_sampling import is_isotropic, lobe_sampling
+from homofact.render.lobe_sampling import lobe_sampling
 
 
 @pytest.fixture
@@ -76,6 +78,32 @@ def test_fits_evaluate_as_in_python(mi: Any, fits: dict[str, Path], name: str) -
     assert float(relative[int(0.99 * len(relative))]) < 1e-3
 
 
+@pytest.mark.parametrize("name", SEPARABLE)
+def test_sums_of_products_evaluate_as_in_python(mi: Any, tmp_path: Path, name: str) -> None:
+    fit = SEPARABLE[name]
+    fit.save(tmp_path / "fit.npz")
+    bsdf = mitsuba_bsdf.load_bsdf(tmp_path / "fit.npz")
+    wi, wo = pairs(5000)
+    expected = fit.evaluate(wi, wo) * wi[:, 2:]
+    error = ((evaluated(mi, bsdf, wi, wo) - expected).abs() / expected.mean()).flatten()
+    assert float(error.median()) < 2e-6
+    # The polar map is torn at one meridian.
+    assert float(error.quantile(0.999)) < 1e-3
+    assert mi.has_flag(bsdf.flags(), mi.BSDFFlags.Anisotropic)
+
+
+@pytest.mark.parametrize("method", ["svd", "nmf"])
+def test_fitted_sums_of_products_are_drawn_and_weighted_alike(mi: Any, tmp_path: Path, method: str) -> None:
+    """What `sample` weighs adds up to the albedo; textures are parameters."""
+    fit = homofact.fit(homofact.read("material:phong-10", count=2000), method=method, size=12, textures=3)
+    fit.save(tmp_path / "fit.npz")
+    bsdf = mitsuba_bsdf.load_bsdf(tmp_path / "fit.npz")
+    weight = np.array(drawn(mi, bsdf, at(30), 200_000)[2])
+    assert weight.mean(1).tolist() == pytest.approx(albedo(fit, at(30)).tolist(), rel=0.02)
+    keys = [key for key in mi.traverse(bsdf).keys() if key.startswith("texture_")]  # noqa: SIM118
+    assert keys == [f"texture_{k}" for k in range(len(fit.textures))]
+
+
 @pytest.mark.parametrize("name", ["paint", "ward"])
 def test_the_scalar_variant_evaluates_the_same(fits: dict[str, Path], name: str) -> None:
     mi = variant("scalar_rgb")
@@ -84,7 +112,7 @@ def test_the_scalar_variant_evaluates_the_same(fits: dict[str, Path], name: str)
     # The normal, where lengths are 0, among them.
     wi[0] = wo[0] = wo[1] = torch.tensor([0, 0, 1], dtype=torch.float64)
     fit = Factorization.load(fits[name])
-    density = lobe_sampling(fit, is_isotropic(fit)).density(wi, wo)
+    density = lobe_sampling(fit, fit.evaluation.isotropic).density(wi, wo)
     si = mi.SurfaceInteraction3f()
     for k, expected in enumerate(fit.evaluate(wi, wo) * wi[:, 2:]):
         si.wi = mi.Vector3f(*wo[k].tolist())

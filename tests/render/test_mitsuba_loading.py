@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from mitsuba_cases import RGB, factorization, random_texture, variant
 
-import homofact
 from homofact.errors import BadInput, MissingDependency
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import fixed_projection
@@ -45,8 +44,6 @@ def bad_files(tmp_path: Path) -> dict[Path, str]:
     empty = edited(tmp_path / "good.npz", tmp_path / "empty.npz", lambda header: header.update(terms=[]))
     made(("450nm", "550nm", "650nm")).save(tmp_path / "three.npz")
     made(tuple(f"{w}nm" for w in range(400, 701, 10))).save(tmp_path / "spectrum.npz")
-    sums = homofact.fit(homofact.read("material:phong-30", count=500), method="svd", size=4)
-    sums.save(str(tmp_path / "svd.npz"))
     (tmp_path / "text.npz").write_text("no archive")
     (tmp_path / "folder").mkdir()
     return {
@@ -54,7 +51,6 @@ def bad_files(tmp_path: Path) -> dict[Path, str]:
         empty: "empty.npz: found no textures, expected at least one",
         tmp_path / "three.npz": "three.npz: found the channels 450nm, 550nm, 650nm .3 of them., expected R, G, B",
         tmp_path / "spectrum.npz": "found the channels 400nm, 410nm, 420nm, … .31 of them.*fit with --channels rgb",
-        tmp_path / "svd.npz": "svd.npz: found a sum of products .svd or nmf., expected a product of textures",
         tmp_path / "text.npz": "text.npz: not a saved factorization",
         tmp_path / "nothing.npz": "nothing.npz: no such file",
         tmp_path / "folder": "folder: found no factorization.npz in the folder",
@@ -64,7 +60,7 @@ def bad_files(tmp_path: Path) -> dict[Path, str]:
 def test_bad_files(bad_files: dict[Path, str]) -> None:
     for place, words in bad_files.items():
         with pytest.raises(BadInput, match=words) as caught:
-            mitsuba_bsdf.open_factorization(place)
+            mitsuba_bsdf.open_fit(place)
         assert "\n" not in str(caught.value)
 
 

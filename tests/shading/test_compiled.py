@@ -14,9 +14,7 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform
 from homofact.shading import float_functions
-from homofact.shading.compiled import BLOCK, compiled, compiled_program
-from homofact.shading.encoding import Encoded
-from homofact.shading.separable_program import separable_program
+from homofact.shading.compiled import BLOCK, compiled
 
 
 def pairs(count: int = 4001) -> tuple[torch.Tensor, torch.Tensor]:
@@ -48,9 +46,7 @@ def test_rows_and_single_texels() -> None:
 
 def test_sums_of_products_too() -> None:
     fitted = SEPARABLE["in-out, polar, two"]
-    textures = [texture for term in fitted.terms for texture in term.textures]
-    plain = [Encoded("float32", t.float().numpy(), np.ones(t.shape[2]), np.zeros(t.shape[2])) for t in textures]
-    fast = compiled_program(separable_program(fitted, plain), [texture.stored for texture in plain])
+    fast = compiled(fitted)
     wi, wo = pairs()
     expected = fitted.evaluate(wi, wo)
     error = (fast.evaluate(wi, wo) - expected).abs() / expected.mean()

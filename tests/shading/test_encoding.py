@@ -11,9 +11,9 @@ from shading_cases import CASES
 import homofact
 from homofact.containers.formats import FORMATS
 from homofact.errors import BadInput
-from homofact.factor.factorization import Factorization, Grid, Term
+from homofact.factor.factorization import Grid, Term
 from homofact.factor.projection import fixed_projection
-from homofact.shading.encoding import LEVELS, STORAGES, encode, encode_term
+from homofact.shading.encoding import LEVELS, STORAGES, encode, encode_texture
 
 
 def lobe(side: int = 32, channels: int = 3) -> tuple[torch.Tensor, torch.Tensor]:
@@ -116,10 +116,11 @@ def test_texels_fitted_to_whole_numbers_lose_nothing(storage: str, levels: int) 
     # Neither end of the range is taken: a range read off the texels would be another.
     numbers = torch.randint(5, levels - 5, (8, 8, 3), generator=generator)
     term = Term(fixed_projection("h", True), low + step * numbers, torch.ones(8, 8, dtype=torch.bool))
-    with_grid = encode_term(replace(term, grid=Grid(low, step, levels)), storage)
+    (texture,) = replace(CASES["fixed h"], terms=(term,)).textures
+    with_grid = encode_texture(replace(texture, grid=Grid(low, step, levels)), storage)
     np.testing.assert_array_equal(with_grid.stored, numbers.numpy())
     assert torch.allclose(with_grid.decoded(), term.texture, rtol=0, atol=1e-9)
-    assert not np.array_equal(encode_term(term, storage).stored, numbers.numpy())
+    assert not np.array_equal(encode_texture(texture, storage).stored, numbers.numpy())
 
 
 def test_what_bc6h_cannot_hold() -> None:
@@ -133,19 +134,20 @@ def test_what_bc6h_cannot_hold() -> None:
 
 def test_unknown_storages_are_refused() -> None:
     with pytest.raises(BadInput, match=r"storage: found 'float8', expected one of float32, .*, bc6h$"):
-        encode_term(CASES["fixed h"].terms[0], "float8")
+        encode_texture(CASES["fixed h"].textures[0], "float8")
 
 
 def test_a_measured_paint_in_every_storage(real_data: Path) -> None:
     """Red garnet by McCool's two textures: what each storage loses beside the range of the logarithms."""
     source = homofact.read(str(real_data / "cornell" / "garnet_red.brdf"))
     fitted = homofact.fit(source, method="mccool", size=16, smoothing=0.1)
-    assert isinstance(fitted, Factorization)
-    for term in fitted.terms:
-        inside = term.texture[term.mask]
+    for texture in fitted.textures:
+        inside = texture.texels[texture.mask]
         span = float((inside.amax(0) - inside.amin(0)).max())
-        lost = {each: rms(encode_term(term, each).decoded(), term.texture, term.mask) / span for each in STORAGES}
-        assert lost["float32"] < lost["unorm16"] < lost["float16"] < lost["unorm8"] < lost["bc6h"], term.projection.name
+        lost = {
+            each: rms(encode_texture(texture, each).decoded(), texture.texels, texture.mask) / span for each in STORAGES
+        }
+        assert lost["float32"] < lost["unorm16"] < lost["float16"] < lost["unorm8"] < lost["bc6h"], texture.name
         assert lost["float16"] < 1e-4
         assert lost["unorm8"] < 0.29 / 255
         # A block of 4 x 4 is a quarter of such a texture's side, and its noise lies on no line in colour space.

@@ -22,10 +22,9 @@ from webgpu import Gpu, Image
 from homofact.containers.formats import FORMATS
 from homofact.factor.fitted import Fitted
 from homofact.geometry.directions import draw_uniform
-from homofact.shading.encoding import Encoded, encode_term
+from homofact.shading.encoding import Encoded, encode_texture
 from homofact.shading.languages import GLSL, HLSL, WGSL, Language, number, shader
 from homofact.shading.program import Program, program_of
-from homofact.shading.separable_program import separable_program
 
 NAMES = (*CASES, *SEPARABLE)
 SAMPLER = 16
@@ -87,14 +86,9 @@ def gpu() -> Gpu:
 
 def program(name: str) -> tuple[Fitted, Program, list[Encoded]]:
     """A case, its program and its textures as floats."""
-    if name in CASES:
-        fitted = CASES[name]
-        textures = [encode_term(term, "float32") for term in fitted.terms]
-        return fitted, program_of(fitted, textures), textures
-    fitted = SEPARABLE[name]
-    texels = [texture for term in fitted.terms for texture in term.textures]
-    textures = [Encoded("float32", t.float().numpy(), np.ones(t.shape[2]), np.zeros(t.shape[2])) for t in texels]
-    return fitted, separable_program(fitted, textures), textures
+    fitted = (CASES | SEPARABLE)[name]
+    textures = [encode_texture(texture, "float32") for texture in fitted.textures]
+    return fitted, program_of(fitted, textures), textures
 
 
 def glslang(code: str, folder: Path, stage: str, *options: str) -> bytes:
@@ -251,14 +245,14 @@ def test_files_on_a_gpu_give_what_their_decoded_texels_give(name: str, gpu: Gpu,
     projections = [CASES[case].terms[0].projection for case in ("warped half-diff", "fixed theta_h-theta_d")]
     terms = [random_term(projection, k, 3, (8, 12)) for k, projection in enumerate(projections)]
     fitted = replace(CASES["fixed h"], terms=tuple(terms))
-    textures = [encode_term(term, form.storage) for term in terms]
+    textures = [encode_texture(texture, form.storage) for texture in fitted.textures]
     paths = [tmp_path / f"{k}{form.suffix}" for k in range(2)]
     for path, texture in zip(paths, textures, strict=True):
         form.write(path, texture.stored)
     wi, wo = pairs()
     code = runnable(shader(program_of(fitted, textures), WGSL, "fit"), WGSL, 3, tmp_path)
     found = gpu.run(code, [of_file(path) for path in paths], wi, wo, SAMPLER)[BELOW:, :3]
-    stored = replace(fitted, terms=tuple(replace(a, texture=b.decoded()) for a, b in zip(terms, textures, strict=True)))
+    stored = fitted.with_textures([texture.decoded() for texture in textures])
     expected, whole = (each.evaluate(wi, wo).numpy()[BELOW:] for each in (stored, fitted))
     error = np.abs(np.log(found / expected))
     if name == "png8":

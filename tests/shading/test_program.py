@@ -14,15 +14,15 @@ from shading_cases import CASES, SEPARABLE, factorization, searched
 
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization, Term
+from homofact.factor.fitted import Fitted
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform
+from homofact.geometry.expression import call, component, constant, variable, vector
 from homofact.shading.c_code import c_source
 from homofact.shading.cost import cost_of
-from homofact.shading.encoding import Encoded, encode_term
-from homofact.shading.expression import call, component, constant, variable, vector
+from homofact.shading.encoding import Encoded, encode_texture
 from homofact.shading.languages import GLSL, HLSL, WGSL, render, shader
 from homofact.shading.program import program_of
-from homofact.shading.separable_program import separable_program
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
@@ -51,11 +51,11 @@ def run_c(source: str, channels: int, folder: Path, wi: torch.Tensor, wo: torch.
     return values
 
 
-def encoded(fitted: Factorization, storage: str = "float32") -> list[Encoded]:
-    return [encode_term(term, storage) for term in fitted.terms]
+def encoded(fitted: Fitted, storage: str = "float32") -> list[Encoded]:
+    return [encode_texture(texture, storage) for texture in fitted.textures]
 
 
-def c_of(fitted: Factorization, textures: list[Encoded]) -> str:
+def c_of(fitted: Fitted, textures: list[Encoded]) -> str:
     """C that reads the textures as decoded floats."""
     plain = [Encoded("float32", t.decoded().numpy(), np.ones_like(t.scale), np.zeros_like(t.bias)) for t in textures]
     return c_source(program_of(fitted, plain), [texture.stored for texture in plain])
@@ -78,11 +78,8 @@ def test_c_gives_what_python_gives(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", SEPARABLE)
 def test_sums_of_products_too(name: str, tmp_path: Path) -> None:
     fitted = SEPARABLE[name]
-    textures = [texture for term in fitted.terms for texture in term.textures]
-    plain = [Encoded("float32", t.float().numpy(), np.ones(t.shape[2]), np.zeros(t.shape[2])) for t in textures]
     wi, wo = pairs()
-    source = c_source(separable_program(fitted, plain), [texture.stored for texture in plain])
-    found = run_c(source, len(fitted.channels), tmp_path, wi, wo)
+    found = run_c(c_of(fitted, encoded(fitted)), len(fitted.channels), tmp_path, wi, wo)
     expected = fitted.evaluate(wi, wo).numpy()
     error = np.abs(found - expected) / expected.mean()
     assert np.median(error) < 2e-6
@@ -116,7 +113,7 @@ def test_runaway_texels_are_cut_as_in_python(tmp_path: Path) -> None:
 @pytest.mark.parametrize("storage", ["float16", "unorm8", "unorm16"])
 def test_a_stored_texture_decodes_to_within_half_a_step(storage: str) -> None:
     term = CASES["fixed h"].terms[0]
-    texture = encode_term(term, storage)
+    texture = encode_texture(CASES["fixed h"].textures[0], storage)
     step = {
         "float16": 2.0**-11,
         "unorm8": float(texture.scale.max()) / 255,
@@ -212,7 +209,7 @@ def test_more_than_four_channels_are_refused() -> None:
 
 def test_unknown_storages_are_refused() -> None:
     with pytest.raises(BadInput, match=r"storage: found 'float8', expected one of float32, float16"):
-        encode_term(CASES["fixed h"].terms[0], "float8")
+        encode_texture(CASES["fixed h"].textures[0], "float8")
 
 
 def test_a_name_neither_ends_a_comment_nor_begins_a_line(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.analytic.phong import Phong
 from homofact.brdf.materials import material
 from homofact.factor.factorization import Factorization
-from homofact.factor.quantize import naive
+from homofact.factor.quantize import rounded
 from homofact.geometry.directions import draw_uniform
 from homofact.render.light import DEFAULT_LIGHT, EnvironmentMap
 from homofact.render.sphere import render_sphere
@@ -164,7 +164,7 @@ def bound(fitted: Factorization, wi: Tensor, wo: Tensor) -> np.ndarray:
 
 def test_eight_bits_are_within_the_sampler_s_own_bound(show: Open) -> None:
     cases = {
-        key: replace(CASES[name], terms=naive(CASES[name].terms, 255))
+        key: rounded(CASES[name], "png8")
         for key, name in (("a", "five of all kinds"), ("b", "fixed h"), ("c", "warped half-diff"))
     }
     driver = show(*(fit_layer(fitted, key, key) for key, fitted in cases.items()))

@@ -13,6 +13,7 @@ from homofact.brdf.channels import LuminanceOf
 from homofact.brdf.materials import MATERIALS, material
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_cosine_weighted
+from homofact.shading.languages import number
 from homofact.viewer.packing import pack
 from homofact.viewer.source_table import FLOOR, STEP, Symmetry, find_symmetry, source_table
 
@@ -113,7 +114,7 @@ def test_one_channel_is_three_equal_ones_in_the_page() -> None:
     assert not blue.any()
     steps = np.cumsum(np.cumsum(green, 2, dtype=np.int16), 1, dtype=np.int16)
     assert (steps == table.steps.reshape(-1, *table.steps.shape[2:])[..., 0]).all()
-    mean = f"{table.mean[0]:.9g}"
+    mean = number(table.mean[0])
     assert f"vec3({mean}, {mean}, {mean})" in table.glsl("source")
 
 

@@ -22,7 +22,7 @@ from homofact.evaluate.stability.problem import (
     uniform,
     unstressed,
 )
-from homofact.geometry.directions import draw_in_discs, from_spherical, normalize, to_spherical
+from homofact.geometry.directions import draw_in_discs, from_cosine, from_spherical, normalize, to_spherical
 
 GRAZING = Ward((0.35, 0.15), (0.3, 0.3), alpha_x=0.3, alpha_y=0.3, channels=CHANNELS)
 
@@ -70,7 +70,7 @@ def grazing(strength: float, seed: int, scale: Scale) -> Problem:
     for _ in range(2):
         # Even in the logarithm of the cosine: as many samples in each factor of the blow-up.
         cosine = low * (high / low) ** uniform(count, generator)
-        directions.append(from_spherical(torch.acos(cosine), uniform(count, generator) * (2 * math.pi)))
+        directions.append(from_cosine(cosine, uniform(count, generator) * (2 * math.pi)))
     added = samples_at(GRAZING, directions[0], directions[1])
     measured = joined(problem.samples.subset(scale.samples - count, seed), added)
     return replace(problem.measuring(measured), reference=problem)

@@ -16,7 +16,7 @@ from homofact.brdf.analytic import BlinnPhong
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.geometry.directions import from_half_difference, from_spherical
+from homofact.geometry.directions import from_cosine, from_half_difference, from_spherical
 
 CHANNELS = ("R", "G")
 # Broad enough that a fit of any method with textures of 8² is worth stressing.
@@ -137,7 +137,7 @@ def pairs_about_half_vectors(
         n = 2 * count
         u, v, w, x = (uniform(n, generator) for _ in range(4))
         h = from_spherical(theta_h(u), v * (2 * torch.pi))
-        d = from_spherical(torch.acos(1 - w * (1 - 0.26)), x * (2 * torch.pi))
+        d = from_cosine(1 - w * (1 - 0.26), x * (2 * torch.pi))
         wi, wo = from_half_difference(h, d)
         wi, wo = (each / each.norm(dim=1, keepdim=True) for each in (wi, wo))
         above = (wi[:, 2] > 0.02) & (wo[:, 2] > 0.02)

@@ -4,7 +4,6 @@ The vector is minimised as it is, quaternions unnormalised: their length is a fl
 L-BFGS never steps along, since the gradient has no part in it.
 """
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,18 +11,24 @@ import scipy.optimize
 import torch
 from torch import Tensor
 
-from homofact.errors import Report, Status
-from homofact.factor.objective import Objective
-from homofact.factor.search.best import Best, BudgetSpent
+from homofact.factor.search.minimize import Ending, Measured
 
 
 @dataclass(frozen=True)
 class Gradient:
-    """L-BFGS (scipy's L-BFGS-B without bounds): most iterations, relative gain that ends, memory of steps."""
+    """L-BFGS (scipy's L-BFGS-B without bounds): most iterations, the gain that ends, memory of steps.
+
+    The gain is in units of the first value.
+    """
 
     iterations: int = 60
-    tolerance: float = 1e-4
+    tolerance: float = 1e-3
     memory: int = 12
+
+    @property
+    def independent(self) -> bool:
+        """Whether several may run side by side."""
+        return True
 
     @property
     def name(self) -> str:
@@ -34,35 +39,23 @@ class Gradient:
         """The same with at most `steps` iterations."""
         return replace(self, iterations=steps)
 
-    def minimize(
-        self, objective: Objective, start: Tensor, *, seconds: float = float("inf"), seed: int = 0
-    ) -> tuple[Tensor, Report]:
-        """The best vector met and the report; see `best.Search`."""
-        best = Best(seconds)
-        began = time.perf_counter()
+    def descend(self, measured: Measured, start: Tensor, seed: int) -> Ending:
+        """See `minimize.Search`; the seed has no part in it."""
+
+        # scipy's tolerance is relative for values above 1 only: in units of the first value it is relative to that.
+        scale = 0.0
 
         def function(x: np.ndarray) -> tuple[float, np.ndarray]:
-            vector = torch.from_numpy(np.array(x))
-            evaluation = objective.evaluate(vector)
-            best.offer(evaluation.value, vector)
-            return evaluation.value, evaluation.gradient.numpy()
+            nonlocal scale
+            value, slope = measured.slope(torch.from_numpy(np.array(x)))
+            scale = scale or 1 / max(value, np.finfo(float).tiny)
+            return value * scale, slope.numpy() * scale
 
-        status, iterations = Status.CONVERGED, 0
-        try:
-            result = scipy.optimize.minimize(
-                function,
-                start.numpy(),
-                jac=True,
-                method="L-BFGS-B",
-                options={"maxiter": self.iterations, "ftol": self.tolerance, "gtol": 0.0, "maxcor": self.memory},
-            )
-            iterations = int(result.nit)
-            if iterations >= self.iterations:
-                status = Status.BUDGET
-        except BudgetSpent:
-            status = Status.BUDGET
-        except KeyboardInterrupt:
-            if best.vector is None:
-                raise
-            status = Status.INTERRUPTED
-        return best.finish(status, iterations, time.perf_counter() - began, seed)
+        result = scipy.optimize.minimize(
+            function,
+            start.numpy(),
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": self.iterations, "ftol": self.tolerance, "gtol": 0.0, "maxcor": self.memory},
+        )
+        return Ending(int(result.nit) < self.iterations, int(result.nit))

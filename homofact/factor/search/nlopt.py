@@ -4,7 +4,6 @@ Gradient-based ones (LD_, GD_) are given the variable-projection gradient. Each 
 bounded to [−1.5, 1.5]; the start is unit and the length does not matter, so the box cuts nothing off.
 """
 
-import time
 from dataclasses import dataclass, replace
 
 import nlopt
@@ -12,9 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.errors import BadInput, Report, Status
-from homofact.factor.objective import Objective
-from homofact.factor.search.best import Best, BudgetSpent
+from homofact.errors import BadInput
+from homofact.factor.search.minimize import Ending, GuardStruck, Measured
 
 SHORT_NAMES = {
     "PRAXIS": "LN_PRAXIS",
@@ -51,6 +49,11 @@ class Nlopt:
         return SHORT_NAMES.get(self.algorithm, self.algorithm)
 
     @property
+    def independent(self) -> bool:
+        """Whether several may run side by side; nlopt has one generator for all."""
+        return False
+
+    @property
     def name(self) -> str:
         """The name in reports and charts."""
         return f"nlopt-{self.algorithm}"
@@ -59,49 +62,41 @@ class Nlopt:
         """The same with at most as many evaluations as `steps` gradient iterations or 8 direct sweeps cost."""
         return replace(self, evaluations=steps if "D_" in self.full_name[:3] else 8 * steps)
 
-    def minimize(
-        self, objective: Objective, start: Tensor, *, seconds: float = float("inf"), seed: int = 0
-    ) -> tuple[Tensor, Report]:
-        """The best vector met and the report; see `best.Search`."""
-        best = Best(seconds)
-        began = time.perf_counter()
+    def descend(self, measured: Measured, start: Tensor, seed: int) -> Ending:
+        """See `minimize.Search`."""
         nlopt.srand(seed)
         ended: BaseException | None = None
 
         def function(x: np.ndarray, slope: np.ndarray) -> float:
             nonlocal ended
             if ended is not None:
-                return best.value
+                return measured.best
             vector = torch.from_numpy(np.array(x))
             try:
-                if slope.size > 0:
-                    evaluation = objective.evaluate(vector)
-                    slope[:] = evaluation.gradient.numpy()
-                    value = evaluation.value
-                else:
-                    value = objective.error(vector)
-                best.offer(value, vector)
-            except (BudgetSpent, KeyboardInterrupt) as stop:
+                if slope.size == 0:
+                    return measured.value(vector)
+                value, gradient = measured.slope(vector)
+                slope[:] = gradient.numpy()
+                return value
+            except (GuardStruck, KeyboardInterrupt) as stop:
                 # Some algorithms call once more after an exception: nlopt's own way out is a flag.
                 ended = stop
                 optimizer.force_stop()
-                value = best.value
-            return value
+                return measured.best
 
         optimizer = self._optimizer(start.shape[0])
         optimizer.set_min_objective(function)
-        status = Status.CONVERGED
+        converged = True
         try:
             optimizer.optimize(start.numpy())
-            if optimizer.last_optimize_result() == nlopt.MAXEVAL_REACHED:
-                status = Status.BUDGET
-        except (nlopt.ForcedStop, nlopt.RoundoffLimited, nlopt.runtime_error) as stop:
+            converged = optimizer.last_optimize_result() != nlopt.MAXEVAL_REACHED
+        except (nlopt.ForcedStop, nlopt.RoundoffLimited, nlopt.runtime_error):
             # Ours, or nlopt's own giving up where rounding hides the descent: the best so far stands.
-            if best.vector is None:
-                raise ended or stop from None
+            if measured.vector is None and ended is None:
+                raise
         if ended is not None:
-            status = Status.INTERRUPTED if isinstance(ended, KeyboardInterrupt) else Status.BUDGET
-        return best.finish(status, best.evaluations, time.perf_counter() - began, seed)
+            raise ended
+        return Ending(converged, measured.evaluations)
 
     def _optimizer(self, dimension: int) -> nlopt.opt:
         optimizer = self._configured(self.full_name, dimension)

@@ -5,16 +5,13 @@ in its turn with the others still, until a round no longer helps. A projection o
 quaternion q, moved as the pair (q, 1): the basis has three directions instead of six.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
 
-from homofact.errors import Report, Status
-from homofact.factor.objective import Objective
-from homofact.factor.search.best import Best, BudgetSpent
+from homofact.factor.search.minimize import Ending, Measured
 from homofact.factor.search.powell import Powell
 from homofact.geometry.rotation import IDENTITY, Pair, basis_rotations
 
@@ -28,6 +25,11 @@ class OneAtATime:
     tolerance: float = 3e-3
 
     @property
+    def independent(self) -> bool:
+        """Whether several may run side by side."""
+        return True
+
+    @property
     def name(self) -> str:
         """The name in reports and charts."""
         return "powell"
@@ -36,35 +38,17 @@ class OneAtATime:
         """The same with fewer sweeps: one for every four gradient iterations."""
         return replace(self, rounds=1, powell=replace(self.powell, sweeps=max(1, steps // 4)))
 
-    def minimize(
-        self, objective: Objective, start: Tensor, *, seconds: float = float("inf"), seed: int = 0
-    ) -> tuple[Tensor, Report]:
-        """The best vector met and the report; see `best.Search`."""
-        best = Best(seconds)
-        began = time.perf_counter()
-        vector, status, number = start.clone(), Status.BUDGET, 0
-
-        def measure(candidate: Tensor) -> float:
-            value = objective.error(candidate)
-            best.offer(value, candidate)
-            return value
-
-        try:
-            before = measure(vector)
-            for number in range(1, self.rounds + 1):  # noqa: B007 (the count is reported)
-                for part in objective.parts():
-                    vector = self._improve(measure, vector, part, seed)
-                if before - best.value <= self.tolerance * before:
-                    status = Status.CONVERGED
-                    break
-                before = best.value
-        except BudgetSpent:
-            status = Status.BUDGET
-        except KeyboardInterrupt:
-            if best.vector is None:
-                raise
-            status = Status.INTERRUPTED
-        return best.finish(status, number, time.perf_counter() - began, seed)
+    def descend(self, measured: Measured, start: Tensor, seed: int) -> Ending:
+        """See `minimize.Search`."""
+        vector = start.clone()
+        before = measured.value(vector)
+        for number in range(1, self.rounds + 1):
+            for part in measured.objective.parts():
+                vector = self._improve(measured.value, vector, part, seed)
+            if before - measured.best <= self.tolerance * before:
+                return Ending(True, number)
+            before = measured.best
+        return Ending(False, self.rounds)
 
     def _improve(self, measure: Callable[[Tensor], float], vector: Tensor, part: slice, seed: int) -> Tensor:
         numbers = vector[part]

@@ -1,4 +1,6 @@
-"""The coordinates of a projection as few operations, for unit vectors ωi and ωo of the upper hemisphere.
+"""The one definition of all coordinates: each axis by name, as few operations on unit ωi and ωo of the hemisphere.
+
+Shading languages print these expressions, numba compiles them, torch and Dr.Jit interpret them (`interpret`).
 
 With s = ωi + ωo and e = ωi − ωo (so s·e = 0, |s|² + |e|² = 4, h = s/|s|, ωi = (s + e)/2) nothing is normalised:
 
@@ -19,65 +21,76 @@ there and keeps |s| off 0. All angles come from atan2: in float32 acos loses hal
 drivers give it only roughly. Angles are taken together, one function of a vector for all that a fit needs. Where φd
 and |φi − φo| are both needed, they share (s × e).z = −2 (ωi × ωo).z.
 
-The parabolic coordinates and the angles are the house's (`geometry.coordinates`), but for their scales, which
-`SCALES` gives as x = factor · raw + offset, to be folded into a matrix.
+Where φd is wanted with its sign, over the whole circle ("azimuth_d"), it is atan2((s × e).z, −e.z |s|), and φh
+("azimuth_h") is atan2(s.y, s.x). The largest θd at which both directions are above the horizon ("reach_d") is
+atan2(cosθh, sinθh |cosφd|) = atan2(s.z, |s.xy| |cosφd|).
+
+Direction maps of a separable fit come from parabolic coordinates p with r² = |p|²: orthographic (ωx, ωy) = 2p/(1 + r²),
+polar (atan2(p.y, p.x), √(1 − ωz)) with 1 − ωz = 2r²/(1 + r²).
+
+Axes are raw here: parabolic coordinates, cosines, radians. `geometry.coordinates` scales them to a domain, an affine
+map of each that shaders fold into a matrix.
 """
 
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import lru_cache
 
-from homofact.shading.expression import Expression, Let, call, constant, variable, vector
+from homofact.geometry.expression import Expression, Let, call, variable, vector
 
 LEAST = 1e-6
-_TINY = 1e-20
-# x = factor · raw + offset, by coordinate system, an entry an axis.
-SCALES: dict[str, tuple[tuple[float, float], ...]] = {
-    "in-out": ((1, 0),) * 4,
-    "half-diff": ((1, 0),) * 4,
-    "isotropic-half-diff": ((4 / math.pi, -1),) * 3,
-    "isotropic-in-out": ((4 / math.pi, -1), (4 / math.pi, -1), (2 / math.pi, -1)),
-}
+_TINY, _SMALL = 1e-20, 1e-30
+_AROUND = {"azimuth_d", "reach_d"}
+MAPS = ("parabolic", "orthographic", "polar")
+
+
+def map_axes(name: str, letter: str) -> tuple[str, str]:
+    """The two axes of a direction map (`MAPS`) of ωi, ωo, h or d ("i", "o", "h", "d")."""
+    begin = "" if name == "parabolic" else f"{name}_"
+    return f"{begin}u_{letter}", f"{begin}v_{letter}"
 
 
 @dataclass(frozen=True)
 class Coordinates:
-    """The statements that compute the raw coordinates a program reads, and each axis by name, a scalar."""
+    """The statements that compute raw axes, and each axis by name, a scalar."""
 
-    statements: list[Let]
+    statements: tuple[Let, ...]
     axes: dict[str, Expression]
 
 
-def coordinates_of(used: Collection[str]) -> Coordinates:
+@lru_cache(maxsize=256)
+def coordinates_of(used: frozenset[str]) -> Coordinates:
     """Statements for the axes in `used`, from the parameters wi and wo (3,), and no others."""
+    mapped = {letter for letter in "iohd" for name in MAPS if set(map_axes(name, letter)) & used}
     wi, wo = variable("wi", 3), variable("wo", 3)
     s, e = variable("s", 3), variable("e", 3)
     statements: list[Let] = []
     axes: dict[str, Expression] = {}
-    frame = {"u_h", "v_h", "u_d", "v_d"} & set(used)
-    if frame | {"theta_h", "theta_d", "phi_d"} & set(used):
+    frame = {"h", "d"} & mapped
+    if frame | ({"theta_h", "theta_d", "phi_d", "azimuth_h"} | _AROUND) & used:
         along = vector(wi.xy + wo.xy, call("max", wi.z + wo.z, LEAST)) if frame else wi + wo
         statements.append(Let("s", along, "s points along the half vector, at right angles to e"))
-    if {"u_d", "v_d", "theta_d", "phi_d"} & set(used):
+    if {"d"} & mapped | ({"theta_d", "phi_d"} | _AROUND) & used:
         statements.append(Let("e", wi - wo))
     length = _lengths(
         {
-            "s": (s, frame | {"theta_d", "phi_d"} & set(used)),
-            "s.xy": (s.xy, {"theta_h"} & set(used)),
-            "s.yz": (s.yz, {"u_d", "v_d"} & set(used)),
-            "e": (e, {"theta_d"} & set(used)),
+            "s": (s, frame | ({"theta_d", "phi_d"} | _AROUND) & used),
+            "s.xy": (s.xy, {"theta_h", "reach_d"} & used),
+            "s.yz": (s.yz, {"d"} & mapped),
+            "e": (e, {"theta_d"} & used),
         },
         statements,
     )
     for side, w in (("i", wi), ("o", wo)):
-        if {f"u_{side}", f"v_{side}"} & set(used):
+        if side in mapped:
             name = f"disc_w{side}"
             statements.append(Let(name, w.xy / (1 + w.z), f"parabolic coordinates of w{side}"))
             axes |= _of_disc(name, side)
-    if {"u_h", "v_h"} & set(used):
+    if "h" in mapped:
         statements.append(Let("disc_h", s.xy / (length["s"] + s.z), "parabolic coordinates of the half vector"))
         axes |= _of_disc("disc_h", "h")
-    if {"u_d", "v_d"} & set(used):
+    if "d" in mapped:
         above = vector(e.x * length["s"], s.z * e.y - s.y * e.z)
         statements.append(
             Let(
@@ -87,15 +100,23 @@ def coordinates_of(used: Collection[str]) -> Coordinates:
             )
         )
         axes |= _of_disc("disc_d", "d")
+    for name in MAPS[1:]:
+        for letter in "iohd":
+            if set(map_axes(name, letter)) & used:
+                axes |= _mapped(name, letter, axes, statements)
     arcs = [axis for axis in ("theta_i", "theta_o") if axis in used]
     if arcs:
         sides = [{"theta_i": wi, "theta_o": wo}[axis] for axis in arcs]
         sines = call("sqrt", vector(*(call("dot", w.xy, w.xy) for w in sides)))
         axes |= _packed("theta", call("atan2", sines, vector(*(w.z for w in sides))), arcs, statements)
     across = call("abs", wi.x * wo.y - wi.y * wo.x)
-    if {"phi_d", "delta_phi"} <= set(used):
+    if {"phi_d", "delta_phi"} <= used:
         statements.append(Let("across", across, "|(wi x wo).z|, half of |(s x e).z|"))
         across = variable("across", 1)
+    around = variable("around", 2)
+    if _AROUND & used:
+        sides = vector(s.x * e.y - s.y * e.x, length["s"] * e.z * -1)
+        statements.append(Let("around", sides, "of wi about h: across and along the plane of n and h"))
     parts = {
         "theta_h": lambda: (length["s.xy"], s.z),
         "theta_d": lambda: (length["e"], length["s"]),
@@ -105,14 +126,22 @@ def coordinates_of(used: Collection[str]) -> Coordinates:
             else (call("abs", s.x * e.y - s.y * e.x), call("abs", e.z) * length["s"])
         ),
         "delta_phi": lambda: (across, call("dot", wi.xy, wo.xy)),
+        "azimuth_h": lambda: (s.y, s.x),
+        "azimuth_d": lambda: (around.x, around.y),
+        "reach_d": lambda: (
+            s.z + length["s"] * LEAST,
+            length["s.xy"] * (call("abs", around.y) / call("sqrt", call("dot", around, around) + _SMALL)),
+        ),
     }
     turns = [axis for axis in parts if axis in used]
-    if turns:
-        # atan2(0, 0) is not defined in shading languages.
-        sides = [parts[axis]() for axis in turns]
+    for begin in range(0, len(turns), 4):
+        some = turns[begin : begin + 4]
+        sides = [parts[axis]() for axis in some]
         opposite, adjacent = (vector(*(side[k] for side in sides)) for k in (0, 1))
-        axes |= _packed("angle", call("atan2", opposite, adjacent + _TINY), turns, statements)
-    return Coordinates(statements, axes)
+        # atan2(0, 0) is not defined in shading languages.
+        angle = call("atan2", opposite, adjacent + _TINY)
+        axes |= _packed(f"angle_{begin}" if begin else "angle", angle, some, statements)
+    return Coordinates(tuple(statements), axes)
 
 
 def _lengths(wanted: dict[str, tuple[Expression, Collection[str]]], statements: list[Let]) -> dict[str, Expression]:
@@ -131,6 +160,23 @@ def _of_disc(name: str, letter: str) -> dict[str, Expression]:
     return {f"u_{letter}": disc.x, f"v_{letter}": disc.y}
 
 
+def _mapped(name: str, letter: str, axes: dict[str, Expression], statements: list[Let]) -> dict[str, Expression]:
+    """The axes of another map of a direction whose parabolic ones are there."""
+    what = letter if letter in "hd" else f"w{letter}"
+    p = axes[f"u_{letter}"].operands[0]
+    squared = variable(f"squared_{what}", 1)
+    if not any(statement.name == squared.text for statement in statements):
+        statements.append(Let(squared.text, call("dot", p, p)))
+    if name == "orthographic":
+        place = p * (2 / (1 + squared))
+    else:
+        place = vector(call("atan2", p.y, p.x + _TINY), call("sqrt", squared * 2 / (1 + squared)))
+    made = Let(f"{name}_{what}", place, f"{what} on the {name} map")
+    statements.append(made)
+    whole = variable(made.name, 2)
+    return dict(zip(map_axes(name, letter), (whole.x, whole.y), strict=True))
+
+
 def _packed(name: str, value: Expression, axes: list[str], statements: list[Let]) -> dict[str, Expression]:
     """One statement for several angles; where each is then."""
     statements.append(Let(name, value, ", ".join(axes)))
@@ -140,27 +186,22 @@ def _packed(name: str, value: Expression, axes: list[str], statements: list[Let]
     return {axis: getattr(whole, "xyzw"[k]) for k, axis in enumerate(axes)}
 
 
-def warped(
-    system: str, width: float, number: int, axes: list[Expression]
-) -> tuple[list[Let], list[Expression], tuple[tuple[float, float], ...]]:
-    """(further statements, axes, scales) of a system whose half vector is stretched: ρ ↦ asinh(ρ/w)/asinh(1/w).
+def stretched(name: str, half: list[Expression], width: float) -> tuple[list[Let], list[Expression], float]:
+    """(statements, axes, factor) of the half vector's raw axes with its radius ρ stretched by w = `width`.
 
-    `number` makes the names of the statements unique.
+    ρ ↦ asinh(ρ/w)/asinh(1/w), where ρ is the length of parabolic h (two axes) or θh/(π/2) (one). The last factor,
+    1/asinh(1/w), is left to the scales. `name` makes the names of the statements unique.
     """
-    name, scales = f"warped_{number}", SCALES[system]
-    what = "the half vector's radius r" if system == "half-diff" else "r = theta_h/(pi/2)"
+    whole = 1 / math.asinh(1 / width)
+    what = "the half vector's radius r" if len(half) == 2 else "r = theta_h/(pi/2)"
     comment = f"{what} stretched to asinh(r/{width:.6g})/asinh(1/{width:.6g})"
-    whole = math.asinh(1 / width)
-    if system == "half-diff":
-        h, radius = variable("disc_h", 2), variable(f"radius_{number}", 1)
-        # Kept off 0, where the stretch is its slope.
-        length = call("max", call("sqrt", call("dot", h, h)), LEAST)
-        stretched = h * (call("asinh", radius * (1 / width)) / radius)
-        made = [Let(radius.text, length, comment), Let(name, stretched)]
-        new = variable(name, 2)
-        return made, [new.x, new.y, *axes[2:]], (((1 / whole, 0.0),) * 2) + scales[2:]
-    made = [Let(name, call("asinh", axes[0] * (2 / math.pi / width)), comment)]
-    return made, [variable(name, 1), *axes[1:]], ((2 / whole, -1.0), *scales[1:])
+    if len(half) == 1:
+        return [Let(name, call("asinh", half[0] * (2 / math.pi / width)), comment)], [variable(name, 1)], whole
+    h, radius = vector(*gathered(half)), variable(f"{name}_radius", 1)
+    # Kept off 0, where the stretch is its slope.
+    length = call("max", call("sqrt", call("dot", h, h)), LEAST)
+    made = [Let(radius.text, length, comment), Let(name, h * (call("asinh", radius * (1 / width)) / radius))]
+    return made, [variable(name, 2).x, variable(name, 2).y], whole
 
 
 def gathered(axes: list[Expression]) -> list[Expression]:
@@ -177,22 +218,3 @@ def gathered(axes: list[Expression]) -> list[Expression]:
 
 def _whole(part: Expression) -> str:
     return "xyzw"[: part.operands[0].dimension]
-
-
-def place(rows: list[list[float]], offsets: list[float], axes: list[Expression], x: Expression) -> Expression:
-    """(u, v) = rows · axes + offsets: one product where each row has one axis, else dot products with x.
-
-    `x` (4,) names the axes in one vector, three of them with a 1 behind, which takes the offsets.
-    """
-    if all(sum(c != 0 for c in row) <= 1 for row in rows):
-        picked = [next((k for k, c in enumerate(row) if c), None) for row in rows]
-        if picked[0] is not None and picked[1] is not None:
-            gain = constant(rows[0][picked[0]], rows[1][picked[1]])
-            return vector(*gathered([axes[picked[0]], axes[picked[1]]])) * gain + constant(*offsets)
-        single = [
-            constant(o) if k is None else axes[k] * r[k] + o for k, r, o in zip(picked, rows, offsets, strict=True)
-        ]
-        return vector(*single)
-    if len(axes) < 4:
-        return vector(*(call("dot", constant(*row, offset), x) for row, offset in zip(rows, offsets, strict=True)))
-    return vector(*(call("dot", constant(*row), x) for row in rows)) + constant(*offsets)

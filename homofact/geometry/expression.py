@@ -1,8 +1,9 @@
-"""Expressions of a shading program: what one evaluation computes, apart from the language it is printed in.
+"""Expressions: what an evaluation computes, apart from the language that it is printed or run in.
 
-An `Expression` is a tree over scalars and vectors of up to four components, built with Python's operators. A program
-is a list of `Let` statements, each naming one expression, and a result. The languages print it; C, which has no
-vectors, asks for `component`s; the cost model counts its nodes.
+The coordinates (`axes`) and the shading programs are made of them. An `Expression` is a tree over scalars and vectors
+of up to four components, built with Python's operators. A program is a list of `Let` statements, each naming one
+expression, and a result. `interpret` runs them on arrays; the languages print them; C, which has no vectors, asks for
+`component`s; the cost model counts their nodes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 
 INFIX = ("+", "-", "*", "/")
 # Functions of one or two arguments; those that work on vectors work component by component, dot excepted.
-FUNCTIONS = ("sqrt", "abs", "exp", "log", "asinh", "atan2", "dot", "max", "min", "step")
+FUNCTIONS = ("sqrt", "abs", "exp", "log", "asinh", "atan2", "floor", "fract", "dot", "max", "min", "step")
 _AXES = "xyzw"
 
 
@@ -35,6 +36,10 @@ class Expression:
     def __radd__(self, other: float) -> "Expression":
         """The sum with a number on the left."""
         return _infix("+", _expression(other), self)
+
+    def __rsub__(self, other: float) -> "Expression":
+        """The difference with a number on the left."""
+        return _infix("-", _expression(other), self)
 
     def __sub__(self, other: "Expression | float") -> "Expression":
         """The difference."""
@@ -96,7 +101,7 @@ def call(name: str, *arguments: Expression | float) -> Expression:
 
 
 def fetch(texture: int, uv: Expression, channels: int) -> Expression:
-    """The texture's value at uv in [0, 1]², bilinear and clamped."""
+    """The texture's value at uv in [0, 1]² (or [0, 1]³, for one in three dimensions), linear and clamped."""
     return Expression("fetch", channels, (uv,), text=str(texture))
 
 

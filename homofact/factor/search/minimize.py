@@ -1,0 +1,112 @@
+"""Minimising an objective by any search: who counts, who stops, what is handed back.
+
+A search (`gradient`, `nlopt`, `powell` …) only proposes vectors and is told their values. `minimize` owns all else:
+the best vector so far, the trace of how it got better, the guard's clock, Ctrl-C and the status.
+"""
+
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput, Report, Status
+from homofact.factor.objective import Objective
+
+
+class GuardStruck(Exception):
+    """Raised inside an evaluation to leave a library's loop when the clock is up; never seen outside of `minimize`."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a search ended by itself: whether by its own tolerance, and after how many iterations."""
+
+    converged: bool
+    iterations: int
+
+
+class Search(Protocol):
+    """A way to minimise, a frozen dataclass of its own settings."""
+
+    @property
+    def name(self) -> str:
+        """The name in reports and charts."""
+        ...
+
+    @property
+    def independent(self) -> bool:
+        """Whether several may run side by side with equal results."""
+        ...
+
+    def limited(self, steps: int) -> "Search":
+        """The same search with at most so many iterations (or, where it counts those, evaluations)."""
+        ...
+
+    def descend(self, measured: "Measured", start: Tensor, seed: int) -> Ending:
+        """Ask `measured` about vectors, from `start` on, until this search's own end."""
+        ...
+
+
+class Measured:
+    """An objective that remembers: the best vector so far and the trace of how it got better."""
+
+    def __init__(self, objective: Objective, deadline: float) -> None:
+        """`deadline` is on the clock of time.perf_counter."""
+        self.objective = objective
+        self._deadline = deadline
+        self._began = time.perf_counter()
+        self.vector: Tensor | None = None
+        self.best = float("inf")
+        self.evaluations = 0
+        self.trace: list[tuple[float, int, float]] = []
+
+    def value(self, vector: Tensor) -> float:
+        """R at a vector (V,). Raises GuardStruck once the time is up."""
+        return self._noted(self.objective.error(vector), vector)
+
+    def slope(self, vector: Tensor) -> tuple[float, Tensor]:
+        """R and its gradient (V,). Raises GuardStruck once the time is up."""
+        evaluation = self.objective.evaluate(vector)
+        return self._noted(evaluation.value, vector), evaluation.gradient
+
+    def _noted(self, value: float, vector: Tensor) -> float:
+        self.evaluations += 1
+        now = time.perf_counter()
+        if value < self.best:
+            self.best, self.vector = value, vector.clone()
+            self.trace.append((now - self._began, self.evaluations, value))
+        if now > self._deadline:
+            raise GuardStruck
+        return value
+
+
+def minimize(
+    search: Search, objective: Objective, start: Tensor, *, seconds: float = float("inf"), seed: int = 0
+) -> tuple[Tensor, Report]:
+    """The best vector (V,) that `search` met, and a report whose residual is its R.
+
+    `seconds` is only a guard: a search that it ends has the status GUARD, and at least one evaluation is made whatever
+    it is. Ctrl-C ends the search as INTERRUPTED with the best so far, or is raised again where there is none.
+    """
+    if not seconds > 0:
+        raise BadInput(f"budget: found {seconds} seconds, expected more than 0")
+    began = time.perf_counter()
+    measured = Measured(objective, began + seconds)
+    iterations = 0
+    try:
+        ending = search.descend(measured, start.to(torch.float64), seed)
+        status = Status.CONVERGED if ending.converged else Status.BUDGET
+        iterations = ending.iterations
+    except GuardStruck:
+        status = Status.GUARD
+    except KeyboardInterrupt:
+        if measured.vector is None:
+            raise
+        status = Status.INTERRUPTED
+    if measured.vector is None:
+        raise BadInput("search: no evaluation gave a finite value, expected finite samples")
+    elapsed = time.perf_counter() - began
+    trace = tuple(measured.trace)
+    return measured.vector, Report(status, iterations, measured.evaluations, elapsed, measured.best, seed, trace)

@@ -1,0 +1,95 @@
+"""Expressions evaluated on arrays: one walk for torch, Dr.Jit or whatever else has these functions.
+
+A value is the list of its components, each an array (or a plain number, for a constant); the walk looks at no array,
+so that it works on any shape, type and device, and can be traced. `TORCH` is the table of functions for tensors.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from homofact.geometry.expression import INFIX, Expression, Let
+
+Value = list[Any]
+Fetch = Callable[[int, Value], Value]
+_OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a / b,
+}
+
+
+def interpret(
+    statements: Iterable[Let],
+    values: dict[str, Value],
+    functions: Mapping[str, Callable[..., Any]],
+    fetch: Fetch | None = None,
+) -> dict[str, Value]:
+    """`values`, of the parameters by name, with those of the statements added.
+
+    `functions` is a table for all of `FUNCTIONS` that the statements use, on single components; dot needs none.
+    `fetch` gives the channels of a texture, by its number, at a place.
+    """
+    for statement in statements:
+        values[statement.name] = value_of(statement.expression, values, functions, fetch)
+    return values
+
+
+def value_of(
+    expression: Expression,
+    values: Mapping[str, Value],
+    functions: Mapping[str, Callable[..., Any]],
+    fetch: Fetch | None = None,
+) -> Value:
+    """The components of one expression over named values; arguments as `interpret`."""
+    kind = expression.kind
+    if kind == "constant":
+        return list(expression.values)
+    if kind == "name":
+        return values[expression.text]
+    parts = [value_of(operand, values, functions, fetch) for operand in expression.operands]
+    if kind == "swizzle":
+        return [parts[0]["xyzw".index(letter)] for letter in expression.text]
+    if kind == "vector":
+        return [component for part in parts for component in part]
+    if kind == "fetch":
+        assert fetch is not None, "a program with textures needs a way to read them"
+        return fetch(int(expression.text), parts[0])
+    if kind == "dot":
+        total, *products = (a * b for a, b in zip(*parts, strict=True))
+        for product in products:
+            total = total + product
+        return [total]
+    function = _OPERATORS[kind] if kind in INFIX else functions[kind]
+    # A scalar counts for each component.
+    return [function(*(part[k if len(part) > 1 else 0] for part in parts)) for k in range(expression.dimension)]
+
+
+def _max(a: Any, b: Any) -> Tensor:
+    if isinstance(a, Tensor) and isinstance(b, Tensor):
+        return torch.maximum(a, b)
+    return a.clamp_min(b) if isinstance(a, Tensor) else b.clamp_min(a)
+
+
+def _min(a: Any, b: Any) -> Tensor:
+    if isinstance(a, Tensor) and isinstance(b, Tensor):
+        return torch.minimum(a, b)
+    return a.clamp_max(b) if isinstance(a, Tensor) else b.clamp_max(a)
+
+
+TORCH: dict[str, Callable[..., Tensor]] = {
+    "sqrt": torch.sqrt,
+    "abs": torch.abs,
+    "exp": torch.exp,
+    "log": torch.log,
+    "asinh": torch.asinh,
+    "atan2": torch.atan2,
+    "floor": torch.floor,
+    "fract": lambda x: x - torch.floor(x),
+    "max": _max,
+    "min": _min,
+    "step": lambda edge, x: (x >= edge).to(x.dtype),
+}

@@ -1,0 +1,79 @@
+"""Positive definite systems on the CPU: LAPACK's Cholesky called so that threads can work side by side.
+
+A search solves thousands of systems of a few hundred unknowns, several of them at a time (`linear.threads`). scipy's
+own wrappers hold the interpreter's lock while LAPACK works, so the same routines are called through their C pointers.
+Matrices are made in one compiled pass, in the order of a row-major lower triangle: for LAPACK, which counts columns
+first, an upper one.
+"""
+
+import ctypes
+
+import numba
+import numpy as np
+import scipy.linalg.cython_lapack  # noqa: F401 (registers the pointers that are looked up below)
+from numba.extending import get_cython_function_address
+
+_INT = ctypes.POINTER(ctypes.c_int)
+_POTRF = ctypes.CFUNCTYPE(None, ctypes.c_char_p, _INT, ctypes.c_void_p, _INT, _INT)(
+    get_cython_function_address("scipy.linalg.cython_lapack", "dpotrf")
+)
+_POTRS = ctypes.CFUNCTYPE(None, ctypes.c_char_p, _INT, _INT, ctypes.c_void_p, _INT, ctypes.c_void_p, _INT, _INT)(
+    get_cython_function_address("scipy.linalg.cython_lapack", "dpotrs")
+)
+
+
+def solve_lower(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray | None:
+    """x (T, C) of a system whose lower triangle is in `matrix` (T, T), which is destroyed; None if not definite.
+
+    Both are C-contiguous float64.
+    """
+    size, count, info = ctypes.c_int(matrix.shape[0]), ctypes.c_int(rhs.shape[1]), ctypes.c_int()
+    _POTRF(b"U", size, matrix.ctypes.data, size, info)
+    if info.value != 0:
+        return None
+    solution = np.asfortranarray(rhs, dtype=np.float64).copy(order="F")
+    _POTRS(b"U", size, count, matrix.ctypes.data, size, solution.ctypes.data, size, info)
+    return np.ascontiguousarray(solution)
+
+
+@numba.njit(cache=True, nogil=True)
+def penalised_lower(whole, part, first, columns, values, scale, ridge):  # pragma: no cover (compiled)
+    """The lower triangle (T, T) of `whole` − `part` + diag(`scale`) G + `ridge` · I, its upper one left unset.
+
+    G is sparse and symmetric, its rows in `first`, `columns`, `values` as of a CSR matrix; `part` may be empty (0, 0).
+    """
+    size = whole.shape[0]
+    result = np.empty((size, size))
+    for row in range(size):
+        if part.shape[0] == 0:
+            for column in range(row + 1):
+                result[row, column] = whole[row, column]
+        else:
+            for column in range(row + 1):
+                result[row, column] = whole[row, column] - part[row, column]
+        for entry in range(first[row], first[row + 1]):
+            column = columns[entry]
+            if column <= row:
+                result[row, column] += scale[row] * values[entry]
+        result[row, row] += ridge
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
+def symmetric_total(halves):  # pragma: no cover (compiled)
+    """The symmetric matrix (T, T) whose lower triangle is the sum of those of `halves` (P, T, T), in their order."""
+    count, size = halves.shape[0], halves.shape[1]
+    result = np.empty((size, size))
+    for row in range(size):
+        for column in range(row + 1):
+            result[row, column] = halves[0, row, column]
+        for part in range(1, count):
+            for column in range(row + 1):
+                result[row, column] += halves[part, row, column]
+    # Eight lines at a time: more of them, a power of two apart, would push each other out of the cache.
+    for top in range(0, size, 8):
+        for left in range(0, top + 8, 8):
+            for row in range(top, min(top + 8, size)):
+                for column in range(left, min(left + 8, row)):
+                    result[column, row] = result[row, column]
+    return result

@@ -1,0 +1,98 @@
+"""How much a search may do, counted and not timed, so that what is tried depends on no clock and no machine.
+
+The unit is one inner evaluation: the normal equations of two 16² textures from 8000 samples, solved, with the gradient.
+Every other piece of work is weighed by a model of its cost,
+
+    evaluation   a + N (b L + c L²) + d T² + e T³        N samples, L lookups, T texels
+    solve            d T² + e T³
+
+with constants fitted once to timings on one core (`scripts/cost_of_effort.py`). They decide what a search tries and
+change no number that it finds; how long a unit takes is the machine's affair.
+"""
+
+import math
+import time
+
+from homofact.errors import BadInput
+
+LEVELS = {"quick": 40.0, "normal": 200.0, "thorough": 1500.0}
+_FIXED, _LOOKUP, _PAIR, _SQUARE, _CUBE = 2e-3, 1e-7, 8e-9, 5e-9, 1.2e-11
+
+
+def _seconds(samples: int, lookups: int, unknowns: int) -> float:
+    return _FIXED + samples * lookups * (_LOOKUP + _PAIR * lookups) + unknowns**2 * (_SQUARE + _CUBE * unknowns)
+
+
+_UNIT = _seconds(8000, 2, 512)
+
+
+def cost_of_evaluation(samples: int, lookups: int, unknowns: int) -> float:
+    """Units of one evaluation of the reduced objective with its gradient."""
+    return _seconds(samples, lookups, unknowns) / _UNIT
+
+
+def cost_of_solve(unknowns: int) -> float:
+    """Units of one system that is made from accumulated equations and solved, as for a left-out fold."""
+    return unknowns**2 * (_SQUARE + _CUBE * unknowns) / _UNIT
+
+
+def units(effort: str | float, textures: int) -> float:
+    """The units that an effort stands for: a level by name grants its own times the square of `textures`.
+
+    A mix of more textures has more of them to find, and each look at it is dearer. A number is itself.
+
+    Raises BadInput that lists the levels.
+    """
+    if isinstance(effort, str):
+        if effort not in LEVELS:
+            raise BadInput(f"effort: found {effort!r}, expected {', '.join(LEVELS)} or a number of inner evaluations")
+        return LEVELS[effort] * textures**2
+    if not 0 < effort < math.inf:
+        raise BadInput(f"effort: found {effort!r}, expected a number of inner evaluations above 0")
+    return float(effort)
+
+
+class Account:
+    """Units granted and spent; a deadline is only a guard, and `by_clock` says whether it ended anything.
+
+    What runs side by side keeps an account of its own, which is added to this one when all of it is done: which of two
+    threads comes first must decide nothing.
+    """
+
+    def __init__(self, granted: float = math.inf, deadline: float = math.inf) -> None:
+        """`granted` units, until `deadline` on the clock of time.perf_counter."""
+        self.granted, self.deadline = granted, deadline
+        self.spent = 0.0
+        self.evaluations = 0
+        self.by_clock = False
+
+    def spend(self, cost: float, evaluations: int = 1) -> None:
+        """Note work that is done."""
+        self.spent += cost
+        self.evaluations += evaluations
+
+    def add(self, other: "Account") -> None:
+        """Note the work of an account of something that ran beside others."""
+        self.spend(other.spent, other.evaluations)
+        self.by_clock = self.by_clock or other.by_clock
+
+    def beside(self) -> "Account":
+        """An account without a limit of units under the same guard, for one of several pieces side by side."""
+        return Account(deadline=self.deadline)
+
+    @property
+    def left(self) -> float:
+        """Units not yet spent; none once the guard has struck."""
+        return 0.0 if self.late else max(self.granted - self.spent, 0.0)
+
+    @property
+    def late(self) -> bool:
+        """Whether the clock has ended the work."""
+        if time.perf_counter() > self.deadline:
+            self.by_clock = True
+        return self.by_clock
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more may be begun."""
+        return self.left <= 0

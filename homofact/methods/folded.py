@@ -1,0 +1,194 @@
+"""Cross-validation of the inner problem, at the price of one accumulation.
+
+The normal equations of all samples are the sum of the folds', so leaving a fold out is a subtraction, and the error on
+it is the quadratic form of its own equations. Neither touches the samples again: a λ costs one factorization a fold.
+
+The same holds for textures: the equations of some of them are a block of the equations of all. So the fixed projections
+are accumulated once, all of them together, and every mix of them is judged from its block (`FixedBank`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.factor.projection import Projection
+from homofact.factor.textures import LogSamples, Shape, Smoothing, inner_problem, per_texel, roughness_of
+from homofact.linear.least_squares import Roughness, solve_penalised
+from homofact.linear.normal import NormalEquations, total
+from homofact.linear.threads import in_parallel
+from homofact.methods.effort import Account, cost_of_solve
+from homofact.methods.validation import Partition
+
+SMOOTHING_STEP = 10**0.5
+SMOOTHING_RANGE = (1e-7, 1e2)
+
+
+@dataclass(frozen=True)
+class Folded:
+    """The normal equations of every fold for fixed projections, ready to be asked about any λ.
+
+    `parts` are the folds of every partition, `shares` the partitions' shares of the judgement, `whole` all samples.
+    """
+
+    parts: tuple[tuple[NormalEquations, ...], ...]
+    shares: tuple[float, ...]
+    whole: NormalEquations
+    roughness: Roughness
+    lookups: int
+    shapes: tuple[Shape, ...]
+
+    @classmethod
+    def of(
+        cls,
+        samples: LogSamples,
+        partitions: tuple[Partition, ...],
+        projections: tuple[Projection, ...],
+        shapes: tuple[Shape, ...],
+    ) -> "Folded":
+        """Accumulate `samples`, fold by fold of every partition."""
+        problem = inner_problem(samples, projections, shapes, 0.0)
+
+        def accumulated(own: Tensor) -> NormalEquations:
+            return replace(
+                problem,
+                coordinates=problem.coordinates[own],
+                targets=problem.targets[own],
+                weights=problem.weights[own],
+            ).data
+
+        # The first partition's samples that are never left out are a piece too, so that its pieces add up to all.
+        pieces = [
+            (number, fold)
+            for number, partition in enumerate(partitions)
+            for fold in partition.folds.unique().tolist()
+            if fold >= 0 or number == 0
+        ]
+        made = in_parallel(lambda piece: accumulated(partitions[piece[0]].folds == piece[1]), pieces)
+        found = list(zip(pieces, made, strict=True))
+        whole = total([each for (number, _), each in found if number == 0])
+        parts = tuple(
+            tuple(each for (owner, fold), each in found if owner == number and fold >= 0)
+            for number in range(len(partitions))
+        )
+        shares = tuple(partition.share for partition in partitions)
+        return cls(parts, shares, whole, problem.roughness, len(problem.lookups), shapes)
+
+    def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
+        """Mean squared log error of the left-out samples under the texels of all others, with this λ.
+
+        Weighted by the samples' weights within a partition, by the shares between partitions. `folds` leaves out
+        only so many folds of each partition: a first look at a fraction of the price.
+        """
+        spread = per_texel(smoothing, self.shapes)
+        chosen = [parts[:folds] for parts in self.parts]
+
+        def left_out(part: NormalEquations) -> float:
+            texels = solve_penalised(self.whole, self.roughness, spread, self.lookups, part)
+            return part.error(texels) * part.weight
+
+        errors = iter(in_parallel(left_out, [part for parts in chosen for part in parts]))
+        return sum(
+            share * sum(next(errors) for _ in parts) / sum(part.weight for part in parts)
+            for share, parts in zip(self.shares, chosen, strict=True)
+        )
+
+    def solves(self, folds: int | None = None) -> int:
+        """How many systems `error` solves."""
+        return sum(len(parts[:folds]) for parts in self.parts)
+
+    def best_smoothing(
+        self, start: tuple[float, ...], account: Account, folds: int | None = None
+    ) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): from `start` downhill with all of them scaled alike, in decades.
+
+        The error is that of as many folds as `error` is asked for.
+        """
+        return self._descend(start, [tuple(range(len(start)))], 2, account, folds)
+
+    def best_each(
+        self, start: tuple[float, ...], account: Account, stride: int = 2, folds: int | None = None
+    ) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): downhill one texture after another, in `stride` half decades."""
+        return self._descend(start, [(j,) for j in range(len(start))], stride, account, folds)
+
+    def _descend(
+        self,
+        start: tuple[float, ...],
+        groups: list[tuple[int, ...]],
+        stride: int,
+        account: Account,
+        folds: int | None,
+    ) -> tuple[tuple[float, ...], float]:
+        """No step is begun once the account is spent; the start itself is always judged."""
+
+        def judged(smoothing: tuple[float, ...]) -> float:
+            account.spend(self.solves(folds) * cost_of_solve(self.unknowns))
+            return self.error(smoothing, folds)
+
+        best, lowest = start, judged(start)
+        low, high = SMOOTHING_RANGE
+        for group in groups:
+            for direction in (stride, -stride):
+                moved = False
+                while not account.over:
+                    trial = tuple(
+                        value * SMOOTHING_STEP**direction if j in group else value for j, value in enumerate(best)
+                    )
+                    if not all(low <= trial[j] <= high for j in group):
+                        break
+                    error = judged(trial)
+                    if error >= lowest:
+                        break
+                    best, lowest, moved = trial, error, True
+                if moved:
+                    break
+        return best, lowest
+
+    @property
+    def unknowns(self) -> int:
+        """T, the texels of all textures."""
+        return int(self.whole.matrix.shape[0])
+
+
+@dataclass(frozen=True)
+class FixedBank:
+    """Fixed projections accumulated together, and the equations of any mix of them."""
+
+    projections: tuple[Projection, ...]
+    folded: Folded
+
+    @classmethod
+    def of(
+        cls,
+        samples: LogSamples,
+        partitions: tuple[Partition, ...],
+        projections: tuple[Projection, ...],
+        shapes: tuple[Shape, ...],
+    ) -> "FixedBank":
+        """Accumulate all of `projections` in one pass."""
+        return cls(projections, Folded.of(samples, partitions, projections, shapes))
+
+    def mix(self, chosen: tuple[int, ...]) -> Folded:
+        """The equations of the projections at `chosen`, in that order: a block of the whole matrix."""
+        folded = self.folded
+        sizes = [rows * columns for rows, columns in folded.shapes]
+        begin = np.cumsum([0, *sizes])
+        slices = [slice(begin[j], begin[j + 1]) for j in chosen]
+        unknowns = torch.cat([torch.arange(begin[j], begin[j + 1]) for j in chosen])
+
+        def block(equations: NormalEquations) -> NormalEquations:
+            matrix = equations.matrix.numpy()
+            cut = np.block([[matrix[rows, columns] for columns in slices] for rows in slices])
+            return NormalEquations(torch.from_numpy(cut), equations.rhs[unknowns], equations.energy, equations.weight)
+
+        shapes = tuple(folded.shapes[j] for j in chosen)
+        return Folded(
+            tuple(tuple(map(block, parts)) for parts in folded.parts),
+            folded.shares,
+            block(folded.whole),
+            roughness_of(shapes),
+            sum(self.projections[j].lookups for j in chosen),
+            shapes,
+        )
