@@ -4,22 +4,31 @@
     fitted = homofact.fit(samples, textures=2)
     fitted.evaluate(wi, wo)
 
-The names here are loaded when first used, so that `import homofact` stays quick.
+The names here are loaded when first used, so that `import homofact` stays quick; the methods do not load torch before
+they fit.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from homofact.version import __version__
 
 if TYPE_CHECKING:
     from homofact.api import fit, load, read
+    from homofact.methods.cole import Cole
+    from homofact.methods.mccool import McCool
+    from homofact.methods.nmf import Nmf
+    from homofact.methods.search import Search
+    from homofact.methods.svd import Svd
 
-__all__ = ["__version__", "fit", "load", "read"]
+__all__ = ["Cole", "McCool", "Nmf", "Search", "Svd", "__version__", "fit", "load", "read"]
+
+_HOMES = {name: "homofact.api" for name in ("read", "fit", "load")} | {
+    name: f"homofact.methods.{name.lower()}" for name in ("Search", "Cole", "McCool", "Svd", "Nmf")
+}
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("read", "fit", "load"):
-        from homofact import api
-
-        return getattr(api, name)
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'homofact' has no attribute {name!r}")

@@ -1,9 +1,9 @@
 """The five lines of Python: read, fit, evaluate, save, load.
 
 source = homofact.read("paint.brdf")              # or "material:lafortune-blue-paint"
-factorization = homofact.fit(source, textures=2)
-values = factorization.evaluate(wi, wo)           # (N, 3) in sr⁻¹
-factorization.save("paint.npz")
+fitted = homofact.fit(source, textures=2)         # or homofact.fit(source, homofact.Cole(textures=5))
+values = fitted.evaluate(wi, wo)                  # (N, 3) in sr⁻¹; fitted.report and fitted.verdict say how it went
+fitted.save("paint.npz")
 same = homofact.load("paint.npz")
 """
 
@@ -13,12 +13,14 @@ from typing import Any
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
-from homofact.evaluate.compare import training_samples
+from homofact.evaluate.metrics import measure
 from homofact.evaluate.split import Split
+from homofact.evaluate.verdict import judge
 from homofact.export.result import open_result
 from homofact.factor.fitted import Fitted
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import run
+from homofact.methods.fitting import Fit, Method, ProgressCallback
+from homofact.methods.search import Search
+from homofact.methods.table import made
 
 
 def read(source: str, *, channels: str = "rgb", count: int = 45_000, seed: int = 0) -> Source:
@@ -29,24 +31,36 @@ def read(source: str, *, channels: str = "rgb", count: int = 45_000, seed: int =
     return open_source(source, channels=channels, count=count, seed=seed)
 
 
-def fit(source: Source | Samples, **settings: Any) -> Fitted:
-    """Factor all samples of a source by `FitSettings(**settings)`; nothing is held out, as the fit's split says.
+def fit(
+    source: Source | Samples, method: Method | None = None, *, progress: ProgressCallback | None = None, **settings: Any
+) -> Fit:
+    """Factor all samples of a source by a method (`Search`, `Cole`, `McCool`, `Svd`, `Nmf`), or `Search(**settings)`.
 
-    Use `homofact.evaluate.compare.fit_and_measure` for a fit with an honest error. Bare `Samples` are taken
-    as they are and leave the fit without a split; pass `epsilon` with measured ones (1e-2 where zeros and noise are
-    to be expected). Raises BadInput for settings that cannot be meant.
+    Nothing is held out, as the fit's split says: the verdict judges the fit on the samples that it was made from,
+    turned at random where they are isotropic, and cannot see what is learnt by heart.
+    `homofact.evaluate.compare.fit_and_measure` gives an honest error. Bare `Samples` leave the fit without a split;
+    pass `epsilon` with measured ones (1e-2 where zeros and noise are to be expected). Raises BadInput for settings that
+    cannot be meant or that the method does not have.
     """
-    try:
-        chosen = FitSettings(**settings)
-    except TypeError as error:
-        known = ", ".join(FitSettings.__dataclass_fields__)
-        raise BadInput(f"fit: {error}, expected settings among {known}") from error
+    if method is None:
+        method = made(Search.name, settings)
+    elif settings:
+        raise BadInput(
+            f"fit: found a method and {', '.join(settings)} beside it, expected a method with its settings,"
+            f" as in {type(method).__name__}({', '.join(f'{name}=...' for name in settings)})"
+        )
+    elif not hasattr(method, "fit"):
+        raise BadInput(f"method: found {method!r}, expected one such as homofact.McCool(size=16)")
     if isinstance(source, Samples):
-        return run(source, chosen).factorization
-    if chosen.epsilon is None:
-        chosen = replace(chosen, epsilon=source.default_epsilon)
-    train, _ = Split.of(source, 0.0, chosen.seed).parts(source)
-    return run(training_samples(source, train, chosen), chosen).factorization
+        samples = source
+    else:
+        method = method if method.epsilon is not None else replace(method, epsilon=source.default_epsilon)
+        samples, _ = Split.of(source, 0.0, method.seed).parts(source)
+    found = method.fit(samples, progress)
+    turned = samples.rotated_at_random(method.seed)
+    errors = measure(found.factorization, turned, found.factorization.transform)
+    verdict = judge(found.factorization, found.report, method, samples, turned, (errors, errors))
+    return replace(found, verdict=verdict)
 
 
 def load(path: str) -> Fitted:

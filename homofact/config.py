@@ -5,7 +5,7 @@ other value, since only a missing key falls through. The sections:
 
     seed = 0             # of sampling, split and fit
     [source]             # what is read or sampled: `SourceSettings`
-    [fit]                # `factor.settings.FitSettings`, all but its seed
+    [fit]                # the method's name and its settings, all but its seed: `FitSection`
     [evaluate]           # `EvaluateSettings`
     [compare]            # `CompareSettings`
     [chart]              # `ChartSettings`
@@ -16,160 +16,90 @@ Paths in a file are relative to the working folder, as they are on the command l
 value of the wrong type is `BadInput` naming file, key and the nearest known key or the expected type.
 """
 
-import difflib
-import math
-import tomllib
-import types
 import typing
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
-from homofact.methods.settings import FitSettings
-
-
-@dataclass(frozen=True)
-class SourceSettings:
-    """What is read: a file's path or `material:NAME`, its channels, and how a model is sampled.
-
-    `channels` is rgb, luminance, spectral or one channel's name; `count` (pairs of directions) and
-    `scheme` count for analytic models only. `subset` above 0 is the most samples that a fit is given, drawn by
-    cells (`brdf.stratified`).
-    """
-
-    path: str | None = None
-    channels: str = "rgb"
-    count: int = 45_000
-    scheme: str = "discs"
-    subset: int = 0
-
-    def __post_init__(self) -> None:
-        """Refuse a count that leaves nothing to fit."""
-        if self.subset < 0:
-            raise BadInput(f"subset: found {self.subset}, expected at least 1, or 0 for all samples")
-        if self.count < 1:
-            raise BadInput(f"count: found {self.count}, expected at least 1")
-
-
-@dataclass(frozen=True)
-class EvaluateSettings:
-    """`held_out`: the part of the measured samples kept from the fit, drawn by the seed."""
-
-    held_out: float = 0.2
-
-    def __post_init__(self) -> None:
-        """Refuse a part that leaves nothing to fit or nothing to test."""
-        if not 0 < self.held_out < 1:
-            raise BadInput(f"held_out: found {self.held_out}, expected between 0 and 1")
-
-
-@dataclass(frozen=True)
-class CompareSettings:
-    """`methods` are fitted side by side; `plot` is the figure's file, where one is wanted.
-
-    `metrics` names what they are measured by: six, all, or single metrics.
-
-    A method is a name, or `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`).
-    """
-
-    methods: tuple[str, ...] = ("mccool", "cole", "search")
-    plot: str | None = None
-    metrics: tuple[str, ...] = ("six",)
-
-    def __post_init__(self) -> None:
-        """Refuse an empty list and a method named twice."""
-        if not self.methods or len(set(self.methods)) < len(self.methods):
-            found = ", ".join(self.methods) if self.methods else "none"
-            raise BadInput(f"methods: found {found}, expected at least one, none twice")
-
-
-@dataclass(frozen=True)
-class ChartSettings:
-    """What a chart runs on each of `sources`: methods × counts of textures × sizes × searches.
-
-    A method is named as for a comparison; McCool's fixed lists take neither counts nor searches, and only
-    `search` takes searches. No sources means the one of [source].
-    """
-
-    sources: tuple[str, ...] = ()
-    methods: tuple[str, ...] = ("mccool", "cole", "search")
-    textures: tuple[int, ...] = (1, 2, 3)
-    sizes: tuple[int, ...] = (8, 16, 32)
-    searches: tuple[str, ...] = ("gradient",)
-
-    def __post_init__(self) -> None:
-        """Refuse an empty list and an entry named twice."""
-        for field in fields(self):
-            found = getattr(self, field.name)
-            if (not found and field.name != "sources") or len(set(found)) < len(found):
-                listed = ", ".join(map(str, found)) if found else "none"
-                raise BadInput(f"{field.name}: found {listed}, expected at least one, none twice")
-
-
-@dataclass(frozen=True)
-class OutputSettings:
-    """Where the result goes (`folder`), and whether a result already there is replaced (`force`)."""
-
-    folder: str | None = None
-    force: bool = False
-
-
-@dataclass(frozen=True)
-class RenderSettings:
-    """How a sphere is drawn.
-
-    `light` points to a directional light (any length; x right, y up, z to the viewer), None is the light of
-    the comparison pictures; `environment` is a lat-long .hdr or .exr file that takes its place, `size` the
-    picture's pixels on a side, `file` where it goes.
-    """
-
-    light: tuple[float, float, float] | None = None
-    environment: str | None = None
-    size: int = 384
-    file: str | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse a light without direction and a picture too small to hold a sphere."""
-        if self.light is not None and not 0 < math.hypot(*self.light) < math.inf:
-            raise BadInput(f"light: found {self.light}, expected a direction x,y,z that is not zero")
-        if self.light is not None and self.environment is not None:
-            raise BadInput("light: found beside an environment, expected one of the two")
-        if not 16 <= self.size <= 8192:
-            raise BadInput(f"size: found {self.size}, expected 16 to 8192 pixels")
+from homofact.files.reading import read_toml
+from homofact.files.tables import described, nearest_key, plain_value
+from homofact.methods import shared
+from homofact.methods.search import Search
+from homofact.methods.table import METHODS
+from homofact.options import Declared, options_of
+from homofact.sections import (
+    ChartSettings,
+    CompareSettings,
+    EvaluateSettings,
+    FitSection,
+    OutputSettings,
+    RenderSettings,
+    SourceSettings,
+)
 
 
 @dataclass(frozen=True)
 class Config:
-    """A whole run's settings; every command uses its part."""
+    """A whole run's settings; every command uses its part.
+
+    `given` are the keys that were not left to their defaults.
+    """
 
     seed: int
     source: SourceSettings
-    fit: FitSettings
+    fit: FitSection
     evaluate: EvaluateSettings
     compare: CompareSettings
     chart: ChartSettings
     output: OutputSettings
     render: RenderSettings
+    given: frozenset[str] = frozenset()
 
 
 _SECTIONS: dict[str, Any] = {
     "source": SourceSettings,
-    "fit": FitSettings,
+    "fit": FitSection,
     "evaluate": EvaluateSettings,
     "compare": CompareSettings,
     "chart": ChartSettings,
     "output": OutputSettings,
     "render": RenderSettings,
 }
-# The run's one seed is a key of its own, so [fit] has none.
-_TYPES: dict[str, Any] = {"seed": int} | {
-    f"{section}.{field.name}": typing.get_type_hints(cls)[field.name]
-    for section, cls in _SECTIONS.items()
-    for field in fields(cls)
-    if (section, field.name) != ("fit", "seed")
-}
+
+
+@dataclass(frozen=True)
+class _Seed:
+    seed: int = shared.seed()
+
+
+SEED = options_of(_Seed)["seed"]
+
+
+def fit_options() -> dict[str, dict[str, Declared]]:
+    """The settings of all methods but the seed, by name: each as the methods that have it declare it."""
+    found: dict[str, dict[str, Declared]] = {}
+    for name, method in METHODS.items():
+        for setting, declared in options_of(method).items():
+            if setting != "seed":
+                found.setdefault(setting, {})[name] = declared
+    return found
+
+
+def section_options() -> dict[str, Declared]:
+    """The options of all sections by their dotted keys, but for the methods' settings."""
+    return {
+        f"{section}.{name}": declared
+        for section, settings in _SECTIONS.items()
+        for name, declared in options_of(settings).items()
+    }
+
+
+def _known() -> dict[str, tuple[Declared, ...]]:
+    """Every key of a configuration, with the options that may stand there."""
+    known = {"seed": (SEED,)} | {f"fit.{name}": tuple(each.values()) for name, each in fit_options().items()}
+    return known | {key: (declared,) for key, declared in section_options().items()}
 
 
 def load_config(path: str | Path | None = None, given: Mapping[str, Any] | None = None) -> Config:
@@ -181,104 +111,72 @@ def load_config(path: str | Path | None = None, given: Mapping[str, Any] | None 
     file = {} if path is None else _read(Path(path))
     mine = {key: value for key, value in (given or {}).items() if value is not None}
     values = {**file, **mine}
-    seed = values.get("seed", 0)
+    places = {key: f"{path}: {key}" for key in file if key not in mine}
 
-    def build(section: str) -> Any:
-        own = {key.partition(".")[2]: v for key, v in values.items() if key.startswith(f"{section}.")}
-        if section == "fit":
-            own["seed"] = seed
+    def placed(section: str, make: typing.Callable[[], Any]) -> Any:
         try:
-            return _SECTIONS[section](**own)
+            return make()
         except BadInput as error:
-            name = str(error).partition(":")[0]
-            key = name if name == "seed" else f"{section}.{name}"
-            if key in file and key not in mine:
-                raise BadInput(f"{path}: {key}{str(error)[len(name) :]}") from error
+            name, colon, rest = str(error).partition(":")
+            key = f"{section}.{name}" if section else name
+            if key in places:
+                raise BadInput(f"{places[key]}{colon}{rest}") from error
             raise
 
-    return Config(seed=seed, **{section: build(section) for section in _SECTIONS})
+    seed = placed("", lambda: SEED.checked(values.get("seed", 0)))
+
+    def build(section: str) -> Any:
+        own = {key.partition(".")[2]: value for key, value in values.items() if key.startswith(f"{section}.")}
+        if section != "fit":
+            return placed(section, lambda: _SECTIONS[section](**own))
+        method = own.pop("method", Search.name)
+        for name, value in own.items():
+            placed(section, lambda name=name, value=value: _check_for_some(name, value))
+        spots = {key.partition(".")[2]: place for key, place in places.items() if key.startswith("fit.")}
+        return FitSection(method, own | {"seed": seed}, spots)
+
+    return Config(seed=seed, given=frozenset(values), **{section: build(section) for section in _SECTIONS})
+
+
+def _check_for_some(name: str, value: Any) -> None:
+    """Raise BadInput for a value that no method takes for this setting: known even where no method is made."""
+    wrong: BadInput | None = None
+    for declared in fit_options()[name].values():
+        try:
+            declared.checked(value)
+        except BadInput as error:
+            wrong = wrong or error
+        else:
+            return
+    if wrong is not None:
+        raise wrong
 
 
 def _read(path: Path) -> dict[str, Any]:
     """Dotted keys and checked values of a TOML file."""
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise BadInput(f"{path}: no such file, expected a TOML configuration") from error
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}), expected a TOML configuration") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: not TOML: {error}") from error
     values: dict[str, Any] = {}
-    for name, entry in table.items():
+    for name, entry in read_toml(path, "a TOML configuration").items():
         if name in _SECTIONS:
             if not isinstance(entry, dict):
-                raise BadInput(f"{path}: {name}: found {_described(entry)}, expected a section [{name}]")
+                raise BadInput(f"{path}: {name}: found {described(entry)}, expected a section [{name}]")
             values |= {f"{name}.{key}": value for key, value in entry.items()}
         elif isinstance(entry, dict):
-            nearest = _nearest(name, list(_SECTIONS))
+            nearest = nearest_key(name, list(_SECTIONS))
             raise BadInput(f"{path}: unknown section [{name}], the nearest known one is [{nearest}]")
         else:
             values[name] = entry
+    known = _known()
     for key, value in values.items():
-        if key not in _TYPES:
-            raise BadInput(f"{path}: unknown key {key}, the nearest known one is {_nearest_key(key)}")
-        values[key] = _checked(value, _TYPES[key], f"{path}: {key}")
+        if key not in known:
+            raise BadInput(f"{path}: unknown key {key}, the nearest known one is {nearest_key(key, list(known))}")
+        values[key] = _checked(value, known[key], f"{path}: {key}")
     return values
 
 
-def _nearest(name: str, known: list[str]) -> str:
-    return difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
-
-
-def _nearest_key(key: str) -> str:
-    """The known key most like `key`: the same name under another heading, else by likeness, its own first."""
-    section, _, name = key.rpartition(".")
-
-    def likeness(known: str) -> tuple[bool, float, bool]:
-        theirs, _, last = known.rpartition(".")
-        return last == name, difflib.SequenceMatcher(None, name, last).ratio(), theirs == section
-
-    return max(_TYPES, key=likeness)
-
-
-def _checked(value: Any, hint: Any, where: str) -> Any:
-    """`value` as `hint` wants it: whole numbers pass for floats, arrays become tuples, nothing else bends."""
-    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
-    for option in options:
-        if typing.get_origin(option) is tuple:
-            items = typing.get_args(option)
-            if not isinstance(value, list):
-                continue
-            if items[-1] is Ellipsis:
-                return tuple(_checked(item, items[0], f"{where}[{i}]") for i, item in enumerate(value))
-            if len(value) == len(items):
-                return tuple(_checked(item, items[i], f"{where}[{i}]") for i, item in enumerate(value))
-        elif option is float and isinstance(value, int | float) and not isinstance(value, bool):
-            return float(value)
-        elif type(value) is option:
-            return value
-    raise BadInput(f"{where}: found {_described(value)}, expected {_expected(options)}")
-
-
-_WORDS = {int: "a whole number", float: "a number", str: "a string", bool: "true or false"}
-
-
-def _expected(options: tuple[Any, ...]) -> str:
-    option = options[0]
-    if typing.get_origin(option) is not tuple:
-        return _WORDS[option]
-    items = typing.get_args(option)
-    if items[-1] is Ellipsis:
-        return f"an array, each {_WORDS[items[0]]}"
-    return f"an array of {len(items)}, each {_WORDS[items[0]]}"
-
-
-def _described(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return f"the string {value!r}"
-    if isinstance(value, list):
-        return f"an array of {len(value)}"
-    return "a section" if isinstance(value, dict) else f"{value!r}"
+def _checked(value: Any, options: tuple[Declared, ...], where: str) -> Any:
+    """`value` as one of the options wants it; a list of names may be a text that joins them."""
+    kinds = tuple(dict.fromkeys(kind for each in options for kind in each.kinds))
+    listed = any(typing.get_origin(kind) is tuple for kind in kinds)
+    if listed and isinstance(value, str) and "+" in options[0].option.separators:
+        return options[0].from_text(value)
+    return plain_value(value, kinds, where)

@@ -29,9 +29,13 @@ from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, texture_shape
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import method
-from homofact.methods.validation import Folded, deal
+from homofact.methods.effort import Account
+from homofact.methods.fitting import Method
+from homofact.methods.folded import Folded
+from homofact.methods.mccool import McCool
+from homofact.methods.search import Search
+from homofact.methods.table import mccool_like
+from homofact.methods.validation import partitions_of
 
 
 def blue(short: bool) -> str:
@@ -42,16 +46,16 @@ def blue(short: bool) -> str:
     for draw in range(draws):
         train = sample_model(model, count=count, seed=2 * draw).channel("G")
         test = sample_model(model, count=count, seed=2 * draw + 1).channel("G")
-        for name, settings in (
-            ("mccool", FitSettings(method="mccool", epsilon=NOISE_FREE_EPSILON)),
-            ("search", FitSettings(textures=2, epsilon=NOISE_FREE_EPSILON, budget=5 if short else 30)),
+        for method in (
+            McCool(epsilon=NOISE_FREE_EPSILON),
+            Search(textures=2, epsilon=NOISE_FREE_EPSILON, budget=5 if short else 30),
         ):
-            fit = method(settings.method).fit(train, settings, None)
+            fit = method.fit(train)
             transform = fit.factorization.transform
             errors = [measure(fit.factorization, samples, transform).log_mse for samples in (train, test)]
             kinds = " · ".join(term.projection.coordinates for term in fit.factorization.terms)
             numbers = [figure(value) for value in (*errors, fit.report.seconds)]
-            rows.append((draw, name, kinds, *numbers, fit.report.status.value))
+            rows.append((draw, method.name, kinds, *numbers, fit.report.status.value))
     return markdown(("draw", "method", "coordinates", "train", "second draw", "seconds", "ended"), rows)
 
 
@@ -73,12 +77,12 @@ def cornell(short: bool) -> str:
     for file in files[:1] if short else files:
         paint = file.stem
         source = open_source(str(file))
-        base = FitSettings(epsilon=MEASURED_EPSILON, budget=5 if short else 30)
+        base = Search(epsilon=MEASURED_EPSILON, budget=5 if short else 30)
 
-        def errors(settings: FitSettings, source: Source = source) -> list[float]:
+        def errors(settings: Method, source: Source = source) -> list[float]:
             return [fit_and_measure(source, replace(settings, seed=s)).held_out.log_mse for s in seeds]
 
-        mccool = errors(replace(base, method="mccool"))
+        mccool = errors(mccool_like(base))
         rbf = [interpolant_error(source, seed) for seed in seeds]
 
         def row(name: str, found: list[float], mccool: list[float] = mccool, paint: str = paint) -> tuple[str, ...]:
@@ -106,10 +110,10 @@ def anisotropic(short: bool) -> str:
     rows = []
     for name in ("ward-brushed", "ashikhmin-shirley-wang"):
         source = open_source(f"material:{name}", count=3000 if short else 45_000)
-        mccool = fit_and_measure(source, FitSettings(method="mccool")).held_out.log_mse
+        mccool = fit_and_measure(source, McCool()).held_out.log_mse
         rows.append((name, "mccool", "wi · h", figure(mccool), 1, "", ""))
         for textures in (2,) if short else (2, 4):
-            row = fit_and_measure(source, FitSettings(textures=textures, budget=5 if short else 40))
+            row = fit_and_measure(source, Search(textures=textures, budget=5 if short else 40))
             kinds = " · ".join(term.projection.coordinates for term in row.factorization.terms)
             error = row.held_out.log_mse
             numbers = [figure(value) for value in (error, error / mccool, row.seconds_fit)]
@@ -131,9 +135,9 @@ def rings(short: bool) -> str:
             )
             shapes = tuple(texture_shape(projection, 16) for projection in projections)
             for by_rings in (False, True):
-                folded = Folded.of(logs, deal(train, 4, 0, rings=by_rings), projections, shapes)
-                smoothing, together = folded.best_smoothing((1e-3,) * len(kinds))
-                _, error = folded.best_each(smoothing)
+                folded = Folded.of(logs, partitions_of(train, 4, 0, rings=by_rings), projections, shapes)
+                smoothing, together = folded.best_smoothing((1e-3,) * len(kinds), Account())
+                _, error = folded.best_each(smoothing, Account())
                 judged = "rings" if by_rings else "samples"
                 rows.append((file.stem, " · ".join(kinds), judged, figure(together), figure(error)))
     header = ("paint", "mix", "left out", "error, one λ", "error, λ for each")

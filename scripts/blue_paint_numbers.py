@@ -20,8 +20,9 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import RADIUS_SQUARED, sample_model
 from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import method
+from homofact.methods.cole import Cole
+from homofact.methods.fitting import Method
+from homofact.methods.table import mccool_like
 
 MATERIAL, CHANNEL = "lafortune-blue-paint", "G"
 SECOND = 1_000_000  # the second draw of seed s has seed s + SECOND
@@ -34,9 +35,9 @@ def draw(count: int, seed: int) -> Samples:
     return sample_model(material(MATERIAL).model, count, "discs", seed).channel(CHANNEL)
 
 
-def errors(count: int, settings: FitSettings) -> tuple[float, float]:
+def errors(count: int, settings: Method) -> tuple[float, float]:
     """(training, second draw) Cole errors of one fit to the draw of its seed."""
-    fitted = method(settings.method).fit(draw(count, settings.seed), settings, None).factorization
+    fitted = settings.fit(draw(count, settings.seed)).factorization
     first, second = (
         measure(fitted, draw(count, seed), fitted.transform).log_mse for seed in (settings.seed, settings.seed + SECOND)
     )
@@ -51,21 +52,21 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--samples", type=int, default=45_000)
     parser.add_argument("--out", type=Path, help="a Markdown file to write as well")
     chosen = parser.parse_args(arguments)
-    settings = FitSettings(method="cole", textures=2, size=16, epsilon=1e-5)
+    settings = Cole(textures=2, size=16, epsilon=1e-5)
     count = chosen.samples
     if chosen.short:
         settings = replace(settings, size=6, restarts=1, search_size=4, search_samples=300)
         count, chosen.draws, chosen.seeds = 1500, 3, chosen.seeds[:2]
     seeds = sorted({*range(chosen.draws), *chosen.seeds})
-    mccool = {seed: errors(count, replace(settings, method="mccool", seed=seed)) for seed in seeds}
+    mccool = {seed: errors(count, mccool_like(replace(settings, seed=seed))) for seed in seeds}
     lines = [
         "# Blue paint: McCool's projections and two searched textures",
         "",
         f"- {MATERIAL}, channel {CHANNEL}; {count} pairs uniform in the parabolic discs, r² < {RADIUS_SQUARED};"
-        f" second draw the same; {settings.size}², ε = {settings.epsilon:g}, smoothing {settings.fixed_smoothing:g};"
+        f" second draw the same; {settings.size}², ε = {settings.epsilon:g}, smoothing {settings.smoothing:g};"
         " Cole error (log_mse); float64",
         f"- search: {settings.search_size}² on {settings.search_samples} samples, {settings.restarts} restarts,"
-        f" reciprocal, last {settings.together} together; draw of seed s, second draw of seed s + {SECOND}",
+        f" reciprocal, last {settings.joint_terms} jointly; draw of seed s, second draw of seed s + {SECOND}",
         f"- {machine()}",
         *(["- a smoke test: the figures mean nothing"] if chosen.short else []),
         "",
@@ -90,18 +91,18 @@ def main(arguments: list[str] | None = None) -> int:
             )
         )
     rows = []
-    for parameterization in ("in-out", "half-diff"):
+    for coordinates in ("in-out", "half-diff"):
         ratios = []
         for seed in chosen.seeds:
-            first, second = errors(count, replace(settings, parameterization=parameterization, seed=seed))
+            first, second = errors(count, replace(settings, coordinates=coordinates, seed=seed))
             ratios.append((first / mccool[seed][0], second / mccool[seed][1]))
-            rows.append((parameterization, seed, figure(first), figure(second), *map(figure, ratios[-1])))
+            rows.append((coordinates, seed, figure(first), figure(second), *map(figure, ratios[-1])))
         for values, words in zip(zip(*ratios, strict=True), ("training", "second draw"), strict=True):
-            limit = TARGETS[parameterization]
+            limit = TARGETS[coordinates]
             held = "held" if max(values) <= limit else "NOT held"
             verdicts.append(
                 (
-                    f"{parameterization} / McCool, {words}",
+                    f"{coordinates} / McCool, {words}",
                     f"at most {limit:g}",
                     spread(values),
                     f"worst {figure(max(values))}: {held}",

@@ -2,7 +2,7 @@
 
     python scripts/compare_with_mccool.py [SOURCE ...] [--out FOLDER] [--short]
 
-Each material × both parameterizations × reciprocity on and off × 1 to 5 textures: the projections searched
+Each material × both coordinates × reciprocity on and off × 1 to 5 textures: the projections searched
 small, the textures solved at 24², all six errors on training and held-out samples beside those of McCool's
 projections at the same size, and a verdict on each statement of the thesis's section 4.4. SOURCE adds a
 material:NAME or a file to the thesis's own. The measurements of leather and velvet (CUReT) are not here.
@@ -10,7 +10,6 @@ material:NAME or a file to the thesis's own. The measurements of leather and vel
 
 import csv
 import io
-import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -27,7 +26,9 @@ from thesis_statements import MCCOOL, Errors, Key, judge
 from homofact.brdf.source import Source, open_source
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.machine import machine
-from homofact.methods.settings import FitSettings
+from homofact.files.atomic import replace_file
+from homofact.methods.cole import Cole
+from homofact.methods.table import mccool_like
 
 MATERIALS = ("material:lafortune-blue-paint", "material:cook-torrance-plastic")
 METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")
@@ -40,12 +41,12 @@ STYLES = {
 }
 
 
-def experiment(source: Source, settings: FitSettings) -> list[Row]:
+def experiment(source: Source, settings: Cole) -> list[Row]:
     """McCool's row, then 1 … n textures of the four variants of the search."""
-    rows = [fit_and_measure(source, replace(settings, method="mccool"))]
-    for parameterization, reciprocal in VARIANTS:
+    rows = [fit_and_measure(source, mccool_like(settings))]
+    for coordinates, reciprocal in VARIANTS:
         began = time.perf_counter()
-        rows += ladder(source, replace(settings, parameterization=parameterization, reciprocal=reciprocal))
+        rows += ladder(source, replace(settings, coordinates=coordinates, reciprocal=reciprocal))
         print(
             f"{source.name}, {variant(rows[-1])}: {time.perf_counter() - began:.0f} s, Cole error"
             f" {figure(rows[-1].train.log_mse)} at {len(rows[-1].factorization.terms)} textures"
@@ -56,20 +57,19 @@ def experiment(source: Source, settings: FitSettings) -> list[Row]:
 
 
 def variant(row: Row) -> str:
-    """The name of a row's method: McCool, or parameterization and reciprocity."""
-    if row.settings.method == "mccool":
+    """The name of a row's method: McCool, or coordinates and reciprocity."""
+    if not isinstance(row.settings, Cole):
         return "McCool (ωi, h, ωo)"
-    return f"{row.settings.parameterization}, {'reciprocal' if row.settings.reciprocal else 'free'}"
+    return f"{row.settings.coordinates}, {'reciprocal' if row.settings.reciprocal else 'free'}"
 
 
 def record(row: Row, sampling: str) -> dict[str, Any]:
     """The row of the CSV file."""
-    searched = row.settings.method != "mccool"
     facts = row.record()
     return {
         "source": row.source,
-        "method": row.settings.method,
-        "parameterization": row.settings.parameterization if searched else "wi,h,wo",
+        "method": row.settings.name,
+        "coordinates": row.settings.coordinates if isinstance(row.settings, Cole) else "wi,h,wo",
         "reciprocal": int(row.settings.reciprocal),
         "textures": facts["textures"],
         "size": row.settings.size,
@@ -87,7 +87,7 @@ def record(row: Row, sampling: str) -> dict[str, Any]:
     }
 
 
-def sampling_of(source: Source, settings: FitSettings) -> str:
+def sampling_of(source: Source, settings: Cole) -> str:
     """In words, where the samples of a source come from and how they were split."""
     facts = source.samples.provenance.get("sampling")
     if facts:
@@ -106,7 +106,7 @@ def errors_of(rows: Sequence[Row], part: str) -> Errors:
     return {
         Key(
             row.source,
-            MCCOOL if row.settings.method == "mccool" else str(row.settings.parameterization),
+            row.settings.coordinates if isinstance(row.settings, Cole) else MCCOOL,
             row.settings.reciprocal,
             len(row.factorization.terms),
         ): getattr(row, part).log_mse
@@ -150,7 +150,7 @@ def draw(path: Path, records: Sequence[Mapping[str, Any]], title: str) -> None:
                     error = float(row[f"{part}_log_mse"])
                     panel.axhline(error, color="black", linestyle="--", linewidth=1.2, label="McCool (ωi, h, ωo)")
             for name, reciprocal in VARIANTS:
-                line = [row for row in own if (row["parameterization"], int(row["reciprocal"])) == (name, reciprocal)]
+                line = [row for row in own if (row["coordinates"], int(row["reciprocal"])) == (name, reciprocal)]
                 colour, style, marker = STYLES[name, reciprocal]
                 panel.plot(
                     [int(row["textures"]) for row in line],
@@ -178,9 +178,7 @@ def draw(path: Path, records: Sequence[Mapping[str, Any]], title: str) -> None:
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     chart.suptitle(f"{title}\n{records[0]['machine']}", fontsize=9)
-    beside = path.with_name(f".{path.name}.partial")
-    chart.savefig(beside, dpi=120, format="png")
-    os.replace(beside, path)
+    replace_file(path, lambda made: chart.savefig(made, dpi=120, format="png"))
 
 
 def _minor_tick(value: float, _: object) -> str:
@@ -200,9 +198,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--restarts", type=int, default=6)
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)
-    settings = FitSettings(
-        method="cole", textures=chosen.textures, size=chosen.size, restarts=chosen.restarts, seed=chosen.seed
-    )
+    settings = Cole(textures=chosen.textures, size=chosen.size, restarts=chosen.restarts, seed=chosen.seed)
     count = chosen.samples
     if chosen.short:
         settings = replace(settings, textures=2, size=6, restarts=1, search_size=4, search_samples=300, copies=2)
@@ -230,8 +226,8 @@ def main(arguments: list[str] | None = None) -> int:
         *(f"- {name}: ε = {epsilons[name]:g}, {words}" for name, words in samplings.items()),
         *(f"- {message}" for message in missing),
         f"- {settings.textures} textures at most, {settings.size}² in the end; search at {settings.search_size}²"
-        f" on {settings.search_samples} samples, {settings.restarts} restarts, last {settings.together} terms"
-        f" together; smoothing {settings.fixed_smoothing:g}; seed {settings.seed}; RGB, float64",
+        f" on {settings.search_samples} samples, {settings.restarts} restarts, last {settings.joint_terms} terms"
+        f" jointly; smoothing {settings.smoothing:g}; seed {settings.seed}; RGB, float64",
         f"- {machine()}",
         *(["- a smoke test: the figures mean nothing"] if chosen.short else []),
         "",

@@ -5,6 +5,8 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from homofact.files.atomic import write_text
+
 ROOT = Path(__file__).resolve().parent.parent
 CORNELL = ("garnet_red", "krylon_blue", "cayman")
 
@@ -49,11 +51,9 @@ def spread(values: Sequence[float]) -> str:
 
 
 def write(path: Path, text: str) -> None:
-    """Write beside, then rename."""
+    """Write a file whole or not at all, its folder made where it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.partial")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, path)
+    write_text(path, text)
 
 
 def parser_of(description: str | None) -> argparse.ArgumentParser:

@@ -24,9 +24,10 @@ from homofact.brdf.source import Source, open_source
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import SixErrors, six_errors
-from homofact.methods.settings import FitSettings
+from homofact.methods.cole import Cole
+from homofact.methods.table import mccool_like
 
-PARAMETERIZATIONS = ("half-diff", "in-out")
+COORDINATES = ("half-diff", "in-out")
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def fitted_line(paint: str, row: Row, data: Split) -> Line:
     """The line of a fit of ours."""
     settings = row.settings
     count = len(row.factorization.terms)
-    name = "McCool (ωi, h, ωo)" if settings.method == "mccool" else f"cole, {settings.parameterization}"
+    name = f"cole, {settings.coordinates}" if isinstance(settings, Cole) else "McCool (ωi, h, ωo)"
     return Line(
         paint,
         f"{name}, {count} texture{'s' if count > 1 else ''}",
@@ -76,16 +77,16 @@ def fitted_line(paint: str, row: Row, data: Split) -> Line:
     )
 
 
-def fits(source: Source, settings: FitSettings, counts: tuple[int, ...]) -> tuple[list[Line], Split]:
+def fits(source: Source, settings: Cole, counts: tuple[int, ...]) -> tuple[list[Line], Split]:
     """McCool's projections and the searched ones at the asked counts of textures, on one split."""
     paint = Path(source.name).stem
-    mccool = fit_and_measure(source, replace(settings, method="mccool"))
+    mccool = fit_and_measure(source, mccool_like(settings))
     data = Split(*split(source, settings), mccool.factorization.transform)
     lines = [fitted_line(paint, mccool, data)]
-    for parameterization in PARAMETERIZATIONS:
-        rows = ladder(source, replace(settings, parameterization=parameterization, textures=max(counts)))
+    for coordinates in COORDINATES:
+        rows = ladder(source, replace(settings, coordinates=coordinates, textures=max(counts)))
         lines += [fitted_line(paint, rows[count - 1], data) for count in counts]
-        print(f"{paint}, seed {settings.seed}, {parameterization}: {rows[-1].seconds_fit:.0f} s", file=sys.stderr)
+        print(f"{paint}, seed {settings.seed}, {coordinates}: {rows[-1].seconds_fit:.0f} s", file=sys.stderr)
     return lines, data
 
 
@@ -140,7 +141,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--data", type=Path, help="the folder of real measurements")
     parser.add_argument("--out", type=Path, help="a Markdown file to write as well")
     chosen = parser.parse_args(arguments)
-    settings = FitSettings(method="cole", size=16, epsilon=1e-2)
+    settings = Cole(size=16, epsilon=1e-2)
     counts = (2, 5)
     if chosen.short:
         settings = replace(settings, size=6, restarts=1, search_size=4, search_samples=300, copies=2)
@@ -198,7 +199,7 @@ def main(arguments: list[str] | None = None) -> int:
             f"- ε = {settings.epsilon:g}; split by seeds {chosen.seeds} (mean ± deviation), {kept}, {HELD_OUT:.0%}"
             " held out and turned at random; linear sRGB of the measured spectra, float64",
             f"- search at {settings.search_size}² on {settings.search_samples} samples, {settings.restarts} restarts,"
-            f" reciprocal, last {settings.together} together; smoothing {settings.fixed_smoothing:g}",
+            f" reciprocal, last {settings.joint_terms} jointly; smoothing {settings.smoothing:g}",
             *notes,
             f"- {machine()}",
             *(["- a smoke test: the figures mean nothing"] if chosen.short else []),

@@ -30,6 +30,7 @@ from conditions import figure, markdown, parser_of, write
 from cost_of_evaluation import EPSILON, MATERIAL, MIB, forget_peak, load, resident
 
 from homofact.evaluate.machine import machine
+from homofact.files.atomic import replace_file
 
 COUNTS = (3_000, 10_000, 30_000, 100_000, 300_000, 1_100_000)
 TARGET = 1.05
@@ -44,17 +45,18 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
 
     from homofact.factor.objective import Objective
     from homofact.factor.projection import Projection
+    from homofact.factor.search.minimize import minimize
     from homofact.factor.search.nlopt import Nlopt
     from homofact.factor.textures import LogSamples, solve_terms
-    from homofact.geometry.rotation import Pair
-    from homofact.methods.cole_fit import transform_of
-    from homofact.methods.settings import FitSettings
+    from homofact.geometry.rotation import Rotation
+    from homofact.methods.cole import Cole
+    from homofact.methods.fitting import transform_of
 
     torch.set_num_threads(1)
-    settings = FitSettings(epsilon=EPSILON)
+    settings = Cole(epsilon=EPSILON)
     shapes = ((job.size, job.size),) * 2
     generator = torch.Generator().manual_seed(job.seed)
-    pair = tuple(Projection.from_rotation("half-diff", Pair.random(generator), True) for _ in range(2))
+    pair = tuple(Projection.from_rotation("half-diff", Rotation.random(generator), True) for _ in range(2))
     search = Nlopt("LD_LBFGS", evaluations=job.evaluations, tolerance=0.0)
 
     def prepared(count: int) -> LogSamples:
@@ -62,9 +64,9 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
         return LogSamples.of(samples, transform_of(samples, settings))
 
     def whole(data: LogSamples) -> int:
-        objective = Objective(data, pair, shapes, settings.fixed_smoothing)
-        vector, report = search.minimize(objective, objective.start(), seed=job.seed)
-        solve_terms(data, objective.projections(vector), shapes, settings.fixed_smoothing, settings.solver)
+        objective = Objective(data, pair, shapes, settings.smoothing)
+        vector, report = minimize(search, objective, objective.start(), seed=job.seed)
+        solve_terms(data, objective.projections(vector), shapes, settings.smoothing, settings.solver)
         return report.evaluations
 
     whole(prepared(500))
@@ -72,7 +74,7 @@ def cost(job: argparse.Namespace) -> dict[str, Any]:
     held = sum(tensor.numel() * tensor.element_size() for tensor in (data.wi, data.wo, data.logs, data.weights))
 
     before = resident(peak=False)
-    objective = Objective(data, pair, shapes, settings.fixed_smoothing)
+    objective = Objective(data, pair, shapes, settings.smoothing)
     ready = resident(peak=False)
     forget_peak()
     vector = objective.start()
@@ -156,7 +158,7 @@ def draw(path: Path, counts: Sequence[int], found: Sequence[dict[str, Any]], eva
         axis.set_xlabel("samples N")
         axis.legend(frameon=False, fontsize=8)
         axis.spines[["top", "right"]].set_visible(False)
-    picture.savefig(path, dpi=110)
+    replace_file(path, lambda made: picture.savefig(made, dpi=110))
 
 
 def main(arguments: list[str] | None = None) -> int:

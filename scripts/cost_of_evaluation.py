@@ -68,25 +68,25 @@ def evaluation(job: argparse.Namespace) -> dict[str, Any]:
 
     from homofact.factor.projection import Projection
     from homofact.factor.textures import LogSamples, inner_problem
-    from homofact.geometry.rotation import Pair
+    from homofact.geometry.rotation import Rotation
     from homofact.linear.solvers import solve
-    from homofact.methods.cole_fit import transform_of
-    from homofact.methods.settings import FitSettings
+    from homofact.methods.cole import Cole
+    from homofact.methods.fitting import transform_of
 
-    settings = FitSettings(epsilon=EPSILON)
+    settings = Cole(epsilon=EPSILON)
 
     def prepared(count: int) -> LogSamples:
         samples = load(job.channels, count, job.seed)
         return LogSamples.of(samples, transform_of(samples, settings))
 
     def once(data: LogSamples, projections: tuple[Projection, ...], size: int, solver: str) -> tuple[float, str]:
-        problem = inner_problem(data, projections, ((size, size),) * 2, settings.fixed_smoothing)
+        problem = inner_problem(data, projections, ((size, size),) * 2, settings.smoothing)
         solution = solve(problem, solver)
         return problem.mean_error(solution.texels), solution.status.value
 
     generator = torch.Generator().manual_seed(job.seed)
     pairs = [
-        tuple(Projection.from_rotation("half-diff", Pair.random(generator), reciprocal=True) for _ in range(2))
+        tuple(Projection.from_rotation("half-diff", Rotation.random(generator), reciprocal=True) for _ in range(2))
         for _ in range(job.repeats)
     ]
     # Compile, and load what the solver loads, on a problem that holds no memory to speak of.
@@ -110,22 +110,22 @@ def evaluation(job: argparse.Namespace) -> dict[str, Any]:
 
 def whole_fit(job: argparse.Namespace) -> dict[str, Any]:
     """Seconds, memory, evaluations and Cole error of one fit with the default settings."""
-    from homofact.methods.settings import FitSettings
-    from homofact.methods.table import method
+    from homofact.methods.table import method_class, settings_of_class
 
-    more: dict[str, Any] = {"parameterization": job.parameterization} if job.parameterization else {}
+    method = method_class(job.method)
+    own = settings_of_class(method)
+    more: dict[str, Any] = {"coordinates": job.coordinates} if job.coordinates else {}
+    short: dict[str, Any] = {"restarts": 1, "search_size": 4, "search_samples": 300}
+    few = {name: value for name, value in (short | {"textures": 1}).items() if name in own}
     if job.short:
-        more |= {"restarts": 1, "search_size": 4, "search_samples": 300}
-    settings = FitSettings(method=job.method, textures=2, size=job.size, epsilon=EPSILON, seed=job.seed, **more)
-    small = FitSettings(
-        method=job.method, textures=1, size=4, epsilon=EPSILON, restarts=1, search_size=4, search_samples=200
-    )
-    method(job.method).fit(load(job.channels, 200, job.seed), small, None)
+        more |= {name: value for name, value in short.items() if name in own}
+    settings = method(size=job.size, epsilon=EPSILON, seed=job.seed, **more)
+    method(size=4, epsilon=EPSILON, **few).fit(load(job.channels, 200, job.seed))
     samples = load(job.channels, job.samples, job.seed)
     before = resident(peak=False)
     forget_peak()
     began = time.perf_counter()
-    fitted = method(job.method).fit(samples, settings, None)
+    fitted = settings.fit(samples)
     seconds = time.perf_counter() - began
     peak = resident(peak=True)
     report = fitted.report
@@ -180,14 +180,14 @@ def evaluation_table(chosen: argparse.Namespace) -> str:
 def fit_table(chosen: argparse.Namespace) -> str:
     """A row for each method and number of channels; each run is a process of its own."""
     rows = []
-    for name, parameterization in FITS:
+    for name, coordinates in FITS:
         for channels in chosen.channels:
-            more = {"parameterization": parameterization} if parameterization else {}
+            more = {"coordinates": coordinates} if coordinates else {}
             runs = [fresh(chosen, "fit", method=name, channels=channels, **more) for _ in range(chosen.runs)]
             seconds = [run["seconds"][0] for run in runs]
             rows.append(
                 (
-                    f"{name}{f', {parameterization}' if parameterization else ''}, two textures",
+                    f"{name}{f', {coordinates}' if coordinates else ''}, two textures",
                     channels,
                     figure(statistics.median(seconds)),
                     f"{figure(min(seconds))} – {figure(max(seconds))}",
@@ -215,7 +215,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="a Markdown file to write as well")
     # What a fresh process is told.
     parser.add_argument("--job", choices=("evaluation", "fit"), help=argparse.SUPPRESS)
-    for name in ("--solver", "--method", "--parameterization"):
+    for name in ("--solver", "--method", "--coordinates"):
         parser.add_argument(name, help=argparse.SUPPRESS)
     chosen = parser.parse_args(arguments)
     if chosen.job:

@@ -25,7 +25,8 @@ from homofact.export.exported import exported
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
 from homofact.factor.projection import Projection, Warp, fixed_projection
-from homofact.geometry.rotation import Pair
+from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.rotation import Rotation
 from homofact.separable.separable import Separable, SeparableTerm
 from homofact.shading.cost import Cost
 
@@ -40,11 +41,8 @@ COLUMNS = {
 def searched(coordinates: str, seed: int, warp: Warp | None = None) -> Projection:
     """A projection in general position: what a search ends in."""
     generator = torch.Generator().manual_seed(seed)
-    if coordinates.startswith("isotropic"):
-        quaternion = torch.randn(4, generator=generator, dtype=torch.float64)
-        return Projection.from_rotation(coordinates, quaternion / quaternion.norm(), True, warp=warp)
-    left, right = torch.randn(2, 4, generator=generator, dtype=torch.float64)
-    return Projection.from_rotation(coordinates, Pair(left / left.norm(), right / right.norm()), True, warp=warp)
+    rotation = Rotation.random(generator, coordinate_system(coordinates).dimension)
+    return Projection.from_rotation(coordinates, rotation, True, warp=warp)
 
 
 def product(*projections: Projection) -> Factorization:

@@ -27,10 +27,13 @@ def cost(path: Path, method: str, textures: int, restarts: int) -> dict[str, flo
     """Read and fit in this process: seconds, errors and the peak of resident memory in MiB."""
     from homofact.brdf.source import open_source
     from homofact.evaluate.compare import fit_and_measure
-    from homofact.methods.settings import FitSettings
+    from homofact.methods.table import method_class, settings_of_class
 
     source = open_source(str(path))
-    row = fit_and_measure(source, FitSettings(method=method, textures=textures, restarts=restarts))
+    found = method_class(method)
+    wanted = {"textures": textures, "restarts": restarts}
+    settings = {name: value for name, value in wanted.items() if name in settings_of_class(found)}
+    row = fit_and_measure(source, found(**settings))
     return {
         "samples": row.samples,
         "read": row.seconds_read,

@@ -27,6 +27,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import torch
@@ -82,7 +83,8 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     made["mdl"] = head + entries.tobytes()
     buffer = io.BytesIO()
     shapes = {"w0": (6, 21), "b0": (21,), "w1": (21, 21), "b1": (21,), "w2": (21, 3), "b2": (3,)}
-    np.savez_compressed(buffer, **{f"tin/{k}": np.full(v, 0.01, "<f4") for k, v in shapes.items()})  # type: ignore[arg-type]
+    arrays: dict[str, Any] = {f"tin/{k}": np.full(v, 0.01, "<f4") for k, v in shapes.items()}
+    np.savez_compressed(buffer, **arrays)
     made["nbrdf"] = buffer.getvalue()
     # Its table of directions stays in the folder, beside the damaged files.
     write_curet.write(folder, sample_model(material("lafortune-clay").model, 205))

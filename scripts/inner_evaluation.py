@@ -31,16 +31,16 @@ from homofact.evaluate.machine import machine
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples
-from homofact.geometry.rotation import Pair
-from homofact.linear.least_squares import LeastSquares, penalised_matrix
+from homofact.geometry.rotation import Rotation
+from homofact.linear.least_squares import LeastSquares, solve_penalised
 from homofact.linear.normal import accumulate_torch
 from homofact.linear.solvers import TOLERANCE, solve, solve_definite
 from homofact.linear.threads import one_thread
-from homofact.methods.cole_fit import transform_of
-from homofact.methods.settings import FitSettings
+from homofact.methods.cole import Cole
+from homofact.methods.fitting import transform_of
 
 MATERIAL = "lafortune-blue-paint"
-SETTINGS = FitSettings(epsilon=1e-5)
+SETTINGS = Cole(epsilon=1e-5)
 LOOSE = 1e-5
 TARGET_RATIO, TARGET_MS = 20, 15
 
@@ -62,8 +62,7 @@ def torch_path(objective: Objective, vector: torch.Tensor) -> float:
     """The accumulation written in torch, on the CPU, and Cholesky."""
     problem = objective.problem(vector)
     data = accumulate_torch(problem.coordinates, problem.lookups, problem.targets, problem.weights, problem.unknowns)
-    matrix = penalised_matrix(data, problem.roughness, problem.smoothing, len(problem.lookups))
-    return data.error(solve_definite(matrix, data.rhs)[0])
+    return data.error(solve_penalised(data, problem.roughness, problem.smoothing, len(problem.lookups)))
 
 
 def error_of_rows(
@@ -121,8 +120,8 @@ def measured(count: int, size: int, repeats: int, seed: int) -> dict[str, tuple[
     generator = torch.Generator().manual_seed(seed)
     found: dict[str, tuple[list[float], list[float], list[float]]] = {name: ([], [], []) for name in WAYS}
     for _ in range(repeats):
-        pair = tuple(Projection.from_rotation("half-diff", Pair.random(generator), True) for _ in range(2))
-        objective = Objective(data, pair, ((size, size),) * 2, SETTINGS.fixed_smoothing)
+        pair = tuple(Projection.from_rotation("half-diff", Rotation.random(generator), True) for _ in range(2))
+        objective = Objective(data, pair, ((size, size),) * 2, SETTINGS.smoothing)
         vector = objective.start()
         for name, way in WAYS.items():
             for _ in range(BEFORE.get(name, 1)):
@@ -172,7 +171,7 @@ def main(arguments: list[str] | None = None) -> int:
             "# One inner evaluation",
             "",
             f"- {MATERIAL}, RGB, {chosen.samples} pairs uniform in the parabolic discs, seed {chosen.seed}; two"
-            f" reciprocal half-diff textures of {chosen.size}², λ = {SETTINGS.fixed_smoothing:g},"
+            f" reciprocal half-diff textures of {chosen.size}², λ = {SETTINGS.smoothing:g},"
             f" ε = {SETTINGS.epsilon:g}; float64",
             f"- {chosen.repeats} random projections, all ways at each; one torch thread, {numba.get_num_threads()}"
             " in the compiled passes; compilation not counted",

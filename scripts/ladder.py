@@ -10,14 +10,15 @@ from dataclasses import dataclass, replace
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.errors import Report
-from homofact.evaluate.compare import HELD_OUT, Row, training_samples
+from homofact.evaluate.compare import HELD_OUT, Row
 from homofact.evaluate.metrics import measure
 from homofact.evaluate.split import Split
 from homofact.evaluate.verdict import judge
 from homofact.factor.factorization import Factorization
 from homofact.factor.textures import LogSamples, residual
-from homofact.methods.cole_fit import Progress, fit_cole, provenance_of, solve_greedily
-from homofact.methods.settings import FitSettings
+from homofact.methods.cole import Cole
+from homofact.methods.cole_fit import fit_cole, solve_greedily
+from homofact.methods.fitting import Method, Progress, at_azimuths, provenance_of
 
 
 @dataclass
@@ -31,27 +32,27 @@ class _Cost:
         self.terms[progress.term] = (progress.evaluations, time.perf_counter() - self.began)
 
 
-def split(source: Source, settings: FitSettings) -> tuple[Samples, Samples]:
-    """(training with its azimuth copies, held out and turned), the split of `evaluate.compare.fit_and_measure`."""
+def split(source: Source, settings: Method) -> tuple[Samples, Samples]:
+    """(training, held out), both turned at random, the split of `evaluate.compare.fit_and_measure`."""
     parts = Split.of(source, HELD_OUT, settings.seed)
-    return training_samples(source, parts.parts(source)[0], settings), parts.test_samples(source)
+    return parts.parts(source)[0].rotated_at_random(settings.seed), parts.test_samples(source)
 
 
-def ladder(source: Source, settings: FitSettings) -> list[Row]:
+def ladder(source: Source, settings: Cole) -> list[Row]:
     """Rows of `cole` for 1, 2, … settings.textures textures, each as `fit_and_measure` would give it.
 
     Evaluations and seconds of row j are those of the search up to term j with its own final solve; the
     status is that of the whole search.
     """
-    settings = replace(settings, method="cole")
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
-    train, test = split(source, settings)
+    train, _ = Split.of(source, HELD_OUT, settings.seed).parts(source)
+    turned, test = split(source, settings)
     cost = _Cost(time.perf_counter(), {})
     whole = fit_cole(train, settings, cost)
     transform = whole.factorization.transform
     projections = tuple(term.projection for term in whole.factorization.terms)
-    data = LogSamples.of(train, transform)
+    data = LogSamples.of(at_azimuths(train, settings, knows_azimuth=True), transform)
     rows, evaluations = [], 0
     for count in range(1, len(projections) + 1):
         began = time.perf_counter()
@@ -62,7 +63,7 @@ def ladder(source: Source, settings: FitSettings) -> list[Row]:
         seconds = cost.terms[count][1] + time.perf_counter() - began
         error = float((residual(data, terms) ** 2).mean())
         report = Report(whole.report.status, 0, evaluations, seconds, error, settings.seed)
-        errors = [measure(fitted, samples, transform) for samples in (train, test)]
+        errors = [measure(fitted, samples, transform) for samples in (turned, test)]
         verdict = judge(fitted, report, chosen, train, test, (errors[0], errors[1]))
         rows.append(
             Row(

@@ -21,10 +21,11 @@ from torch import Tensor
 
 from homofact.brdf.analytic import TorranceSparrow
 from homofact.brdf.source import open_source
+from homofact.brdf.symmetry import Symmetry
 from homofact.evaluate.machine import machine
 from homofact.render.environment import read_environment
 from homofact.scene.half_curve import ORDER, HalfCurve, half_angle_curve
-from homofact.scene.in_out import Decomposition, Grid, Symmetry, count_for_share, decompose
+from homofact.scene.in_out import Decomposition, Grid, count_for_share, decompose
 from homofact.scene.reflection import phong_filter
 from homofact.scene.terms import half_angle_terms, mirror_terms, phong_terms, settled_decomposition
 
@@ -39,7 +40,7 @@ SURROGATES = (
     "alum-bronze", "blue-acrylic", "blue-rubber", "cherry-235", "gold-paint", "green-latex", "nickel", "pearl-paint",
     "pink-fabric", "red-plastic", "teflon", "yellow-matte-plastic",
 )  # fmt: skip
-EVEN = Symmetry(isotropic=True, mirrored=True)
+EVEN = Symmetry(isotropic=True, reciprocal=True, mirrored=True, half_turn=True)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.figures.label_places import place_labels
 from homofact.figures.log_axis import log_x, log_y
+from homofact.files.atomic import replace_file
 from homofact.render.light import DirectionalLight, EnvironmentMap
 from homofact.render.sphere import SphereImage, render_sphere
 from homofact.render.tonemap import choose_exposure, displayed
@@ -90,7 +91,7 @@ def spectrum(path: Path, spectra: Mapping[int, Decomposition], whole: bool) -> N
         chart = Figure(figsize=(5.6, 4.2), layout="constrained")
         _values_against_order(chart.subplots(), spectra, whole)
         chart.suptitle("Figure 5: Phong on hemispheres\nfollows the sphere's $F_l$, l + 1 values an order", fontsize=11)
-        chart.savefig(path, dpi=110)
+        replace_file(path, lambda made: chart.savefig(made, dpi=110))
         return
     chart = Figure(figsize=(12, 4.6), layout="constrained")
     halves: Any = chart.subfigures(1, 2, width_ratios=(1.15, 1))
@@ -108,7 +109,7 @@ def spectrum(path: Path, spectra: Mapping[int, Decomposition], whole: bool) -> N
     _values_against_order(charted.subplots(), spectra, whole)
     charted.suptitle("Singular values, 2l + 1 at each order", fontsize=10)
     chart.suptitle("Figure 2: Phong on the sphere", fontsize=12)
-    chart.savefig(path, dpi=110)
+    replace_file(path, lambda made: chart.savefig(made, dpi=110))
 
 
 def terms_against_exponent(
@@ -128,7 +129,7 @@ def terms_against_exponent(
     axes.legend(frameon=False, fontsize=9)
     axes.set_title("Figure 3A: terms for 99% of Σσ²", fontsize=11)
     _clean(axes)
-    chart.savefig(path, dpi=110)
+    replace_file(path, lambda made: chart.savefig(made, dpi=110))
 
 
 def functions(path: Path, found: Decomposition, exponent: int) -> None:
@@ -141,7 +142,7 @@ def functions(path: Path, found: Decomposition, exponent: int) -> None:
     chart.suptitle(
         f"Figure 4: singular functions g(ωi) on the hemisphere, Phong s = {exponent} (red +, blue −)", fontsize=11
     )
-    chart.savefig(path, dpi=110)
+    replace_file(path, lambda made: chart.savefig(made, dpi=110))
 
 
 def _row(axes: Sequence[Axes], images: Sequence[tuple[str, SphereImage]], exposure: float) -> None:
@@ -164,7 +165,7 @@ def spheres(path: Path, lobe: Reflectance, whole: Decomposition, half: Decomposi
         images = [(f"{name}, K = {k}", render_sphere(found.truncated(k), light, PIXELS)) for k in counts]
         _row(list(grid[row]), [*images, ("all terms", truth)], exposure)
     chart.suptitle("Figure 3B, C: Phong s = 30, 5 s = 150 terms on the sphere, 2.5 s = 75 on hemispheres", fontsize=11)
-    chart.savefig(path, dpi=110)
+    replace_file(path, lambda made: chart.savefig(made, dpi=110))
 
 
 def lit(path: Path, lobe: Reflectance, half: Decomposition, light: EnvironmentMap) -> None:
@@ -177,7 +178,7 @@ def lit(path: Path, lobe: Reflectance, half: Decomposition, light: EnvironmentMa
     chart.suptitle(
         "Figure 6: Phong s = 30 in St. Peter's (a sphere without shadows; the paper's scene is its own)", fontsize=10
     )
-    chart.savefig(path, dpi=120)
+    replace_file(path, lambda made: chart.savefig(made, dpi=120))
 
 
 def half_angle_figure(
@@ -225,7 +226,7 @@ def half_angle_figure(
     _clean(right)
     if points:
         _label(chart, right, points)
-    chart.savefig(path, dpi=110)
+    replace_file(path, lambda made: chart.savefig(made, dpi=110))
 
 
 def _label(chart: Figure, axes: Axes, points: Sequence[Any]) -> None:

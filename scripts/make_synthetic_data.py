@@ -23,6 +23,7 @@ from homofact.brdf.formats import cornell, npz
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import RADIUS_SQUARED
+from homofact.files.atomic import write_text
 from homofact.geometry.directions import draw_in_discs, from_spherical, normalize
 
 FOLDER = Path(__file__).resolve().parent.parent / "data_synthetic"
@@ -104,7 +105,7 @@ def make(folder: Path) -> dict[str, Any]:
             for name, entry in entries.items()
         ],
     }
-    (folder / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
+    write_text(folder / MANIFEST, json.dumps(manifest, indent=2) + "\n")
     return manifest
 
 

@@ -45,7 +45,7 @@ from homofact.factor.fitted import Fitted
 from homofact.figures.compare_picture import FLOOR, relative_difference
 from homofact.files.atomic import replace_file
 from homofact.geometry.directions import draw_uniform
-from homofact.methods.settings import FitSettings
+from homofact.methods.search import Search
 from homofact.render.mitsuba_bsdf import load_bsdf, open_fit
 from homofact.render.sphere import SphereImage
 from homofact.render.tonemap import choose_exposure, tonemap
@@ -207,7 +207,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--picture", type=Path, help="where the picture goes (NAME.png in that folder)")
     parser.add_argument("--throughput", action="store_true", help="time eval instead of rendering")
     parser.add_argument("--textures", type=int, default=3, help="of the fit (%(default)s)")
-    parser.add_argument("--parameterization", help="of every texture, or joined by + (the search chooses)")
+    parser.add_argument("--projections", help="one name for all textures, or one each joined by + (the search chooses)")
     parser.add_argument("--texels", type=int, default=32, help="on a side of a texture (%(default)s)")
     parser.add_argument("--budget", type=float, default=20.0, help="seconds of the search (%(default)s)")
     parser.add_argument("--size", type=int, default=300, help="pixels on a side (%(default)s)")
@@ -230,12 +230,12 @@ def compare(chosen: Any) -> int:
     chosen.out.mkdir(parents=True, exist_ok=True)
     place, words, verdict = chosen.fit, [], []
     if place is None:
-        settings = FitSettings(
+        settings = Search(
             textures=chosen.textures,
             size=chosen.texels,
             budget=chosen.budget,
             seed=chosen.seed,
-            parameterization=chosen.parameterization,
+            projections=chosen.projections.split("+") if chosen.projections else None,
         )
         row = fit_and_measure(open_source(str(file)), settings)
         place = chosen.out / "factorization.npz"

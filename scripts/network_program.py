@@ -75,7 +75,6 @@ def train(samples: Samples, transform: LogTransform, loss: str, steps: int, seed
     x = network_input(samples.wi, samples.wo).float()
     values, cosine = samples.values.float(), samples.wi[:, 2:].float()
     targets = transform.forward(samples.values).float()
-    mean, epsilon = transform.mean.float(), transform.epsilon
     optimiser = torch.optim.Adam(parameters, lr=5e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     for _ in range(steps):
@@ -89,11 +88,10 @@ def train(samples: Samples, transform: LogTransform, loss: str, steps: int, seed
             off = (torch.log1p(f * cosine[rows]) - torch.log1p(values[rows] * cosine[rows])).abs().mean()
         else:
             # Below 0 the cut has no slope; the difference of the uncut value has.
-            off = ((f / mean + epsilon).log() - targets[rows]).square().mean() + torch.relu(-y).square().mean()
+            off = (transform.forward(f) - targets[rows]).square().mean() + torch.relu(-y).square().mean()
         optimiser.zero_grad()
         off.backward()
         optimiser.step()
         schedule.step()
-    weights = tuple(p.detach().double() for p in parameters[0::2])
-    biases = tuple(p.detach().double() for p in parameters[1::2])
-    return NeuralBrdf(weights, biases)  # pyright: ignore[reportArgumentType]
+    w0, b0, w1, b1, w2, b2 = (p.detach().double() for p in parameters)
+    return NeuralBrdf((w0, w1, w2), (b0, b1, b2))

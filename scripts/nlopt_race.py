@@ -26,18 +26,18 @@ from homofact.brdf.sampling import sample_model
 from homofact.errors import Report
 from homofact.evaluate.machine import machine
 from homofact.factor.objective import Objective
-from homofact.factor.search.best import Search
 from homofact.factor.search.gradient import Gradient
+from homofact.factor.search.minimize import Search, minimize
 from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.search.powell import Powell
 from homofact.factor.textures import LogSamples
 from homofact.linear.threads import one_thread
-from homofact.methods.cole_fit import transform_of
+from homofact.methods.cole import Cole
+from homofact.methods.fitting import transform_of
 from homofact.methods.kinds import make
-from homofact.methods.settings import FitSettings
 
-SETTINGS = FitSettings(epsilon=1e-5)
+SETTINGS = Cole(epsilon=1e-5)
 MANY = 1_000_000
 SEARCHES: tuple[Search, ...] = (
     Gradient(iterations=MANY, tolerance=0.0),
@@ -68,7 +68,7 @@ class Problem:
         data = LogSamples.of(samples, transform_of(samples, SETTINGS))
         generator = torch.Generator().manual_seed(self.seed)
         projections = tuple(make(kind, True, None, generator, SETTINGS.bound) for kind in self.kinds)
-        return Objective(data, projections, ((size, size),) * len(self.kinds), SETTINGS.fixed_smoothing)
+        return Objective(data, projections, ((size, size),) * len(self.kinds), SETTINGS.smoothing)
 
 
 PROBLEMS = (
@@ -92,7 +92,7 @@ def race(problem: Problem, count: int, size: int, seconds: float) -> dict[str, R
     start = objective.start()
     objective.evaluate(start)
     return {
-        search.name: search.minimize(objective, start, seconds=seconds, seed=problem.seed)[1] for search in SEARCHES
+        search.name: minimize(search, objective, start, seconds=seconds, seed=problem.seed)[1] for search in SEARCHES
     }
 
 
@@ -159,7 +159,7 @@ def main(arguments: list[str] | None = None) -> int:
         "# Which search reaches a given error first",
         "",
         f"- {len(problems)} problems, channel G, {chosen.samples} pairs uniform in the parabolic discs, {chosen.size}²,"
-        f" ε = {SETTINGS.epsilon:g}, λ = {SETTINGS.fixed_smoothing:g}, reciprocal; the same start and"
+        f" ε = {SETTINGS.epsilon:g}, λ = {SETTINGS.smoothing:g}, reciprocal; the same start and"
         f" {chosen.seconds:g} s for every search, one after another; no tolerance ends one before",
         f"- one torch thread, {numba.get_num_threads()} in the compiled passes; compilation not counted",
         f"- {machine()}; load average {load:.1f} at the start, {os.getloadavg()[0]:.1f} at the end",

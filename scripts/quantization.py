@@ -11,7 +11,6 @@ have either sign, and `moved` tells what it does.
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from statistics import mean
@@ -19,13 +18,13 @@ from statistics import mean
 from conditions import cornell_files, data_folder, figure, markdown, parser_of, write
 
 from homofact.brdf.source import open_source
-from homofact.evaluate.compare import held_out_samples, training_samples
+from homofact.evaluate.compare import held_out_samples
 from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
 from homofact.factor.quantize import rounded
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import quantized, run
+from homofact.methods.fitting import quantized
+from homofact.methods.search import Search
 
 MATERIAL, PAINT, STORAGE, HELD_OUT, TARGET = "material:lafortune-blue-paint", "garnet_red", "png8", 0.2, 1.3
 # Textures, and texels a side.
@@ -38,16 +37,13 @@ def errors(text: str, textures: int, size: int, seed: int, budget: float) -> dic
     source = open_source(text, seed=seed)
     train = source.samples.split(HELD_OUT, seed)[0]
     held = held_out_samples(source, HELD_OUT, seed)
-    settings = FitSettings(
-        textures=textures, size=size, epsilon=source.default_epsilon, budget=budget, seed=seed, quantize=STORAGE
-    )
-    train = training_samples(source, train, settings)
-    fitted = run(train, replace(settings, quantize="none")).factorization
+    method = Search(textures=textures, size=size, epsilon=source.default_epsilon, budget=budget, seed=seed)
+    fitted = method.fit(train).factorization
     assert isinstance(fitted, Factorization)
     fits = (
         fitted,
         rounded(fitted, STORAGE),
-        quantized(fitted, train, settings),
+        quantized(fitted, train, method, STORAGE),
     )
     before = fitted.evaluate_log(held.wi, held.wo)
     return {

@@ -10,7 +10,8 @@ from homofact.brdf.source import open_source
 from homofact.cli.factorize import caption
 from homofact.evaluate.compare import fit_and_measure
 from homofact.figures.compare_picture import compare_picture
-from homofact.methods.settings import FitSettings
+from homofact.methods.mccool import McCool
+from homofact.methods.search import Search
 
 PLACE = Path(__file__).resolve().parent.parent / "docs" / "pictures" / "blue_paint.png"
 
@@ -23,8 +24,8 @@ def main(arguments: list[str] | None = None) -> None:
     source = open_source("material:lafortune-blue-paint")
     panels = []
     for title, settings in (
-        ("homofact: two searched textures", FitSettings(textures=2)),
-        ("McCool's projections", FitSettings(method="mccool")),
+        ("homofact: two searched textures", Search(textures=2)),
+        ("McCool's projections", McCool()),
     ):
         row = fit_and_measure(source, settings)
         panels.append((title, row.factorization, caption(row.record())))

@@ -6,7 +6,7 @@
 equations. That takes long, so its time is put together from two runs in this process. A complete run with Cholesky in
 place of QMR, all else the same, gives the number of evaluations of each term and the error, which no solver changes.
 A part of the run with QMR (the first restart of the first term to its end, then some evaluations of the second) gives
-the mean time of an evaluation with one texture and with two; later terms solve two as well (`together`). Their
+the mean time of an evaluation with one texture and with two; later terms solve two as well (`joint_terms`). Their
 product is the extrapolated time. The first restart is in both runs: it must end after as many evaluations at the same
 error. The searched fits are whole runs, as chosen by the method and pinned to cole's own family of projections.
 """
@@ -28,9 +28,9 @@ from homofact.brdf.sampling import sample_model
 from homofact.config import load_config
 from homofact.evaluate.machine import machine
 from homofact.evaluate.metrics import measure
-from homofact.methods.cole_fit import Fit, Progress
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import method
+from homofact.methods.cole import Cole
+from homofact.methods.fitting import Fit, Method, Progress
+from homofact.methods.search import Search
 
 MATERIAL, CHANNEL = "lafortune-blue-paint", "G"
 SECOND = 1_000_000  # the second draw of seed s has seed s + SECOND
@@ -92,14 +92,14 @@ def draw(count: int, seed: int) -> Samples:
     return sample_model(material(MATERIAL).model, count, "discs", seed).channel(CHANNEL)
 
 
-def fit(samples: Samples, settings: FitSettings, tally: Tally | None = None) -> tuple[Fit, Clocks]:
+def fit(samples: Samples, settings: Method, tally: Tally | None = None) -> tuple[Fit, Clocks]:
     """A whole fit and its seconds."""
     began = clocks()
-    fitted = method(settings.method).fit(samples, settings, tally)
+    fitted = settings.fit(samples, tally)
     return fitted, since(began)
 
 
-def part_of(samples: Samples, settings: FitSettings, most: int) -> Tally:
+def part_of(samples: Samples, settings: Cole, most: int) -> Tally:
     """The first restart of the first term and `most` evaluations of the second, with the settings' own solver."""
     tally = Tally(most)
     with suppress(Enough):
@@ -123,15 +123,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="a Markdown file to write as well")
     chosen = parser.parse_args(arguments)
     config = load_config(ROOT / "configs" / "thesis.toml", {"seed": chosen.seed})
-    thesis, count = config.fit, config.source.count
+    thesis, count = config.fit.method_alone(), config.source.count
+    assert isinstance(thesis, Cole)
     if chosen.short:
         thesis, count = replace(thesis, size=4, restarts=2, textures=3), 600
         chosen.budgets, chosen.measure = chosen.budgets[:1], 20
     load = os.getloadavg()[0]
     train, second = draw(count, chosen.seed), draw(count, chosen.seed + SECOND)
     small = draw(300, chosen.seed)
-    for name in ("cole", "search"):  # compile
-        fit(small, FitSettings(method=name, size=4, restarts=1, budget=1, epsilon=1e-5, parameterization="half-diff"))
+    for each in (Cole, Search):  # compile
+        fit(small, each(size=4, restarts=1, epsilon=1e-5))
 
     runs = []
     by_cholesky = Tally()
@@ -143,17 +144,18 @@ def main(arguments: list[str] | None = None) -> int:
     evaluations = by_cholesky.evaluations()
     each, extrapolated = extrapolate(evaluations, part)
     print(f"cole with QMR: {extrapolated[0]:.0f} s, extrapolated", file=sys.stderr)
-    for parameterization in (None, thesis.parameterization):
+    for projections in (None, (thesis.coordinates,)):
         for budget in chosen.budgets:
-            settings = replace(
-                FitSettings(method="search", budget=budget, parameterization=parameterization),
+            settings = Search(
+                budget=budget,
+                projections=projections,
                 textures=thesis.textures,
                 size=thesis.size,
                 restarts=thesis.restarts,
                 epsilon=thesis.epsilon,
                 seed=chosen.seed,
             )
-            name = f"search, {parameterization or 'any kinds'}, {budget:g} s"
+            name = f"search, {'+'.join(projections or ('any kinds',))}, {budget:g} s"
             runs.append((name, *fit(train, settings)))
             print(f"{name}: {runs[-1][2][0]:.1f} s", file=sys.stderr)
 
@@ -175,7 +177,7 @@ def main(arguments: list[str] | None = None) -> int:
         (
             term,
             number,
-            1 if term == 1 else min(term, thesis.together),
+            1 if term == 1 else min(term, thesis.joint_terms),
             len(part.ends[term]) - 1 if term < 3 else "as term 2",
             *(figure(1000 * clock) for clock in seconds),
             *(figure(1000 * clock) for clock in by_cholesky.seconds(term)),
@@ -189,9 +191,9 @@ def main(arguments: list[str] | None = None) -> int:
             "",
             f"- {MATERIAL}, channel {CHANNEL}, {count} pairs uniform in the parabolic discs, seed {chosen.seed}, second"
             f" draw the same; {thesis.size}², ε = {thesis.epsilon:g}; Cole error (log_mse)",
-            f"- cole: configs/thesis.toml ({thesis.parameterization}, every sample at full size, {thesis.restarts}"
-            f" restarts a term, last {thesis.together} terms together, {thesis.solver}); its time is extrapolated, its"
-            " error is that of the complete run with Cholesky",
+            f"- cole: configs/thesis.toml ({thesis.coordinates}, every sample at full size, {thesis.restarts}"
+            f" restarts a term, last {thesis.joint_terms} terms jointly, {thesis.solver}); its time is extrapolated,"
+            " its error is that of the complete run with Cholesky",
             "- times faster: than cole with QMR by the wall, and by processor time (all threads), which other work on"
             " the machine touches less; than the complete run of cole with Cholesky by the wall",
             f"- one torch thread, {numba.get_num_threads()} in the compiled passes; compilation not counted",

@@ -25,7 +25,7 @@ from homofact.evaluate.machine import machine
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, solve_terms, texture_shape
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.threads import one_thread
 
 PAINT, SIZE, TEXTURES, LAMBDA, COPIES, TARGET = "garnet_red", 16, 2, 1e-3, 8, 3.0
@@ -50,8 +50,7 @@ def vector(kind: str, seed: int) -> torch.Tensor:
 def projections(kind: str) -> tuple[Projection, ...]:
     """The projections of `vector(kind, 0)`."""
     parts = vector(kind, 0).reshape(TEXTURES, -1)
-    rotations = parts if kind.startswith("isotropic") else [Pair(part[:4], part[4:]) for part in parts]
-    return tuple(Projection.from_rotation(kind, rotation, True) for rotation in rotations)
+    return tuple(Projection.from_rotation(kind, Rotation.of_numbers(part), True) for part in parts)
 
 
 @one_thread

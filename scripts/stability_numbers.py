@@ -26,8 +26,8 @@ from homofact.evaluate.metrics import measure
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Term
 from homofact.factor.textures import LogSamples, solve_terms
+from homofact.methods.search import Search
 from homofact.methods.search_fit import fit_search
-from homofact.methods.settings import FitSettings
 
 PARTS = ("noise", "seeds", "confidence")
 EPSILON = 1e-5
@@ -51,7 +51,7 @@ def noise(samples: Samples, budget: float, draws: int) -> None:
     """How far 1% of noise moves the textures, at two and five."""
     rows = []
     for count in (2, 5):
-        fit = fit_search(noisy(samples, 0.01, 0), FitSettings(textures=count, epsilon=EPSILON, budget=budget))
+        fit = fit_search(noisy(samples, 0.01, 0), Search(textures=count, epsilon=EPSILON, budget=budget))
         terms = tuple(fit.factorization.terms)
         smoothing = tuple(fit.factorization.provenance["smoothing"])
         again = [
@@ -76,7 +76,7 @@ def seeds(samples: Samples, test: Samples, budget: float, count: int) -> None:
     """Errors of five-texture searches over seeds."""
     errors = []
     for seed in range(count):
-        fit = fit_search(samples, FitSettings(textures=5, epsilon=EPSILON, budget=budget, seed=seed)).factorization
+        fit = fit_search(samples, Search(textures=5, epsilon=EPSILON, budget=budget, seed=seed)).factorization
         errors.append(measure(fit, test, fit.transform).log_mse)
     ordered = sorted(errors)
     print(f"\n## Five textures over {count} seeds, {budget:g} s each: log MSE on a second draw\n")
@@ -88,7 +88,7 @@ def seeds(samples: Samples, test: Samples, budget: float, count: int) -> None:
 def confidence(samples: Samples, budget: float, draws: int) -> None:
     """The observed spread of every texel beside the stated one."""
     level = 0.05
-    fit = fit_search(noisy(samples, level, 0), FitSettings(textures=2, epsilon=EPSILON, budget=budget))
+    fit = fit_search(noisy(samples, level, 0), Search(textures=2, epsilon=EPSILON, budget=budget))
     smoothing = tuple(fit.factorization.provenance["smoothing"])
     terms = tuple(fit.factorization.terms)
     again = [solved_again(noisy(samples, level, draw), terms, smoothing, fit.factorization) for draw in range(draws)]

@@ -28,7 +28,9 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
-from homofact.methods.validation import Folded, deal
+from homofact.methods.effort import Account
+from homofact.methods.folded import Folded
+from homofact.methods.validation import partitions_of
 
 WIDTHS = (0.1, 0.03, 0.01)
 SIZES = (16, 32)
@@ -52,14 +54,14 @@ def fit(samples: Samples, size: int) -> tuple[Factorization, Status]:
     """The fixed mix; its warp and λ found by cross-validation on 16² textures and carried over to larger ones."""
     transform = LogTransform.of(samples, MEASURED_EPSILON)
     logs = LogSamples.of(samples, transform)
-    partitions = deal(samples, 3, 0, rings=False)
+    partitions = partitions_of(samples, 3, 0, rings=False)
     best = None
     for width in WIDTHS:
         projections = (fixed_projection("theta_h-theta_d", True, Warp(width)), fixed_projection("theta_i", True))
         shapes = tuple(texture_shape(projection, SIZES[0]) for projection in projections)
         few = torch.randperm(len(samples), generator=torch.Generator().manual_seed(0))[:6000]
         folded = Folded.of(logs.select(few), tuple(p.select(few) for p in partitions), projections, shapes)
-        smoothing, error = folded.best_smoothing((1e-3, 1e-3))
+        smoothing, error = folded.best_smoothing((1e-3, 1e-3), Account())
         if best is None or error < best[0]:
             best = (error, projections, smoothing)
     assert best is not None

@@ -1,7 +1,7 @@
 """What Cole 2002, section 4.4, says in words, held against errors found here.
 
-`Errors` maps (source, parameterization, reciprocal, textures) to one error, the thesis's "relative squared
-error" (log_mse); McCool's projections stand under the parameterization MCCOOL with two textures. A
+`Errors` maps (source, coordinates, reciprocal, textures) to one error, the thesis's "relative squared
+error" (log_mse); McCool's projections stand under the coordinates MCCOOL with two textures. A
 statement about something not in the table is "not tested". Where the words leave room (matched, about
 half), the tolerance is ours and stands in the statement.
 """
@@ -24,7 +24,7 @@ class Key(NamedTuple):
     """Which fit an error belongs to."""
 
     source: str
-    parameterization: str
+    coordinates: str
     reciprocal: bool
     textures: int
 
@@ -62,7 +62,7 @@ def _least(
     errors: Errors,
     source: str,
     textures: int,
-    parameterization: str | None = None,
+    coordinates: str | None = None,
     reciprocal: bool | None = None,
 ) -> float:
     """The lowest error of `source` at that many textures over the variants left open, McCool apart."""
@@ -71,8 +71,8 @@ def _least(
         for key, error in errors.items()
         if key.source == source
         and key.textures == textures
-        and key.parameterization != MCCOOL
-        and parameterization in (None, key.parameterization)
+        and key.coordinates != MCCOOL
+        and coordinates in (None, key.coordinates)
         and reciprocal in (None, key.reciprocal)
     ]
     if not found:
@@ -80,12 +80,12 @@ def _least(
     return min(found)
 
 
-def _against(errors: Errors, source: str, textures: int, parameterization: str | None = None) -> float:
+def _against(errors: Errors, source: str, textures: int, coordinates: str | None = None) -> float:
     """The lowest error divided by that of McCool's projections."""
-    mccool = [error for key, error in errors.items() if key.source == source and key.parameterization == MCCOOL]
+    mccool = [error for key, error in errors.items() if key.source == source and key.coordinates == MCCOOL]
     if not mccool:
         raise _Missing(f"McCool's projections on {source}")
-    return _least(errors, source, textures, parameterization) / mccool[0]
+    return _least(errors, source, textures, coordinates) / mccool[0]
 
 
 def _measured(errors: Errors) -> list[str]:

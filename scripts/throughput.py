@@ -42,7 +42,7 @@ from homofact.evaluate.metrics import measure
 from homofact.export.exported import exported
 from homofact.factor.factorization import Factorization
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.methods.settings import FitSettings
+from homofact.methods.search import Search
 from homofact.shading.compiled import Compiled, compiled, compiled_program
 
 RGL, MATERIAL, HELD_OUT, TARGET = "vch_golden_yellow_rgb.bsdf", "material:lafortune-blue-paint", 0.2, 4.0
@@ -122,7 +122,7 @@ def rates(ways: Sequence[Way], batches: Sequence[int], rounds: int, least: float
 
 def ways_of(source: Source, budget: float, steps: int) -> tuple[list[Way], str]:
     """The ways on one source, and words on what was fitted."""
-    settings = FitSettings(budget=budget, epsilon=source.default_epsilon)
+    settings = Search(budget=budget, epsilon=source.default_epsilon)
     row = fit_and_measure(source, settings, HELD_OUT)
     fitted = row.factorization
     assert isinstance(fitted, Factorization)

@@ -22,12 +22,12 @@ from homofact.errors import BadInput
 from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.machine import machine
 from homofact.factor.factorization import Factorization
-from homofact.methods.settings import FitSettings
+from homofact.methods.search import Search
 from homofact.viewer.page import write_view
 
 LARGEST, LATEST = 300_000, 3.0
 # Kinds that are all of two dimensions, so that five textures are five of size × size.
-KINDS = "theta_h-theta_d+theta_d-phi_d+theta_i-delta_phi+isotropic-half-diff+isotropic-half-diff"
+KINDS = ("theta_h-theta_d", "theta_d-phi_d", "theta_i-delta_phi", "isotropic-half-diff", "isotropic-half-diff")
 
 
 def parts_of(page: str) -> dict[str, int]:
@@ -79,8 +79,7 @@ def measured(chosen: Any) -> str:
     size, count = (8, 2000) if chosen.short else (32, 45_000)
     loads, budget = (1, 1.0) if chosen.short else (chosen.loads, chosen.budget)
     source = open_source(f"material:{chosen.material}", count=count)
-    kinds = KINDS.count("+") + 1
-    settings = FitSettings(textures=kinds, size=size, budget=budget, parameterization=KINDS)
+    settings = Search(textures=len(KINDS), size=size, budget=budget, projections=KINDS)
     row = fit_and_measure(source, settings)
     assert isinstance(row.factorization, Factorization)
     shape = (640, 480) if chosen.short else (1440, 900)

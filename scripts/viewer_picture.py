@@ -16,7 +16,7 @@ from PIL import Image
 
 from homofact.brdf.source import open_source
 from homofact.evaluate.compare import HELD_OUT, fit_and_measure
-from homofact.methods.settings import FitSettings
+from homofact.methods.search import Search
 from homofact.viewer.page import write_view
 
 SIZE = (1440, 900)
@@ -28,7 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "pictures" / "viewer.png")
     options = parser.parse_args(arguments)
     source = open_source("material:lafortune-blue-paint")
-    settings = FitSettings(budget=1.0 if options.short else 20.0)
+    settings = Search(budget=1.0 if options.short else 20.0)
     row = fit_and_measure(source, settings, HELD_OUT)
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "view.html"

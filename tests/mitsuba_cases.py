@@ -68,11 +68,11 @@ def saved_fits(folder: Path) -> dict[str, Path]:
     # Cole's search has no budget of seconds: the same textures on a busy machine.
     paint = homofact.fit(
         homofact.read("material:lafortune-blue-paint", count=5000),
-        method="cole", textures=2, size=12, restarts=1, search_size=4, search_samples=300,
-    )  # fmt: skip
-    phong = homofact.fit(homofact.read("material:phong-30", count=5000), method="mccool", projections=("h", "theta_d"))
+        homofact.Cole(textures=2, size=12, restarts=1, search_size=4, search_samples=300),
+    )
+    phong = homofact.fit(homofact.read("material:phong-30", count=5000), homofact.McCool(projections=("h", "theta_d")))
     ward = homofact.read("material:ward-brushed", count=20_000)
-    brushed = homofact.fit(ward, method="mccool", projections=("h", "wi"), size=24)
+    brushed = homofact.fit(ward, homofact.McCool(projections=("h", "wi"), size=24))
     made = {"paint": paint, "phong": phong, "ward": brushed, "sharp": sharp()}
     for name, each in made.items():
         each.save(folder / f"{name}.npz")

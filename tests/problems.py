@@ -1,6 +1,6 @@
 """Inner problems with known answers: the table that solvers are held to."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -12,11 +12,15 @@ from homofact.linear.normal import Lookup
 
 @dataclass(frozen=True)
 class Problem:
-    """An inner problem and, where it is known, the fitted values at its own samples."""
+    """An inner problem and the fitted values (N, C) at its own samples.
+
+    `singular` ones hold directions of the texels that no sample sees: only the ridge does.
+    """
 
     name: str
     problem: LeastSquares
     values: Tensor
+    singular: bool = False
 
 
 def planted(
@@ -78,4 +82,35 @@ CATALOGUE = (
     planted("two textures looked up twice, three channels", shapes=((4, 4), (4, 4)), shared=True, channels=3),
     planted("a one-dimensional texture beside a square one", shapes=((4, 4), (1, 6))),
     planted("three textures", samples=2000, shapes=((4, 4), (4, 4), (5, 5))),
+)
+
+
+def twice(case: Problem) -> Problem:
+    """Its first texture a second time under the same projection: the two can trade anything."""
+    problem = case.problem
+    rows, columns = problem.lookups[0].shape
+    count = rows * columns
+    doubled = replace(
+        problem,
+        lookups=(*problem.lookups, replace(problem.lookups[0], offset=problem.unknowns)),
+        kept=torch.cat((problem.kept, torch.ones(count, dtype=torch.bool))),
+        roughness=Roughness(
+            torch.block_diag(problem.roughness.rows, laplacian(torch.ones(rows, columns, dtype=torch.bool)))
+        ),
+    )
+    return Problem("the same texture twice", doubled, case.values, singular=True)
+
+
+def unweighted(case: Problem) -> Problem:
+    """All samples but a few without weight: many texels are read by none that counts."""
+    weights = case.problem.weights.clone()
+    weights[10:] = 0
+    return Problem("ten samples that count", replace(case.problem, weights=weights), case.values, singular=True)
+
+
+SINGULAR = (
+    twice(planted("one texture", shapes=((4, 4),))),
+    replace(planted("fewer samples than texels", samples=12, shapes=((5, 5), (4, 4))), singular=True),
+    unweighted(planted("one texture")),
+    replace(planted("one sample", samples=1), singular=True),
 )

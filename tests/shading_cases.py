@@ -4,8 +4,10 @@ import torch
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
-from homofact.geometry.rotation import Pair
+from homofact.factor.names import FIXED_PROJECTIONS
+from homofact.factor.projection import Projection, Warp, fixed_projection
+from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.rotation import Rotation
 from homofact.separable.separable import Separable, SeparableTerm
 
 
@@ -27,11 +29,8 @@ def factorization(*projections: Projection, channels: int = 3, epsilon: float = 
 def searched(coordinates: str, seed: int, warp: Warp | None = None, reciprocal: bool = True) -> Projection:
     """A projection with a random rotation."""
     generator = torch.Generator().manual_seed(seed)
-    if coordinates.startswith("isotropic"):
-        quaternion = torch.randn(4, generator=generator, dtype=torch.float64)
-        return Projection.from_rotation(coordinates, quaternion / quaternion.norm(), reciprocal, warp=warp)
-    left, right = torch.randn(2, 4, generator=generator, dtype=torch.float64)
-    return Projection.from_rotation(coordinates, Pair(left / left.norm(), right / right.norm()), reciprocal, warp=warp)
+    rotation = Rotation.random(generator, coordinate_system(coordinates).dimension)
+    return Projection.from_rotation(coordinates, rotation, reciprocal, warp=warp)
 
 
 CASES = {
@@ -46,6 +45,11 @@ CASES = {
     "warped isotropic half-diff": factorization(searched("isotropic-half-diff", 6, Warp(0.03))),
     "warped h": factorization(fixed_projection("h", True, Warp(0.1))),
     "McCool, one channel": factorization(fixed_projection("wi", True), fixed_projection("h", True), channels=1),
+    "round, warped, beside all angles": factorization(
+        fixed_projection("theta_h-phi_h", True, Warp(0.1)),
+        searched("isotropic-half-diff", 8, Warp(0.03)),
+        searched("isotropic-in-out", 9),
+    ),
     "five of all kinds": factorization(
         searched("isotropic-half-diff", 8, Warp(0.03)),
         searched("isotropic-in-out", 9),

@@ -1,13 +1,15 @@
 """Strict TOML: what is read, what wins, and what is refused with the nearest known name."""
 
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from homofact.config import Config, load_config
 from homofact.errors import BadInput
-from homofact.methods.settings import FitSettings
+from homofact.methods.cole import Cole
+from homofact.methods.mccool import McCool
+from homofact.methods.search import Search
+from homofact.methods.table import METHODS
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -24,7 +26,7 @@ def write(tmp_path: Path):
 
 def test_without_a_file_everything_has_its_default() -> None:
     config = load_config()
-    assert config.fit == FitSettings()
+    assert config.fit.method_alone() == Search()
     assert (config.seed, config.source.channels, config.source.count) == (0, "rgb", 45_000)
     assert config.compare.methods == ("mccool", "cole", "search")
 
@@ -33,16 +35,16 @@ def test_every_section_is_read(write) -> None:
     config = load_config(
         write(
             'seed = 7\n[source]\npath = "a.brdf"\ncount = 10\n'
-            '[fit]\nsize = 24\nepsilon = 1\nprojections = ["wi", "h"]\n'
+            '[fit]\nmethod = "mccool"\nsize = 24\nepsilon = 1\nprojections = ["wi", "h"]\n'
             '[evaluate]\nheld_out = 0.5\n[compare]\nmethods = ["cole"]\n'
             '[output]\nfolder = "o"\nforce = true\n'
             "[render]\nlight = [1, 0, 0.5]\nsize = 64\n"
         )
     )
-    assert config.seed == config.fit.seed == 7
+    assert config.seed == 7
+    assert config.fit.method_alone() == McCool(size=24, epsilon=1.0, projections=("wi", "h"), seed=7)
     assert (config.source.path, config.source.count) == ("a.brdf", 10)
-    assert (config.fit.size, config.fit.epsilon, config.fit.projections) == (24, 1.0, ("wi", "h"))
-    assert isinstance(config.fit.epsilon, float)
+    assert isinstance(config.fit.method_alone().epsilon, float)
     assert config.evaluate.held_out == 0.5
     assert config.compare.methods == ("cole",)
     assert (config.output.folder, config.output.force) == ("o", True)
@@ -52,9 +54,9 @@ def test_every_section_is_read(write) -> None:
 @pytest.mark.parametrize(
     ("key", "in_file", "given", "default"),
     [
-        ("fit.smoothing", "0.5", 0.0, FitSettings().smoothing),
-        ("fit.together", "3", 0, FitSettings().together),
-        ("fit.reciprocal", "true", False, FitSettings().reciprocal),
+        ("fit.smoothing", "0.5", 0.0, Cole().smoothing),
+        ("fit.joint_terms", "3", 0, Cole().joint_terms),
+        ("fit.reciprocal", "true", False, Cole().reciprocal),
         ("output.force", "true", False, False),
         ("seed", "5", 0, 0),
     ],
@@ -66,6 +68,8 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_the_default(
     path = write((f"[{section}]\n" if section else "") + f"{name} = {in_file}\n")
 
     def value(config: Config) -> object:
+        if section == "fit":
+            return getattr(config.fit.methods(["cole"])["cole"], name)
         return getattr(getattr(config, section) if section else config, name)
 
     assert value(load_config()) == default
@@ -90,7 +94,8 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_the_default(
         ("[fit]\nreciprocal = 1\n", "fit.reciprocal: found 1, expected true or false"),
         ("[fit]\nsmoothing = true\n", "fit.smoothing: found true, expected a number"),
         ("[fit]\nprojections = [1]\n", "fit.projections[0]: found 1, expected a string"),
-        ("[fit]\nprojections = 'wi'\n", "fit.projections: found the string 'wi', expected an array"),
+        ("[fit]\nprojections = 3\n", "fit.projections: found 3, expected an array"),
+        ("[fit]\nprojections = 'wi+hh'\n", "fit.projections: found 'hh', expected one of wi, wo"),
         ("[render]\nlight = [1, 2]\n", "render.light: found an array of 2, expected an array of 3"),
         ("[render]\nlight = [0, 0, 0]\n", "render.light: found (0.0, 0.0, 0.0), expected a direction"),
         ("[fit]\nsize = 1\n", "fit.size: found 1, expected"),
@@ -99,7 +104,7 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_the_default(
         ("[evaluate]\nheld_out = 1\n", "evaluate.held_out: found 1.0, expected between 0 and 1"),
         ("[compare]\nmethods = []\n", "compare.methods: found none, expected at least one"),
         ("[compare]\nmethods = ['cole', 'cole']\n", "compare.methods: found cole, cole, expected"),
-        ("[source]\ncount = 0\n", "source.count: found 0, expected at least 1"),
+        ("[source]\ncount = 0\n", "source.count: found 0, expected a whole number of at least 1"),
         ("[fit\n", "not TOML: "),
         ("[fit]\nsize = 2\nsize = 3\n", "not TOML: "),
     ],
@@ -120,30 +125,39 @@ def test_a_bad_option_is_not_blamed_on_the_file(write) -> None:
 
 def test_a_missing_file_a_folder_and_bytes_are_refused(tmp_path: Path) -> None:
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe")
-    for name, expected in (("none.toml", "no such file"), (".", "cannot be read"), ("b.toml", "not TOML")):
+    for name, expected in (("none.toml", "no such file"), (".", "a folder, expected a TOML"), ("b.toml", "not TOML")):
         with pytest.raises(BadInput, match=expected):
             load_config(tmp_path / name)
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.toml")), ids=lambda path: path.name)
 def test_every_shipped_configuration_is_valid(path: Path) -> None:
-    assert load_config(path).fit.textures >= 1
+    assert load_config(path).fit.methods(METHODS)
 
 
 def test_the_thesis_run_takes_no_short_cut() -> None:
-    fit = load_config(ROOT / "configs" / "thesis.toml").fit
-    assert (fit.method, fit.solver, fit.restarts, fit.together) == ("cole", "qmr", 6, 2)
+    fit = load_config(ROOT / "configs" / "thesis.toml").fit.method_alone()
+    assert isinstance(fit, Cole)
+    assert (fit.coordinates, fit.solver, fit.restarts, fit.joint_terms) == ("half-diff", "qmr", 6, 2)
     assert (fit.search_size, fit.search_samples, fit.epsilon, fit.bound) == (0, 0, 1e-5, "cube")
 
 
-def test_every_fit_setting_can_be_configured(write) -> None:
-    lines = []
-    for field in fields(FitSettings):
-        value = field.default
-        if field.name == "seed" or value is None:
-            continue
-        text = (
-            str(value).lower() if isinstance(value, bool) else repr(list(value) if isinstance(value, tuple) else value)
-        )
-        lines.append(f"{field.name} = {text}")
-    assert load_config(write("[fit]\n" + "\n".join(lines) + "\n")).fit == FitSettings()
+def test_a_setting_that_the_method_does_not_have_is_named_with_those_that_have_it(write) -> None:
+    path = write("[fit]\nmethod = 'mccool'\nbudget = 60\n")
+    with pytest.raises(BadInput) as caught:
+        load_config(path).fit.method_alone()
+    assert str(caught.value) == (
+        f"{path}: fit.budget: mccool has no such setting, expected one of its own (projections, size, epsilon,"
+        " reciprocal, solver, smoothing, copies, mirrored, robust, confidence, quantize, seed); search has it"
+    )
+    # Beside a method that has it, it is that one's; beside none, nobody's.
+    found = load_config(path).fit.methods(["mccool", "search"])
+    assert found == {"mccool": McCool(), "search": Search(budget=60.0)}
+    with pytest.raises(BadInput, match=r"fit\.budget: none of mccool, cole has such a setting, expected one of theirs"):
+        load_config(path).fit.methods(["mccool", "cole"])
+
+
+def test_the_command_lines_setting_is_not_blamed_on_the_file(write) -> None:
+    path = write("[fit]\nmethod = 'mccool'\n")
+    with pytest.raises(BadInput, match=r"^joint_terms: mccool has no such setting, .*; cole has it$"):
+        load_config(path, {"fit.joint_terms": 1}).fit.method_alone()

@@ -13,7 +13,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # front door and may open everything.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "version"),
-    ("files", "geometry", "linear"),
+    ("files", "geometry", "linear", "options"),
     ("containers", "brdf"),
     ("factor",),
     ("separable",),
@@ -23,7 +23,8 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("export",),
     ("viewer", "figures"),
     ("scene",),
-    ("api", "config"),
+    ("api", "sections"),
+    ("config",),
     ("cli",),
 )
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}

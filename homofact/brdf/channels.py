@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from homofact.brdf.names import CHANNELS
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import LUMINANCE, to_luminance, to_rgb
 from homofact.errors import BadInput
 
-CHANNELS = ("rgb", "spectral", "luminance")
 _RGB = ("R", "G", "B")
 
 

@@ -35,6 +35,12 @@ class LogTransform:
             raise BadInput(f"samples: channel {name} is zero everywhere, expected some reflectance")
         return cls(float(epsilon), mean)
 
+    @classmethod
+    def of_values(cls, values: Tensor, epsilon: float) -> "LogTransform":
+        """A as the plain mean of values (N, C) in sr⁻¹, for interpolating them; a channel of zeros alone stays zero."""
+        mean = values.mean(0)
+        return cls(epsilon, torch.where(mean > 0, mean, torch.ones_like(mean)))
+
     def forward(self, values: Tensor) -> Tensor:
         """f̃ (N, C) of values (N, C) in sr⁻¹."""
         return torch.log(values / self.mean.to(values) + self.epsilon)

@@ -1,8 +1,17 @@
 """The one interface through which everything asks for reflectance."""
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
+import numpy as np
+import torch
 from torch import Tensor
+
+from homofact.errors import BadInput
+
+Directions = Tensor | np.ndarray | Sequence[Sequence[float]]
+_Evaluate = TypeVar("_Evaluate", bound=Callable[..., Any])
 
 
 @runtime_checkable
@@ -35,3 +44,35 @@ class Reflectance(Protocol):
         pointing away from the surface. Pairs with a direction under the horizon give 0.
         """
         ...
+
+
+def answering_in_kind(evaluate: _Evaluate) -> _Evaluate:
+    """An `evaluate(self, wi, wo)` of tensors that takes NumPy arrays and lists of (N, 3) directions too.
+
+    The answer is an array to arrays (where one of the two is a tensor, a tensor), a list to lists. Whole numbers count
+    as float64. Raises BadInput for what is no (N, 3) table of numbers.
+    """
+
+    @wraps(evaluate)
+    def wrapped(self: Any, wi: Directions, wo: Directions) -> Any:
+        if isinstance(wi, Tensor) and isinstance(wo, Tensor):
+            return evaluate(self, wi, wo)
+        values = evaluate(self, _tensor("wi", wi), _tensor("wo", wo))
+        if isinstance(wi, Tensor) or isinstance(wo, Tensor):
+            return values
+        return values.numpy() if isinstance(wi, np.ndarray) or isinstance(wo, np.ndarray) else values.tolist()
+
+    return wrapped  # type: ignore[return-value]
+
+
+def _tensor(name: str, directions: Directions) -> Tensor:
+    if isinstance(directions, Tensor):
+        return directions
+    try:
+        # Lists by way of NumPy's float64: torch's own default is float32.
+        found = torch.from_numpy(np.array(directions))
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"{name}: found no table of numbers ({error}), expected (N, 3) directions") from error
+    if found.ndim != 2 or found.shape[1] != 3:
+        raise BadInput(f"{name}: found the shape {tuple(found.shape)}, expected (N, 3)")
+    return found if found.is_floating_point() else found.to(torch.float64)

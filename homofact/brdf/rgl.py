@@ -27,8 +27,9 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.analytic.common import grazing, half_vector
+from homofact.brdf.names import DEFAULT_COUNT
 from homofact.brdf.samples import Samples
-from homofact.brdf.sampling import DEFAULT_COUNT, sample_model
+from homofact.brdf.sampling import sample_model
 from homofact.brdf.warp import MarginalConditional, bilinear
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical

@@ -29,6 +29,7 @@ class Samples:
     weights : (N,) float64, non-negative; 1 where nothing else is known.
     channels : C names.
     isotropic : whether the material may be turned about its normal (and mirrored) freely.
+    all_azimuths : whether the samples lie at all azimuths as they are, so that a fit needs no copies of them.
     provenance : where the samples come from and what was done to them (JSON-able).
     """
 
@@ -39,6 +40,7 @@ class Samples:
     channels: tuple[str, ...]
     isotropic: bool
     provenance: dict[str, Any] = field(default_factory=dict)
+    all_azimuths: bool = False
 
     def __post_init__(self) -> None:
         """Refuse shapes that disagree, values that are not finite or negative, directions under the horizon."""
@@ -92,12 +94,14 @@ class Samples:
         isotropic: bool,
         weights: Tensor | None = None,
         provenance: dict[str, Any] | None = None,
+        all_azimuths: bool = False,
     ) -> "Samples":
         """Samples in float64 with unit weights unless given; same errors as the constructor."""
         wi, wo, values = (torch.as_tensor(x).to(torch.float64) for x in (wi, wo, values))
         if weights is None:
             weights = torch.ones(wi.shape[0], dtype=torch.float64, device=wi.device)
-        return cls(wi, wo, values, weights.to(torch.float64), tuple(channels), isotropic, provenance or {})
+        weights = weights.to(torch.float64)
+        return cls(wi, wo, values, weights, tuple(channels), isotropic, provenance or {}, all_azimuths)
 
     def select(self, index: Tensor) -> "Samples":
         """The samples at `index` (integer or boolean), in that order."""
@@ -164,7 +168,7 @@ class Samples:
         angles = ((stratum + jitter) * (2 * torch.pi / count)).to(self.wi.device)
         flip = (torch.arange(total) >= count).repeat_interleave(n).to(self.wi.device)
         tiled = self.select(torch.arange(n, device=self.wi.device).repeat(total))
-        return replace(tiled.turned(angles, flip), weights=tiled.weights / total)
+        return replace(tiled.turned(angles, flip), weights=tiled.weights / total, all_azimuths=True)
 
     def rotated_at_random(self, seed: int) -> "Samples":
         """Every sample at a random azimuth, mirrored or not by chance; anisotropic samples unchanged."""
@@ -173,4 +177,4 @@ class Samples:
         generator = torch.Generator().manual_seed(seed)
         angles = torch.rand(len(self), dtype=torch.float64, generator=generator) * (2 * torch.pi)
         flip = torch.rand(len(self), dtype=torch.float64, generator=generator) < 0.5
-        return self.turned(angles.to(self.wi.device), flip.to(self.wi.device))
+        return replace(self.turned(angles.to(self.wi.device), flip.to(self.wi.device)), all_azimuths=True)

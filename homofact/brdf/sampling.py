@@ -8,13 +8,12 @@ from typing import Protocol
 
 import torch
 
+from homofact.brdf.names import DEFAULT_COUNT, SCHEMES
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_cosine_weighted, draw_in_discs, grid_of_pairs
 
-SCHEMES = ("discs", "cosine", "grid")
-DEFAULT_COUNT = 45_000
 RADIUS_SQUARED = 0.98
 
 
@@ -63,8 +62,15 @@ def sample_model(
     wi[:, 2].clamp_min_(0)
     wo[:, 2].clamp_min_(0)
     values = model.evaluate(wi, wo)
+    provenance = {"sampling": facts}
     return Samples.make(
-        wi, wo, values, channels=model.channels, isotropic=model.isotropic, provenance={"sampling": facts}
+        wi,
+        wo,
+        values,
+        channels=model.channels,
+        isotropic=model.isotropic,
+        provenance=provenance,
+        all_azimuths=True,
     )
 
 

@@ -17,8 +17,9 @@ import numpy as np
 import torch
 from scipy.spatial import KDTree
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
-from homofact.geometry.coordinates import axes_of
+from homofact.brdf.symmetry import angles_of_pairs
 
 NEIGHBOURS = 12
 QUERIES = 2000
@@ -40,14 +41,14 @@ def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
     if len(some) < 2 * NEIGHBOURS:
         return None
     if samples.isotropic:
-        theta_i, theta_o, turn = axes_of(("theta_i", "theta_o", "delta_phi"), some.wi, some.wo).unbind(1)
+        theta_i, theta_o, turn = angles_of_pairs(some.wi, some.wo).unbind(1)
         # In arc length, so that near the normal an azimuth counts for little.
         place = torch.stack((theta_i, theta_o, turn * torch.sin((theta_i + theta_o) / 2)), 1).numpy()
     else:
         place = torch.cat((some.wi, some.wo), 1).numpy()
     mean = some.values.mean(0).clamp_min(1e-300)
     linear = (some.values / mean).numpy()
-    logs = np.log(linear + 0.01)
+    logs = LogTransform(0.01, mean).forward(some.values).numpy()
     chosen = torch.randperm(len(some), generator=torch.Generator().manual_seed(seed))[:QUERIES].numpy()
     _, near = KDTree(place).query(place[chosen], k=NEIGHBOURS)
     both = np.hstack([logs, linear])

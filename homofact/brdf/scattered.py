@@ -15,6 +15,7 @@ import torch
 from scipy.interpolate import RBFInterpolator
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import coordinate_system
@@ -77,7 +78,7 @@ class Scattered:
         place = self._place(wi[above].double(), wo[above].double())
         low, high = self._logs.min(0), self._logs.max(0)
         logs = torch.from_numpy(self._interpolate(place).clip(low, high))
-        values[above] = (self._mean * (torch.exp(logs) - self.epsilon).clamp_min(0)).to(values)
+        values[above] = self._transform.inverse(logs).to(values)
         return values
 
     @property
@@ -98,14 +99,12 @@ class Scattered:
         return unit
 
     @cached_property
-    def _mean(self) -> Tensor:
-        mean = self.samples.values.mean(0).cpu()
-        # A channel that is zero throughout stays zero, whatever it is divided by.
-        return torch.where(mean > 0, mean, torch.ones_like(mean))
+    def _transform(self) -> LogTransform:
+        return LogTransform.of_values(self.samples.values.cpu(), self.epsilon)
 
     @cached_property
     def _logs(self) -> np.ndarray:
-        return torch.log(self.samples.values.cpu() / self._mean + self.epsilon).numpy()
+        return self._transform.forward(self.samples.values.cpu()).numpy()
 
     @cached_property
     def _thin_plate(self) -> RBFInterpolator:

@@ -13,15 +13,15 @@ from homofact.brdf.faults import evaluated_faults
 from homofact.brdf.formats import open_file
 from homofact.brdf.formats.reading import Drawing
 from homofact.brdf.materials import material
+from homofact.brdf.names import DEFAULT_COUNT, MATERIAL_PREFIX
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
-from homofact.brdf.sampling import DEFAULT_COUNT, sample_model
+from homofact.brdf.sampling import sample_model
 from homofact.brdf.scatter import local_scatter
 from homofact.brdf.scattered import Scattered
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
 
-MATERIAL_PREFIX = "material:"
 # ε of the log transform: noise-free values bear the thesis's, measured ones at least this (`measured_epsilon`).
 NOISE_FREE_EPSILON = 1e-5
 MEASURED_EPSILON = 1e-2

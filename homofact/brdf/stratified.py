@@ -32,10 +32,7 @@ def stratified_subset(samples: Samples, count: int, seed: int) -> Samples:
         return samples
     place = (coordinate_system("isotropic-half-diff").evaluate(samples.wi, samples.wo) + 1) / 2
     place[:, 0] = place[:, 0].clamp_min(0).sqrt()
-    for grid in GRIDS:
-        _, cell, sizes = torch.unique(occupied_cells(place, grid), return_inverse=True, return_counts=True)
-        if len(sizes) <= count:
-            break
+    grid, cell, sizes = _cells(place, count)
     generator = torch.Generator().manual_seed(seed)
     order = torch.randperm(len(samples), generator=generator).to(cell.device)
     order = order[cell[order].argsort(stable=True)]
@@ -53,6 +50,15 @@ def stratified_subset(samples: Samples, count: int, seed: int) -> Samples:
     }
     provenance = samples.provenance | {"subset": facts}
     return replace(samples.select(index), weights=weights, provenance=provenance)
+
+
+def _cells(place: Tensor, count: int) -> tuple[tuple[int, int, int], Tensor, Tensor]:
+    """The first of `GRIDS` with at most `count` cells occupied, each sample's cell, and each cell's size."""
+    for grid in GRIDS:
+        _, cell, sizes = torch.unique(occupied_cells(place, grid), return_inverse=True, return_counts=True)
+        if len(sizes) <= count:
+            return grid, cell, sizes
+    raise AssertionError("the last grid is one cell")
 
 
 def _quotas(sizes: Tensor, count: int, generator: torch.Generator) -> Tensor:

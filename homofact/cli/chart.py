@@ -4,82 +4,36 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from homofact.cli import options as o
-from homofact.cli.places import check_place
+from homofact.cli.places import check_measurement, check_place
 from homofact.cli.screen import Screen, say_estimate
-from homofact.cli.subject import method_settings, open_subject
+from homofact.cli.subject import open_subject
 from homofact.cli.tables import chart_table
 from homofact.errors import BadInput
+from homofact.methods.table import methods_with, parsed_label
 
 if TYPE_CHECKING:
     from homofact.config import Config
+    from homofact.methods.fitting import Method
 
 
+@o.configured(
+    "chart.sources",
+    "output",
+    "chart",
+    "source",
+    "evaluate",
+    "fit",
+    "seed",
+    but=("source.path", "source.subset", "fit.method", "fit.textures", "fit.size", "fit.search"),
+)
 def chart(
-    context: typer.Context,
-    sources: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="SOURCE...", help="Measurements' files, or material:NAME.", show_default=False),
-    ] = None,
-    out: o.Out = None,
-    force: Annotated[
-        bool | None,
-        typer.Option("--force/--no-force", help="Fit everything anew instead of going on.", rich_help_panel="Output"),
-    ] = None,
-    chart_methods: Annotated[
-        str | None,
-        typer.Option(
-            "--methods",
-            help="Names with commas; mccool:A+B has the fixed projections A and B. Default: mccool,cole,search.",
-            show_default=False,
-        ),
-    ] = None,
-    texture_counts: Annotated[
-        str | None,
-        typer.Option("--textures", help="Counts of textures, with commas. Default: 1,2,3.", show_default=False),
-    ] = None,
-    sizes: Annotated[
-        str | None,
-        typer.Option(help="Texels on a side, with commas. Default: 8,16,32.", show_default=False),
-    ] = None,
-    searches: Annotated[
-        str | None,
-        typer.Option(
-            help="How search refines, with commas: gradient, powell, nlopt-NAME. Default: gradient.",
-            show_default=False,
-        ),
-    ] = None,
-    channels: o.Channels = None,
-    count: o.Count = None,
-    scheme: o.Scheme = None,
-    held_out: o.HeldOut = None,
-    parameterization: o.Parameterization = None,
-    reciprocal: o.Reciprocal = None,
-    solver: o.Solver = None,
-    smoothing: o.Smoothing = None,
-    epsilon: o.Epsilon = None,
-    together: o.Together = None,
-    restarts: o.Restarts = None,
-    validation: o.Validation = None,
-    budget: o.Budget = None,
-    refine: o.Refine = None,
-    search_size: o.SearchSize = None,
-    search_samples: o.SearchSamples = None,
-    copies: o.Copies = None,
-    mirrored: o.Mirrored = None,
-    robust: o.Robust = None,
-    confidence: o.Confidence = None,
-    quantize: o.Quantize = None,
-    bound: o.Bound = None,
-    map: o.Map = None,
-    decomposition: o.Decomposition = None,
-    seed: o.Seed = None,
+    settings: "Config",
     seeds: o.Seeds = 1,
-    config: o.ConfigFile = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -89,13 +43,14 @@ def chart(
     fitting time) and NAME_cost (error against bytes and fetches), as PNG
     and SVG. Runs that the CSV holds already are not fitted again.
     """
-    from homofact.config import load_config
-
-    settings = load_config(config, o.given(context))
     names = source_names(settings)
     if settings.output.folder is None:
         raise BadInput("out: none given, expected a folder for the charts (--out, or folder under [output])")
     folder, wanted = Path(settings.output.folder), settings.chart
+
+    methods = charted_methods(settings)
+    for text in names:
+        check_measurement(text)
 
     from homofact.evaluate.chart import Run, estimate_charts, plan, run_chart
     from homofact.evaluate.chart_ledger import ChartRow, Ledger
@@ -103,9 +58,6 @@ def chart(
     from homofact.evaluate.estimate import about
     from homofact.figures.chart import write_charts
 
-    # What the chart varies must not be refused for what [fit] says of it.
-    fit = replace(settings.fit, textures=wanted.textures[0], size=wanted.sizes[0], search=wanted.searches[0])
-    methods = {label: method_settings(fit, label) for label in wanted.methods}
     runs = plan(methods, wanted.textures, wanted.sizes, wanted.searches, seeds)
     check_place(folder)
     ledgers = {text: Ledger(folder / f"{name}.csv", settings.output.force) for text, name in names.items()}
@@ -156,6 +108,24 @@ def chart(
     if not quiet:
         screen.show(*tables, *(f"{path}" for path in files))
     screen.answer({"rows": answer, "files": [str(path) for path in files]})
+
+
+def charted_methods(settings: "Config") -> "dict[str, Method]":
+    """The methods by label, as the first of their runs has them.
+
+    What the chart varies is not what [fit] says of it. Raises BadInput for counts or searches that were asked for where
+    no method takes any.
+    """
+    wanted = settings.chart
+    names = {parsed_label(label)[0] for label in wanted.methods}
+    varied = {"textures": wanted.textures, "size": wanted.sizes, "search": wanted.searches}
+    keys = {"textures": "chart.textures", "size": "chart.sizes", "search": "chart.searches"}
+    first = {
+        name: values[0]
+        for name, values in varied.items()
+        if keys[name] in settings.given or not names.isdisjoint(methods_with(name))
+    }
+    return settings.fit.without(*varied).with_settings(first).methods(wanted.methods)
 
 
 def source_names(settings: "Config") -> dict[str, str]:

@@ -1,89 +1,42 @@
 """`homofact compare`: several methods fitted to the same split, side by side."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
 from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.places import check_file
 from homofact.cli.screen import Screen, say_ending, say_estimate, say_subset
-from homofact.cli.subject import check_source, method_settings, open_subject, warmed_up
+from homofact.cli.subject import check_source, open_subject, warmed_up
 from homofact.cli.tables import cost_table, error_table, metric_tables
 from homofact.cli.verdicts import brief_lines, refuse_findings
 
+if TYPE_CHECKING:
+    from homofact.config import Config
 
+
+@o.configured("source.path", "compare", "source", "evaluate", "fit", "seed", but=("fit.method",))
 def compare(
-    context: typer.Context,
-    source: o.Source = None,
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            help="Names with commas; mccool:A+B has the fixed projections A and B. Default: mccool,cole,search.",
-            show_default=False,
-        ),
-    ] = None,
-    metrics: Annotated[
-        str | None,
-        typer.Option(
-            help="six, all, or names with commas (an unknown one lists them). Default: six.",
-            show_default=False,
-        ),
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the errors (.png, .pdf, .svg).")] = None,
-    channels: o.Channels = None,
-    count: o.Count = None,
-    scheme: o.Scheme = None,
-    subset: o.Subset = None,
-    held_out: o.HeldOut = None,
-    textures: o.Textures = None,
-    size: o.Size = None,
-    parameterization: o.Parameterization = None,
-    reciprocal: o.Reciprocal = None,
-    solver: o.Solver = None,
-    smoothing: o.Smoothing = None,
-    epsilon: o.Epsilon = None,
-    together: o.Together = None,
-    restarts: o.Restarts = None,
-    search: o.Search = None,
-    validation: o.Validation = None,
-    budget: o.Budget = None,
-    refine: o.Refine = None,
-    search_size: o.SearchSize = None,
-    search_samples: o.SearchSamples = None,
-    copies: o.Copies = None,
-    mirrored: o.Mirrored = None,
-    robust: o.Robust = None,
-    confidence: o.Confidence = None,
-    quantize: o.Quantize = None,
-    bound: o.Bound = None,
-    map: o.Map = None,
-    decomposition: o.Decomposition = None,
-    seed: o.Seed = None,
+    settings: "Config",
     seeds: o.Seeds = 1,
-    config: o.ConfigFile = None,
     strict: o.Strict = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
     """Fit several methods to the same samples and print their errors and costs."""
-    from homofact.config import load_config
-    from homofact.evaluate.judging import Judge, chosen_metrics
-
-    settings = load_config(config, o.given(context))
     check_source(settings)
     target = None if settings.compare.plot is None else Path(settings.compare.plot)
     if target is not None:
         check_file(target, ".png", ".pdf", ".svg")
-    fits = {label: method_settings(settings.fit, label) for label in settings.compare.methods}
-    names = chosen_metrics(settings.compare.metrics)
+    fits = settings.fit.methods(settings.compare.methods)
 
     from homofact.evaluate.estimate import TimeEstimate, about, fit_seconds, training_count
+    from homofact.evaluate.judging import Judge, chosen_metrics
     from homofact.evaluate.seeds import SeedRows, fit_seeds
     from homofact.figures.plot import plot_rows
-    from homofact.files.atomic import replace_file
 
+    names = chosen_metrics(settings.compare.metrics)
     screen = Screen(as_json, quiet)
     with screen.bar() as bar:
         bar.stage("reading")
@@ -92,7 +45,7 @@ def compare(
         held_out, subset = settings.evaluate.held_out, settings.source.subset
         counts = {label: training_count(subject, fit, held_out, subset) for label, fit in fits.items()}
         estimate = TimeEstimate(
-            [(fit.method, fit_seconds(fit, counts[label])) for label, fit in fits.items() for _ in range(seeds)]
+            [(fit.name, fit_seconds(fit, counts[label])) for label, fit in fits.items() for _ in range(seeds)]
         )
         say_estimate(screen, estimate)
         rows: dict[str, SeedRows] = {}
@@ -113,7 +66,7 @@ def compare(
         if target is not None:
             bar.stage("drawing")
             target.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(target, lambda beside: plot_rows(beside, list(rows.values())))
+            plot_rows(target, list(rows.values()))
     for label, several in rows.items():
         for row in several.rows:
             of_several = f", seed {row.settings.seed}" if seeds > 1 else ""

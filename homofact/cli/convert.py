@@ -18,29 +18,23 @@ from homofact.errors import BadInput
 
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
+    from homofact.config import Config
 
 _ENDINGS = (".binary", ".csv", ".npz", ".dat")
 
 
+@o.configured("output.force", "source", "seed", but=("source.path", "source.subset"))
 def convert(
-    context: typer.Context,
+    settings: "Config",
     source: Annotated[str, typer.Argument(metavar="IN", help="A measurement's file, or material:NAME.")],
     target: Annotated[
         Path, typer.Argument(metavar="OUT", help="The new file: .binary (MERL), .csv, .npz or .dat (ALTA).")
     ],
-    channels: o.Channels = None,
-    count: o.Count = None,
-    scheme: o.Scheme = None,
-    seed: o.Seed = None,
-    config: o.ConfigFile = None,
-    force: o.Force = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
     """Write a measurement or a named material in another format, by the ending of OUT."""
-    from homofact.config import load_config
-
-    settings = load_config(config, o.given(context))
+    settings = replace(settings, source=replace(settings.source, path=source))
     check_source(settings)
     check_file(target, *_ENDINGS)
     if target.exists() and not settings.output.force:

@@ -1,25 +1,25 @@
 """`homofact export`: a result's textures in an engine's format, with the shaders that read them."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.places import check_result
 from homofact.cli.screen import Screen
 from homofact.cli.tables import stored_table
+from homofact.containers.names import FORMAT_NAMES
 from homofact.errors import BadInput
 
 if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
+    from homofact.evaluate.reopening import Reopened
     from homofact.export.exported import Exported
     from homofact.factor.fitted import Fitted
 
 HTML = "html"
-# `export.containers.formats.FORMATS`, written out so that --help need not import torch.
-FORMATS = ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h")
 
 
 def export(
@@ -29,8 +29,8 @@ def export(
         str | None,
         typer.Option(
             "--format",
-            help=f"Of the textures: {', '.join(FORMATS)}; or html, the page of homofact view. exr, or what --quantize"
-            " asks for, unless given.",
+            help=f"Of the textures: {', '.join(FORMAT_NAMES)}; or html, the page of homofact view."
+            " exr, or what --quantize asks for, unless given.",
             show_default=False,
         ),
     ] = None,
@@ -64,6 +64,10 @@ def export(
         view(result, source, None, to if to.suffix in (".html", ".htm") else to / NAME, force, as_json, quiet)
         return
 
+    if name not in FORMAT_NAMES:
+        raise BadInput(f"texture format {name!r}, expected one of {', '.join(FORMAT_NAMES)}")
+    check_result(result)
+
     from homofact.containers.formats import format_named
     from homofact.evaluate.reopening import NotReopened, Reopened, reopen
     from homofact.export.exported import check_export_folder, exported, write_exported
@@ -83,11 +87,11 @@ def export(
             found = reopen(fitted, source, (folder,))
         except NotReopened as error:
             found = str(error)
-        samples = found if isinstance(found, str) else found.parts(fitted)
+        samples = found if isinstance(found, str) else found.parts
         rows: dict[str, Exported | Fitted] = {"as fitted": fitted, f"stored as {name}": made}
         if quantize is not None:
             bar.stage("solving for whole texels")
-            best = exported(_quantized(fitted, samples, quantize), chosen)
+            best = exported(_quantized(fitted, found, quantize), chosen)
             rows = {"as fitted": fitted, "each texel rounded": made}
             if is_solved(fitted):
                 rows[f"solved for {name}"] = best
@@ -113,17 +117,17 @@ def export(
     screen.answer({"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name})
 
 
-def _quantized(fitted: "Fitted", samples: "dict[str, Samples] | str", storage: str) -> "Fitted":
+def _quantized(fitted: "Fitted", source: "Reopened | str", storage: str) -> "Fitted":
     """The fit with whole texels; a product's are solved on the samples that it was made from."""
     from homofact.evaluate.reopening import settings_of
     from homofact.factor.quantize import is_solved, rounded
-    from homofact.methods.table import quantized
+    from homofact.methods.fitting import Copying, quantized
 
     if not is_solved(fitted):
         return rounded(fitted, storage)
-    if isinstance(samples, str):
-        raise BadInput(f"quantize: {samples}, expected the samples to solve on: name them by --source")
-    return quantized(fitted, samples["train"], replace(settings_of(fitted), quantize=storage))
+    if isinstance(source, str):
+        raise BadInput(f"quantize: {source}, expected the samples to solve on: name them by --source")
+    return quantized(fitted, source.training, cast("Copying", settings_of(fitted)), storage)
 
 
 def _errors(each: "Exported | Fitted", fitted: "Fitted", samples: "dict[str, Samples] | str") -> dict[str, Any]:

@@ -13,26 +13,19 @@ from homofact.cli.tables import facts_table
 
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
+    from homofact.config import Config
 
 
+@o.configured("source.path", "source", "seed", but=("source.subset",))
 def info(
-    context: typer.Context,
-    source: o.Source = None,
+    settings: "Config",
     drawing: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw a slice, lobes and a lit sphere.")
     ] = None,
-    channels: o.Channels = None,
-    count: o.Count = None,
-    scheme: o.Scheme = None,
-    seed: o.Seed = None,
-    config: o.ConfigFile = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
     """Say what is in a measurement's file, or what a named material is."""
-    from homofact.config import load_config
-
-    settings = load_config(config, o.given(context))
     check_source(settings)
     if drawing is not None:
         check_file(drawing, ".png")

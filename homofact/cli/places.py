@@ -3,7 +3,28 @@
 import tempfile
 from pathlib import Path
 
+from homofact.brdf.names import MATERIAL_PREFIX
 from homofact.errors import BadInput
+from homofact.files.reading import check_readable, split_member
+
+
+def check_measurement(source: str) -> None:
+    """Refuse a source's file that is missing or cannot be read, before what reads it is loaded. Raises BadInput."""
+    if source.startswith(MATERIAL_PREFIX):
+        return
+    file, member = split_member(source)
+    # Of a missing "a#b" the name as it was given is what helps.
+    check_readable(file if member is None or Path(file).exists() else source, "a BRDF file or material:NAME")
+
+
+def check_result(place: Path) -> None:
+    """Refuse a result that is not there, before what opens it is loaded. Raises BadInput."""
+    from homofact.files.archive import NAME, saved_file
+
+    if not place.exists():
+        raise BadInput(f"{place}: no such file, expected a saved factorization")
+    if place.is_dir() and not (place / NAME).exists() and not (place / "manifest.json").exists():
+        saved_file(place)
 
 
 def check_folder(folder: Path, force: bool) -> None:
@@ -11,9 +32,11 @@ def check_folder(folder: Path, force: bool) -> None:
 
     Raises BadInput; leaves nothing behind.
     """
-    from homofact.export.result import check_result_folder
+    from homofact.files.archive import NAME
+    from homofact.files.folder import check_new_folder
 
-    check_result_folder(folder, force)
+    # As `export.result.check_result_folder`, which loads torch.
+    check_new_folder(folder, "result", NAME, force)
     _try_writing(folder.resolve().parent)
 
 

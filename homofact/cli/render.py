@@ -1,47 +1,30 @@
 """`homofact render`: the sphere of a result again, under another light."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from homofact.cli import options as o
-from homofact.cli.places import check_file
+from homofact.cli.places import check_file, check_result
 from homofact.cli.screen import Screen
 from homofact.errors import BadInput
 
+if TYPE_CHECKING:
+    from homofact.config import Config
 
+
+@o.configured("render", "seed")
 def render(
-    context: typer.Context,
+    settings: "Config",
     result: o.Result,
-    picture: Annotated[Path | None, typer.Option("--out", metavar="FILE.png", help="The picture.")] = None,
-    light: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,Z",
-            help="Towards a directional light: x right, y up, z to the viewer.",
-            show_default=False,
-        ),
-    ] = None,
-    environment: Annotated[
-        Path | None, typer.Option(metavar="FILE.hdr", help="A lat-long map (.hdr or .exr) in its place.")
-    ] = None,
-    pixels: Annotated[
-        int | None, typer.Option("--size", help="Pixels on a side. Default: 384.", show_default=False)
-    ] = None,
-    seed: o.Seed = None,
-    config: o.ConfigFile = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
     """Draw a result's sphere under a directional light or an environment map."""
-    from homofact.config import load_config
-
-    settings = load_config(config, o.given(context))
     if settings.render.file is None:
         raise BadInput("out: none given, expected a picture's file (--out, or file under [render])")
     target = Path(settings.render.file)
     check_file(target, ".png")
+    check_result(result)
 
     from homofact.brdf.channels import display_of
     from homofact.export.result import open_result

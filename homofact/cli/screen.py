@@ -22,7 +22,7 @@ WORTH_SAYING = 5.0  # seconds that a command may take without saying so
 
 
 class FitProgress(Protocol):
-    """What a fit says of itself on the way: `homofact.methods.cole_fit.Progress`."""
+    """What a fit says of itself on the way: `homofact.methods.fitting.Progress`."""
 
     @property
     def term(self) -> int:

@@ -12,23 +12,17 @@ from homofact.cli.tables import facts_table
 from homofact.errors import BadInput
 
 if TYPE_CHECKING:
+    from homofact.config import Config
     from homofact.evaluate.compare import Row
     from homofact.scene.term_costs import Comparison
 
 
+@o.configured("source.path", "source", "evaluate", "seed")
 def terms(
-    context: typer.Context,
-    source: o.Source = None,
+    settings: "Config",
     share: Annotated[float, typer.Option(help="Share of the energy, Σσ², that the terms must hold.")] = 0.99,
     limit: Annotated[float, typer.Option(help="Greatest angle from the normal, in degrees.")] = 85.0,
-    fit: Annotated[bool, typer.Option("--fit", help="Fit with the default method and compare the costs.")] = False,
-    channels: o.Channels = None,
-    count: o.Count = None,
-    scheme: o.Scheme = None,
-    subset: o.Subset = None,
-    held_out: o.HeldOut = None,
-    seed: o.Seed = None,
-    config: o.ConfigFile = None,
+    fit: Annotated[bool, typer.Option("--fit", help="Fit with the configured method and compare the costs.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -37,10 +31,8 @@ def terms(
     Foretold from the highest order l* of its half-angle curve as
     (l* + 1)²/4, counted in its singular values (Mahajan et al. 2008).
     """
-    from homofact.config import load_config
-
-    settings = load_config(config, o.given(context))
     check_source(settings)
+    method = settings.fit.method_alone()
     if not 0 < share < 1:
         raise BadInput(f"share: found {share}, expected between 0 and 1")
     if not 0 < limit <= 90:
@@ -57,16 +49,17 @@ def terms(
         found = predicted_terms(subject.reflectance, share, math.radians(limit))
         stored = map_bytes(found.measured, len(subject.reflectance.channels))
         answer: dict[str, Any] = {"source": subject.name} | found.record() | {"bytes": stored}
+        beside: tuple[Row, Comparison] | None = None
         if fit:
             from homofact.evaluate.compare import fit_and_measure
 
             warmed_up(screen)
             bar.stage("fitting")
-            row = fit_and_measure(subject, settings.fit, settings.evaluate.held_out, bar, settings.source.subset)
+            row = fit_and_measure(subject, method, settings.evaluate.held_out, bar, settings.source.subset)
             bar.stage("comparing")
-            beside = against_fit(subject, row, found, settings.evaluate.held_out)
+            beside = row, against_fit(subject, row, found, settings.evaluate.held_out)
             answer["fit"] = row.record()
-            answer["within_limit"] = beside.record()
+            answer["within_limit"] = beside[1].record()
     if not found.settled:
         screen.note(
             f"homofact: {found.measured} terms are a rough count: the highlight is too sharp for the finest grid,"
@@ -79,9 +72,9 @@ def terms(
         "terms measured": f"{'' if found.settled else 'about '}{found.measured} by SVD",
         "as 32² maps": f"{stored} bytes, two a term ({stored // 2} where reciprocal), {2 * found.measured} fetches",
     }
-    if fit:
-        facts |= _compared(row, beside)
-        say_ending(screen, row.report)
+    if beside is not None:
+        facts |= _compared(*beside)
+        say_ending(screen, beside[0].report)
     screen.show(facts_table(subject.name, facts))
     screen.answer(answer)
 
@@ -92,7 +85,7 @@ def _compared(row: "Row", beside: "Comparison") -> dict[str, str]:
     return {
         "Cole error": f"of {beside.samples} held-out samples within the limit, ε = {fitted.transform.epsilon:g}",
         f"{own.terms} terms": f"{own.error:.4g} with {own.bytes} bytes; {own.negative:.2%} of the values negative",
-        f"fit ({row.settings.method})": f"{beside.fit_error:.4g} with {fitted.nbytes} bytes, {fitted.fetches} fetches",
+        f"fit ({row.settings.name})": f"{beside.fit_error:.4g} with {fitted.nbytes} bytes, {fitted.fetches} fetches",
         "terms as good as the fit": (
             "no number of them on this grid"
             if match is None

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from homofact.cli import options as o
-from homofact.cli.places import check_file
+from homofact.cli.places import check_file, check_measurement, check_result
 from homofact.cli.screen import Screen, say_ending
 from homofact.errors import BadInput
 
@@ -35,6 +35,9 @@ def view(
     """
     target = place_of(result) if out is None else out
     check_page(target, force)
+    check_result(result)
+    if source is not None:
+        check_measurement(source)
 
     from homofact.export.result import open_result
     from homofact.viewer.layers import check_shown

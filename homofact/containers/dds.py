@@ -12,8 +12,10 @@ import struct
 import numpy as np
 
 from homofact.containers.bc6h import decode_bc6h, encode_bc6h
-from homofact.containers.pixels import file_bytes, finite_pixels, whole_shape, write_bytes
+from homofact.containers.pixels import finite_pixels, whole_shape
 from homofact.errors import BadInput
+from homofact.files.atomic import write_bytes
+from homofact.files.reading import read_bytes
 
 DXGI_FORMAT_R16G16B16A16_FLOAT = 10
 DXGI_FORMAT_BC6H_SF16 = 96
@@ -57,7 +59,7 @@ def read_dds(path: str | os.PathLike[str]) -> np.ndarray:
 
     Raises BadInput for a file that cannot be read, is no such DDS, or is truncated or padded.
     """
-    data = file_bytes(path, "a DDS texture")
+    data = read_bytes(path, "a DDS texture")
     if data[:4] != b"DDS ":
         raise BadInput(f"{path}: starts with {data[:4]!r}, expected a DDS texture (b'DDS ')")
     if len(data) < _HEADER.size:

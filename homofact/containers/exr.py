@@ -12,6 +12,7 @@ import OpenEXR
 from homofact.containers.pixels import finite_pixels, whole_shape
 from homofact.errors import BadInput
 from homofact.files.atomic import replace_file
+from homofact.files.reading import read_bytes
 
 
 def exr_channel_names(channels: Sequence[str]) -> tuple[str, ...]:
@@ -74,11 +75,7 @@ def write_channels(path: str | os.PathLike[str], stored: np.ndarray, names: Sequ
 
 def read_exr(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """The channels (rows, columns) of an EXR by name, row 0 the first scanline. Raises BadInput."""
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}), expected an EXR file") from error
-    return decode_exr(data, str(path))
+    return decode_exr(read_bytes(path, "an EXR file"), str(path))
 
 
 def decode_exr(data: bytes, name: str) -> dict[str, np.ndarray]:

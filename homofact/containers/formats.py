@@ -24,9 +24,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from homofact.containers.dds import read_dds, write_dds, write_dds_bc6h
-from homofact.containers.exr import decode_exr, write_exr, write_half_exr
+from homofact.containers.exr import read_exr, write_exr, write_half_exr
 from homofact.containers.ktx2 import read_ktx2, write_ktx2
-from homofact.containers.pixels import file_bytes, finite_pixels
+from homofact.containers.names import FORMAT_NAMES
+from homofact.containers.pixels import finite_pixels
 from homofact.containers.png import read_png, write_png
 from homofact.errors import BadInput
 from homofact.version import __version__
@@ -153,7 +154,7 @@ def _channel_names(channels: int) -> tuple[str, ...]:
 
 
 def _read_exr(path: _Place, names: Sequence[str] | None) -> np.ndarray:
-    planes = decode_exr(file_bytes(path, "an EXR file"), str(path))
+    planes = read_exr(path)
     order = names or _channel_names(len(planes))
     if names is None and set(order) != set(planes):
         order = sorted(planes)
@@ -199,4 +200,5 @@ _ALL = (
         lambda path, stored, names, key_values: write_dds_bc6h(path, stored), lambda path, names: read_dds(path), 3,
     ),
 )  # fmt: skip
-FORMATS: dict[str, Format] = {each.name: each for each in _ALL}
+_BY_NAME = {each.name: each for each in _ALL}
+FORMATS: dict[str, Format] = {name: _BY_NAME[name] for name in FORMAT_NAMES}

@@ -28,8 +28,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from homofact.containers.bc6h import decode_bc6h, encode_bc6h
-from homofact.containers.pixels import file_bytes, finite_pixels, whole_shape, write_bytes
+from homofact.containers.pixels import finite_pixels, whole_shape
 from homofact.errors import BadInput
+from homofact.files.atomic import write_bytes
+from homofact.files.reading import read_bytes
 
 IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 VK_FORMAT_R16G16B16A16_SFLOAT = 97
@@ -149,7 +151,7 @@ def _packed(path: str | os.PathLike[str], key_values: Mapping[str, str]) -> byte
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[_Layout, int, int, dict[str, str], bytes]:
-    data = file_bytes(path, "a KTX2 texture")
+    data = read_bytes(path, "a KTX2 texture")
     if data[:12] != IDENTIFIER:
         raise BadInput(f"{path}: starts with {data[:12]!r}, expected a KTX2 texture ({IDENTIFIER!r})")
     if len(data) < _HEADER.size:

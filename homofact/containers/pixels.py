@@ -1,12 +1,10 @@
-"""What every container shares: the check that pixels are whole and finite as stored, a file's bytes in and out."""
+"""What every container shares: the check that pixels are whole and finite as stored."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 
 from homofact.errors import BadInput
-from homofact.files.atomic import replace_file
 
 
 def whole_shape(path: str | os.PathLike[str], pixels: np.ndarray, channels: tuple[int, ...]) -> None:
@@ -33,20 +31,3 @@ def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[
         where = f"row {row}, column {column}, channel {channel} is {pixels[row, column, channel]:g}"
         raise BadInput(f"{path}: {where}, expected finite values of at most {most:g} ({np.dtype(dtype).name})")
     return stored
-
-
-def file_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
-    """All of a file. Raises BadInput where it cannot be read; `kind` says what was expected."""
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}), expected {kind}") from error
-
-
-def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
-    """Make or replace a file, whole or not at all. Raises BadInput where the place cannot be written."""
-
-    def write(beside: Path) -> None:
-        beside.write_bytes(data)
-
-    replace_file(path, write)

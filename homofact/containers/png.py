@@ -11,9 +11,10 @@ import zlib
 import numpy as np
 import png
 
-from homofact.containers.pixels import file_bytes, whole_shape
+from homofact.containers.pixels import whole_shape
 from homofact.errors import BadInput
 from homofact.files.atomic import replace_file
+from homofact.files.reading import read_bytes
 
 _CHANNELS = (1, 3, 4)
 # What pypng lets through of damaged files beside its own error: AttributeError where the header is missing.
@@ -45,7 +46,7 @@ def read_png(path: str | os.PathLike[str]) -> np.ndarray:
 
     Raises BadInput for a file that cannot be read or is no such PNG.
     """
-    data = file_bytes(path, "a PNG file")
+    data = read_bytes(path, "a PNG file")
     try:
         columns, rows, lines, facts = png.Reader(bytes=data).read()
         values = [np.asarray(line) for line in lines]

@@ -22,10 +22,11 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from homofact.brdf.faults import ALBEDO_DEGREES, albedo, reciprocity_of
+from homofact.brdf.faults import ALBEDO_DEGREES, albedo
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
+from homofact.brdf.symmetry import light_azimuths, reciprocity_of
 from homofact.evaluate.metrics import SixErrors, six_errors
 from homofact.geometry.directions import normalize, to_spherical
 
@@ -198,7 +199,7 @@ def _six(name: str) -> Callable[[Judged], float]:
 
 
 def _albedos(reflectance: Reflectance, isotropic: bool) -> list[Tensor]:
-    azimuths = (0.0,) if isotropic else (0.0, math.pi / 2)
+    azimuths = light_azimuths(isotropic)
     return [albedo(reflectance, angle, azimuth) for angle in ALBEDO_DEGREES for azimuth in azimuths]
 
 

@@ -1,11 +1,12 @@
 """Charts of error against cost: which fits are run, and each of them on the same split of its source.
 
-A plan is methods × textures × sizes × searches × seeds, less what a method ignores. Each finished run becomes a
+A plan is methods × textures × sizes × searches × seeds, of what each method has. Each finished run becomes a
 line of a CSV at once, so that an interrupted chart goes on where it stopped; what is not in it is fitted
 and measured as in a comparison.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -13,15 +14,14 @@ from dataclasses import dataclass, fields, replace
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, HomofactError, Status
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
-from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure, training_samples
+from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.estimate import TimeEstimate, fit_seconds, training_count
 from homofact.evaluate.machine import machine
 from homofact.evaluate.seeds import seeds_from
 from homofact.evaluate.split import samples_digest
-from homofact.methods.cole_fit import ProgressCallback
-from homofact.methods.mccool_fit import PROJECTIONS
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import check_settings, method
+from homofact.methods.fitting import Method, ProgressCallback
+from homofact.methods.mccool import McCool
+from homofact.methods.nmf import Nmf
 from homofact.version import __version__
 
 
@@ -33,7 +33,7 @@ class Run:
     """
 
     label: str
-    settings: FitSettings
+    settings: Method
     split_seed: int = 0
 
     @property
@@ -44,17 +44,23 @@ class Run:
     @property
     def search(self) -> str:
         """The search's name, empty where the method takes none."""
-        return "" if "search" in method(self.settings.method).ignores else self.settings.search
+        return getattr(self.settings, "search", "")
+
+    @property
+    def textures(self) -> int:
+        """How many textures are asked for."""
+        fixed = self.settings.projections if isinstance(self.settings, McCool) else ()
+        return len(fixed) or getattr(self.settings, "textures")  # noqa: B009 (no protocol has it)
 
     @property
     def name(self) -> str:
         """The run in words."""
         seed = "" if self.settings.seed == self.split_seed else f", seed {self.settings.seed}"
-        return f"{self.series}, {self.settings.textures} × {self.settings.size}²{seed}"
+        return f"{self.series}, {self.textures} × {self.settings.size}²{seed}"
 
 
 def plan(
-    methods: Mapping[str, FitSettings],
+    methods: Mapping[str, Method],
     textures: Sequence[int],
     sizes: Sequence[int],
     searches: Sequence[str],
@@ -63,23 +69,20 @@ def plan(
     """Every run of a chart, smallest textures first; `methods` gives each label the settings that it starts from.
 
     Each fit is run by `seeds` seeds, from that of its settings on, which draws the split of them all. What a method
-    ignores is not multiplied out: McCool's list is run once a size. Raises BadInput for an empty list, fewer than one
-    seed, and for all that `check_settings` and the settings themselves refuse.
+    has not is not multiplied out: McCool's list is run once a size, and nmf, which draws nothing, by one seed. Raises
+    BadInput for an empty list, fewer than one seed, and for all that the methods themselves refuse.
     """
     for name, found in (("methods", methods), ("textures", textures), ("sizes", sizes), ("searches", searches)):
         if not found:
             raise BadInput(f"{name}: found none, expected at least one")
     runs: dict[Run, None] = {}
     for label, base in methods.items():
-        ignored = method(base.method).ignores
-        counts = (len(base.projections or PROJECTIONS),) if "textures" in ignored else textures
-        for size in sizes:
-            for count in counts:
-                for search in (base.search,) if "search" in ignored else searches:
-                    for seed in seeds_from(base.seed, 1 if "seed" in ignored else seeds):
-                        settings = replace(base, textures=count, size=size, search=search, seed=seed)
-                        check_settings(settings)
-                        runs[Run(label, settings, base.seed)] = None
+        varied = {"size": sizes, "textures": textures, "search": searches}
+        own = {name: values for name, values in varied.items() if name in base.__dataclass_fields__}
+        own["seed"] = seeds_from(base.seed, 1 if isinstance(base, Nmf) else seeds)
+        for values in itertools.product(*own.values()):
+            settings = replace(base, **dict(zip(own, values, strict=True)))
+            runs[Run(label, settings, base.seed)] = None
     return tuple(runs)
 
 
@@ -88,8 +91,7 @@ def identity(source: Source, digest: str, run: Run, held_out: float, where: str)
     settings = run.settings
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
-    ignored = method(settings.method).ignores
-    used = {each.name: getattr(settings, each.name) for each in fields(settings) if each.name not in ignored}
+    used = {"method": settings.name} | {each.name: getattr(settings, each.name) for each in fields(settings)}
     words = [f"{name}={'+'.join(value) if isinstance(value, tuple) else value}" for name, value in used.items()]
     words += [f"held_out={held_out}", f"split_seed={run.split_seed}"]
     return Identity(digest, " ".join(words), where, __version__)
@@ -101,7 +103,7 @@ def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:
         source=row.source,
         label=run.label,
         search=run.search,
-        textures_asked=run.settings.textures,
+        textures_asked=run.textures,
         size=run.settings.size,
         textures=len(row.factorization.terms),
         bytes=row.factorization.nbytes,
@@ -139,7 +141,7 @@ def estimate_charts(
             if row is not None:
                 done[len(jobs)] = row.seconds_total - row.seconds_read
             count = training_count(source, run.settings, held_out)
-            jobs.append((run.settings.method, fit_seconds(run.settings, count)))
+            jobs.append((run.settings.name, fit_seconds(run.settings, count)))
     estimate = TimeEstimate(jobs)
     for place, seconds in done.items():
         estimate.finish(place, seconds)
@@ -147,7 +149,7 @@ def estimate_charts(
 
 
 def _identities(source: Source, runs: Sequence[Run], held_out: float) -> list[Identity]:
-    digest, where = samples_digest(source.samples, source.kind), machine()
+    digest, where = samples_digest(source.samples), machine()
     return [identity(source, digest, run, held_out, where) for run in runs]
 
 
@@ -173,9 +175,9 @@ def run_chart(
         if row is None:
             if started is not None:
                 started(place, run)
-            if run.settings.method not in warm:
+            if run.settings.name not in warm:
                 _warm_up(source, run.settings)
-                warm.add(run.settings.method)
+                warm.add(run.settings.name)
             try:
                 fitted = fit_and_measure(source, run.settings, held_out, progress, 0, run.split_seed)
             except BadInput as error:
@@ -191,12 +193,13 @@ def run_chart(
     return rows
 
 
-def _warm_up(source: Source, settings: FitSettings) -> None:
+def _warm_up(source: Source, settings: Method) -> None:
     """A throw-away fit of a few samples, so that no run's time holds what is paid once (compilation, first calls)."""
-    small = replace(settings, size=4, search_size=4, search_samples=0, restarts=1, copies=1, budget=0.05, epsilon=0.01)
+    least = {"size": 4, "search_size": 4, "search_samples": 0, "restarts": 1, "copies": 1, "budget": 0.05}
+    own = {name: value for name, value in least.items() if name in settings.__dataclass_fields__}
+    small = replace(settings, epsilon=0.01, **own)
     # What is wrong with the samples or the settings, the fit itself will say.
     with suppress(HomofactError):
-        samples = training_samples(source, source.samples.subset(64, settings.seed), small)
-        fitted = method(settings.method).fit(samples, small, None)
+        fitted = small.fit(source.samples.subset(64, settings.seed))
         if fitted.report.status is Status.INTERRUPTED:
             raise KeyboardInterrupt

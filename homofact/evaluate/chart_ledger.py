@@ -15,7 +15,7 @@ from typing import Any
 
 from homofact.errors import BadInput
 from homofact.evaluate.metrics import SixErrors
-from homofact.files.binary import write_bytes
+from homofact.files.atomic import write_text
 from homofact.version import __version__
 
 
@@ -146,7 +146,7 @@ class Ledger:
         writer.writerow(_COLUMNS)
         writer.writerows(_cells(each) for each in self._lines.values())
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(self.path, text.getvalue().encode())
+        write_text(self.path, text.getvalue())
 
 
 def _identity_of(row: ChartRow) -> Identity:

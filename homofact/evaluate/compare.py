@@ -1,8 +1,8 @@
 """Several methods on one split of one source, measured alike.
 
-A part of the samples is held out before anything else (`evaluate.split`); isotropic measurements are then
-copied to other azimuths for training, and the held-out ones turned at random. Both errors use the fit's own ε
-and A, which come from the training samples alone.
+A part of the samples is held out before anything else (`evaluate.split`). For the errors isotropic samples are turned
+at random, those of the training as those held out: a fit that is good at the measured azimuth alone is not good. Both
+errors use the fit's own ε and A, which come from the training samples alone.
 """
 
 import time
@@ -17,9 +17,7 @@ from homofact.evaluate.metrics import SixErrors, measure
 from homofact.evaluate.split import Split
 from homofact.evaluate.verdict import Verdict, judge
 from homofact.factor.fitted import Fitted
-from homofact.methods.cole_fit import ProgressCallback
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import method, run
+from homofact.methods.fitting import Method, ProgressCallback
 
 HELD_OUT = 0.2
 
@@ -30,7 +28,7 @@ class Row:
 
     source: str
     split: Split
-    settings: FitSettings
+    settings: Method
     factorization: Fitted
     report: Report
     train: SixErrors
@@ -48,7 +46,7 @@ class Row:
         """
         return {
             "source": self.source,
-            "method": self.settings.method,
+            "method": self.settings.name,
             "textures": len(self.factorization.terms),
             "size": self.settings.size,
             "bytes": self.factorization.nbytes,
@@ -67,16 +65,6 @@ class Row:
         }
 
 
-def training_samples(source: Source, train: Samples, settings: FitSettings) -> Samples:
-    """What a fit of `source` is given: azimuth copies of an isotropic measurement, where the method wants them.
-
-    A model is drawn at all azimuths already and needs no copies.
-    """
-    if source.kind == "measurement" and train.isotropic and method(settings.method).wants_copies:
-        return train.azimuth_copies(settings.copies, settings.seed, settings.mirrored)
-    return train
-
-
 def held_out_samples(source: Source, held_out: float, seed: int) -> Samples:
     """The samples that fits of `seed` are tested on: left out of the fit, and turned at random."""
     return source.samples.split(held_out, seed)[1].rotated_at_random(seed)
@@ -84,7 +72,7 @@ def held_out_samples(source: Source, held_out: float, seed: int) -> Samples:
 
 def fit_and_measure(
     source: Source,
-    settings: FitSettings,
+    settings: Method,
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,
     subset: int = 0,
@@ -102,7 +90,7 @@ def fit_and_measure(
     return fit_split(source, Split.of(source, held_out, seed, subset), settings, progress)
 
 
-def fit_split(source: Source, split: Split, settings: FitSettings, progress: ProgressCallback | None = None) -> Row:
+def fit_split(source: Source, split: Split, settings: Method, progress: ProgressCallback | None = None) -> Row:
     """Fit one method on a split of the source that there is already, and measure it on both parts.
 
     Where nothing is held out the errors called held out are on all samples at random azimuths. Raises BadInput as the
@@ -111,16 +99,15 @@ def fit_split(source: Source, split: Split, settings: FitSettings, progress: Pro
     began = time.perf_counter()
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
-    method(settings.method)
-    measured = split.parts(source)[0]
-    train, test = training_samples(source, measured, settings), split.test_samples(source)
+    train, test = split.parts(source)[0], split.test_samples(source)
     begin_fit = time.perf_counter()
-    fitted = run(train, settings, progress)
+    fitted = settings.fit(train, progress)
     seconds_fit = time.perf_counter() - begin_fit
     factorization = fitted.factorization
-    errors = tuple(measure(factorization, samples, factorization.transform) for samples in (train, test))
+    turned = train.rotated_at_random(split.seed)
+    errors = tuple(measure(factorization, samples, factorization.transform) for samples in (turned, test))
     total = source.seconds_read + time.perf_counter() - began
-    verdict = judge(factorization, fitted.report, settings, measured, test, (errors[0], errors[1]))
+    verdict = judge(factorization, fitted.report, settings, train, test, (errors[0], errors[1]))
     return Row(
         source.name,
         split,
@@ -139,7 +126,7 @@ def fit_split(source: Source, split: Split, settings: FitSettings, progress: Pro
 
 def compare(
     source: Source,
-    methods: Sequence[FitSettings],
+    methods: Sequence[Method],
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,
     subset: int = 0,
@@ -147,10 +134,8 @@ def compare(
 ) -> list[Row]:
     """A row for each of `methods`, in their order, all on the split that the first one's seed draws, or `split_seed`.
 
-    Raises BadInput for an unknown method before anything is fitted, and as `fit_and_measure`.
+    Raises BadInput as `fit_and_measure`.
     """
-    for settings in methods:
-        method(settings.method)
     if split_seed is None and methods:
         split_seed = methods[0].seed
     return [fit_and_measure(source, settings, held_out, progress, subset, split_seed) for settings in methods]

@@ -8,9 +8,11 @@ import math
 from collections.abc import Collection, Sequence
 
 from homofact.brdf.source import Source
+from homofact.methods.cole import Cole
 from homofact.methods.effort import units
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import method
+from homofact.methods.fitting import Method
+from homofact.methods.mccool import McCool
+from homofact.methods.search import Search
 
 # Seconds of the parts of a fit, measured on the blue paint.
 _SAMPLE_SOLVED = 3e-6  # a sample and texture in a solve
@@ -23,29 +25,30 @@ _EVALUATION, _SAMPLE_EVALUATED = 2e-3, 2.3e-6  # of an inner problem, for each t
 _UNIT = 7e-3  # of `methods.effort`
 
 
-def fit_seconds(settings: FitSettings, samples: int) -> float:
+def fit_seconds(settings: Method, samples: int) -> float:
     """Modelled seconds of a fit to `samples` samples, azimuth copies included, with its errors and verdict."""
-    size, textures = settings.size, settings.textures
+    size = settings.size
     after = _ALWAYS + _SAMPLE_MEASURED * samples
-    if settings.method == "svd":
+    if settings.name == "svd":
         return after + 0.9 * (size / 16) ** 3.3
-    if settings.method == "nmf":
+    if settings.name == "nmf":
         return after + 2.8 * (size / 16) ** 4
+    textures = len(settings.projections) if isinstance(settings, McCool) else settings.__dict__["textures"]
     solve = _SAMPLE_SOLVED * samples * textures + _CUBE * (textures * size**2) ** 3
-    if settings.method == "search":
+    if isinstance(settings, Search):
         # Its own count of work is in units of one inner evaluation; refining takes about a quarter as much again.
         searched = 1.25 * units(settings.effort, textures) * _UNIT
         return after + solve + (searched if settings.budget is None else min(searched, settings.budget))
-    if settings.method == "cole":
+    if isinstance(settings, Cole):
         searched = min(samples, settings.search_samples or samples)
-        together = settings.together or textures
-        solved = sum(min(term, together) for term in range(1, textures + 1))
+        joint = settings.joint_terms or textures
+        solved = sum(min(term, joint) for term in range(1, textures + 1))
         return after + solve + _POWELL * settings.restarts * solved * (_EVALUATION + _SAMPLE_EVALUATED * searched)
     return after + solve
 
 
-def training_count(source: Source, settings: FitSettings, held_out: float, subset: int = 0) -> int:
-    """How many samples a fit of the source will be given, azimuth copies included.
+def training_count(source: Source, settings: Method, held_out: float, subset: int = 0) -> int:
+    """How many samples a fit of the source solves from, the azimuth copies that it makes included.
 
     Raises BadInput where there are too few to hold some out, before a time is promised.
     """
@@ -55,8 +58,9 @@ def training_count(source: Source, settings: FitSettings, held_out: float, subse
         source.samples.split(held_out, settings.seed)
     count = total - held
     count = min(count, subset) if subset > 0 else count
-    if source.kind == "measurement" and source.samples.isotropic and method(settings.method).wants_copies:
-        return count * settings.copies * (2 if settings.mirrored else 1)
+    copies = getattr(settings, "copies", 1)
+    if source.samples.isotropic and not source.samples.all_azimuths and copies > 1:
+        return count * copies * (2 if getattr(settings, "mirrored", False) else 1)
     return count
 
 

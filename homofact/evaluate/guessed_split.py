@@ -13,7 +13,7 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.source import MATERIAL_PREFIX, Source, open_source
 from homofact.errors import BadInput
 from homofact.evaluate.split import Split
-from homofact.files.binary import split_member
+from homofact.files.reading import split_member
 
 if TYPE_CHECKING:
     from homofact.factor.fitted import Fitted
@@ -101,8 +101,10 @@ def _parts(fitted: "Fitted", total: int, subset: int) -> Iterator[float]:
     yield USUAL_HELD_OUT
     yield 0.0
     trained, copies = fitted.provenance.get("samples"), _mapping(fitted.provenance.get("settings")).get("copies")
-    if subset or not isinstance(trained, int) or not isinstance(copies, int):
+    if subset or not isinstance(trained, int):
         return
+    # A fit of version 0.1.0 counts its azimuth copies.
+    copies = copies if isinstance(copies, int) else 1
     for each in (1, copies, 2 * copies):
         if each > 0 and trained % each == 0 and 0 < trained // each < total:
             yield (total - trained // each) / total

@@ -1,7 +1,7 @@
 """The source of a fit, opened again, with the very samples that the fit was given and those held out of it.
 
     reopened = reopen(homofact.load("out/paint"))
-    reopened.source.samples, reopened.parts(fitted)["held_out"]
+    reopened.source.samples, reopened.parts["held_out"]
 
 A fit knows its split (`evaluate.split`); where it was saved without one the split is guessed
 (`evaluate.guessed_split`).
@@ -16,11 +16,11 @@ from homofact.brdf.source import Source
 from homofact.errors import BadInput
 from homofact.evaluate.guessed_split import USUAL_HELD_OUT, guess_split, has_mean_of, source_named_by
 from homofact.evaluate.split import Split
-from homofact.methods.settings import FitSettings
 
 if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
     from homofact.factor.fitted import Fitted
+    from homofact.methods.fitting import Method
 
 
 class NotReopened(BadInput):
@@ -45,17 +45,16 @@ class Reopened:
         """The name of the test samples in `parts`: "held_out", or "source" where the fit may have seen them."""
         return "held_out" if self.held_out else "source"
 
-    def training(self, fitted: "Fitted") -> "Samples":
-        """What of the source the fit was given, azimuth copies included where its method wants them."""
-        from homofact.evaluate.compare import training_samples
-        from homofact.methods.table import METHODS
+    @property
+    def training(self) -> "Samples":
+        """What of the source the fit was given, as measured."""
+        return self.split.parts(self.source)[0]
 
-        train, settings = self.split.parts(self.source)[0], settings_of(fitted)
-        return training_samples(self.source, train, settings) if settings.method in METHODS else train
-
-    def parts(self, fitted: "Fitted") -> "dict[str, Samples]":
-        """ "train", what the fit was given, and under `part` what its error is measured on, at random azimuths."""
-        return {"train": self.training(fitted), self.part: self.split.test_samples(self.source)}
+    @property
+    def parts(self) -> "dict[str, Samples]":
+        """What errors are measured on, at random azimuths: "train", what the fit was given, and the tests as `part`."""
+        turned = self.training.rotated_at_random(self.split.seed)
+        return {"train": turned, self.part: self.split.test_samples(self.source)}
 
 
 def reopen(
@@ -80,23 +79,25 @@ def reopen(
     return found
 
 
-def settings_of(fitted: "Fitted") -> FitSettings:
+def settings_of(fitted: "Fitted") -> "Method":
     """The settings that the fit was made with, as its provenance has them; ε is the fit's own.
 
     What is missing or cannot be meant takes its default; the size is then that of the largest texture.
     """
-    kept = fitted.provenance.get("settings")
-    known: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in (kept if isinstance(kept, Mapping) else {}).items()
-        if name in FitSettings.__dataclass_fields__
-    }
+    from homofact.methods.table import METHODS, settings_of_class
+
+    kept = _mapping(fitted.provenance.get("settings"))
+    name = fitted.provenance.get("method", kept.get("method"))
+    method = METHODS.get(name if isinstance(name, str) else "", METHODS["search"])
+    # A fit of version 0.1.0 has all methods' settings in one, the method's name among them.
+    kept = _renamed(kept, method.name) if "method" in kept else kept
+    known = {setting: value for setting, value in kept.items() if setting in settings_of_class(method)}
     own: dict[str, Any] = {"epsilon": fitted.transform.epsilon}
     side: dict[str, Any] = {"size": _largest_side(fitted)}
     try:
-        return FitSettings(**(side | known | own))
-    except (BadInput, TypeError):
-        return FitSettings(**(side | own))
+        return method(**(side | known | own))
+    except BadInput:
+        return method(**(side | own))
 
 
 def _own(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> Reopened:
@@ -137,6 +138,22 @@ def _check_channels(source: Source, fitted: "Fitted") -> None:
         )
 
 
+def _renamed(kept: Mapping[str, Any], method: str) -> dict[str, Any]:
+    """The settings of version 0.1.0 by their names of today; what took a method's usual value is left to it."""
+    pinned = kept.get("parameterization")
+    renamed = {name: value for name, value in kept.items() if value is not None and value != []}
+    renamed |= {"joint_terms": kept.get("together", 2), "refine": "linear" if kept.get("refine") == "looks" else "none"}
+    if method == "search":
+        renamed |= {"projections": pinned.split("+") if isinstance(pinned, str) else None}
+    elif isinstance(pinned, str):
+        renamed |= {"coordinates": pinned}
+    return renamed
+
+
 def _largest_side(fitted: "Fitted") -> int:
     sides = [side for term in fitted.terms for side in getattr(term, "size", ())]
     return max([*sides, 2])
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}

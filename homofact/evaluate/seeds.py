@@ -15,8 +15,7 @@ from homofact.errors import BadInput, Status
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.metrics import SixErrors
 from homofact.evaluate.spread import Spread
-from homofact.methods.cole_fit import ProgressCallback
-from homofact.methods.settings import FitSettings
+from homofact.methods.fitting import Method, ProgressCallback
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ class SeedRows:
 
 def fit_seeds(
     source: Source,
-    settings: FitSettings,
+    settings: Method,
     seeds: int | Sequence[int],
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,

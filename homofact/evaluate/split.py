@@ -18,8 +18,8 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Opening, Source
 from homofact.brdf.stratified import stratified_subset
 from homofact.errors import BadInput
-from homofact.files.binary import split_member
 from homofact.files.fields import Fields
+from homofact.files.reading import split_member
 
 if TYPE_CHECKING:
     from homofact.factor.fitted import Fitted
@@ -38,12 +38,12 @@ def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
     return {**provenance, "source": {**source, "split": {**split, "opening": named}}}
 
 
-def samples_digest(samples: Samples, kind: str) -> str:
-    """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels and kind.
+def samples_digest(samples: Samples) -> str:
+    """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels, azimuths.
 
     Numbers count as float32: the last bits of a float64 may differ between machines.
     """
-    digest = hashlib.sha256(f"{kind} {samples.isotropic} {samples.channels}".encode())
+    digest = hashlib.sha256(f"{samples.all_azimuths} {samples.isotropic} {samples.channels}".encode())
     for tensor in (samples.wi, samples.wo, samples.values, samples.weights):
         digest.update(str(tuple(tensor.shape)).encode())
         # + 0 makes one zero of two.
@@ -75,7 +75,7 @@ class Split:
     @classmethod
     def of(cls, source: Source, held_out: float, seed: int, subset: int = 0) -> "Split":
         """The split of a source that is open."""
-        digest = samples_digest(source.samples, source.kind)
+        digest = samples_digest(source.samples)
         return cls(source.opening, len(source.samples), digest, held_out, seed, subset)
 
     @classmethod
@@ -120,7 +120,7 @@ class Split:
 
     def matches(self, source: Source) -> bool:
         """Whether a source has the very samples that were split."""
-        return samples_digest(source.samples, source.kind) == self.digest
+        return samples_digest(source.samples) == self.digest
 
     def parts(self, source: Source) -> tuple[Samples, Samples | None]:
         """(training, held out) of a source, as measured; no held-out ones where `held_out` is 0.

@@ -13,14 +13,15 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.coverage import holes
-from homofact.brdf.faults import ALBEDO_DEGREES, albedo, reciprocity_of, reciprocity_of_samples
+from homofact.brdf.faults import ALBEDO_DEGREES, albedo
 from homofact.brdf.samples import Samples
 from homofact.brdf.scatter import local_scatter
+from homofact.brdf.symmetry import light_azimuths, reciprocity_of, reciprocity_of_samples
 from homofact.errors import Report, Status
 from homofact.evaluate.metrics import SixErrors
 from homofact.factor.fitted import Fitted
 from homofact.linear.robust import scale_of
-from homofact.methods.settings import FitSettings
+from homofact.methods.fitting import Method
 
 LARGEST_CONDITION = 1e12
 LEAST_DETERMINED = 0.5
@@ -110,7 +111,7 @@ class Verdict:
 def judge(
     fitted: Fitted,
     report: Report,
-    settings: FitSettings,
+    settings: Method,
     train: Samples,
     test: Samples,
     errors: tuple[SixErrors, SixErrors],
@@ -127,7 +128,7 @@ def judge(
     zero = transform.forward(torch.zeros(1, len(train.channels), dtype=torch.float64))
     scatter = local_scatter(drawn, settings.seed)
     swapped = reciprocity_of_samples(drawn, settings.seed)
-    azimuths = (0.0,) if train.isotropic else (0.0, math.pi / 2)
+    azimuths = light_azimuths(train.isotropic)
     verdict = Verdict(
         status=report.status,
         condition=report.details.get("condition"),
@@ -174,7 +175,7 @@ def _outliers(misses: Tensor) -> float:
 
 def _findings(
     verdict: Verdict,
-    settings: FitSettings,
+    settings: Method,
     train: Samples,
     epsilon: float,
     noise: float | None,

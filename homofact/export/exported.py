@@ -20,7 +20,7 @@ from homofact.errors import BadInput
 from homofact.evaluate.split import without_places
 from homofact.export.manifest import conventions, write_json
 from homofact.factor.fitted import Fitted
-from homofact.files.atomic import replace_file
+from homofact.files.atomic import write_text
 from homofact.files.folder import check_new_folder, write_folder
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.shading.c_code import c_source
@@ -98,7 +98,7 @@ def log_difference(before: Fitted, after: Fitted, pairs: int = 20_000, seed: int
 
 
 def check_export_folder(folder: str | os.PathLike[str], force: bool) -> None:
-    """Raise BadInput where `write_exported` could not put its files, as `folders.check_new_folder` says."""
+    """Raise BadInput where `write_exported` could not put its files, as `files.folder.check_new_folder` says."""
     check_new_folder(folder, "export", SHADER, force)
 
 
@@ -118,7 +118,7 @@ def write_exported(
         for name, texture in zip(made.names, made.textures, strict=True):
             made.format.write(place / name, texture.stored, exr_channel_names(made.stored.channels), facts)
         for name, text in _codes(made).items():
-            replace_file(place / name, lambda beside, text=text: _write_text(beside, text))
+            write_text(place / name, text)
         write_json(place / MANIFEST, description)
 
     write_folder(folder, fill)
@@ -171,7 +171,3 @@ def _codes(made: Exported) -> dict[str, str]:
     last = f"The texels below are those of {', '.join(made.names)}, decoded."
     code = c_source(replace(program, title=(*program.title, last)), [texture.stored for texture in plain])
     return texts | {"brdf.c": code}
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")

@@ -17,12 +17,12 @@ from homofact.containers.formats import FORMATS, MOST_SIDE
 from homofact.errors import BadInput
 from homofact.export.exported import FORMAT, FORMAT_VERSION, MANIFEST
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.projection import Projection, Warp
+from homofact.factor.projection import WARPED_AXES, Projection, Warp
 from homofact.files.fields import Fields
-from homofact.geometry.coordinates import COORDINATES
-from homofact.geometry.rotation import Pair
+from homofact.geometry.coordinates import COORDINATES, CoordinateSystem
+from homofact.geometry.rotation import Rotation
 from homofact.separable.maps import MAPS
-from homofact.separable.matrix import PARAMETERIZATIONS
+from homofact.separable.names import SIDES
 from homofact.separable.separable import Separable, SeparableTerm
 from homofact.shading.encoding import Encoded
 
@@ -87,7 +87,7 @@ def _textures(place: Path, fields: Fields, channels: tuple[str, ...]) -> list[Te
 def _term(fields: Fields, textures: list[Tensor]) -> Term:
     texture = textures[fields.whole("texture", 0, len(textures) - 1)]
     mask = torch.tensor(fields.bits("mask", texture.shape[0], texture.shape[1]))
-    return Term(_projection(fields.inner("projection")), texture, mask)
+    return Term(_projection(fields.inner("projection")), texture, mask).round()
 
 
 def _projection(fields: Fields) -> Projection:
@@ -95,27 +95,26 @@ def _projection(fields: Fields) -> Projection:
     rows = fields.rows("matrix", 2, COORDINATES[name].dimension)
     warp = None
     if fields.found.get("warp") is not None:
-        if "half-diff" not in name:
+        if not set(WARPED_AXES) & set(COORDINATES[name].axes):
             fields.refuse("warp", f"null on {name}, which has no half vector")
         warp = Warp(fields.inner("warp").number("width", above=0))
-    return Projection(
-        name,
-        torch.tensor(rows, dtype=torch.float64),
-        fields.flag("reciprocal"),
-        fields.text("name"),
-        _rotation(fields, COORDINATES[name].dimension),
-        warp,
-    )
+    reciprocal, called = fields.flag("reciprocal"), fields.text("name")
+    rotation = _rotation(fields, COORDINATES[name])
+    try:
+        return Projection(name, torch.tensor(rows, dtype=torch.float64), reciprocal, called, rotation, warp)
+    except BadInput as error:
+        fields.refuse("matrix", f"one that {name} has ({error})")
 
 
-def _rotation(fields: Fields, dimension: int) -> Pair | Tensor | None:
+def _rotation(fields: Fields, system: CoordinateSystem) -> Rotation | None:
     if fields.found.get("rotation") is None:
         return None
+    if system.periodic:
+        fields.refuse("rotation", f"null on {system.name}, which has fixed projections only")
     inner = fields.inner("rotation")
-    if inner.text("kind", ("pair",) if dimension == 4 else ("single",)) == "single":
-        return torch.tensor(inner.numbers("quaternion", 4), dtype=torch.float64)
-    left, right = (torch.tensor(inner.numbers(side, 4), dtype=torch.float64) for side in ("left", "right"))
-    return Pair(left, right)
+    sides = ("left", "right") if system.dimension == 4 else ("quaternion",)
+    inner.text("kind", ("pair",) if system.dimension == 4 else ("single",))
+    return Rotation(torch.tensor([inner.numbers(side, 4) for side in sides], dtype=torch.float64))
 
 
 def _sum(
@@ -142,5 +141,5 @@ def _sum(
     if len({term.second is None for term in terms}) > 1:
         fields.refuse("terms", "the same number of textures in every term")
     read = torch.tensor(fields.bits("read", rows, columns))
-    name, kind = fields.text("map", MAPS), fields.text("parameterization", PARAMETERIZATIONS)
+    name, kind = fields.text("map", MAPS), fields.text("parameterization", SIDES)
     return Separable(tuple(terms), name, kind, read, transform, channels, provenance)

@@ -7,13 +7,12 @@ form); a reader in another language needs this file and the EXR textures, nothin
 import json
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from homofact.containers.exr import exr_channel_names
 from homofact.errors import BadInput
 from homofact.factor.fitted import Fitted, Texture
-from homofact.files.atomic import replace_file
+from homofact.files.atomic import write_text
 from homofact.version import __version__
 
 FORMAT = "homofact manifest"
@@ -32,14 +31,17 @@ CONVENTIONS = {
         "half-diff": "x = (parabolic h, parabolic d)",
         "isotropic-half-diff": "x = (theta_h, theta_d, phi_d) * 4/pi - 1, in radians; theta_h the angle of h"
         " from the normal, theta_d of wi from h, phi_d = atan2(|h.x wi.y - h.y wi.x|, |wi.z - (h.wi) h.z|)",
+        "half-angles": "x = (theta_h * 4/pi - 1, phi_h / pi), in radians; phi_h = atan2(h.y, h.x), 0 where both are",
         "isotropic-in-out": "x = (2 theta_i, 2 theta_o, |phi_i - phi_o| in [0, pi]) * 2/pi - 1, in radians",
     },
     "warp": "where a width w is given, r -> asinh(r/w)/asinh(1/w) before the matrix, with r the length of"
-    " parabolic h (half-diff; its direction is kept) or theta_h/(pi/2) (isotropic-half-diff)",
+    " parabolic h (half-diff; its direction is kept) or theta_h/(pi/2) (isotropic-half-diff, half-angles)",
     "projection": "(u, v) = matrix x in [-1, 1]^2; a conjugate matrix, where there is one, is a second lookup"
     " of the same texture (reciprocity)",
     "texels": "column = (u + 1)/2 (columns - 1), row = (v + 1)/2 (rows - 1), clamped, bilinear between texel"
     " centres; a sampler in [0, 1] reads at ((column + 1/2)/columns, (row + 1/2)/rows)",
+    "periodic": "of u and v, whether the axis goes round: -1 and +1 are the same place, and the last column (u) or row"
+    " (v) of the texture repeats the first, so that it is read like any other",
     "images": "EXR: logarithm p, the first scanline is row 0 (v = -1), the first pixel column 0"
     " (u = -1); PNG: p for the eye, same way round, not for evaluation",
     "evaluation": "f = A max(0, exp(sum over all lookups of p(u, v)) - epsilon), p interpolated bilinearly",
@@ -71,7 +73,7 @@ def conventions(described: Mapping[str, Any]) -> dict[str, Any]:
     """Words on all that a fit's `describe` leaves to be known, but for how and where its texels are stored."""
     kept = ["frame", "directions", "value", "half_difference", "mask"]
     if described["kind"] == "product":
-        kept += ["parabolic_map", "coordinates", "warp", "projection", "rotation", "evaluation"]
+        kept += ["parabolic_map", "coordinates", "warp", "projection", "periodic", "rotation", "evaluation"]
         return {name: CONVENTIONS[name] for name in CONVENTIONS if name in kept}
     own = {"evaluation": _SUM, "map": _MAPS[described["map"]]}
     return {name: CONVENTIONS[name] for name in kept} | own
@@ -157,8 +159,4 @@ def write_json(path: str | os.PathLike[str], obj: Any) -> None:
         text = json.dumps(obj, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     except (TypeError, ValueError) as error:
         raise BadInput(f"{path}: not JSON ({error}), expected plain finite values") from error
-    replace_file(path, lambda beside: _write_text(beside, text))
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)

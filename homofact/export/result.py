@@ -20,7 +20,7 @@ REPORT = "report.json"
 def check_result_folder(folder: str | os.PathLike[str], force: bool) -> None:
     """Raise BadInput where `write_result` could not put a result: ask before a long fit, not after it.
 
-    Refused as `folders.check_new_folder` says.
+    Refused as `files.folder.check_new_folder` says.
     """
     check_new_folder(folder, "result", FACTORIZATION, force)
 

@@ -18,7 +18,7 @@ import scipy.linalg
 import torch
 from torch import Tensor
 
-from homofact.factor.factorization import Term
+from homofact.factor.factorization import Term, layout_of_terms
 from homofact.factor.gauge import gauge_rows
 from homofact.factor.textures import LogSamples, Smoothing, inner_problem, residual
 
@@ -31,38 +31,32 @@ def with_deviations(samples: LogSamples, terms: tuple[Term, ...], smoothing: Smo
     """
     masks = tuple(term.mask for term in terms)
     projections = tuple(term.projection for term in terms)
-    problem = inner_problem(samples, projections, tuple(term.size for term in terms), smoothing, masks)
+    layout = layout_of_terms(terms)
+    problem = inner_problem(samples, projections, layout.shapes, smoothing, masks)
     problem = replace(problem, gauge=gauge_rows(projections, masks))
     kept = problem.kept
     matrix, _ = problem.normal()
     data = problem.data.matrix[kept][:, kept]
-    inverse = torch.from_numpy(scipy.linalg.inv(matrix.numpy(), overwrite_a=True, check_finite=False))
+    found = scipy.linalg.inv(matrix.cpu().numpy(), overwrite_a=True, check_finite=False)
+    inverse = torch.from_numpy(found).to(matrix.device)
     errors = residual(samples, terms)
     freedom = float(samples.weights.sum()) - float((inverse * data).sum())
     squares = (samples.weights[:, None] * errors**2).sum(0)
     variance = squares / max(freedom, np.finfo(float).tiny)
-    moved = _centred_rows(inverse, terms)
+    moved = _centred_rows(inverse, terms, layout.owners(kept.device)[kept])
     spread = ((moved @ data) * moved).sum(1).clamp_min(0).sqrt()
-    texels = torch.zeros(problem.unknowns, dtype=torch.float64)
-    texels[kept] = spread
-    result, begin = [], 0
-    for term in terms:
-        count = term.mask.numel()
-        own = texels[begin : begin + count].reshape(term.mask.shape)
-        result.append(replace(term, deviation=own[..., None] * variance.sqrt()))
-        begin += count
-    return tuple(result)
+    textures = layout.split(problem.expand(spread[:, None] * variance.sqrt()))
+    return tuple(replace(term, deviation=own) for term, own in zip(terms, textures, strict=True))
 
 
-def _centred_rows(inverse: Tensor, terms: tuple[Term, ...]) -> Tensor:
-    """C H⁻¹: rows of all textures but the first less their mean, which the first takes by the lookups' ratio."""
+def _centred_rows(inverse: Tensor, terms: tuple[Term, ...], owners: Tensor) -> Tensor:
+    """C H⁻¹: rows of all textures but the first less their mean, which the first takes by the lookups' ratio.
+
+    `owners` (K,) says whose texel each row is.
+    """
     result = inverse.clone()
-    first = int(terms[0].mask.sum())
-    begin = first
-    for term in terms[1:]:
-        count = int(term.mask.sum())
-        mean = inverse[begin : begin + count].mean(0)
-        result[begin : begin + count] -= mean
-        result[:first] += mean * (term.projection.lookups / terms[0].projection.lookups)
-        begin += count
+    for j, term in enumerate(terms[1:], 1):
+        mean = inverse[owners == j].mean(0)
+        result[owners == j] -= mean
+        result[owners == 0] += mean * (term.projection.lookups / terms[0].projection.lookups)
     return result

@@ -1,12 +1,13 @@
 """The result: log textures with their projections, which evaluate, save and load.
 
 f(ωi, ωo) = A (exp Σj p̃j(πj(ωi, ωo)) − ε), cut at zero; a reciprocal projection adds its texture at the
-conjugate too. Everything an evaluation needs is in one .npz file of plain arrays and a JSON header,
-readable without homofact; arrays are stored as they are, so a loaded factorization is bit-identical.
+conjugate too. On an axis that is periodic in the coordinates a texture goes round (`linear.layout`). Everything an
+evaluation needs is in one .npz file of plain arrays and a JSON header, readable without homofact; arrays are stored
+as they are, so a loaded factorization is bit-identical.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,24 +16,27 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.reflectance import answering_in_kind
 from homofact.errors import BadInput
 from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
-from homofact.factor.projection import Projection, Warp, describe_projection
+from homofact.factor.projection import Projection, Warp, describe_projection, layout_of
 from homofact.files.archive import check_version, read_archive, write_archive
 from homofact.geometry.coordinates import COORDINATES
 from homofact.geometry.directions import above_horizon
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.bilinear import lookup
+from homofact.linear.layout import CLAMPED, Axis, TexelLayout
 
 FORMAT_VERSION = 1
 
 
 _LETTERS = {
     "wi": "ωi", "wo": "ωo", "theta_i": "θi", "theta_o": "θo", "theta_h": "θh", "theta_d": "θd", "phi_d": "φd",
-    "delta_phi": "Δφ",
+    "phi_h": "φh", "delta_phi": "Δφ",
 }  # fmt: skip
 _SPACES = {
     "in-out": "ωi, ωo", "half-diff": "h, d", "isotropic-half-diff": "θh, θd, φd", "isotropic-in-out": "θi, θo, Δφ",
+    "half-angles": "θh, φh",
 }  # fmt: skip
 
 
@@ -57,6 +61,34 @@ class Term:
         """(rows, columns)."""
         return int(self.texture.shape[0]), int(self.texture.shape[1])
 
+    def flat(self) -> "Term":
+        """The term with the first texels of a periodic axis once more behind the last, as a clamping sampler reads it.
+
+        M texels evenly round and the first again are M + 1 from −1 to +1: what the convention of a clamped axis says.
+        """
+        term = self
+        for dimension, axis in enumerate(self.projection.axes):
+            if axis is Axis.PERIODIC:
+                term = term._mapped(lambda texels, d=dimension: torch.cat((texels, texels.narrow(d, 0, 1)), d))
+        return term
+
+    def round(self) -> "Term":
+        """The inverse of `flat`: a periodic axis without its last texels."""
+        term = self
+        for dimension, axis in enumerate(self.projection.axes):
+            if axis is Axis.PERIODIC:
+                term = term._mapped(lambda texels, d=dimension: texels.narrow(d, 0, texels.shape[d] - 1))
+        return term
+
+    def _mapped(self, change: Callable[[Tensor], Tensor]) -> "Term":
+        deviation = None if self.deviation is None else change(self.deviation)
+        return replace(self, texture=change(self.texture), mask=change(self.mask), deviation=deviation)
+
+
+def layout_of_terms(terms: tuple[Term, ...]) -> TexelLayout:
+    """The texels of all textures, one after another."""
+    return layout_of(tuple(term.projection for term in terms), tuple(term.size for term in terms))
+
 
 def sum_of_terms(terms: tuple[Term, ...], wi: Tensor, wo: Tensor) -> Tensor:
     """Σj p̃j(πj(ωi, ωo)), conjugate lookups included: (N, C) logarithms of at least one term."""
@@ -64,7 +96,7 @@ def sum_of_terms(terms: tuple[Term, ...], wi: Tensor, wo: Tensor) -> Tensor:
     for term in terms:
         texture = term.texture.to(wi)
         for uv in term.projection.place(wi, wo):
-            total = total + lookup(texture, uv)
+            total = total + lookup(texture, uv, term.projection.axes)
     return total
 
 
@@ -82,8 +114,8 @@ class Factorization:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all texels as float32, the storage that a renderer would use."""
-        return sum(term.texture.numel() * 4 for term in self.terms)
+        """Bytes of all texels as float32, as a clamping sampler reads them (`Term.flat`): what a renderer would use."""
+        return sum(term.flat().texture.numel() * 4 for term in self.terms)
 
     @property
     def fetches(self) -> int:
@@ -94,6 +126,7 @@ class Factorization:
         """Σj p̃j (N, C): the sum of the textures, before the exponential."""
         return sum_of_terms(self.terms, wi, wo)
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         above, wi, wo = above_horizon(wi, wo)
@@ -101,12 +134,12 @@ class Factorization:
 
     @property
     def textures(self) -> tuple[Texture, ...]:
-        """One texture of logarithms a term."""
+        """One texture of logarithms a term, flat (`Term.flat`): every reader clamps."""
         return tuple(
             Texture(
                 f"texture_{k}", _caption(term.projection), "log", term.texture, term.mask, term.grid, term.deviation
             )
-            for k, term in enumerate(self.terms)
+            for k, term in enumerate(term.flat() for term in self.terms)
         )
 
     @property
@@ -114,7 +147,7 @@ class Factorization:
         """A (exp Σ lookups − ε); a conjugate is a lookup of its own."""
         lookups = []
         for k, term in enumerate(self.terms):
-            projection, (rows, columns) = term.projection, term.size
+            projection, (rows, columns) = term.projection, term.flat().size
             system, warp = projection.system, None if projection.warp is None else projection.warp.width
             words = f"texture {k}: {projection.name} on {projection.coordinates}, {columns} x {rows} texels"
             for matrix in projection.matrices():
@@ -129,10 +162,10 @@ class Factorization:
         grids: Sequence[Grid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "Factorization":
-        """The same projections and masks with other logarithms (rows, columns, C); as `Fitted.with_textures`."""
+        """The same projections and masks with other logarithms (rows, columns, C), flat; as `Fitted.with_textures`."""
         chosen = grids or (None,) * len(self.terms)
         terms = zip(self.terms, texels, chosen, strict=True)
-        made = tuple(replace(term, texture=each, grid=grid) for term, each, grid in terms)
+        made = tuple(replace(term.flat(), texture=each, grid=grid).round() for term, each, grid in terms)
         return replace(self, terms=made, provenance=self.provenance | dict(facts or {}))
 
     def describe(self) -> dict[str, Any]:
@@ -140,7 +173,7 @@ class Factorization:
         return {
             "kind": "product",
             "terms": [
-                {"texture": k, "projection": describe_projection(term.projection), "mask": bits(term.mask)}
+                {"texture": k, "projection": describe_projection(term.projection), "mask": bits(term.flat().mask)}
                 for k, term in enumerate(self.terms)
             ],
         }
@@ -165,10 +198,9 @@ class Factorization:
                 arrays[f"grid_{j}"] = torch.stack((term.grid.low, term.grid.step)).cpu().numpy()
             arrays[f"matrix_{j}"] = term.projection.matrix.cpu().numpy()
             rotation = term.projection.rotation
-            if isinstance(rotation, Pair):
-                arrays[f"rotation_{j}"] = torch.stack((rotation.left, rotation.right)).numpy()
-            elif rotation is not None:
-                arrays[f"rotation_{j}"] = rotation.numpy()
+            if rotation is not None:
+                # (2, 4) for a pair, (4,) for a single quaternion.
+                arrays[f"rotation_{j}"] = rotation.quaternions.squeeze(0).cpu().numpy()
         write_archive(path, header, arrays)
 
     @classmethod
@@ -211,16 +243,21 @@ def _describe(term: Term) -> dict[str, Any]:
         "reciprocal": projection.reciprocal,
         "name": projection.name,
         "warp": None if projection.warp is None else projection.warp.width,
+        "axes": _kinds(projection),
     } | ({} if term.grid is None else {"levels": term.grid.levels})
+
+
+def _kinds(projection: Projection) -> list[str]:
+    """The kinds of a texture's axes, along its rows and along its columns, by name."""
+    return [axis.value for axis in projection.axes]
 
 
 def _restore(described: dict[str, Any], data: dict[str, Any], j: int) -> Term:
     if described["coordinates"] not in COORDINATES:
         raise ValueError(f"coordinates {described['coordinates']!r}")
-    rotation: Pair | Tensor | None = None
+    rotation = None
     if f"rotation_{j}" in data:
-        stored = torch.from_numpy(data[f"rotation_{j}"])
-        rotation = Pair(stored[0], stored[1]) if stored.ndim == 2 else stored
+        rotation = Rotation(torch.from_numpy(data[f"rotation_{j}"]).reshape(-1, 4))
     projection = Projection(
         described["coordinates"],
         torch.from_numpy(data[f"matrix_{j}"]),
@@ -229,6 +266,9 @@ def _restore(described: dict[str, Any], data: dict[str, Any], j: int) -> Term:
         rotation,
         None if described["warp"] is None else Warp(float(described["warp"])),
     )
+    kinds = described.get("axes", [axis.value for axis in CLAMPED])
+    if kinds != _kinds(projection):
+        raise ValueError(f"axes {kinds} of {projection.name}, which has {_kinds(projection)}: the entry")
     deviation = data.get(f"deviation_{j}")
     grid = None
     if f"grid_{j}" in data:

@@ -13,6 +13,13 @@ parameterizations are not linear in each other, so the three conditions stand al
 there is: the null space of the problem, however many samples there are. A texture whose conjugate cancels a ramp
 has one by itself.
 
+On a periodic axis (`linear.layout`) a ramp does not close: between the last texel and the first interpolation and
+smoothing see its whole height. What both reproduce and let pass is constant along the axis, so of {1, u, v, uv} a
+texture that is periodic in v keeps {1, u}, and one that is periodic in both keeps {1}; the conditions are the same
+with bj or cj at zero for what is left out, and the constant needs no sample to hold the circle closed. A pole asks for
+one value along its line, which {1, u} has. (Where a mask cuts a circle open, the ramp along the arc that is left is
+free again for textures that share the azimuth; no two of a fit do, and the ridge would hold it.)
+
 The gauge that is kept: every texture but the first has zero mean over its mask, and no part along the null ramps and
 products, their own means taken off. So it depends neither on the solver nor on noise, and a factor on the data moves
 the first texture by a constant and no other. `linear.least_squares` holds these rows at zero.
@@ -21,36 +28,48 @@ the first texture by a constant and no other. `linear.least_squares` holds these
 import torch
 from torch import Tensor
 
-from homofact.factor.projection import Projection, Warp
+from homofact.factor.projection import WARPED_AXES, Projection, Warp, layout_of
+from homofact.linear.layout import Axes, Axis, Shape, TexelLayout, texel_centres
 
 _RANK = 1e-9
 
 
 def null_space(projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> Tensor:
     """Orthonormal columns (T, G) that span the null space over all texels; zero outside of `masks` (rows, columns)."""
-    fields, forms = _fields(projections, masks)
-    return _orthonormal(fields @ _null_combinations(forms))
+    layout = _layout(projections, masks)
+    fields, forms = _fields(projections, layout, _inside(layout, masks))
+    return _orthonormal(fields @ _null_combinations(forms)).to(masks[0].device)
 
 
 def gauge_rows(projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> Tensor:
     """Orthonormal columns (T, G), as many as `null_space` has: what the gauge of the module's head holds at zero."""
-    fields, forms = _fields(projections, masks)
+    layout = _layout(projections, masks)
+    inside = _inside(layout, masks)
+    fields, forms = _fields(projections, layout, inside)
     constant = forms[:, 0] != 0
-    owners = torch.cat([torch.full((mask.numel(),), j) for j, mask in enumerate(masks)])
-    inside = torch.cat([mask.reshape(-1) for mask in masks])
+    owners = layout.owners()
     for j in range(len(masks)):
         own = (owners == j) & inside
         centred = fields[own] - fields[own].mean(0)
         fields[own] = torch.where(constant, fields[own], centred)
     means = fields[:, constant][:, 1:]
     ramps = fields[:, ~constant] @ _null_combinations(forms[~constant])
-    return torch.cat((_orthonormal(means), _orthonormal(ramps)), 1)
+    return torch.cat((_orthonormal(means), _orthonormal(ramps)), 1).to(masks[0].device)
+
+
+def _layout(projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> TexelLayout:
+    return layout_of(projections, tuple((int(mask.shape[0]), int(mask.shape[1])) for mask in masks))
+
+
+def _inside(layout: TexelLayout, masks: tuple[Tensor, ...]) -> Tensor:
+    # Few numbers, many small steps: on the CPU, wherever the masks are.
+    return layout.join(masks).cpu()
 
 
 def _null_combinations(forms: Tensor) -> Tensor:
     """Columns of coefficients (F, G) of the fields whose forms (F, ·) add to nothing."""
     if forms.shape[0] == 0:
-        return torch.zeros(0, 0, dtype=torch.float64)
+        return forms.new_zeros(0, 0)
     left, values, _ = torch.linalg.svd(forms, full_matrices=True)
     return left[:, int((values > _RANK * values[0]).sum()) :]
 
@@ -63,60 +82,57 @@ def _orthonormal(columns: Tensor) -> Tensor:
     return basis[:, sizes > _RANK * sizes.max().clamp_min(1)]
 
 
-def _fields(projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> tuple[Tensor, Tensor]:
+def _fields(projections: tuple[Projection, ...], layout: TexelLayout, inside: Tensor) -> tuple[Tensor, Tensor]:
     """(fields (T, F), forms (F, 1 + V + V²)): every texture's constant, ramps and product as texels, and what they add.
 
     V counts the variables of all projections, each once: `_variables`.
     """
     variables = list(dict.fromkeys(name for projection in projections for name in _variables(projection)))
-    owners = [torch.full((mask.numel(),), j) for j, mask in enumerate(masks)]
-    owner, inside = torch.cat(owners), torch.cat([mask.reshape(-1) for mask in masks])
+    owner = layout.owners()
     fields, forms = [], []
-    for j, (projection, mask) in enumerate(zip(projections, masks, strict=True)):
+    for j, projection in enumerate(projections):
         places = [variables.index(name) for name in _variables(projection)]
-        matrices = [torch.zeros(2, len(variables), dtype=torch.float64) for _ in projection.matrices()]
+        matrices = [torch.zeros(2, len(variables), dtype=torch.float64, device="cpu") for _ in projection.matrices()]
         for matrix, own in zip(matrices, projection.matrices(), strict=True):
-            matrix[:, places] = own.double()
-        for form, field in _of_texture(matrices, mask.shape):
-            placed = torch.zeros(len(owner), dtype=torch.float64)
+            matrix[:, places] = own.to(matrix)
+        for form, field in _of_texture(matrices, layout.shapes[j], layout.axes[j]):
+            placed = torch.zeros(len(owner), dtype=torch.float64, device="cpu")
             placed[owner == j] = field
             fields.append(placed * inside)
             forms.append(form)
     return torch.stack(fields, 1), torch.stack(forms)
 
 
-def _variables(projection: Projection) -> list[tuple[str, str, Warp | None]]:
-    """What each column of the matrix multiplies, by name: a warp makes another variable of the half vector's axes."""
-    names = projection.system.axes
-    return [(projection.coordinates, name, projection.warp if name.endswith("_h") else None) for name in names]
+def _variables(projection: Projection) -> list[tuple[str, Warp | None]]:
+    """What each column of the matrix multiplies, by name: a warp makes another variable of what it stretches."""
+    return [(name, projection.warp if name in WARPED_AXES else None) for name in projection.system.axes]
 
 
-def _of_texture(matrices: list[Tensor], shape: torch.Size) -> list[tuple[Tensor, Tensor]]:
+def _of_texture(matrices: list[Tensor], shape: Shape, axes: Axes) -> list[tuple[Tensor, Tensor]]:
     """(form, texels (T,)) of a texture's constant, ramps and product, from the matrices (2, V) of its lookups."""
     rows, columns = shape
-    u = torch.linspace(-1, 1, columns, dtype=torch.float64) if columns > 1 else torch.zeros(1, dtype=torch.float64)
-    v = torch.linspace(-1, 1, rows, dtype=torch.float64) if rows > 1 else torch.zeros(1, dtype=torch.float64)
-    across, up = u.repeat(rows), v.repeat_interleave(columns)
+    up, across = torch.cartesian_prod(texel_centres(rows, axes[0]), texel_centres(columns, axes[1])).unbind(1)
     width = matrices[0].shape[1]
     linear = torch.stack(matrices).sum(0)
     product = torch.stack([_symmetric(matrix) for matrix in matrices]).sum(0).reshape(-1)
 
     def form(constant: float = 0.0, ramp: Tensor | None = None, quadratic: Tensor | None = None) -> Tensor:
-        nothing = torch.zeros(width + width * width, dtype=torch.float64)
+        nothing = linear.new_zeros(width + width * width)
         return torch.cat(
             (
-                torch.tensor([constant], dtype=torch.float64),
+                linear.new_full((1,), constant),
                 nothing[:width] if ramp is None else ramp,
                 nothing[width:] if quadratic is None else quadratic,
             )
         )
 
     found = [(form(constant=float(len(matrices))), torch.ones_like(across))]
-    if columns > 1:
+    sloped = [count > 1 and axis is not Axis.PERIODIC for count, axis in zip(shape, axes, strict=True)]
+    if sloped[1]:
         found.append((form(ramp=linear[0]), across))
-    if rows > 1:
+    if sloped[0]:
         found.append((form(ramp=linear[1]), up))
-    if rows > 1 and columns > 1:
+    if all(sloped):
         found.append((form(quadratic=product), across * up))
     return found
 

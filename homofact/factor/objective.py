@@ -16,15 +16,15 @@ to the next; there are N of them for each texture, and each is small.
 """
 
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 
 import torch
 from torch import Tensor
 
-from homofact.errors import BadInput
-from homofact.factor.projection import Projection, row_bounds
-from homofact.factor.textures import LogSamples, Shape, Smoothing, inner_problem
-from homofact.geometry.coordinates import coordinate_system
-from homofact.geometry.rotation import Pair, rotation3
+from homofact.factor.projection import Projection, row_bounds, swap_of
+from homofact.factor.textures import LogSamples, Smoothing, inner_problem
+from homofact.geometry.rotation import Rotation
+from homofact.linear.layout import Shape
 from homofact.linear.least_squares import LeastSquares
 from homofact.linear.normal import gradient
 from homofact.linear.solvers import solve
@@ -64,30 +64,23 @@ class Objective:
 
     def start(self) -> Tensor:
         """The vector (V,) of the projections given at construction."""
-        parts = [_numbers(p.rotation) for p in self._projections if p.rotation is not None]
-        return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
+        parts = [p.rotation.numbers for p in self._projections if p.rotation is not None]
+        return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64, device="cpu")
 
     def parts(self) -> list[slice]:
         """Where each searched projection stands in the vector."""
-        result, begin = [], 0
-        for projection in self._projections:
-            if projection.rotation is not None:
-                length = _numbers(projection.rotation).shape[0]
-                result.append(slice(begin, begin + length))
-                begin += length
-        return result
+        lengths = [len(p.rotation.numbers) for p in self._projections if p.rotation is not None]
+        ends = list(accumulate(lengths, initial=0))
+        return [slice(begin, end) for begin, end in pairwise(ends)]
 
     def projections(self, vector: Tensor) -> tuple[Projection, ...]:
         """The projections that a vector stands for."""
-        result, begin = [], 0
+        result, parts = [], iter(self.parts())
         for projection in self._projections:
             if projection.rotation is None:
                 result.append(projection)
                 continue
-            length = _numbers(projection.rotation).shape[0]
-            numbers = vector[begin : begin + length].detach()
-            begin += length
-            rotation = _rotation(numbers)
+            rotation = Rotation.of_numbers(vector[next(parts)].detach())
             result.append(
                 Projection.from_rotation(
                     projection.coordinates, rotation, projection.reciprocal, self._bound, projection.warp
@@ -118,7 +111,7 @@ class Objective:
         texels = solve(problem).texels
         by_matrix, squares = gradient(problem.coordinates, problem.lookups, problem.targets, problem.weights, texels)
         value = (squares + problem.penalty(texels)) * self._scale
-        slope = self._chain(vector, by_matrix) * self._scale
+        slope = self._chain(vector, by_matrix.to(vector)) * self._scale
         return Evaluation(value, slope, squares * self._scale, texels)
 
     def _chain(self, vector: Tensor, by_matrix: Tensor) -> Tensor:
@@ -126,36 +119,19 @@ class Objective:
         if vector.shape[0] == 0:
             return torch.zeros_like(vector)
         free = vector.detach().clone().requires_grad_()
-        total, begin, number = torch.zeros((), dtype=torch.float64), 0, 0
+        total, parts, number = free.new_zeros(()), iter(self.parts()), 0
         for projection in self._projections:
             lookups = projection.lookups
             own = slice(number, number + lookups)
             number += lookups
             if projection.rotation is None:
                 continue
-            system = coordinate_system(projection.coordinates)
+            system = projection.system
             by = by_matrix[own, :, : system.dimension]
             combined = by[0]
             if lookups == 2:
-                combined = combined + by[1] @ torch.tensor(system.swap, dtype=torch.float64).T
-            length = _numbers(projection.rotation).shape[0]
-            rotation = _rotation(free[begin : begin + length])
-            begin += length
-            rows = (rotation.matrix() if isinstance(rotation, Pair) else rotation3(rotation)).T[:2]
+                combined = combined + by[1] @ swap_of(system).T
+            rows = Rotation.of_numbers(free[next(parts)]).matrix().T[:2]
             scaled = rows / row_bounds(rows, system.domain, self._bound)[:, None]
             total = total + (scaled * combined).sum()
         return torch.autograd.grad(total, free)[0]
-
-
-def _numbers(rotation: Pair | Tensor | None) -> Tensor:
-    if isinstance(rotation, Pair):
-        return torch.cat((rotation.left, rotation.right))
-    if rotation is None:
-        raise BadInput("objective: a fixed projection has no rotation, expected a searched one")
-    return rotation
-
-
-def _rotation(numbers: Tensor) -> Pair | Tensor:
-    if numbers.shape[0] == 8:
-        return Pair(numbers[:4] / numbers[:4].norm(), numbers[4:] / numbers[4:].norm())
-    return numbers / numbers.norm()

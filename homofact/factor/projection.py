@@ -8,6 +8,9 @@ as one does for a box of angles. A one-dimensional texture has a second row of z
 
 The conjugate π* of a projection is P S with S the swap of its coordinates: π*(ωi, ωo) = π(ωo, ωi).
 A reciprocal projection that is not its own conjugate looks its texture up twice (thesis 3.2.3).
+
+A row that is ±1 at a periodic axis of the coordinates and zero elsewhere makes that axis of the texture periodic
+(`linear.layout`). Any other row that reads one would jump where it closes, and is refused.
 """
 
 from dataclasses import dataclass
@@ -17,10 +20,13 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.factor.names import BOUNDS, FIXED_AXES
 from homofact.geometry.coordinates import CoordinateSystem, coordinate_system
-from homofact.geometry.rotation import Pair, rotation3
+from homofact.geometry.rotation import Rotation
+from homofact.linear.layout import Axes, Axis, Shape, TexelLayout
 
-BOUNDS = ("disc", "cube")
+# What a warp stretches, in whatever system.
+WARPED_AXES = ("u_h", "v_h", "theta_h")
 
 
 def row_bounds(matrix: Tensor, domain: str, bound: str) -> Tensor:
@@ -30,12 +36,17 @@ def row_bounds(matrix: Tensor, domain: str, bound: str) -> Tensor:
     return matrix.abs().sum(1)
 
 
+def swap_of(system: CoordinateSystem) -> Tensor:
+    """S (k, k) of the module's head, float64."""
+    return torch.tensor(system.swap, dtype=torch.float64, device="cpu")
+
+
 @dataclass(frozen=True)
 class Warp:
     """A stretch of the half vector's angle, which gives a narrow specular peak its texels.
 
     ρ ↦ asinh(ρ/width)/asinh(1/width) on ρ in [0, 1]: linear up to `width`, logarithmic beyond. ρ is the
-    parabolic radius of h in half-diff and θh/(π/2) in isotropic half-diff.
+    parabolic radius of h in half-diff and θh/(π/2) where θh is an axis.
     """
 
     width: float
@@ -49,15 +60,15 @@ class Warp:
 class Projection:
     """A 2 × k matrix (float64, rows already scaled) on named coordinates.
 
-    `rotation` is the quaternion pair (k = 4) or quaternion (k = 3) the matrix came from, for the record;
-    `name` is the fixed name ("h", "theta_h-theta_d") or "searched".
+    `rotation` is what the matrix came from, of R⁴ (k = 4) or R³ (k = 3), where it is searched; `name` is the fixed
+    name ("h", "theta_h-theta_d") or "searched".
     """
 
     coordinates: str
     matrix: Tensor
     reciprocal: bool
     name: str = "searched"
-    rotation: Pair | Tensor | None = None
+    rotation: Rotation | None = None
     warp: Warp | None = None
 
     def __post_init__(self) -> None:
@@ -67,6 +78,25 @@ class Projection:
             raise BadInput(f"projection: matrix has shape {tuple(self.matrix.shape)}, expected {expected}")
         if not bool(torch.isfinite(self.matrix).all()):
             raise BadInput("projection: matrix has entries that are not finite, expected finite numbers")
+        for name in self.system.periodic:
+            column = self.system.axes.index(name)
+            rows = self.matrix[self.matrix[:, column] != 0]
+            if bool((rows[:, column].abs() != 1).any()) or bool(((rows != 0).sum(1) != 1).any()):
+                raise BadInput(f"projection: the matrix mixes or scales {name}, which is periodic, expected it alone")
+
+    @property
+    def axes(self) -> Axes:
+        """The kinds of the texture's axes (rows, columns): `linear.layout`."""
+        system = self.system
+        read = [system.axes[int(row.abs().argmax())] if bool((row != 0).any()) else "" for row in self.matrix]
+        around = any(name in system.periodic for name in read)
+        first = [
+            Axis.PERIODIC if name in system.periodic
+            else Axis.POLAR if around and name == system.pole and float(row.sum()) > 0
+            else Axis.CLAMPED
+            for name, row in zip(read, self.matrix, strict=True)
+        ]  # fmt: skip
+        return first[1], first[0]
 
     @property
     def system(self) -> CoordinateSystem:
@@ -86,14 +116,14 @@ class Projection:
 
     @classmethod
     def from_rotation(
-        cls, coordinates: str, rotation: Pair | Tensor, reciprocal: bool, bound: str = "disc", warp: Warp | None = None
+        cls, coordinates: str, rotation: Rotation, reciprocal: bool, bound: str = "disc", warp: Warp | None = None
     ) -> "Projection":
-        """The first two rows of a rotation: a quaternion pair on R⁴ or one quaternion (4,) on R³.
+        """The first two rows of a rotation of R⁴ or R³.
 
         Basis vectors e1, e2 turned by R give the rows (R e1)ᵀ, (R e2)ᵀ, as in the thesis (2.3.1).
         """
-        matrix = rotation.matrix() if isinstance(rotation, Pair) else rotation3(rotation)
-        return cls.from_rows(coordinates, matrix.T[:2].contiguous(), reciprocal, bound, rotation=rotation, warp=warp)
+        rows = rotation.matrix().T[:2].contiguous()
+        return cls.from_rows(coordinates, rows, reciprocal, bound, rotation=rotation, warp=warp)
 
     def place(self, wi: Tensor, wo: Tensor) -> tuple[Tensor, ...]:
         """Texture coordinates in [−1, 1]², one (N, 2) tensor for each lookup (two where the conjugate counts)."""
@@ -113,9 +143,9 @@ class Projection:
         A fixed projection that is its own conjugate is looked up once. A searched one moves, and counts twice
         even where it happens to be.
         """
-        swap = torch.tensor(self.system.swap, dtype=self.matrix.dtype)
+        swap = swap_of(self.system).to(self.matrix)
         swapped = self.matrix @ swap
-        fixed = self.rotation is None or torch.equal(swap, torch.eye(len(swap), dtype=swap.dtype))
+        fixed = self.rotation is None or torch.equal(swap, torch.diag(torch.ones_like(swap[0])))
         if not self.reciprocal or (fixed and torch.equal(swapped, self.matrix)):
             return (self.matrix,)
         return (self.matrix, swapped)
@@ -140,33 +170,17 @@ def describe_projection(projection: Projection) -> dict[str, Any]:
         "lookups": projection.lookups,
         "warp": None if projection.warp is None else {"width": projection.warp.width},
         "rotation": _rotation(projection.rotation),
+        "periodic": [axis is Axis.PERIODIC for axis in reversed(projection.axes)],
     }
 
 
-def _rotation(rotation: Pair | Tensor | None) -> dict[str, Any] | None:
-    if isinstance(rotation, Pair):
-        return {"kind": "pair", "left": rotation.left.tolist(), "right": rotation.right.tolist()}
-    if isinstance(rotation, torch.Tensor):
-        return {"kind": "single", "quaternion": rotation.tolist()}
-    return None
-
-
-# Fixed projections: parameterization and the axes that become the texture's columns and rows.
-_FIXED = {
-    "wi": ("in-out", ("u_i", "v_i")),
-    "wo": ("in-out", ("u_o", "v_o")),
-    "h": ("half-diff", ("u_h", "v_h")),
-    "d": ("half-diff", ("u_d", "v_d")),
-    "theta_h-theta_d": ("isotropic-half-diff", ("theta_h", "theta_d")),
-    "theta_d-phi_d": ("isotropic-half-diff", ("theta_d", "phi_d")),
-    "theta_h-phi_d": ("isotropic-half-diff", ("theta_h", "phi_d")),
-    "theta_i-theta_o": ("isotropic-in-out", ("theta_i", "theta_o")),
-    "theta_i-delta_phi": ("isotropic-in-out", ("theta_i", "delta_phi")),
-    "theta_h": ("isotropic-half-diff", ("theta_h",)),
-    "theta_d": ("isotropic-half-diff", ("theta_d",)),
-    "theta_i": ("isotropic-in-out", ("theta_i",)),
-}
-FIXED_PROJECTIONS = tuple(_FIXED)
+def _rotation(rotation: Rotation | None) -> dict[str, Any] | None:
+    if rotation is None:
+        return None
+    rows = rotation.quaternions.tolist()
+    if rotation.dimension == 4:
+        return {"kind": "pair", "left": rows[0], "right": rows[1]}
+    return {"kind": "single", "quaternion": rows[0]}
 
 
 def fixed_projection(name: str, reciprocal: bool, warp: Warp | None = None) -> Projection:
@@ -174,11 +188,16 @@ def fixed_projection(name: str, reciprocal: bool, warp: Warp | None = None) -> P
 
     Raises BadInput that lists the names.
     """
-    if name not in _FIXED:
-        raise BadInput(f"projection: found {name!r}, expected one of {', '.join(_FIXED)}")
-    coordinates, axes = _FIXED[name]
+    if name not in FIXED_AXES:
+        raise BadInput(f"projection: found {name!r}, expected one of {', '.join(FIXED_AXES)}")
+    coordinates, axes = FIXED_AXES[name]
     system = coordinate_system(coordinates)
-    rows = torch.zeros(2, system.dimension, dtype=torch.float64)
+    rows = torch.zeros(2, system.dimension, dtype=torch.float64, device="cpu")
     for row, axis in enumerate(axes):
         rows[row, system.axes.index(axis)] = 1
     return Projection(coordinates, rows, reciprocal, name=name, warp=warp)
+
+
+def layout_of(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> TexelLayout:
+    """The texels of textures of these shapes (rows, columns), one a projection."""
+    return TexelLayout(tuple(shapes), tuple(projection.axes for projection in projections))

@@ -35,13 +35,14 @@ from torch import Tensor
 
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.factor.factorization import Term
+from homofact.factor.factorization import Term, layout_of_terms
 from homofact.factor.fitted import Fitted, Grid
 from homofact.factor.gauge import null_space
 from homofact.factor.projection import Projection
-from homofact.factor.textures import LogSamples, Smoothing, filled, inner_problem
+from homofact.factor.textures import LogSamples, Smoothing, inner_problem
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.linear.least_squares import LeastSquares
+from homofact.linear.mask import filled
 from homofact.linear.normal import accumulate
 
 # Vulkan 1.3 (subTexelPrecisionBits) and Direct3D 11 (3.2.4.1) ask for 8 bits; hardware gives that.
@@ -92,7 +93,7 @@ def _solved(fitted: F, samples: Samples, storage: str) -> F:
     smoothing = tuple(found) if isinstance(found, list | tuple) else float(found)
     solved_anew = not settings.get("robust", False) and settings.get("refine", "none") == "none"
     terms = quantized_terms(logs, tuple(fitted.terms), smoothing, LEVELS[storage], solved_anew)
-    texels, grids = [term.texture for term in terms], [term.grid for term in terms]
+    texels, grids = [term.flat().texture for term in terms], [term.grid for term in terms]
     return fitted.with_textures(texels, grids, {"quantize": storage})
 
 
@@ -106,42 +107,46 @@ def quantized_terms(
     """
     masks = tuple(term.mask for term in terms)
     projections = tuple(term.projection for term in terms)
-    problem = inner_problem(samples, projections, tuple(term.size for term in terms), smoothing, masks)
+    layout = layout_of_terms(terms)
+    problem = inner_problem(samples, projections, layout.shapes, smoothing, masks)
     sampled = tuple(replace(lookup, fractions=FRACTIONS) for lookup in problem.lookups)
     problem = replace(problem, lookups=sampled)
     kept = problem.kept
     matrix, rhs = problem.normal()
-    owner = torch.cat([torch.full((mask.numel(),), j) for j, mask in enumerate(masks)])[kept].numpy()
+    # Texel by texel from here on: compiled code and LAPACK, on the CPU.
+    device = kept.device
+    owner = layout.owners()[kept.cpu()].numpy()
     if solved_anew:
-        best = scipy.linalg.cho_solve(scipy.linalg.cho_factor(matrix.numpy()), rhs.numpy())
+        best = scipy.linalg.cho_solve(scipy.linalg.cho_factor(matrix.cpu().numpy()), rhs.cpu().numpy())
     else:
-        best = torch.cat([term.texture[term.mask] for term in terms]).numpy()
-    best = _smallest_ranges(best, null_space(projections, masks)[kept].numpy(), owner)
+        best = layout.join([term.texture for term in terms])[kept].cpu().numpy()
+    best = _smallest_ranges(best, null_space(projections, masks)[kept].cpu().numpy(), owner)
     held = problem.data.matrix[kept][:, kept]
     everywhere = _everywhere(problem, projections)[kept][:, kept]
     total = float(samples.weights.sum())
     objective = ((held + everywhere * (total / PAIRS)) / 2 + SMOOTHNESS * (matrix - held)) / total
-    closest = _Closest(objective.numpy(), owner, levels)
-    whole = torch.zeros(kept.shape[0], best.shape[1], dtype=torch.float64)
+    closest = _Closest(objective.cpu().numpy(), owner, levels)
+    found = np.zeros_like(best)
     lows, steps = np.zeros((len(terms), best.shape[1])), np.zeros((len(terms), best.shape[1]))
     for c in range(best.shape[1]):
         lows[:, c], steps[:, c] = closest.ranges(best[:, c])
         numbers = closest.numbers(best[:, c], lows[:, c], steps[:, c])
-        whole[kept, c] = torch.from_numpy(lows[owner, c] + steps[owner, c] * numbers)
-    result, begin = [], 0
-    for j, term in enumerate(terms):
-        texture = whole[begin : begin + term.mask.numel()].reshape(*term.size, -1)
-        begin += term.mask.numel()
-        grid = Grid(torch.from_numpy(lows[j]), torch.from_numpy(steps[j]), levels)
-        result.append(replace(term, texture=filled(texture, term.mask), grid=grid))
+        found[:, c] = lows[owner, c] + steps[owner, c] * numbers
+    textures = layout.split(problem.expand(torch.from_numpy(found)))
+    result = []
+    for j, (term, texture) in enumerate(zip(terms, textures, strict=True)):
+        low, step = (torch.from_numpy(values[j]).to(device) for values in (lows, steps))
+        whole = filled(texture, term.mask, term.projection.axes)
+        result.append(replace(term, texture=whole, grid=Grid(low, step, levels)))
     return tuple(result)
 
 
 def _everywhere(problem: LeastSquares, projections: tuple[Projection, ...]) -> Tensor:
     """UᵀU (T, T) of `PAIRS` cosine-weighted pairs of directions, all texels."""
-    wi, wo = draw_cosine_weighted(PAIRS, torch.Generator().manual_seed(0))
+    drawn = draw_cosine_weighted(PAIRS, torch.Generator().manual_seed(0))
+    wi, wo = (w.to(problem.weights.device) for w in drawn)
     coordinates = torch.cat([projection.prepare(wi, wo) for projection in projections], 1)
-    nothing, ones = torch.zeros(PAIRS, 1, dtype=torch.float64), torch.ones(PAIRS, dtype=torch.float64)
+    nothing, ones = torch.zeros_like(wi[:, :1]), torch.ones_like(wi[:, 0])
     return accumulate(coordinates, problem.lookups, nothing, ones, problem.kept.shape[0]).matrix
 
 

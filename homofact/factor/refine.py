@@ -1,4 +1,4 @@
-"""A last refinement for looks: the linear, cosine-weighted error, lowered without giving up positivity.
+"""A last refinement where looks are judged: the linear, cosine-weighted error, lowered without giving up positivity.
 
 The log domain is a good place to fit and a poor judge of looks: it spends as much on a dark grazing
 corner as on the highlight. From the log fit s = By, Gauss-Newton steps on
@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
-from homofact.factor.factorization import Term, sum_of_terms
+from homofact.factor.factorization import Term, layout_of_terms, sum_of_terms
 from homofact.factor.textures import LogSamples, Smoothing, centred, inner_problem
 from homofact.linear.solvers import solve
 
@@ -25,7 +25,7 @@ STEPS = 8
 ENDS = 1e-3
 
 
-def refine_looks(
+def refine_linear(
     samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, transform: LogTransform
 ) -> tuple[tuple[Term, ...], dict[str, float]]:
     """(refined terms, {"log_mse_before", "log_mse_after", "cosine_mse_before", "cosine_mse_after", "steps"}).
@@ -59,15 +59,13 @@ def refine_looks(
         weights = pull + hold
         targets = (pull * linear_target + hold * samples.logs) / weights
         proposed = _solve_by_channel(samples, terms, weights, targets, smoothing)
-        accepted = False
         for halving in range(6):
             trial = _blend(terms, proposed, 0.5**halving)
             trial_logs = sum_of_terms(trial, samples.wi, samples.wo)
             value = objective(trial_logs)
             if value < best:
-                accepted = True
                 break
-        if not accepted:
+        else:
             break
         gained = (best - value) / best
         terms, logs, best = trial, trial_logs, value
@@ -89,7 +87,7 @@ def _solve_by_channel(
     samples: LogSamples, terms: tuple[Term, ...], weights: Tensor, targets: Tensor, smoothing: Smoothing
 ) -> tuple[Tensor, ...]:
     projections = tuple(term.projection for term in terms)
-    shapes = tuple(term.size for term in terms)
+    layout = layout_of_terms(terms)
     masks = tuple(term.mask for term in terms)
     columns = []
     for channel in range(targets.shape[1]):
@@ -97,13 +95,8 @@ def _solve_by_channel(
         # λ is in units of weight a texel: normalised weights leave its meaning alone.
         own = own * (samples.weights.sum() / own.sum())
         one = replace(samples, logs=targets[:, channel : channel + 1], weights=own)
-        columns.append(solve(inner_problem(one, projections, shapes, smoothing, masks)).texels)
-    texels, begin, result = torch.cat(columns, 1), 0, []
-    for shape in shapes:
-        count = shape[0] * shape[1]
-        result.append(texels[begin : begin + count].reshape(*shape, -1))
-        begin += count
-    return tuple(result)
+        columns.append(solve(inner_problem(one, projections, layout.shapes, smoothing, masks)).texels)
+    return layout.split(torch.cat(columns, 1))
 
 
 def _blend(terms: tuple[Term, ...], proposed: tuple[Tensor, ...], share: float) -> tuple[Term, ...]:

@@ -1,16 +1,15 @@
 """Textures for given projections: the inner problem set up, solved, and its gauge put in order.
 
-This is the floor between projections (which know directions) and the linear room (which knows only
-coordinates, lookups and unknowns).
+Between projections (which know directions) and the linear system (which knows only coordinates, lookups and
+unknowns).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
-import numpy as np
 import torch
-from scipy.ndimage import binary_dilation, distance_transform_edt
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
@@ -18,18 +17,17 @@ from homofact.brdf.samples import Samples
 from homofact.errors import Status
 from homofact.factor.factorization import Term, sum_of_terms
 from homofact.factor.gauge import gauge_rows
-from homofact.factor.projection import Projection
+from homofact.factor.projection import Projection, layout_of
 from homofact.geometry.coordinates import CoordinateSystem
 from homofact.geometry.parabolic import to_disc
 from homofact.linear.condition import condition_estimate, determined_share
-from homofact.linear.laplacian import laplacian
+from homofact.linear.layout import Shape, TexelLayout
 from homofact.linear.least_squares import LeastSquares, Roughness
-from homofact.linear.mask import covered
+from homofact.linear.mask import covered, filled, grown
 from homofact.linear.normal import Lookup
 from homofact.linear.robust import huber_weights
 from homofact.linear.solvers import solve
 
-Shape = tuple[int, int]
 CHUNK = 65_536
 REACH = 1 / 8  # of a texture's side: how far from the samples smoothing may fill texels
 ROBUST_STEPS = 20
@@ -79,39 +77,36 @@ def inner_problem(
     """
     width = sum(projection.system.dimension for projection in projections)
     coordinates = torch.empty(samples.wi.shape[0], width, dtype=samples.wi.dtype, device=samples.wi.device)
-    lookups, start, offset = [], 0, 0
-    for projection, shape in zip(projections, shapes, strict=True):
+    layout = layout_of(projections, shapes)
+    lookups, start = [], 0
+    for projection, shape, offset, axes in zip(projections, shapes, layout.offsets, layout.axes, strict=True):
         end = start + projection.system.dimension
         in_chunks(projection.prepare, samples.wi, samples.wo, coordinates[:, start:end])
-        lookups += [Lookup(start, matrix, shape, offset) for matrix in projection.matrices()]
-        start, offset = end, offset + shape[0] * shape[1]
-    roughness = roughness_of(shapes) if masks is None else Roughness(torch.block_diag(*map(laplacian, masks)))
-    if masks is None:
-        masks = tuple(torch.ones(shape, dtype=torch.bool) for shape in shapes)
-    kept = torch.cat([mask.reshape(-1) for mask in masks])
+        lookups += [Lookup(start, matrix, shape, offset, axes=axes) for matrix in projection.matrices()]
+        start = end
+    roughness = roughness_of(layout, samples.wi.device) if masks is None else Roughness.of(layout, masks)
     return LeastSquares(
         coordinates,
         tuple(lookups),
         samples.logs,
         samples.weights,
-        kept,
+        layout.join(layout.whole(samples.wi.device) if masks is None else masks),
         roughness,
-        per_texel(smoothing, shapes),
+        per_texel(smoothing, layout),
     )
 
 
-def per_texel(smoothing: Smoothing, shapes: tuple[Shape, ...]) -> float | Tensor:
+def per_texel(smoothing: Smoothing, layout: TexelLayout) -> float | Tensor:
     """λ of every texel (T,), texture after texture; a single λ stays what it is."""
     if not isinstance(smoothing, tuple):
         return smoothing
-    values = torch.tensor(smoothing, dtype=torch.float64)
-    return values.repeat_interleave(torch.tensor([rows * columns for rows, columns in shapes]))
+    return layout.spread(torch.tensor(smoothing, dtype=torch.float64, device="cpu"))
 
 
 @lru_cache(maxsize=32)
-def roughness_of(shapes: tuple[Shape, ...]) -> Roughness:
+def roughness_of(layout: TexelLayout, device: torch.device) -> Roughness:
     """The smoothing rows of whole textures, shared by every evaluation of a search."""
-    return Roughness(torch.block_diag(*(laplacian(torch.ones(shape, dtype=torch.bool)) for shape in shapes)))
+    return Roughness.of(layout, layout.whole(device))
 
 
 @dataclass(frozen=True)
@@ -147,12 +142,12 @@ def solve_terms(
     nearest of these, since smoothing alone would carry the last ramp on into the dark. The gauge is held in closed
     form (`factor.gauge`). `robust` solves again with Huber's weights until they settle.
     """
-    domains = tuple(domain_mask(p, shape) for p, shape in zip(projections, shapes, strict=True))
+    layout = layout_of(projections, shapes)
+    domains = domain_masks(projections, shapes, samples.wi.device)
     whole = inner_problem(samples, projections, shapes, smoothing, domains)
-    masks = _reached(whole.data.matrix.diagonal(), domains)
-    roughness = Roughness(torch.block_diag(*map(laplacian, masks)))
-    kept = torch.cat([mask.reshape(-1) for mask in masks])
-    problem = whole.within(kept, roughness, gauge_rows(projections, masks))
+    masks = _reached(whole.data.matrix.diagonal(), domains, layout)
+    kept = layout.join(masks)
+    problem = whole.within(kept, Roughness.of(layout, masks), gauge_rows(projections, masks))
     solution, taken = solve(problem, solver), 0.0
     for _ in range(ROBUST_STEPS if robust else 0):
         share = huber_weights(problem.residuals(solution.texels))
@@ -163,14 +158,12 @@ def solve_terms(
             break
     matrix, _ = problem.normal()
     data = problem.data.matrix.diagonal()[kept]
-    terms, begin = [], 0
-    for projection, shape, mask in zip(projections, shapes, masks, strict=True):
-        count = shape[0] * shape[1]
-        texture = solution.texels[begin : begin + count].reshape(*shape, -1)
-        terms.append(Term(projection, filled(texture, mask), mask))
-        begin += count
+    terms = tuple(
+        Term(projection, filled(texture, mask, projection.axes), mask)
+        for projection, texture, mask in zip(projections, layout.split(solution.texels), masks, strict=True)
+    )
     return Solved(
-        centred(tuple(terms)),
+        centred(terms),
         solution.status,
         condition_estimate(matrix),
         determined_share(data, float(samples.weights.mean())),
@@ -178,15 +171,12 @@ def solve_terms(
     )
 
 
-def _reached(diagonal: Tensor, domains: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+def _reached(diagonal: Tensor, domains: tuple[Tensor, ...], layout: TexelLayout) -> tuple[Tensor, ...]:
     """The texels of each domain that a sample reads, or that are within `REACH` of the side from one that is."""
-    masks, begin = [], 0
-    for domain in domains:
-        read = diagonal[begin : begin + domain.numel()].reshape(domain.shape) > 0
-        begin += domain.numel()
+    masks = []
+    for domain, own, axes in zip(domains, layout.split(diagonal), layout.axes, strict=True):
         steps = max(1, round(REACH * max(domain.shape)))
-        near = binary_dilation(read.numpy(), np.ones((3, 3)), iterations=steps)
-        masks.append(domain & torch.from_numpy(near))
+        masks.append(domain & grown(own > 0, steps, axes))
     return tuple(masks)
 
 
@@ -206,11 +196,11 @@ def centred(terms: tuple[Term, ...]) -> tuple[Term, ...]:
     return (head, *centred_rest)
 
 
-def filled(texture: Tensor, mask: Tensor) -> Tensor:
-    """Texels outside of the mask take the value of the nearest inside: a safe guess, and harmless to filters."""
-    places = np.asarray(distance_transform_edt(~mask.numpy(), return_distances=False, return_indices=True))
-    row, column = torch.from_numpy(places).long()
-    return texture[row, column]
+def domain_masks(
+    projections: tuple[Projection, ...], shapes: tuple[Shape, ...], device: torch.device | str = "cpu"
+) -> tuple[Tensor, ...]:
+    """`domain_mask` of every texture, on a device."""
+    return tuple(domain_mask(p, shape).to(device) for p, shape in zip(projections, shapes, strict=True))
 
 
 def domain_mask(projection: Projection, shape: Shape) -> Tensor:
@@ -218,21 +208,19 @@ def domain_mask(projection: Projection, shape: Shape) -> Tensor:
     points = extreme_points(projection.system)
     if projection.warp is not None:
         points = projection.warp.on(projection.system, points)
-    mask = torch.zeros(shape, dtype=torch.bool)
-    for matrix in projection.matrices():
-        mask |= covered(points @ matrix.T, shape)
-    return mask
+    reached = [covered(points @ matrix.to(points).T, shape, projection.axes) for matrix in projection.matrices()]
+    return torch.stack(reached).any(0)
 
 
 @lru_cache(maxsize=8)
 def extreme_points(system: CoordinateSystem) -> Tensor:
     """Points (M, k) whose hull is the domain: the corners of a box, or pairs of points on two discs' rims."""
     if system.domain == "box":
-        corners = torch.tensor([-1.0, 1.0], dtype=torch.float64)
+        corners = torch.tensor([-1.0, 1.0], dtype=torch.float64, device="cpu")
         return torch.cartesian_prod(*[corners] * system.dimension)
-    angle = torch.arange(48, dtype=torch.float64) * (2 * torch.pi / 48)
+    angle = torch.arange(48, dtype=torch.float64, device="cpu") * (2 * torch.pi / 48)
     # Circumscribed, so that the hull of 48 points contains the disc.
-    radius = 1 / torch.cos(torch.tensor(torch.pi / 48, dtype=torch.float64))
+    radius = 1 / math.cos(math.pi / 48)
     rim = to_disc(torch.stack((torch.cos(angle), torch.sin(angle), torch.zeros_like(angle)), -1)) * radius
     return torch.cat((rim.repeat_interleave(48, 0), rim.repeat(48, 1)), 1)
 

@@ -21,7 +21,7 @@ from homofact.errors import BadInput
 from homofact.evaluate.chart_ledger import ChartRow
 from homofact.evaluate.chart_points import ChartPoint, points_of, reference
 from homofact.figures.chart_panel import FETCHES, FRONT_COLOUR, KIBIBYTES, SECONDS, Look, Panel, share_axis
-from homofact.files.binary import write_bytes
+from homofact.files.atomic import write_bytes
 
 # Colours that differ to colour-blind eyes too (Okabe and Ito 2008), dark enough for text; with each a shape and its
 # width in points, later ones smaller, so that two runs on one spot are both seen.

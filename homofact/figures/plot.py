@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from homofact.evaluate.compare import Row
 from homofact.evaluate.seeds import SeedRows
 from homofact.figures.log_axis import log_x
+from homofact.files.atomic import replace_file
 
 _METRICS = (
     ("log_mse", "log space, mean squared (Cole error)"),
@@ -23,6 +24,8 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row | SeedRows]) -> N
     """Draw the six metrics of `rows` as bars on logarithmic axes into `path` (PNG, SVG or PDF by its ending).
 
     Of several seeds the bar is the mean, and a line goes from the least to the greatest.
+
+    Raises BadInput where the place cannot be written.
     """
     several = [row if isinstance(row, SeedRows) else SeedRows((row,)) for row in rows]
     names = [_name(each) for each in several]
@@ -60,10 +63,10 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row | SeedRows]) -> N
     seeds = "" if most == 1 else f"; means of {most} fits by different seeds, lines from least to greatest"
     epsilon = first.factorization.transform.epsilon
     figure.suptitle(f"{first.source}: lower is better (ε = {epsilon:g}, {first.samples} samples{seeds})")
-    figure.savefig(path, dpi=110)
+    replace_file(path, lambda made: figure.savefig(made, dpi=110))
 
 
 def _name(several: SeedRows) -> str:
     counts = [len(row.factorization.terms) for row in several.rows]
     textures = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)}–{max(counts)}"
-    return f"{several.first.settings.method}, {textures} × {several.first.settings.size}²"
+    return f"{several.first.settings.name}, {textures} × {several.first.settings.size}²"

@@ -6,6 +6,8 @@ by the factor) to black (silently wrong); what is no number is a letter on grey 
 
 import math
 import os
+from collections.abc import Mapping
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
@@ -16,7 +18,7 @@ from homofact.evaluate.stability.atlas import Atlas
 from homofact.evaluate.stability.cells import DEGRADED, WRONG, Cell, Outcome
 from homofact.evaluate.stability.solver_atlas import AGREES, WELL_POSED, Answer, SolverCell
 from homofact.evaluate.stability.stressors import stressor
-from homofact.methods.settings import FitSettings
+from homofact.files.atomic import replace_file
 
 # Of a factor's logarithm, from 1 to the last that the scale tells apart.
 _SCALE = LinearSegmentedColormap.from_list("factor", ["#ffffff", "#fff2b3", "#f6c35c", "#c97b1c", "#8a4513"])
@@ -34,7 +36,7 @@ def short_number(value: float) -> str:
     return f"{value:.0f}" if value < 999.5 else f"1e{round(math.log10(value))}"
 
 
-def draw_atlas(path: str | os.PathLike[str], atlas: Atlas, base: FitSettings) -> None:
+def draw_atlas(path: str | os.PathLike[str], atlas: Atlas, base: Mapping[str, Any]) -> None:
     """The heat map of the fits into `path` (PNG, SVG or PDF by its ending)."""
     methods, names = atlas.plan.methods, atlas.plan.stressors
     widest = max(len(atlas.of(name, methods[0])) for name in names)
@@ -56,11 +58,11 @@ def draw_atlas(path: str | os.PathLike[str], atlas: Atlas, base: FitSettings) ->
     figure.legend(handles=_legend(), loc="outside lower center", ncols=4, frameon=False, fontsize=9, handlelength=1.6)
     figure.suptitle(
         "Where fits fail: error on clean samples, as a factor of the same method's without stress"
-        f" ({base.textures} textures of {base.size}²,"
+        f" ({base['textures']} textures of {base['size']}²,"
         f" {atlas.plan.scale.samples} samples)",
         fontsize=12,
     )
-    figure.savefig(path, dpi=110)
+    replace_file(path, lambda made: figure.savefig(made, dpi=110))
 
 
 def _row_name(atlas: Atlas, name: str) -> str:
@@ -155,7 +157,7 @@ def draw_solvers(path: str | os.PathLike[str], cells: list[SolverCell]) -> None:
         f"[condition number of the normal matrix]; above the line well posed, to agree to {AGREES:.0e}",
         fontsize=11,
     )
-    figure.savefig(path, dpi=110)
+    replace_file(path, lambda made: figure.savefig(made, dpi=110))
 
 
 def _solver_look(cell: SolverCell) -> tuple[str, str]:

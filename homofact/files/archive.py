@@ -1,16 +1,120 @@
-"""The one file that a fit is saved in: an .npz of plain arrays, one of them a JSON header with format and version."""
+"""Archives of arrays (.npz): one strict reader, one writer; and the one file that a fit is saved in.
 
+numpy's own reader believes a member's header and allocates what it says. Here the header must be the plain form that
+numpy writes, its shape must fill exactly what the zip's directory says the member unpacks to, and what is unpacked is
+bounded by the archive's own size: every size is checked against the file before anything is allocated.
+
+A saved fit is an .npz of plain arrays, one of them a JSON header with format and version.
+"""
+
+import io
 import json
+import lzma
+import math
 import os
+import re
+import struct
 import zipfile
+import zlib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from homofact.errors import BadInput
+from homofact.files.atomic import replace_file
+from homofact.files.reading import read_bytes
 
 NAME = "factorization.npz"
+_FIT = "the .npz of a fit"
+
+# Deflate can shrink zeros a thousandfold: more than this beside the file itself is refused.
+_SLACK = 64 * 2**20
+_HEADER = re.compile(
+    rb"\{'descr': '([<>|=]?[bifuUS]\d+)', 'fortran_order': (True|False), 'shape': \(((?:\d+, ?)*\d*)\), \} *\n"
+)
+_DAMAGE = (
+    OSError,
+    ValueError,
+    EOFError,
+    KeyError,
+    IndexError,
+    RuntimeError,
+    OverflowError,
+    struct.error,
+    zlib.error,
+    lzma.LZMAError,
+    zipfile.BadZipFile,
+)
+
+
+def member_names(path: object, raw: bytes, expected: str) -> list[str]:
+    """Names of the archive's .npy members without their ending, in its order. Raises BadInput where damaged."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            return [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+    except _DAMAGE as error:
+        raise _damaged(path, error, expected) from error
+
+
+def read_arrays(path: object, raw: bytes, wanted: Iterable[str], expected: str) -> dict[str, np.ndarray]:
+    """The arrays called `wanted` that the archive `raw` holds; one that it lacks is left out.
+
+    `expected` says what the archive should have been ("a whole .npz of samples"). Raises BadInput for a
+    damaged archive, pickled or structured arrays, and sizes that the file cannot bear out.
+    """
+    allowance = 3 * len(raw) + _SLACK
+    found: dict[str, np.ndarray] = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            names = set(archive.namelist())
+            for name in wanted:
+                if f"{name}.npy" not in names:
+                    continue
+                info = archive.getinfo(f"{name}.npy")
+                if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or info.flag_bits & 1:
+                    raise ValueError(f"{name} is encrypted or packed in an unusual way")
+                allowance -= info.file_size
+                if allowance < 0:
+                    raise ValueError(f"{name} unpacks to {info.file_size} bytes, too many for a file of {len(raw)}")
+                found[name] = _array(name, archive.read(info))
+    except _DAMAGE as error:
+        raise _damaged(path, error, expected) from error
+    return found
+
+
+def read_header(path: object, arrays: dict[str, np.ndarray], expected: str) -> dict[str, Any]:
+    """The JSON object in the array "header". Raises BadInput where it is missing or holds anything else."""
+    text = arrays.get("header")
+    if text is None or text.shape != () or text.dtype.kind != "U":
+        raise BadInput(f"{path}: holds no header, expected {expected}")
+    try:
+        found = json.loads(str(text))
+    except (ValueError, RecursionError) as error:
+        raise BadInput(f"{path}: header is not JSON ({error}), expected a JSON object") from error
+    if not isinstance(found, dict):
+        raise BadInput(f"{path}: header is a JSON {type(found).__name__}, expected an object")
+    return found
+
+
+def write_arrays(path: str | os.PathLike[str], arrays: dict[str, np.ndarray]) -> None:
+    """Write an uncompressed .npz, whole or not at all; the same arrays give the same bytes.
+
+    Raises BadInput where the place cannot be written.
+    """
+
+    def write(place: Path) -> None:
+        with zipfile.ZipFile(place, "w", zipfile.ZIP_STORED) as archive:
+            for name, array in arrays.items():
+                member = io.BytesIO()
+                np.lib.format.write_array(member, array, version=(1, 0), allow_pickle=False)
+                # A fixed date and creator, or the same arrays would give another file elsewhere.
+                info = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+                info.create_system = 3
+                archive.writestr(info, member.getvalue())
+
+    replace_file(path, write)
 
 
 def saved_file(place: str | os.PathLike[str]) -> Path:
@@ -23,33 +127,19 @@ def saved_file(place: str | os.PathLike[str]) -> Path:
     return target / NAME
 
 
-def write_archive(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, Any]) -> None:
-    """Write header and arrays beside `path` and rename them to it. Raises BadInput for an unwritable place."""
-    target = Path(path)
-    beside = target.with_name(f".{target.name}.partial")
-    try:
-        with open(beside, "wb") as file:
-            np.savez(file, **(arrays | {"header": np.array(json.dumps(header))}))  # pyright: ignore[reportArgumentType]
-        os.replace(beside, target)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise BadInput(f"{target}: cannot be written ({error.strerror}), expected a writable place") from error
+def write_archive(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    """Write a fit's arrays and JSON-able header. Raises BadInput for an unwritable place."""
+    write_arrays(path, arrays | {"header": np.array(json.dumps(header))})
 
 
-def read_archive(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def read_archive(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """(arrays, header) of a saved fit of any kind. Raises BadInput for a file that is none."""
-    target = Path(path)
+    raw = read_bytes(path, "a saved factorization")
     try:
-        with open(target, "rb") as file, np.load(file, allow_pickle=False) as archive:
-            data = {name: archive[name] for name in archive.files}
-        header = json.loads(str(data["header"]))
-    except FileNotFoundError as error:
-        raise BadInput(f"{target}: no such file, expected a saved factorization") from error
-    except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
-        raise BadInput(f"{target}: not a saved factorization ({error}), expected the .npz of a fit") from error
-    if not isinstance(header, dict):
-        raise BadInput(f"{target}: the header is no object, expected the .npz of a fit")
-    return data, header
+        arrays = read_arrays(path, raw, member_names(path, raw, _FIT), _FIT)
+        return arrays, read_header(path, arrays, _FIT)
+    except BadInput as error:
+        raise BadInput(f"{path}: not a saved factorization:{str(error).removeprefix(f'{path}:')}") from error
 
 
 def check_version(path: str | os.PathLike[str], header: dict[str, Any], newest: int) -> None:
@@ -57,3 +147,31 @@ def check_version(path: str | os.PathLike[str], header: dict[str, Any], newest: 
     version = header.get("format_version")
     if not isinstance(version, int) or version > newest:
         raise BadInput(f"{path}: format version {version!r}, expected at most {newest}: update homofact")
+
+
+def _array(name: str, data: bytes) -> np.ndarray:
+    version, width = data[6:7], 2 if data[6:7] == b"\1" else 4
+    if not data.startswith(b"\x93NUMPY") or version not in (b"\1", b"\2", b"\3") or len(data) < 8 + width:
+        raise ValueError(f"{name} is no numpy array")
+    start = 8 + width + int.from_bytes(data[8 : 8 + width], "little")
+    header = _HEADER.fullmatch(data[8 + width : min(start, 4096)])
+    if header is None:
+        raise ValueError(f"{name} is no plain array")
+    dtype = np.dtype(header[1].decode())
+    shape = tuple(int(word) for word in header[3].decode().split(",") if word.strip())
+    if math.prod(shape) * dtype.itemsize != len(data) - start:
+        raise ValueError(f"{name} has {len(data) - start} bytes, expected {shape} of {dtype}")
+    order = "F" if header[2] == b"True" else "C"
+    if dtype.kind == "U":
+        # A code point above Unicode's end would make every later use of the string raise.
+        points = np.frombuffer(data, dtype=dtype.str[0] + "u4", offset=start)
+        if points.size and int(points.max()) > 0x10FFFF:
+            raise ValueError(f"{name} holds what is no text")
+    if dtype.itemsize == 0:
+        return np.empty(shape, dtype)
+    # A copy: torch wants memory that may be written.
+    return np.frombuffer(data, dtype=dtype, offset=start).reshape(shape, order=order).copy()
+
+
+def _damaged(path: object, error: Exception, expected: str) -> BadInput:
+    return BadInput(f"{path}: a damaged archive ({' '.join(str(error).split())}), expected {expected}")

@@ -4,7 +4,6 @@ A `Fields` is one object of the file and knows its own place there, so that what
 `manifest.json: textures[0].rows: found "many", expected a whole number from 1 to 16384`.
 """
 
-import json
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from homofact.errors import BadInput
+from homofact.files.reading import read_json, short_json
 
 
 @dataclass(frozen=True)
@@ -24,19 +24,11 @@ class Fields:
     @classmethod
     def read(cls, path: Path, what: str) -> "Fields":
         """The object that is a whole file. Raises BadInput for one that is missing or holds no JSON object."""
-        try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise BadInput(f"{path}: cannot be read ({error.strerror}), expected {what}") from error
-        except (ValueError, RecursionError) as error:
-            raise BadInput(f"{path}: not JSON ({error}), expected {what}") from error
-        if not isinstance(found, dict):
-            raise BadInput(f"{path}: found {_short(found)}, expected {what}")
-        return cls(f"{path}: ", found)
+        return cls(f"{path}: ", read_json(path, what))
 
     def refuse(self, name: str, expected: str) -> NoReturn:
         """Raise BadInput that says what is there under `name`, and what is expected."""
-        found = _short(self.found[name]) if name in self.found else "nothing"
+        found = short_json(self.found[name]) if name in self.found else "nothing"
         raise BadInput(f"{self.place}{name}: found {found}, expected {expected}")
 
     def text(self, name: str, among: Collection[str] = ()) -> str:
@@ -122,8 +114,3 @@ def _row(value: Any, width: int) -> bool:
 
 def _bits(value: Any, width: int) -> bool:
     return isinstance(value, str) and len(value) == width and set(value) <= {"0", "1"}
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else f"{text[:57]}..."

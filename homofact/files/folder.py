@@ -6,10 +6,12 @@ held by half of anything.
 
 import os
 import shutil
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
 from homofact.errors import BadInput
+from homofact.files.atomic import flush, private_folder, real_place, unwritable_refused
 
 
 def check_new_folder(folder: str | os.PathLike[str], what: str, mark: str, force: bool) -> None:
@@ -37,37 +39,39 @@ def check_new_folder(folder: str | os.PathLike[str], what: str, mark: str, force
 def write_folder(folder: str | os.PathLike[str], fill: Callable[[Path], None]) -> None:
     """Let `fill` put files into a new folder beside `folder`, and rename it to that.
 
-    Raises BadInput for a place that turns out not to be writable; whatever else goes wrong passes through with the
-    place as it was before.
+    A symbolic link is followed, and the permissions of an older folder are kept. Raises BadInput for a place that turns
+    out not to be writable; whatever else goes wrong passes through with the place as it was before.
     """
-    target = Path(folder).resolve()
-    partial = target.with_name(f".{target.name}.partial-{os.getpid()}")
-    made = [parent for parent in target.parents if not parent.exists()]
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        partial.mkdir()
-        fill(partial)
-        _swap(partial, target)
-    except BaseException as error:
-        shutil.rmtree(partial, ignore_errors=True)
-        for parent in made:
-            if parent.is_dir() and not any(parent.iterdir()):
-                parent.rmdir()
-        if isinstance(error, OSError):
-            reason = error.strerror or str(error)
-            raise BadInput(f"{folder}: cannot be written ({reason}), expected a writable place") from error
-        raise
+    with unwritable_refused(folder):
+        target = real_place(folder)
+        made = [parent for parent in target.parents if not parent.exists()]
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with private_folder(target) as beside:
+                new = beside / "new"
+                new.mkdir()
+                fill(new)
+                for place in (*new.rglob("*"), new):
+                    flush(place)
+                # Outside of `beside`, so that it outlives a failure to put it back.
+                _swap(new, target, beside.with_name(beside.name.replace("partial", "previous")))
+        except BaseException:
+            for parent in made:
+                if parent.is_dir() and not any(parent.iterdir()):
+                    parent.rmdir()
+            raise
+        flush(target.parent)
 
 
-def _swap(partial: Path, target: Path) -> None:
-    """Rename `partial` to `target`; what was there is put back if that fails, else deleted."""
+def _swap(new: Path, target: Path, previous: Path) -> None:
+    """Rename `new` to `target`; what was there goes to `previous`, is put back if that fails, else deleted."""
     if not target.exists():
-        os.rename(partial, target)
+        os.rename(new, target)
         return
-    previous = target.with_name(f".{target.name}.previous-{os.getpid()}")
+    new.chmod(stat.S_IMODE(target.stat().st_mode))
     os.rename(target, previous)
     try:
-        os.rename(partial, target)
+        os.rename(new, target)
     except BaseException:
         os.rename(previous, target)
         raise

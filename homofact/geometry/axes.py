@@ -8,8 +8,9 @@ With s = ωi + ωo and e = ωi − ωo (so s·e = 0, |s|² + |e|² = 4, h = s/|s
     θh            = atan2(|s.xy|, s.z)
     θd            = atan2(|e|, |s|), half the angle between ωi and ωo
     φd            = atan2(|s.x e.y − s.y e.x|, |e.z| |s|)
+    φh            = atan2(s.y, s.x)
 
-the last from across = (h × ωi).z = (s × e).z/(2|s|) and along = ωi.z − cosθd h.z = e.z/2. For the frame of Kautz and
+that of φd from across = (h × ωi).z = (s × e).z/(2|s|) and along = ωi.z − cosθd h.z = e.z/2. For the frame of Kautz and
 McCool, r = norm(t − (t·h)h) and q = |(s.y, s.z)| = |s| |t − (t·h)h|:
 
     r·ωi = r·e/2 = (q e.x − s.x (s.y e.y + s.z e.z)/q)/(2|s|) = e.x |s|/(2q)      as s.y e.y + s.z e.z = −s.x e.x
@@ -21,8 +22,8 @@ there and keeps |s| off 0. All angles come from atan2: in float32 acos loses hal
 drivers give it only roughly. Angles are taken together, one function of a vector for all that a fit needs. Where φd
 and |φi − φo| are both needed, they share (s × e).z = −2 (ωi × ωo).z.
 
-Where φd is wanted with its sign, over the whole circle ("azimuth_d"), it is atan2((s × e).z, −e.z |s|), and φh
-("azimuth_h") is atan2(s.y, s.x). The largest θd at which both directions are above the horizon ("reach_d") is
+Where φd is wanted with its sign, over the whole circle ("azimuth_d"), it is atan2((s × e).z, −e.z |s|), and φh is
+atan2(s.y, s.x). The largest θd at which both directions are above the horizon ("reach_d") is
 atan2(cosθh, sinθh |cosφd|) = atan2(s.z, |s.xy| |cosφd|).
 
 Direction maps of a separable fit come from parabolic coordinates p with r² = |p|²: orthographic (ωx, ωy) = 2p/(1 + r²),
@@ -68,7 +69,7 @@ def coordinates_of(used: frozenset[str]) -> Coordinates:
     statements: list[Let] = []
     axes: dict[str, Expression] = {}
     frame = {"h", "d"} & mapped
-    if frame | ({"theta_h", "theta_d", "phi_d", "azimuth_h"} | _AROUND) & used:
+    if frame | ({"theta_h", "theta_d", "phi_d", "phi_h"} | _AROUND) & used:
         along = vector(wi.xy + wo.xy, call("max", wi.z + wo.z, LEAST)) if frame else wi + wo
         statements.append(Let("s", along, "s points along the half vector, at right angles to e"))
     if {"d"} & mapped | ({"theta_d", "phi_d"} | _AROUND) & used:
@@ -126,7 +127,7 @@ def coordinates_of(used: frozenset[str]) -> Coordinates:
             else (call("abs", s.x * e.y - s.y * e.x), call("abs", e.z) * length["s"])
         ),
         "delta_phi": lambda: (across, call("dot", wi.xy, wo.xy)),
-        "azimuth_h": lambda: (s.y, s.x),
+        "phi_h": lambda: (s.y, s.x),
         "azimuth_d": lambda: (around.x, around.y),
         "reach_d": lambda: (
             s.z + length["s"] * LEAST,

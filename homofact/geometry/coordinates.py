@@ -12,6 +12,13 @@ projection P (thesis 3.2.3) is P S. For isotropic half-diff it is the identity: 
 reciprocity (φd ~ φd + π) and left-right symmetry (φd ~ −φd) to [0, π/2], and a projection of it is
 reciprocal by itself. Here φd is Rusinkiewicz's, measured in the frame turned with h (so that it does
 not depend on the azimuth), not in the Kautz-McCool frame of half-diff, which is fixed to the tangent.
+
+Half-angles are θh, with the same scale, and φh, the azimuth of h from the tangent, for materials whose highlight knows
+the tangent. φh/π runs once round from −1 to +1, which are one place: a periodic axis. A matrix row may take it as it
+is, but not mixed with another axis, for a mix would jump there; so this system has fixed projections only. Swapping
+ωi and ωo leaves h alone. At θh = 0 φh is undefined (0 is given) and all of its values are one place, the pole.
+
+Axes of one name are the same function in all systems.
 """
 
 import math
@@ -27,6 +34,7 @@ from homofact.errors import BadInput
 from homofact.geometry.axes import coordinates_of, stretched
 from homofact.geometry.expression import Expression, Let, variable
 from homofact.geometry.interpret import TORCH, interpret, value_of
+from homofact.geometry.names import HALF_ANGLES, HALF_DIFF, IN_OUT, ISOTROPIC_HALF_DIFF, ISOTROPIC_IN_OUT
 
 Scales = tuple[tuple[float, float], ...]
 
@@ -37,6 +45,7 @@ class CoordinateSystem:
 
     `axes` names the k coordinates, each factor · raw + offset of `scales`; `swap` is described in the module's head;
     `isotropic` says that the coordinates do not change when both directions are turned about the normal together.
+    `periodic` names the axes that go round, once from −1 to +1; where the axis `pole` is −1, they mean nothing.
     """
 
     name: str
@@ -45,6 +54,8 @@ class CoordinateSystem:
     domain: str
     swap: tuple[tuple[float, ...], ...]
     isotropic: bool
+    periodic: tuple[str, ...] = ()
+    pole: str | None = None
 
     @property
     def dimension(self) -> int:
@@ -81,13 +92,14 @@ _HALF_TURN = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, -1, 0), (0, 0, 0, -1))
 _ANGLE, _TURN = (4 / math.pi, -1.0), (2 / math.pi, -1.0)
 _PLAIN = ((1.0, 0.0),) * 4
 
+
 COORDINATES = {
     system.name: system
     for system in (
-        CoordinateSystem("in-out", ("u_i", "v_i", "u_o", "v_o"), _PLAIN, "discs", _EXCHANGE, False),
-        CoordinateSystem("half-diff", ("u_h", "v_h", "u_d", "v_d"), _PLAIN, "discs", _HALF_TURN, False),
+        CoordinateSystem(IN_OUT, ("u_i", "v_i", "u_o", "v_o"), _PLAIN, "discs", _EXCHANGE, False),
+        CoordinateSystem(HALF_DIFF, ("u_h", "v_h", "u_d", "v_d"), _PLAIN, "discs", _HALF_TURN, False),
         CoordinateSystem(
-            "isotropic-half-diff",
+            ISOTROPIC_HALF_DIFF,
             ("theta_h", "theta_d", "phi_d"),
             (_ANGLE,) * 3,
             "box",
@@ -95,12 +107,22 @@ COORDINATES = {
             True,
         ),
         CoordinateSystem(
-            "isotropic-in-out",
+            ISOTROPIC_IN_OUT,
             ("theta_i", "theta_o", "delta_phi"),
             (_ANGLE, _ANGLE, _TURN),
             "box",
             ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
             True,
+        ),
+        CoordinateSystem(
+            HALF_ANGLES,
+            ("theta_h", "phi_h"),
+            (_ANGLE, (1 / math.pi, 0.0)),
+            "box",
+            ((1, 0), (0, 1)),
+            False,
+            periodic=("phi_h",),
+            pole="theta_h",
         ),
     )
 }
@@ -109,7 +131,7 @@ COORDINATES = {
 def coordinate_system(name: str) -> CoordinateSystem:
     """The system called `name`. Raises BadInput that lists the names."""
     if name not in COORDINATES:
-        raise BadInput(f"parameterization: found {name!r}, expected one of {', '.join(COORDINATES)}")
+        raise BadInput(f"coordinates: found {name!r}, expected one of {', '.join(COORDINATES)}")
     return COORDINATES[name]
 
 

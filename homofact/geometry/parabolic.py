@@ -18,8 +18,3 @@ def from_disc(uv: Tensor) -> Tensor:
     """Unit vectors (..., 3) of points (..., 2) of the disc."""
     squared = (uv**2).sum(-1, keepdim=True)
     return torch.cat((2 * uv, 1 - squared), -1) / (1 + squared)
-
-
-def solid_angle_density(uv: Tensor) -> Tensor:
-    """dω/(du dv) = 4/(1 + s)² in steradians per unit of disc area; integrates to 2π over the unit disc."""
-    return 4 / (1 + (uv**2).sum(-1)) ** 2

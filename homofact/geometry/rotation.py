@@ -1,10 +1,12 @@
-"""Unit quaternions (w, x, y, z), and pairs of them as rotations of R⁴ (thesis 2.3).
+"""Unit quaternions (w, x, y, z), and rotations of R⁴ and R³ made of them (thesis 2.3).
 
-Every rotation of R⁴ is v ↦ S v T for unit quaternions S and T, v read as a quaternion; (S, T) and
+Every rotation of R⁴ is v ↦ S v T for a pair of unit quaternions S and T, v read as a quaternion; (S, T) and
 (−S, −T) are the same rotation. Composition (first b, then a) is (Sa Sb, Tb Ta), and the power x of a
 pair raises both: Q^x = (cos xα, sin xα · n) for Q = (cos α, sin α · n). A pair of unit imaginary
 quaternions, as the six basis rotations have, is therefore periodic in x with period 4: the thesis's
 4π when t is an angle, x = 2t/π.
+
+A rotation of R³ is v ↦ q v q⁻¹ for a single quaternion q: the pair (q, q⁻¹), which leaves the real axis alone.
 """
 
 from dataclasses import dataclass
@@ -12,7 +14,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-IDENTITY = (1.0, 0.0, 0.0, 0.0)
+from homofact.errors import BadInput
 
 
 def multiply(a: Tensor, b: Tensor) -> Tensor:
@@ -50,81 +52,104 @@ def power(q: Tensor, exponent: float | Tensor) -> Tensor:
     return torch.cat((torch.cos(angle), torch.sin(angle) * axis), -1)
 
 
-def rotation3(q: Tensor) -> Tensor:
-    """The 3 × 3 rotation v ↦ q v q⁻¹ of a unit quaternion (4,); rows are the images of the axes' duals."""
-    basis = torch.eye(3, dtype=q.dtype, device=q.device)
-    vectors = torch.cat((torch.zeros(3, 1, dtype=q.dtype, device=q.device), basis), 1)
-    images = multiply(multiply(q.expand(3, 4), vectors), conjugate(q).expand(3, 4))
-    return images[:, 1:].T
-
-
 @dataclass(frozen=True)
-class Pair:
-    """A rotation of R⁴, v ↦ left · v · right, as two unit quaternions (4,) in float64."""
+class Rotation:
+    """A rotation of R⁴ (two unit quaternions, left and right) or of R³ (one), as rows (2, 4) or (1, 4) in float64."""
 
-    left: Tensor
-    right: Tensor
+    quaternions: Tensor
+
+    def __post_init__(self) -> None:
+        """Refuse what is neither one quaternion nor a pair."""
+        if tuple(self.quaternions.shape) not in ((1, 4), (2, 4)):
+            found = tuple(self.quaternions.shape)
+            raise BadInput(f"rotation: found quaternions of shape {found}, expected (1, 4) or (2, 4)")
 
     @classmethod
-    def identity(cls) -> "Pair":
-        """The rotation that moves nothing."""
-        one = torch.tensor(IDENTITY, dtype=torch.float64)
-        return cls(one, one.clone())
+    def pair(cls, left: Tensor, right: Tensor) -> "Rotation":
+        """The rotation v ↦ left · v · right of R⁴."""
+        return cls(torch.stack((left, right)))
 
     @classmethod
-    def random(cls, generator: torch.Generator) -> "Pair":
-        """Uniform on SO(4): both quaternions uniform on the sphere."""
-        left, right = torch.randn(2, 4, dtype=torch.float64, generator=generator)
-        return cls(left / left.norm(), right / right.norm())
+    def single(cls, quaternion: Tensor) -> "Rotation":
+        """The rotation v ↦ q v q⁻¹ of R³."""
+        return cls(quaternion[None])
 
-    def __matmul__(self, other: "Pair") -> "Pair":
+    @classmethod
+    def of_numbers(cls, numbers: Tensor) -> "Rotation":
+        """The rotation of a vector of 4 or 8 numbers (or of rows of 4), brought to unit quaternions."""
+        return cls(numbers.reshape(-1, 4)).normalized()
+
+    @classmethod
+    def random(cls, generator: torch.Generator, dimension: int = 4) -> "Rotation":
+        """Uniform on SO(4) or SO(3): every quaternion uniform on the sphere."""
+        count = 2 if dimension == 4 else 1
+        return cls.of_numbers(torch.randn(count, 4, dtype=torch.float64, device="cpu", generator=generator))
+
+    @classmethod
+    def from_matrix(cls, matrix: Tensor) -> "Rotation":
+        """The rotation of a 3 × 3 or 4 × 4 matrix: the inverse of `matrix`.
+
+        The products lᵢ v rⱼ of basis quaternions make 16 matrices Mᵢⱼ that are orthogonal to one another, so
+        ⟨R, Mᵢⱼ⟩/4 = leftᵢ rightⱼ, a matrix of rank one whose singular vectors are the pair (van Elfrinkhof 1897).
+        """
+        if matrix.shape[0] == 3:
+            whole = torch.block_diag(torch.ones_like(matrix[:1, :1]), matrix)
+            return cls(cls.from_matrix(whole).quaternions[:1])
+        basis = torch.eye(4, dtype=matrix.dtype, device=matrix.device)
+        shares = torch.stack(
+            [torch.stack([(cls.pair(left, right).matrix() * matrix).sum() / 4 for right in basis]) for left in basis]
+        )
+        u, _, v = torch.linalg.svd(shares)
+        left, right = u[:, 0], v[0]
+        sign = torch.sign(left @ shares @ right)
+        return cls.pair(left * sign, right)
+
+    @property
+    def dimension(self) -> int:
+        """4 for a pair, 3 for a single quaternion."""
+        return 4 if len(self.quaternions) == 2 else 3
+
+    @property
+    def numbers(self) -> Tensor:
+        """All numbers (8,) or (4,), the left quaternion's first."""
+        return self.quaternions.reshape(-1)
+
+    def __matmul__(self, other: "Rotation") -> "Rotation":
         """Composition: (a @ b) turns by b first, then by a (thesis 2.3.1)."""
-        return Pair(multiply(self.left, other.left), multiply(other.right, self.right))
+        products = [multiply(self.quaternions[0], other.quaternions[0])]
+        if self.dimension == 4:
+            products.append(multiply(other.quaternions[1], self.quaternions[1]))
+        return Rotation(torch.stack(products))
 
-    def __pow__(self, exponent: float) -> "Pair":
-        """Both quaternions raised: the rotation made `exponent` times."""
-        return Pair(power(self.left, exponent), power(self.right, exponent))
+    def __pow__(self, exponent: float) -> "Rotation":
+        """Every quaternion raised: the rotation made `exponent` times."""
+        return Rotation(power(self.quaternions, exponent))
 
-    def inverse(self) -> "Pair":
+    def inverse(self) -> "Rotation":
         """The rotation that undoes this one."""
-        return Pair(conjugate(self.left), conjugate(self.right))
+        return Rotation(conjugate(self.quaternions))
 
-    def normalized(self) -> "Pair":
-        """Both quaternions back at length 1, against the drift of long products."""
-        return Pair(self.left / self.left.norm(), self.right / self.right.norm())
-
-    def apply(self, v: Tensor) -> Tensor:
-        """The images (..., 4) of vectors (..., 4)."""
-        return multiply(multiply(self.left.expand_as(v), v), self.right.expand_as(v))
+    def normalized(self) -> "Rotation":
+        """Quaternions back at length 1, against the drift of long products."""
+        return Rotation(self.quaternions / self.quaternions.norm(dim=1, keepdim=True))
 
     def matrix(self) -> Tensor:
-        """The 4 × 4 matrix R with R v = left · v · right."""
-        return self.apply(torch.eye(4, dtype=self.left.dtype, device=self.left.device)).T
+        """The 4 × 4 matrix R with R v = left · v · right, or the 3 × 3 one with R v = q v q⁻¹."""
+        q = self.quaternions
+        left, right = (q[0], q[1]) if self.dimension == 4 else (q[0], conjugate(q[0]))
+        basis = torch.eye(4, dtype=q.dtype, device=q.device)
+        images = multiply(multiply(left.expand(4, 4), basis), right.expand(4, 4)).T
+        return images if self.dimension == 4 else images[1:, 1:]
 
 
-def basis_rotations() -> tuple[Pair, ...]:
-    """The six starting directions d1 … d6 of the thesis (3.1.1): i, j, k on the left, then on the right."""
-    one = torch.eye(4, dtype=torch.float64)
-    return tuple(Pair(one[k], one[0]) for k in (1, 2, 3)) + tuple(Pair(one[0], one[k]) for k in (1, 2, 3))
+def basis_rotations(dimension: int = 4) -> tuple[Rotation, ...]:
+    """The starting directions of a search.
 
-
-def from_matrix(matrix: Tensor) -> Pair | Tensor:
-    """The quaternion (4,) of a 3 × 3 rotation, or the pair of a 4 × 4 one; the inverse of `rotation3` and `matrix`.
-
-    The products lᵢ v rⱼ of basis quaternions make 16 matrices Mᵢⱼ that are orthogonal to one another, so
-    ⟨R, Mᵢⱼ⟩/4 = leftᵢ rightⱼ, a matrix of rank one whose singular vectors are the pair (van Elfrinkhof 1897).
-    A 3D rotation is the 4D one that leaves the real axis alone, with right = left⁻¹.
+    In R⁴ d1 … d6 of the thesis (3.1.1): i, j, k on the left, then on the right; in R³ i, j, k.
     """
-    if matrix.shape[0] == 3:
-        whole = torch.block_diag(torch.ones(1, 1, dtype=matrix.dtype), matrix)
-        pair = from_matrix(whole)
-        assert isinstance(pair, Pair)
-        return pair.left
-    basis = torch.eye(4, dtype=matrix.dtype)
-    shares = torch.stack(
-        [torch.stack([(Pair(left, right).matrix() * matrix).sum() / 4 for right in basis]) for left in basis]
+    one = torch.eye(4, dtype=torch.float64, device="cpu")
+    if dimension == 3:
+        return tuple(Rotation.single(one[k]) for k in (1, 2, 3))
+    return tuple(Rotation.pair(one[k], one[0]) for k in (1, 2, 3)) + tuple(
+        Rotation.pair(one[0], one[k]) for k in (1, 2, 3)
     )
-    u, _, v = torch.linalg.svd(shares)
-    left, right = u[:, 0], v[0]
-    sign = torch.sign(left @ shares @ right)
-    return Pair(left * sign, right)

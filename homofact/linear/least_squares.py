@@ -22,6 +22,8 @@ import torch
 from torch import Tensor
 
 from homofact.linear.definite import penalised_lower, solve_lower
+from homofact.linear.laplacian import laplacian
+from homofact.linear.layout import TexelLayout
 from homofact.linear.normal import Lookup, NormalEquations, accumulate, stencil_rows
 
 RELATIVE_RIDGE = 1e-9
@@ -33,15 +35,23 @@ class Roughness:
 
     rows: Tensor
 
+    @classmethod
+    def of(cls, layout: TexelLayout, masks: tuple[Tensor, ...]) -> "Roughness":
+        """The Laplacian rows of all textures inside their masks (rows, columns)."""
+        each = [laplacian(mask, axes) for mask, axes in zip(masks, layout.axes, strict=True)]
+        return cls(torch.block_diag(*each))
+
     @cached_property
     def gram(self) -> Tensor:
         """LᵀL (T, T)."""
+        if self.rows.device.type != "cpu":
+            return self.rows.T @ self.rows
         return torch.from_numpy(self.sparse.toarray())
 
     @cached_property
     def sparse(self) -> scipy.sparse.csr_matrix:
-        """The same, sparse: a dozen entries a row."""
-        rows = scipy.sparse.csr_matrix(self.rows.numpy())
+        """The same on the CPU, sparse: a dozen entries a row."""
+        rows = scipy.sparse.csr_matrix(_array(self.rows))
         return scipy.sparse.csr_matrix(rows.T @ rows)
 
 
@@ -76,7 +86,7 @@ class LeastSquares:
     @property
     def penalty_scale(self) -> Tensor:
         """λ' (T, 1), the weight of every smoothing row."""
-        return _penalty_scale(self.smoothing, float(self.weights.sum()), int(self.kept.sum()), self.unknowns)
+        return _penalty_scale(self.smoothing, self.weights, float(self.weights.sum()), self.kept)
 
     @property
     def ridge(self) -> float:
@@ -96,9 +106,12 @@ class LeastSquares:
 
     def penalty(self, texels: Tensor) -> float:
         """λ'|Ly|² + δ|y|² of texels (T, C), summed over channels."""
-        flat = texels.numpy()
-        rough = float((flat * (self.penalty_scale.numpy() * (self.roughness.sparse @ flat))).sum())
-        return rough + self.ridge * float(texels.square().sum())
+        scale = self.penalty_scale
+        if texels.device.type == "cpu":
+            rough = (texels * (scale * torch.from_numpy(self.roughness.sparse @ texels.numpy()))).sum()
+        else:
+            rough = (texels * (scale * (self.roughness.gram @ texels))).sum()
+        return float(rough) + self.ridge * float(texels.square().sum())
 
     def normal(self) -> tuple[Tensor, Tensor]:
         """(BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
@@ -111,30 +124,29 @@ class LeastSquares:
         return matrix[kept][:, kept], self.data.rhs[kept]
 
     def rows(self) -> tuple[scipy.sparse.csr_matrix, np.ndarray]:
-        """The stacked sparse rows [√W B; √λ' L; √δ I; √μ Zᵀ] (·, K) and targets [√W f; 0; 0; 0] (·, C)."""
+        """The stacked sparse rows [√W B; √λ' L; √δ I; √μ Zᵀ] (·, K) and targets [√W f; 0; 0; 0] (·, C), on the CPU."""
         numbers, values = stencil_rows(self.coordinates, self.lookups)
-        count = numbers.shape[0]
-        root = self.weights.sqrt()
-        first = torch.arange(count + 1) * numbers.shape[1]
+        count, width = numbers.shape
+        root = self.weights.sqrt()[:, None]
         design = scipy.sparse.csr_matrix(
-            ((values * root[:, None]).numpy().ravel(), numbers.numpy().ravel(), first.numpy()),
+            (_array(values * root).ravel(), _array(numbers).ravel(), np.arange(count + 1) * width),
             shape=(count, self.unknowns),
         )
         design.sum_duplicates()
-        kept = np.flatnonzero(self.kept.numpy())
-        smooth = scipy.sparse.csr_matrix((self.penalty_scale.sqrt() * self.roughness.rows).numpy())
+        kept = np.flatnonzero(_array(self.kept))
+        smooth = scipy.sparse.csr_matrix(_array(self.penalty_scale.sqrt() * self.roughness.rows))
         identity = scipy.sparse.identity(self.unknowns, format="csr") * np.sqrt(self.ridge)
-        gauge = np.zeros((0, self.unknowns)) if self.gauge is None else self.gauge.numpy().T * np.sqrt(self.gauge_scale)
+        gauge = np.zeros((0, self.unknowns)) if self.gauge is None else _array(self.gauge).T * np.sqrt(self.gauge_scale)
         held = scipy.sparse.csr_matrix(gauge)
         stacked = scipy.sparse.csr_matrix(scipy.sparse.vstack([design, smooth, identity, held]))[:, kept]
         targets = np.zeros((stacked.shape[0], self.targets.shape[1]))
-        targets[:count] = (self.targets * root[:, None]).numpy()
+        targets[:count] = _array(self.targets * root)
         return scipy.sparse.csr_matrix(stacked), targets
 
     def expand(self, solution: Tensor) -> Tensor:
-        """(T, C) with the kept unknowns filled in and zeros elsewhere."""
-        result = torch.zeros(self.unknowns, solution.shape[1], dtype=torch.float64)
-        result[self.kept] = solution
+        """(T, C) with the kept unknowns filled in and zeros elsewhere, where the samples are."""
+        result = torch.zeros(self.unknowns, solution.shape[1], dtype=torch.float64, device=self.kept.device)
+        result[self.kept] = solution.to(result.device)
         return result
 
     def residuals(self, texels: Tensor) -> Tensor:
@@ -161,7 +173,7 @@ def solve_penalised(
     """
     unknowns = data.matrix.shape[0]
     weight = data.weight - (0.0 if without is None else without.weight)
-    scale = _penalty_scale(smoothing, weight, unknowns, unknowns)
+    scale = _penalty_scale(smoothing, data.matrix, weight, torch.ones_like(data.rhs[:, 0]))
     ridge = _ridge(weight, lookups, unknowns)
     rhs = data.rhs if without is None else data.rhs - without.rhs
     if data.matrix.device.type == "cpu":
@@ -186,9 +198,14 @@ def minimum_norm(matrix: Tensor, rhs: Tensor) -> Tensor:
     return vectors @ (inverse[:, None] * (vectors.T @ rhs))
 
 
-def _penalty_scale(smoothing: float | Tensor, weight: float, kept: int, unknowns: int) -> Tensor:
-    """λ' (T, 1) = λ · Σw/K."""
-    return torch.as_tensor(smoothing, dtype=torch.float64).expand(unknowns)[:, None] * (weight / kept)
+def _array(tensor: Tensor) -> np.ndarray:
+    return tensor.cpu().numpy()
+
+
+def _penalty_scale(smoothing: float | Tensor, like: Tensor, weight: float, kept: Tensor) -> Tensor:
+    """λ' (T, 1) = λ · Σw/K, K of the T unknowns being kept; float64 on the device of `like`."""
+    each = smoothing.to(like) if isinstance(smoothing, Tensor) else like.new_full((), smoothing)
+    return each.expand(len(kept))[:, None] * (weight / float(kept.sum()))
 
 
 def _penalised(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float) -> Tensor:

@@ -4,37 +4,76 @@ The domain of a projection (two discs, or a box) is convex and the projection li
 the convex hull of the projected extreme points. A texel counts when its centre lies in the hull or a
 point of the hull's rim reads it (a hull may be thinner than a texel); the neighbours of these count
 too, so that bilinear interpolation at the rim finds all four texels.
+
+A periodic axis is laid out flat for the hull, from −1 to +1, and its first texel counts where either end does; what
+grows or is filled beyond one end goes on at the other.
 """
 
 import numpy as np
 import torch
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, distance_transform_edt
 from scipy.spatial import ConvexHull, QhullError
 from torch import Tensor
 
 from homofact.linear.bilinear import stencil
+from homofact.linear.layout import CLAMPED, Axes, Axis, Shape, texel_centres
+
+_AROUND = np.ones((3, 3))
 
 
-def covered(points: Tensor, shape: tuple[int, int]) -> Tensor:
+def covered(points: Tensor, shape: Shape, axes: Axes = CLAMPED) -> Tensor:
     """Mask (rows, columns) of the convex hull of `points` (M, 2) in texture coordinates, and its neighbours.
 
     Points on one line have no area; the texels along the segment between the outermost count.
     """
-    rows, columns = shape
+    flat = points.cpu()
     try:
-        hull = ConvexHull(points.cpu().numpy())
+        hull = ConvexHull(flat.numpy())
         equations = torch.from_numpy(hull.equations)
-        rim = points.cpu()[torch.from_numpy(hull.vertices.astype(np.int64))]
+        rim = flat[torch.from_numpy(hull.vertices.astype(np.int64))]
     except (QhullError, ValueError):
-        equations = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)  # contains nothing
-        order = np.lexsort(points.cpu().numpy().T)
-        rim = points.cpu()[[order[0], order[-1]]]
-    # One texel alone sits at 0, in the middle of what it stands for.
-    centres = [torch.linspace(-1, 1, n, dtype=torch.float64) if n > 1 else torch.zeros(1).double() for n in shape]
-    grid = torch.cartesian_prod(*centres)
-    inside = (grid.flip(-1) @ equations[:, :2].T + equations[:, 2] <= 1e-9).all(-1)
-    along = torch.linspace(0, 1, 2 * (rows + columns), dtype=torch.float64)[:, None, None]
+        equations = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64, device="cpu")  # contains nothing
+        order = np.lexsort(flat.numpy().T)
+        rim = flat[[order[0], order[-1]]]
+    # Flat, a periodic axis has its first texel at both ends.
+    ends = [(centres, centres[:1] + 2) for centres in map(texel_centres, shape, axes)]
+    places = [torch.cat(end) if axis is Axis.PERIODIC else end[0] for end, axis in zip(ends, axes, strict=True)]
+    grid = torch.cartesian_prod(*places)
+    inside = (grid.flip(-1) @ equations[:, :2].T + equations[:, 2] <= 1e-9).all(-1).reshape(*map(len, places))
+    for dimension, axis in enumerate(axes):
+        if axis is Axis.PERIODIC:
+            first, last = inside.select(dimension, 0), inside.select(dimension, -1)
+            first |= last
+            inside = inside.narrow(dimension, 0, shape[dimension])
+    along = torch.linspace(0, 1, 2 * sum(shape), dtype=torch.float64, device="cpu")[:, None, None]
     edges = rim + along * (rim.roll(-1, 0) - rim)
-    numbers, weights = stencil(edges.reshape(-1, 2), shape)
-    inside[numbers[weights > 0]] = True
-    return torch.from_numpy(binary_dilation(inside.reshape(shape).numpy(), np.ones((3, 3))))
+    numbers, weights = stencil(edges.reshape(-1, 2), shape, axes=axes)
+    reached = inside.reshape(-1).clone()
+    reached[numbers[weights > 0]] = True
+    return grown(reached.reshape(shape), 1, axes).to(points.device)
+
+
+def grown(mask: Tensor, steps: int, axes: Axes = CLAMPED) -> Tensor:
+    """The mask (rows, columns) and all texels within `steps` of it, diagonals too; round, and across a pole."""
+    array = mask.cpu().numpy()
+    rounds = tuple((1, 1) if axis is Axis.PERIODIC else (0, 0) for axis in axes)
+    cut = tuple(slice(1, -1) if axis is Axis.PERIODIC else slice(None) for axis in axes)
+    for _ in range(steps):
+        array = binary_dilation(np.pad(array, rounds, mode="wrap"), _AROUND)[cut].copy()
+        for line, axis in ((array[0], axes[0]), (array[:, 0], axes[1])):
+            if axis is Axis.POLAR and line.any():
+                line[:] = True
+    return torch.from_numpy(array).to(mask.device)
+
+
+def filled(texture: Tensor, mask: Tensor, axes: Axes = CLAMPED) -> Tensor:
+    """Texels outside of the mask take the value of the nearest inside: a safe guess, and harmless to filters."""
+    outside = ~mask.cpu().numpy()
+    rounds = tuple((n, n) if axis is Axis.PERIODIC else (0, 0) for n, axis in zip(mask.shape, axes, strict=True))
+    wide = np.pad(outside, rounds, mode="wrap")
+    places = np.asarray(distance_transform_edt(wide, return_distances=False, return_indices=True))
+    cut = tuple(slice(before, before + n) for (before, _), n in zip(rounds, mask.shape, strict=True))
+    row, column = (
+        torch.from_numpy(place[cut] % n).long().to(texture.device) for place, n in zip(places, mask.shape, strict=True)
+    )
+    return texture[row, column]

@@ -19,6 +19,7 @@ from torch import Tensor
 
 from homofact.linear.bilinear import stencil
 from homofact.linear.definite import symmetric_total
+from homofact.linear.layout import CLAMPED, Axes, Axis, Shape
 from homofact.linear.threads import in_parallel
 
 # Multiply-adds under which a second range of samples costs more than a second thread saves.
@@ -30,14 +31,16 @@ RANGES = 2
 class Lookup:
     """A bilinear lookup: uv = matrix · x[start : start + k], in a texture of `shape` with first unknown `offset`.
 
-    `fractions` is how many steps a sampler divides a texel into (256 on most hardware); 0 is exact.
+    `fractions` is how many steps a sampler divides a texel into (256 on most hardware); 0 is exact. `axes` are the
+    kinds of the texture's axes.
     """
 
     start: int
     matrix: Tensor
-    shape: tuple[int, int]
+    shape: Shape
     offset: int
     fractions: int = 0
+    axes: Axes = CLAMPED
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ def stencil_rows(coordinates: Tensor, lookups: tuple[Lookup, ...]) -> tuple[Tens
     numbers, values = [], []
     for lookup in lookups:
         x = coordinates[:, lookup.start : lookup.start + lookup.matrix.shape[1]]
-        texels, weights = stencil(x @ lookup.matrix.to(x).T, lookup.shape, lookup.fractions)
+        texels, weights = stencil(x @ lookup.matrix.to(x).T, lookup.shape, lookup.fractions, lookup.axes)
         numbers.append(texels + lookup.offset)
         values.append(weights)
     return torch.cat(numbers, 1), torch.cat(values, 1)
@@ -139,14 +142,31 @@ def _ranges(count: int, cost: int) -> list[tuple[int, int]]:
 
 
 def pack(lookups: tuple[Lookup, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Matrices (L, 2, 4) float64 and (start, k, rows, columns, offset, fractions) (L, 6) int64: as the kernels do."""
+    """Matrices (L, 2, 4) float64 and int64 (L, 8), as the kernels read them.
+
+    Of each lookup (start, k, rows, columns, offset, fractions, whether rows go round, whether columns do).
+    """
     matrices = np.zeros((len(lookups), 2, 4))
-    layout = np.zeros((len(lookups), 6), dtype=np.int64)
+    layout = np.zeros((len(lookups), 8), dtype=np.int64)
     for number, lookup in enumerate(lookups):
         k = lookup.matrix.shape[1]
         matrices[number, :, :k] = lookup.matrix.numpy()
-        layout[number] = (lookup.start, k, *lookup.shape, lookup.offset, lookup.fractions)
+        rounds = (axis is Axis.PERIODIC for axis in lookup.axes)
+        layout[number] = (lookup.start, k, *lookup.shape, lookup.offset, lookup.fractions, *rounds)
     return matrices, layout
+
+
+@numba.njit(cache=True, inline="always")
+def _cell(coordinate, size, periodic):  # pragma: no cover (compiled)
+    """The lower texel, the next, and the fraction towards it: `bilinear._cell`."""
+    if periodic:
+        position = (coordinate + 1.0) * (0.5 * size)
+        below = np.floor(position)
+        lower = int(below) % size
+        return lower, (lower + 1) % size, position - below
+    position = min(max((coordinate + 1.0) * (0.5 * (size - 1)), 0.0), size - 1.0)
+    lower = min(int(position), max(size - 2, 0))
+    return lower, min(lower + 1, size - 1), position - lower
 
 
 @numba.njit(cache=True, inline="always")
@@ -159,24 +179,17 @@ def _stencil(x, n, matrices, layout, lookup, numbers, values):  # pragma: no cov
     for axis in range(k):
         u += matrices[lookup, 0, axis] * x[n, start + axis]
         v += matrices[lookup, 1, axis] * x[n, start + axis]
-    u = min(max((u + 1.0) * (0.5 * (columns - 1)), 0.0), columns - 1.0)
-    v = min(max((v + 1.0) * (0.5 * (rows - 1)), 0.0), rows - 1.0)
-    column = min(int(u), max(columns - 2, 0))
-    row = min(int(v), max(rows - 2, 0))
-    fu = u - column
-    fv = v - row
+    column, right, fu = _cell(u, columns, layout[lookup, 7])
+    row, above, fv = _cell(v, rows, layout[lookup, 6])
     steps = layout[lookup, 5]
     if steps > 0:
         fu = np.floor(fu * steps + 0.5) / steps
         fv = np.floor(fv * steps + 0.5) / steps
-    right = 1 if column + 1 < columns else 0
-    above = columns if row + 1 < rows else 0
-    first = offset + row * columns + column
     place = 4 * lookup
-    numbers[place] = first
-    numbers[place + 1] = first + right
-    numbers[place + 2] = first + above
-    numbers[place + 3] = first + above + right
+    numbers[place] = offset + row * columns + column
+    numbers[place + 1] = offset + row * columns + right
+    numbers[place + 2] = offset + above * columns + column
+    numbers[place + 3] = offset + above * columns + right
     values[place] = (1.0 - fu) * (1.0 - fv)
     values[place + 1] = fu * (1.0 - fv)
     values[place + 2] = (1.0 - fu) * fv
@@ -217,8 +230,8 @@ def gradient(
 ) -> tuple[Tensor, float]:
     """(∂/∂M of Σn wn |fn − (By)n|² at fixed texels (L, 2, 4), that sum): compiled on the CPU, torch elsewhere.
 
-    The columns past a lookup's k are zero. In the flat cells that clamping makes the derivative is 0; at
-    the kinks between cells it is that of the cell the floor picks.
+    The columns past a lookup's k are zero. A cell is 2/(M − 1) wide, on a periodic axis 2/M. In the flat cells that
+    clamping makes the derivative is 0; at the kinks between cells it is that of the cell the floor picks.
     """
     if coordinates.device.type != "cpu":
         return gradient_torch(coordinates, lookups, targets, weights, texels)
@@ -236,7 +249,7 @@ def gradient_torch(
     found = torch.zeros_like(targets)
     for lookup, matrix in zip(lookups, matrices, strict=True):
         x = coordinates[:, lookup.start : lookup.start + matrix.shape[1]]
-        numbers, values = stencil(x @ matrix.T, lookup.shape)
+        numbers, values = stencil(x @ matrix.T, lookup.shape, axes=lookup.axes)
         found = found + (texels[numbers + lookup.offset] * values[..., None]).sum(1)
     total = (weights[:, None] * (targets - found) ** 2).sum()
     result = torch.zeros(len(lookups), 2, 4, dtype=torch.float64, device=coordinates.device)
@@ -264,7 +277,8 @@ def _gradient(x, matrices, layout, targets, weights, texels, begin, end):  # pra
                 position = 0.0
                 for axis in range(layout[lookup, 1]):
                     position += matrices[lookup, row, axis] * x[n, start + axis]
-                inside[lookup, row] = -1.0 <= position <= 1.0
+                # The matrix's first row runs along the columns.
+                inside[lookup, row] = layout[lookup, 7 - row] or -1.0 <= position <= 1.0
         w = weights[n]
         for c in range(channels):
             total = targets[n, c]
@@ -287,8 +301,10 @@ def _gradient(x, matrices, layout, targets, weights, texels, begin, end):  # pra
                 slope_u += difference[c] * ((1.0 - fv) * (y01 - y00) + fv * (y11 - y10))
                 slope_v += difference[c] * ((1.0 - fu) * (y10 - y00) + fu * (y11 - y01))
             start = layout[lookup, 0]
-            slope_u *= -w * (layout[lookup, 3] - 1.0) if inside[lookup, 0] else 0.0
-            slope_v *= -w * (layout[lookup, 2] - 1.0) if inside[lookup, 1] else 0.0
+            cells_u = layout[lookup, 3] - 1.0 + layout[lookup, 7]
+            cells_v = layout[lookup, 2] - 1.0 + layout[lookup, 6]
+            slope_u *= -w * cells_u if inside[lookup, 0] else 0.0
+            slope_v *= -w * cells_v if inside[lookup, 1] else 0.0
             for axis in range(layout[lookup, 1]):
                 slopes[lookup, 0, axis] += slope_u * x[n, start + axis]
                 slopes[lookup, 1, axis] += slope_v * x[n, start + axis]
@@ -301,9 +317,10 @@ def warm_up() -> float:
     The seconds that compiling took; 0 where the cache had them.
     """
     began = time.perf_counter()
-    lookup = Lookup(0, torch.zeros(2, 2, dtype=torch.float64), (2, 2), 0)
-    x, f, w = torch.zeros(1, 2).double(), torch.zeros(1, 1).double(), torch.ones(1).double()
+    nothing = torch.zeros(4, 4, dtype=torch.float64, device="cpu")
+    lookup = Lookup(0, nothing[:2, :2], (2, 2), 0)
+    x, f, w = nothing[:1, :2], nothing[:1, :1], nothing[0, :1]
     accumulate_compiled(x, (lookup,), f, w, 4)
-    gradient(x, (lookup,), f, w, torch.zeros(4, 1).double())
+    gradient(x, (lookup,), f, w, nothing[:, :1].contiguous())
     compiled = any(kernel.stats.cache_misses for kernel in (_accumulate, _gradient))
     return time.perf_counter() - began if compiled else 0.0

@@ -23,6 +23,7 @@ from torch import Tensor
 from homofact.errors import BadInput, SolverFailure, Status
 from homofact.linear.definite import solve_lower
 from homofact.linear.least_squares import LeastSquares, minimum_norm
+from homofact.linear.names import SOLVER_NAMES
 
 TOLERANCE = 1e-14
 BLOCK = 4096
@@ -126,13 +127,9 @@ def _krylov(problem: LeastSquares, method: Callable) -> Solution:
     return Solution(problem.expand(solution), status, steps)
 
 
-SOLVERS: dict[str, Callable[[LeastSquares], Solution]] = {
-    "cholesky": cholesky,
-    "qr": qr,
-    "lsmr": lsmr,
-    "cg": cg,
-    "qmr": qmr,
-}
+SOLVERS: dict[str, Callable[[LeastSquares], Solution]] = dict(
+    zip(SOLVER_NAMES, (cholesky, qr, lsmr, cg, qmr), strict=True)
+)
 
 
 def solve(problem: LeastSquares, solver: str = "cholesky") -> Solution:

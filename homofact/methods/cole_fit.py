@@ -1,116 +1,71 @@
 """The procedure of the thesis: terms one by one, each projection searched, then a fine solve (2.2, 3).
 
 For each term random rotations are refined by Powell's method on the error of the inner problem, in
-which the last `together` terms are solved and the earlier ones stay. The search may run on smaller
+which the last `joint_terms` are solved and the earlier ones stay. The search may run on smaller
 textures and a subset of the samples (thesis 4.2: the projections carry over); the textures that are
 kept come from the solve at full size with the masks applied. Plain on purpose: this is the reference
 that faster searches are measured against.
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import torch
 
-from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
-from homofact.brdf.source import NOISE_FREE_EPSILON
-from homofact.errors import BadInput, Report, Status
+from homofact.errors import Report, Status
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.fitted import Fitted
 from homofact.factor.projection import Projection
 from homofact.factor.search.powell import Powell
 from homofact.factor.textures import LogSamples, Solved, inner_problem, residual, solve_terms, texture_shape
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.solvers import solve
 from homofact.linear.threads import one_thread
-from homofact.methods.settings import FitSettings
-from homofact.version import __version__
+from homofact.methods.cole import Cole
+from homofact.methods.fitting import (
+    Fit,
+    Progress,
+    ProgressCallback,
+    at_azimuths,
+    coarse_size,
+    provenance_of,
+    transform_of,
+)
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a running fit is: counted from 1, `best` the lowest error of this term so far."""
-
-    term: int
-    terms: int
-    restart: int
-    restarts: int
-    evaluations: int
-    best: float
-
-
-@dataclass(frozen=True)
-class Fit:
-    """What was fitted (by most methods a `Factorization`) and the report of how it was reached."""
-
-    factorization: Fitted
-    report: Report
-
-
-COARSE_SIZE = 12
-
-# The thesis's two; the first is the default.
-PARAMETERIZATIONS = ("half-diff", "in-out")
-
-ProgressCallback = Callable[[Progress], None]
-
-
-def transform_of(samples: Samples, settings: FitSettings) -> LogTransform:
-    """The log transform of a fit: the settings' ε, or the one for noise-free data, and A of `samples`."""
-    epsilon = NOISE_FREE_EPSILON if settings.epsilon is None else settings.epsilon
-    return LogTransform.of(samples, epsilon)
-
-
-def provenance_of(samples: Samples, settings: FitSettings) -> dict[str, Any]:
-    """What a factorization says of its making: version, method, settings, samples; JSON-able."""
-    return {
-        "homofact_version": __version__,
-        "method": settings.method,
-        "seed": settings.seed,
-        "smoothing": settings.fixed_smoothing,
-        "settings": {k: list(v) if isinstance(v, tuple) else v for k, v in vars(settings).items()},
-        "samples": len(samples),
-        "source": samples.provenance,
-    }
-
-
-def solve_greedily(samples: LogSamples, projections: tuple[Projection, ...], settings: FitSettings) -> Solved:
-    """Textures of given projections, at full size: the last `together` solved jointly as each term arrives.
+def solve_greedily(samples: LogSamples, projections: tuple[Projection, ...], settings: Cole) -> Solved:
+    """Textures of given projections, at full size: the last `joint` solved jointly as each term arrives.
 
     The figures of the system are the last solve's.
     """
-    together = len(projections) if settings.together == 0 else settings.together
+    joint = len(projections) if settings.joint_terms == 0 else settings.joint_terms
     terms: tuple[Term, ...] = ()
     solved = None
-    first = len(projections) if together >= len(projections) else 1
+    first = len(projections) if joint >= len(projections) else 1
     for count in range(first, len(projections) + 1):
-        begin = max(0, count - together)
+        begin = max(0, count - joint)
         terms = terms[:begin]
         rest = replace(samples, logs=residual(samples, terms))
         last = projections[begin:count]
         shapes = tuple(texture_shape(p, settings.size) for p in last)
-        solved = solve_terms(rest, last, shapes, settings.fixed_smoothing, settings.solver, settings.robust)
+        solved = solve_terms(rest, last, shapes, settings.smoothing, settings.solver, settings.robust)
         terms = (*terms, *solved.terms)
     assert solved is not None  # there is at least one projection
     return replace(solved, terms=terms)
 
 
 @one_thread
-def fit_cole(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
+def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None = None) -> Fit:
     """Factor `samples` by the procedure of the thesis.
 
-    `samples` are the training samples as they should weigh: azimuth copies are the caller's. An interrupt
+    `samples` are the training samples as measured: isotropic ones are copied to other azimuths here. An interrupt
     (Ctrl-C) keeps the terms found so far and is reported as INTERRUPTED, unless there is none yet.
     """
     began = time.perf_counter()
-    if settings.parameterization not in (None, *PARAMETERIZATIONS):
-        raise BadInput(
-            f"parameterization: found {settings.parameterization!r}, expected one of {', '.join(PARAMETERIZATIONS)}"
-        )
+    provenance = provenance_of(samples, settings)
+    # Both coordinates know the azimuth.
+    samples = at_azimuths(samples, settings, knows_azimuth=True)
     transform = transform_of(samples, settings)
     full = LogSamples.of(samples, transform)
     coarse = (
@@ -118,7 +73,7 @@ def fit_cole(samples: Samples, settings: FitSettings, progress: ProgressCallback
         if settings.search_samples == 0
         else LogSamples.of(samples.subset(settings.search_samples, settings.seed), transform)
     )
-    size = settings.coarse_size(COARSE_SIZE)
+    size = coarse_size(settings)
     generator = torch.Generator().manual_seed(settings.seed)
     chosen: tuple[Projection, ...] = ()
     coarse_terms: tuple[Term, ...] = ()
@@ -126,14 +81,14 @@ def fit_cole(samples: Samples, settings: FitSettings, progress: ProgressCallback
     interrupted = False
     try:
         for number in range(1, settings.textures + 1):
-            together = number if settings.together == 0 else settings.together
-            begin = max(0, number - together)
+            joint = number if settings.joint_terms == 0 else settings.joint_terms
+            begin = max(0, number - joint)
             rest = replace(coarse, logs=residual(coarse, coarse_terms[:begin]))
             best, report = _search_term(rest, chosen[begin:], size, settings, generator, number, progress)
             reports += report
             chosen = (*chosen, best)
             shapes = tuple(texture_shape(p, size) for p in chosen[begin:])
-            solved = solve_terms(rest, chosen[begin:], shapes, settings.fixed_smoothing, settings.solver)
+            solved = solve_terms(rest, chosen[begin:], shapes, settings.smoothing, settings.solver)
             coarse_terms = (*coarse_terms[:begin], *solved.terms)
     except KeyboardInterrupt:
         if not chosen:
@@ -141,11 +96,9 @@ def fit_cole(samples: Samples, settings: FitSettings, progress: ProgressCallback
         interrupted = True
     solved = solve_greedily(full, chosen, settings)
     terms, status = solved.terms, solved.status
-    if settings.confidence and 0 < settings.together < len(terms):
-        raise BadInput("confidence: textures were solved a few at a time, expected --together 0 (all at once) with it")
     if settings.confidence:
-        terms = with_deviations(full, terms, settings.fixed_smoothing)
-    factorization = Factorization(terms, transform, samples.channels, provenance_of(samples, settings))
+        terms = with_deviations(full, terms, settings.smoothing)
+    factorization = Factorization(terms, transform, samples.channels, provenance)
     error = float((residual(full, terms) ** 2).mean())
     if interrupted:
         status = Status.INTERRUPTED
@@ -168,26 +121,24 @@ def _search_term(
     samples: LogSamples,
     earlier: tuple[Projection, ...],
     size: int,
-    settings: FitSettings,
+    settings: Cole,
     generator: torch.Generator,
     number: int,
     progress: ProgressCallback | None,
 ) -> tuple[Projection, list[Report]]:
     """The best projection of one more term, over all restarts, with `earlier` solved beside it."""
 
-    def projection(rotation: Pair) -> Projection:
-        return Projection.from_rotation(
-            settings.parameterization or PARAMETERIZATIONS[0], rotation, settings.reciprocal, bound=settings.bound
-        )
+    def projection(rotation: Rotation) -> Projection:
+        return Projection.from_rotation(settings.coordinates, rotation, settings.reciprocal, bound=settings.bound)
 
     evaluations, lowest = 0, float("inf")
     restart = 0
 
-    def error(rotation: Pair) -> float:
+    def error(rotation: Rotation) -> float:
         nonlocal evaluations, lowest
         projections = (*earlier, projection(rotation))
         shapes = tuple(texture_shape(p, size) for p in projections)
-        problem = inner_problem(samples, projections, shapes, settings.fixed_smoothing)
+        problem = inner_problem(samples, projections, shapes, settings.smoothing)
         value = problem.mean_error(solve(problem, settings.solver).texels)
         evaluations += 1
         lowest = min(lowest, value)
@@ -195,8 +146,8 @@ def _search_term(
             progress(Progress(number, settings.textures, restart, settings.restarts, evaluations, lowest))
         return value
 
-    found: list[tuple[Pair, Report]] = []
+    found: list[tuple[Rotation, Report]] = []
     for restart in range(1, settings.restarts + 1):  # noqa: B007 (the error function reports it)
-        found.append(Powell().minimize(error, Pair.random(generator), settings.seed))
+        found.append(Powell().minimize(error, Rotation.random(generator), settings.seed))
     best = min(found, key=lambda each: each[1].residual)[0]
     return projection(best), [report for _, report in found]

@@ -9,12 +9,12 @@ are accumulated once, all of them together, and every mix of them is judged from
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.factor.projection import Projection
-from homofact.factor.textures import LogSamples, Shape, Smoothing, inner_problem, per_texel, roughness_of
+from homofact.factor.projection import Projection, layout_of
+from homofact.factor.textures import LogSamples, Smoothing, inner_problem, per_texel, roughness_of
+from homofact.linear.layout import Shape, TexelLayout
 from homofact.linear.least_squares import Roughness, solve_penalised
 from homofact.linear.normal import NormalEquations, total
 from homofact.linear.threads import in_parallel
@@ -37,7 +37,7 @@ class Folded:
     whole: NormalEquations
     roughness: Roughness
     lookups: int
-    shapes: tuple[Shape, ...]
+    layout: TexelLayout
 
     @classmethod
     def of(
@@ -73,7 +73,7 @@ class Folded:
             for number in range(len(partitions))
         )
         shares = tuple(partition.share for partition in partitions)
-        return cls(parts, shares, whole, problem.roughness, len(problem.lookups), shapes)
+        return cls(parts, shares, whole, problem.roughness, len(problem.lookups), layout_of(projections, shapes))
 
     def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
         """Mean squared log error of the left-out samples under the texels of all others, with this λ.
@@ -81,7 +81,7 @@ class Folded:
         Weighted by the samples' weights within a partition, by the shares between partitions. `folds` leaves out
         only so many folds of each partition: a first look at a fraction of the price.
         """
-        spread = per_texel(smoothing, self.shapes)
+        spread = per_texel(smoothing, self.layout)
         chosen = [parts[:folds] for parts in self.parts]
 
         def left_out(part: NormalEquations) -> float:
@@ -173,22 +173,22 @@ class FixedBank:
     def mix(self, chosen: tuple[int, ...]) -> Folded:
         """The equations of the projections at `chosen`, in that order: a block of the whole matrix."""
         folded = self.folded
-        sizes = [rows * columns for rows, columns in folded.shapes]
-        begin = np.cumsum([0, *sizes])
-        slices = [slice(begin[j], begin[j + 1]) for j in chosen]
-        unknowns = torch.cat([torch.arange(begin[j], begin[j + 1]) for j in chosen])
+        ends = [begin + count for begin, count in zip(folded.layout.offsets, folded.layout.counts, strict=True)]
+        slices = [slice(folded.layout.offsets[j], ends[j]) for j in chosen]
+        unknowns = torch.cat([torch.arange(each.start, each.stop) for each in slices])
 
         def block(equations: NormalEquations) -> NormalEquations:
-            matrix = equations.matrix.numpy()
-            cut = np.block([[matrix[rows, columns] for columns in slices] for rows in slices])
-            return NormalEquations(torch.from_numpy(cut), equations.rhs[unknowns], equations.energy, equations.weight)
+            cut = torch.cat([torch.cat([equations.matrix[rows, columns] for columns in slices], 1) for rows in slices])
+            return NormalEquations(cut, equations.rhs[unknowns], equations.energy, equations.weight)
 
-        shapes = tuple(folded.shapes[j] for j in chosen)
+        layout = TexelLayout(
+            tuple(folded.layout.shapes[j] for j in chosen), tuple(folded.layout.axes[j] for j in chosen)
+        )
         return Folded(
             tuple(tuple(map(block, parts)) for parts in folded.parts),
             folded.shares,
             block(folded.whole),
-            roughness_of(shapes),
+            roughness_of(layout, folded.whole.matrix.device),
             sum(self.projections[j].lookups for j in chosen),
-            shapes,
+            layout,
         )

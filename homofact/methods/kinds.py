@@ -1,21 +1,20 @@
 """What a texture may be indexed by in a searched factorization: the candidates, by name.
 
-A kind is a fixed projection ("theta_h-theta_d", "h" …) or one of the four parameterizations, whose
-projection is then searched. Symmetry first: for an isotropic material only coordinates that do not know
-the azimuth are candidates, since a 4D one would spend its texels on learning that turning changes nothing.
-An anisotropic material may use both: one texture for its lobe, another for what does not turn with it.
+A kind is a fixed projection ("theta_h-theta_d", "h" …) or the name of coordinates without a periodic axis, on which the
+projection is then searched: a mix of axes, which would jump where a periodic one closes. Symmetry first: for an
+isotropic material only coordinates that do not know the azimuth are candidates, since a 4D one would spend its texels
+on learning that turning changes nothing. An anisotropic material may use both: one texture for its lobe, another for
+what does not turn with it.
 """
 
 import torch
-from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
-from homofact.geometry.coordinates import COORDINATES, coordinate_system
-from homofact.geometry.rotation import Pair, from_matrix
-
-SEARCHED_KINDS = tuple(COORDINATES)
-KINDS = (*FIXED_PROJECTIONS, *SEARCHED_KINDS)
+from homofact.factor.names import FIXED_PROJECTIONS, KINDS
+from homofact.factor.projection import WARPED_AXES, Projection, Warp, fixed_projection
+from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.names import COORDINATE_NAMES
+from homofact.geometry.rotation import Rotation
 
 ISOTROPIC_CANDIDATES = (
     "theta_h-theta_d",
@@ -30,6 +29,7 @@ ISOTROPIC_CANDIDATES = (
 )
 ANISOTROPIC_CANDIDATES = (
     "h",
+    "theta_h-phi_h",
     "theta_h-theta_d",
     "theta_i-theta_o",
     "theta_i-delta_phi",
@@ -44,15 +44,15 @@ WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01)
 
 
 def coordinates_of(kind: str) -> str:
-    """The parameterization that a kind's projection acts on. Raises BadInput that lists the kinds."""
+    """The coordinates that a kind's projection acts on. Raises BadInput that lists the kinds."""
     if kind not in KINDS:
-        raise BadInput(f"parameterization: found {kind!r}, expected one of {', '.join(KINDS)}")
-    return kind if kind in SEARCHED_KINDS else fixed_projection(kind, True).coordinates
+        raise BadInput(f"projections: found {kind!r}, expected one of {', '.join(KINDS)}")
+    return kind if kind in COORDINATE_NAMES else fixed_projection(kind, True).coordinates
 
 
 def is_searched(kind: str) -> bool:
     """Whether the projection of this kind has parameters to search."""
-    return kind in SEARCHED_KINDS
+    return kind in COORDINATE_NAMES
 
 
 def is_isotropic(kind: str) -> bool:
@@ -62,8 +62,11 @@ def is_isotropic(kind: str) -> bool:
 
 def takes_warp(kind: str) -> bool:
     """Whether the kind reads the half vector's angle, which may be stretched."""
-    reads_half_vector = coordinates_of(kind) in ("half-diff", "isotropic-half-diff")
-    return reads_half_vector and kind not in ("d", "theta_d-phi_d", "theta_d")
+    axes = coordinate_system(coordinates_of(kind)).axes
+    if not is_searched(kind):
+        read = (fixed_projection(kind, True).matrix != 0).any(0).tolist()
+        axes = tuple(axis for axis, own in zip(axes, read, strict=True) if own)
+    return bool(set(WARPED_AXES) & set(axes))
 
 
 def make(kind: str, reciprocal: bool, warp: Warp | None, generator: torch.Generator, bound: str) -> Projection:
@@ -71,12 +74,7 @@ def make(kind: str, reciprocal: bool, warp: Warp | None, generator: torch.Genera
     used = warp if takes_warp(kind) else None
     if not is_searched(kind):
         return fixed_projection(kind, reciprocal, used)
-    rotation: Pair | Tensor
-    if coordinate_system(kind).dimension == 4:
-        rotation = Pair.random(generator)
-    else:
-        rotation = torch.randn(4, dtype=torch.float64, generator=generator)
-        rotation = rotation / rotation.norm()
+    rotation = Rotation.random(generator, coordinate_system(kind).dimension)
     return Projection.from_rotation(kind, rotation, reciprocal, bound, used)
 
 
@@ -95,13 +93,14 @@ def loosened(projection: Projection) -> Projection | None:
     Its two axes become the first rows of a rotation: a signed permutation, found in quaternions.
     """
     rows = projection.matrix
-    if projection.rotation is not None or bool((rows.abs().sum(1) == 0).any()):
+    searchable = projection.coordinates in COORDINATE_NAMES
+    if not searchable or projection.rotation is not None or bool((rows.abs().sum(1) == 0).any()):
         return None
     dimension = projection.system.dimension
     # Complete the rows to a rotation: the remaining axes in order, the last one signed for determinant 1.
     used = [int(row.abs().argmax()) for row in rows]
     order = used + [axis for axis in range(dimension) if axis not in used]
-    matrix = torch.eye(dimension, dtype=torch.float64)[order]
+    matrix = torch.eye(dimension, dtype=torch.float64, device="cpu")[order]
     matrix[-1] *= torch.linalg.det(matrix)
-    rotation = from_matrix(matrix.T)
+    rotation = Rotation.from_matrix(matrix.T)
     return Projection(projection.coordinates, rows, projection.reciprocal, rotation=rotation, warp=projection.warp)

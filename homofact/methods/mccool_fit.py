@@ -13,26 +13,25 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
-from homofact.methods.cole_fit import Fit, ProgressCallback, provenance_of, transform_of
-from homofact.methods.settings import FitSettings
-
-PROJECTIONS = ("wi", "h")
+from homofact.methods.fitting import Fit, at_azimuths, provenance_of, transform_of
+from homofact.methods.mccool import McCool
 
 
 @one_thread
-def fit_mccool(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
-    """Textures for `settings.projections`, or McCool's own; `progress` is never called: one solve is all."""
+def fit_mccool(samples: Samples, settings: McCool) -> Fit:
+    """Textures for `settings.projections` from samples as measured, copied to other azimuths where one knows them."""
     began = time.perf_counter()
-    names = settings.projections or PROJECTIONS
-    projections = tuple(fixed_projection(name, settings.reciprocal) for name in names)
+    provenance = provenance_of(samples, settings)
+    projections = tuple(fixed_projection(name, settings.reciprocal) for name in settings.projections)
+    samples = at_azimuths(samples, settings, not all(projection.system.isotropic for projection in projections))
     transform = transform_of(samples, settings)
     data = LogSamples.of(samples, transform)
     shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
-    solved = solve_terms(data, projections, shapes, settings.fixed_smoothing, settings.solver, settings.robust)
+    solved = solve_terms(data, projections, shapes, settings.smoothing, settings.solver, settings.robust)
     terms = solved.terms
     if settings.confidence:
-        terms = with_deviations(data, terms, settings.fixed_smoothing)
-    factorization = Factorization(terms, transform, samples.channels, provenance_of(samples, settings))
+        terms = with_deviations(data, terms, settings.smoothing)
+    factorization = Factorization(terms, transform, samples.channels, provenance)
     error = float((residual(data, solved.terms) ** 2).mean())
     seconds = time.perf_counter() - began
     return Fit(factorization, Report(solved.status, 1, 1, seconds, error, settings.seed, details=solved.details()))

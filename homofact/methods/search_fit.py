@@ -19,35 +19,37 @@ from homofact.errors import BadInput, Report, Status
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization
 from homofact.factor.objective import Objective
-from homofact.factor.refine import refine_looks
+from homofact.factor.refine import refine_linear
 from homofact.factor.search.gradient import Gradient
-from homofact.factor.search.minimize import Search, minimize
+from homofact.factor.search.minimize import Search as Minimizer
+from homofact.factor.search.minimize import minimize
 from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
-from homofact.methods.cole_fit import Fit, Progress, ProgressCallback, provenance_of, transform_of
 from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve, units
-from homofact.methods.folded import Folded
-from homofact.methods.kinds import (
-    ANISOTROPIC_CANDIDATES,
-    ISOTROPIC_CANDIDATES,
-    coordinates_of,
-    is_isotropic,
-    is_searched,
+from homofact.methods.fitting import (
+    Fit,
+    Progress,
+    ProgressCallback,
+    at_azimuths,
+    coarse_size,
+    provenance_of,
+    transform_of,
 )
-from homofact.methods.settings import FitSettings
+from homofact.methods.folded import Folded
+from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, is_isotropic, is_searched
+from homofact.methods.search import Search
 from homofact.methods.structure_search import ENOUGH, Outcome, StructureSearch, StructureSettings, rounded
 from homofact.methods.validation import Partition, partitions_of
 
 FOLDS = 4
-COARSE_SIZE = 16  # measured data judged on 12² textures picks other mixes than on 16²
 FINE_SHARE = 0.5  # of the search's effort, once more for refining and smoothing at full size
 FINE_ROUNDS = 4  # of refining and smoothing, as long as that helps and the effort lasts
 FINE_STEPS = (3, 40)  # iterations at full size: at least, at most
 
 
-def search_named(name: str) -> Search:
+def search_named(name: str) -> Minimizer:
     """The search over one vector of projections by name: "gradient", "powell", or "nlopt-" and nlopt's algorithm."""
     if name == "gradient":
         return Gradient()
@@ -58,33 +60,15 @@ def search_named(name: str) -> Search:
     raise BadInput(f"search: found {name!r}, expected gradient, powell, or nlopt-NAME such as nlopt-PRAXIS")
 
 
-def pinned_kinds(settings: FitSettings) -> tuple[str, ...] | None:
-    """The kinds that `settings.parameterization` names: one for all textures, or one each; None where it has none.
-
-    Raises BadInput for an unknown kind, and for a list of another length than there are textures.
-    """
-    if settings.parameterization is None:
-        return None
-    pinned = tuple(settings.parameterization.split("+"))
-    for kind in pinned:
-        coordinates_of(kind)
-    if len(pinned) not in (1, settings.textures):
-        raise BadInput(
-            f"parameterization: found {len(pinned)} kinds for {settings.textures} textures, expected one, or one each"
-        )
-    return pinned
-
-
-def candidates_of(samples: Samples, settings: FitSettings) -> tuple[tuple[str, ...], ...]:
+def candidates_of(samples: Samples, settings: Search) -> tuple[tuple[str, ...], ...]:
     """Which kinds each texture may be: all that suit the material, one for all, or a list, one a texture."""
-    pinned = pinned_kinds(settings)
-    if pinned is None:
+    if settings.projections is None:
         return (ISOTROPIC_CANDIDATES if samples.isotropic else ANISOTROPIC_CANDIDATES,)
-    return tuple((kind,) for kind in pinned)
+    return tuple((kind,) for kind in settings.projections)
 
 
 @one_thread
-def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
+def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | None = None) -> Fit:
     """Factor `samples` (the training samples as measured, without azimuth copies) with `settings.effort`.
 
     `settings.budget` seconds end the search where the effort takes longer: a guard, after which the status is GUARD and
@@ -112,7 +96,7 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
             progress(Progress(term, settings.textures, 1, 1, evaluations, best))
 
     choices = StructureSettings(
-        settings.coarse_size(COARSE_SIZE),
+        coarse_size(settings),
         settings.reciprocal,
         settings.bound,
         settings.restarts,
@@ -138,8 +122,8 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
     notes = outcome.notes
     if outcome.status is Status.GUARD:
         notes += (f"the guard of {settings.budget:g} s ended the search: another run may end elsewhere",)
-    if settings.refine == "looks":
-        terms, account = refine_looks(full, terms, smoothing, transform)
+    if settings.refine == "linear":
+        terms, account = refine_linear(full, terms, smoothing, transform)
         made["refine"] = account
     if settings.confidence:
         terms = with_deviations(full, terms, smoothing)
@@ -161,7 +145,7 @@ def fit_search(samples: Samples, settings: FitSettings, progress: ProgressCallba
 
 
 def _prepare(
-    samples: Samples, transform: LogTransform, settings: FitSettings, knows_azimuth: bool
+    samples: Samples, transform: LogTransform, settings: Search, knows_azimuth: bool
 ) -> tuple[LogSamples, tuple[Partition, ...]]:
     """Log samples and how they are judged; with azimuth copies, one fold to a measurement, where kinds need them."""
     partitions = partitions_of(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
@@ -170,19 +154,12 @@ def _prepare(
     return LogSamples.of(copied, transform), tuple(partition.repeated(times) for partition in partitions)
 
 
-def at_azimuths(samples: Samples, settings: FitSettings, knows_azimuth: bool) -> Samples:
-    """What textures are solved from: azimuth copies of isotropic samples where a projection knows the azimuth."""
-    if knows_azimuth and samples.isotropic and settings.copies > 1:
-        return samples.azimuth_copies(settings.copies, settings.seed, settings.mirrored)
-    return samples
-
-
 def _finish(
     outcome: Outcome,
     full: LogSamples,
     partitions: tuple[Partition, ...],
-    settings: FitSettings,
-    search: Search,
+    settings: Search,
+    search: Minimizer,
     account: Account,
 ) -> tuple[Outcome, tuple[float, ...]]:
     """Searched projections refined on everything, then λ at full size; as much of both as `account` grants."""
@@ -192,7 +169,7 @@ def _finish(
     shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
     texels = sum(rows * columns for rows, columns in shapes)
     cost = cost_of_evaluation(len(full.logs), sum(projection.lookups for projection in mix.projections), texels)
-    smoothing = carried_smoothing(mix.smoothing, settings.coarse_size(COARSE_SIZE), settings.size)
+    smoothing = carried_smoothing(mix.smoothing, coarse_size(settings), settings.size)
     if settings.smoothing is None:
         folded = Folded.of(full, partitions, mix.projections, shapes)
         account.spend(cost)

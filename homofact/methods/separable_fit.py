@@ -22,16 +22,17 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.linear.threads import one_thread
-from homofact.methods.cole_fit import Fit, ProgressCallback, provenance_of, transform_of
-from homofact.methods.settings import FitSettings
+from homofact.methods.fitting import Fit, provenance_of, transform_of
+from homofact.methods.nmf import Nmf
+from homofact.methods.svd import Svd
 from homofact.separable.decompositions import Factors, eigen, imputed, normalized, power, svd
 from homofact.separable.maps import direction_map
 from homofact.separable.matrix import BrdfMatrix, brdf_matrix
+from homofact.separable.names import SYMMETRIC
 from homofact.separable.nmf import nmf
 from homofact.separable.resampling import resampled
 from homofact.separable.separable import Separable, SeparableTerm
 
-SYMMETRIC = ("eigen", "power")
 # Of an entry under the horizon in a non-negative fit: it says little, but leaves no texel undetermined.
 FILLED_WEIGHT = 1e-2
 
@@ -43,34 +44,6 @@ class Terms:
     terms: tuple[SeparableTerm, ...]
     status: Status
     iterations: int
-
-
-def svd_parameterization(settings: FitSettings) -> tuple[str, str]:
-    """(parameterization, decomposition) that `svd` takes for these settings.
-
-    In-out unless asked otherwise; there the eigenvectors where reciprocity is enforced, else the dense SVD. Raises
-    BadInput for another parameterization, and for a symmetric decomposition of a matrix that is not.
-    """
-    parameterization = "in-out" if settings.parameterization is None else settings.parameterization
-    if parameterization not in ("in-out", "half-diff"):
-        raise BadInput(f"parameterization: found {parameterization!r}, expected in-out or half-diff for svd")
-    symmetric = parameterization == "in-out" and settings.reciprocal
-    if settings.decomposition is None:
-        return parameterization, "eigen" if symmetric else "svd"
-    if settings.decomposition in SYMMETRIC and not symmetric:
-        raise BadInput(
-            f"decomposition: found {settings.decomposition!r}, which needs the symmetry of a reciprocal in-out matrix;"
-            " expected svd or normalized"
-        )
-    return parameterization, settings.decomposition
-
-
-def nmf_parameterization(settings: FitSettings) -> str:
-    """Half-diff, as Lawrence's half-angle, unless asked otherwise. Raises BadInput for any but half-diff and in-out."""
-    parameterization = "half-diff" if settings.parameterization is None else settings.parameterization
-    if parameterization not in ("in-out", "half-diff"):
-        raise BadInput(f"parameterization: found {parameterization!r}, expected half-diff or in-out for nmf")
-    return parameterization
 
 
 def svd_terms(matrix: BrdfMatrix, count: int, decomposition: str, generator: torch.Generator, weighted: bool) -> Terms:
@@ -117,7 +90,7 @@ def nmf_terms(matrix: BrdfMatrix, count: int) -> Terms:
     """
     weights = torch.outer(matrix.weights, matrix.weights) * torch.where(matrix.valid, 1.0, FILLED_WEIGHT)
     found = [nmf(matrix.values[..., c].contiguous(), count, weights) for c in range(matrix.values.shape[2])]
-    factors = [Factors(each.left, each.right, torch.ones(each.left.shape[1]).double()) for each in found]
+    factors = [Factors(each.left, each.right, torch.ones_like(each.left[0])) for each in found]
     status = Status.CONVERGED if all(each.converged for each in found) else Status.BUDGET
     return Terms(_terms(matrix, factors), status, sum(len(each.objectives) - 1 for each in found))
 
@@ -151,42 +124,41 @@ def separable_of(
 
 
 @one_thread
-def fit_svd(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
-    """`settings.textures` terms (one if normalized) on `settings.size`² maps; `progress` is never called.
+def fit_svd(samples: Samples, settings: Svd) -> Fit:
+    """`settings.textures` terms (one if normalized) on `settings.size`² maps.
 
     The report's residual is the Cole error of `samples`, its details the shares of cut values at them (`clipped`) and
-    of matrix entries without a value (`filled`). Raises BadInput for settings that do not go together.
+    of matrix entries without a value (`filled`).
     """
-    parameterization, decomposition = svd_parameterization(settings)
     began = time.perf_counter()
-    matrix = _resampled_matrix(samples, settings, parameterization)
+    matrix = _resampled_matrix(samples, settings)
     generator = torch.Generator().manual_seed(settings.seed)
+    decomposition = settings.chosen_decomposition
     terms = svd_terms(matrix, settings.textures, decomposition, generator, weighted=True)
     return _fitted(samples, settings, matrix, terms, {"decomposition": decomposition}, began)
 
 
 @one_thread
-def fit_nmf(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
+def fit_nmf(samples: Samples, settings: Nmf) -> Fit:
     """As `fit_svd`, with non-negative factors: nothing is ever cut. An in-out fit is reciprocal in its data alone."""
-    parameterization = nmf_parameterization(settings)
     began = time.perf_counter()
-    matrix = _resampled_matrix(samples, settings, parameterization)
+    matrix = _resampled_matrix(samples, settings)
     return _fitted(samples, settings, matrix, nmf_terms(matrix, settings.textures), {}, began)
 
 
-def _resampled_matrix(samples: Samples, settings: FitSettings, parameterization: str) -> BrdfMatrix:
+def _resampled_matrix(samples: Samples, settings: Svd | Nmf) -> BrdfMatrix:
     return brdf_matrix(
         resampled(samples, settings.reciprocal),
         direction_map(settings.map),
         settings.size,
-        parameterization,
+        settings.coordinates,
         isotropic=samples.isotropic,
         reciprocal=settings.reciprocal,
     )
 
 
 def _fitted(
-    samples: Samples, settings: FitSettings, matrix: BrdfMatrix, found: Terms, made: dict[str, Any], began: float
+    samples: Samples, settings: Svd | Nmf, matrix: BrdfMatrix, found: Terms, made: dict[str, Any], began: float
 ) -> Fit:
     transform = transform_of(samples, settings)
     made = provenance_of(samples, settings) | made
@@ -221,7 +193,7 @@ def _terms(matrix: BrdfMatrix, found: list[Factors]) -> tuple[SeparableTerm, ...
     count = max(each.left.shape[1] for each in found)
 
     def texture(factors: list[Tensor], k: int) -> Tensor:
-        zero = torch.zeros(matrix.values.shape[0], dtype=torch.float64)
+        zero = torch.zeros_like(matrix.values[:, 0, 0])
         return torch.stack([matrix.texture(f[:, k] if k < f.shape[1] else zero) for f in factors], 2)
 
     terms = []
@@ -229,6 +201,6 @@ def _terms(matrix: BrdfMatrix, found: list[Factors]) -> tuple[SeparableTerm, ...
         first = texture([each.left for each in found], k)
         rights = [each.right for each in found if each.right is not None]
         second = texture(rights, k) if rights else None
-        signs = [each.signs[k] if k < len(each.signs) else torch.ones(()).double() for each in found]
+        signs = [each.signs[k] if k < len(each.signs) else matrix.values.new_ones(()) for each in found]
         terms.append(SeparableTerm(first, second, torch.stack(signs)))
     return tuple(terms)

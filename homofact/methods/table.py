@@ -1,109 +1,105 @@
-"""Fitting methods by name: the table that the command line and the comparisons choose from."""
+"""The methods by name, for the command line, configurations and saved fits: from labels and settings to objects.
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TypeVar
+Loads neither torch nor numpy: what is wrong with a setting is said before they are.
+"""
 
-from homofact.brdf.samples import Samples
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
 from homofact.errors import BadInput
-from homofact.factor.fitted import Fitted
-from homofact.factor.quantize import is_solved, quantize
-from homofact.methods.cole_fit import PARAMETERIZATIONS, Fit, ProgressCallback, fit_cole
-from homofact.methods.mccool_fit import fit_mccool
-from homofact.methods.search_fit import at_azimuths, fit_search, pinned_kinds, search_named
-from homofact.methods.separable_fit import fit_nmf, fit_svd, nmf_parameterization, svd_parameterization
-from homofact.methods.settings import FitSettings
+from homofact.methods.cole import Cole
+from homofact.methods.mccool import McCool
+from homofact.methods.nmf import Nmf
+from homofact.methods.search import Search
+from homofact.methods.svd import Svd
 
-F = TypeVar("F", bound=Fitted)
+if TYPE_CHECKING:
+    from homofact.methods.fitting import Method
 
-
-@dataclass(frozen=True)
-class Method:
-    """A way to fit.
-
-    `wants_copies`: whether isotropic measurements must be copied to other azimuths for it beforehand.
-    `ignores`: the settings that it has no use for; two fits that differ in nothing else are the same fit.
-    """
-
-    fit: Callable[[Samples, FitSettings, ProgressCallback | None], Fit]
-    wants_copies: bool
-    ignores: frozenset[str]
+MCCOOL = McCool().projections
+METHODS: dict[str, type[Any]] = {each.name: each for each in (Search, Cole, McCool, Svd, Nmf)}
 
 
-# A decomposition of a matrix has neither projections to search nor a linear system to solve.
-_NO_SOLVE = frozenset(
-    {
-        "solver", "smoothing", "together", "restarts", "search", "validation", "budget", "refine", "search_size",
-        "search_samples", "copies", "mirrored", "bound", "projections", "robust", "confidence",
-    }
-)  # fmt: skip
-
-METHODS: dict[str, Method] = {
-    "search": Method(
-        fit_search,
-        wants_copies=False,
-        ignores=frozenset({"together", "projections", "map", "decomposition"}),
-    ),
-    "cole": Method(
-        fit_cole,
-        wants_copies=True,
-        ignores=frozenset({"search", "validation", "budget", "refine", "projections", "map", "decomposition"}),
-    ),
-    "mccool": Method(
-        fit_mccool,
-        wants_copies=True,
-        ignores=frozenset(
-            {
-                "textures", "parameterization", "together", "restarts", "search", "validation", "budget",
-                "refine", "search_size", "search_samples", "bound", "map", "decomposition",
-            }
-        ),
-    ),
-    "svd": Method(fit_svd, wants_copies=False, ignores=_NO_SOLVE),
-    "nmf": Method(fit_nmf, wants_copies=False, ignores=_NO_SOLVE | {"decomposition", "seed"}),
-}  # fmt: skip
-
-
-def method(name: str) -> Method:
-    """The method called `name`. Raises BadInput that lists the names."""
+def method_class(name: str) -> type[Any]:
+    """The class of the method called `name`. Raises BadInput that lists the names."""
     if name not in METHODS:
         raise BadInput(f"method: found {name!r}, expected one of {', '.join(METHODS)}")
     return METHODS[name]
 
 
-def run(samples: Samples, settings: FitSettings, progress: ProgressCallback | None = None) -> Fit:
-    """The fit of `settings.method`, its texels rounded where `settings.quantize` asks for it. Raises BadInput."""
-    fit = method(settings.method).fit(samples, settings, progress)
-    if settings.quantize == "none":
-        return fit
-    return replace(fit, factorization=quantized(fit.factorization, samples, settings))
+def settings_of_class(method: type[Any]) -> tuple[str, ...]:
+    """The names of a method's settings."""
+    return tuple(each.name for each in fields(method))
 
 
-def quantized(fitted: F, samples: Samples, settings: FitSettings) -> F:
-    """A fit of `settings` with texels that `settings.quantize` holds, from the samples that it was given itself.
+def methods_with(setting: str) -> tuple[str, ...]:
+    """The names of the methods that have a setting."""
+    return tuple(name for name, method in METHODS.items() if setting in settings_of_class(method))
 
-    Raises BadInput for quantize "none" and as `method`.
+
+def parsed_label(label: str) -> tuple[str, tuple[str, ...]]:
+    """A label's method and fixed projections: a method's name, or `mccool:` and projections joined by "+".
+
+    Raises BadInput for an unknown method, and for projections behind another one or none behind the colon.
     """
-    if is_solved(fitted) and not method(settings.method).wants_copies:
-        samples = at_azimuths(samples, settings, not fitted.evaluation.isotropic)
-    return quantize(fitted, samples, settings.quantize)
+    name, colon, listed = label.partition(":")
+    method_class(name)
+    projections = tuple(part.strip() for part in listed.split("+") if part.strip())
+    if colon and (name != McCool.name or not projections):
+        raise BadInput(f"method: found {label!r}, expected projections behind mccool only, as in mccool:wi+h")
+    return name, projections
 
 
-def check_settings(settings: FitSettings) -> None:
-    """Raise BadInput for what can be known to be wrong before there are samples.
+def made(label: str, settings: Mapping[str, Any]) -> "Method":
+    """The method of a label with these settings, all of them its own. Raises BadInput for any that is not."""
+    name, _ = parsed_label(label)
+    _refuse_strangers(settings, [name])
+    return _built(label, settings)
 
-    That is an unknown method, a search that does not exist, and a parameterization that is none of the method's.
+
+def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> "dict[str, Method]":
+    """The methods of several labels, each with those of the settings that it has.
+
+    Raises BadInput for a setting that none of them has.
     """
-    ignored = method(settings.method).ignores
-    if settings.method == "svd":
-        svd_parameterization(settings)
-    elif settings.method == "nmf":
-        nmf_parameterization(settings)
-    elif "search" not in ignored:
-        search_named(settings.search)
-        pinned_kinds(settings)
-    elif "parameterization" not in ignored and settings.parameterization not in (None, *PARAMETERIZATIONS):
-        raise BadInput(
-            f"parameterization: found {settings.parameterization!r},"
-            f" expected {' or '.join(PARAMETERIZATIONS)} for {settings.method}"
-        )
+    names = {label: parsed_label(label)[0] for label in labels}
+    _refuse_strangers(settings, list(names.values()))
+    return {label: _built(label, _own(name, settings)) for label, name in names.items()}
+
+
+def mccool_like(method: "Method") -> McCool:
+    """McCool's own factorization with the settings that `method` shares with it, to be set beside it."""
+    shared: dict[str, Any] = {
+        name: value for name, value in _own(McCool.name, vars(method)).items() if value is not None
+    }
+    shared["projections"] = MCCOOL
+    return McCool(**shared)
+
+
+def _built(label: str, settings: Mapping[str, Any]) -> "Method":
+    name, projections = parsed_label(label)
+    return METHODS[name](**(dict(settings) | ({"projections": projections} if projections else {})))
+
+
+def _own(name: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+    known = settings_of_class(METHODS[name])
+    return {setting: value for setting, value in settings.items() if setting in known}
+
+
+def _refuse_strangers(settings: Collection[str], names: list[str]) -> None:
+    """Raise BadInput for the first setting that none of the methods `names` has, naming those that do."""
+    names = list(dict.fromkeys(names))
+    for setting in settings:
+        having = methods_with(setting)
+        if set(having) & set(names):
+            continue
+        who = f"{names[0]} has no such setting" if len(names) == 1 else f"none of {', '.join(names)} has such a setting"
+        own = ", ".join(dict.fromkeys(each for name in names for each in settings_of_class(METHODS[name])))
+        of_own = "its own" if len(names) == 1 else "theirs"
+        others = f"; {_and(having)} {'has' if len(having) == 1 else 'have'} it" if having else ""
+        raise BadInput(f"{setting}: {who}, expected one of {of_own} ({own}){others}")
+
+
+def _and(names: tuple[str, ...]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -15,10 +15,9 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.samples import Samples
+from homofact.brdf.symmetry import ring_numbers
 
-RING_WIDTH = 1e-3  # radians: angles this close are one ring
 RING_FOLDS = 3
-SAMPLES_ON_A_RING = 8
 
 
 def random_folds(count: int, folds: int, seed: int) -> Tensor:
@@ -56,9 +55,9 @@ def partitions_of(samples: Samples, folds: int, seed: int, *, rings: bool) -> tu
 
 def _rings(direction: Tensor) -> Tensor | None:
     """Folds (N,) of the inner rings of one direction's θ, neighbours apart; None where it does not lie on rings."""
-    theta = torch.atan2(direction[:, :2].norm(dim=1), direction[:, 2])
-    angles, rank = torch.unique((theta / RING_WIDTH).round(), return_inverse=True)
-    if not 4 <= len(angles) <= len(theta) // SAMPLES_ON_A_RING:
+    found = ring_numbers(direction)
+    if found is None:
         return None
-    inner = (rank > 0) & (rank < len(angles) - 1)
+    rank, count = found
+    inner = (rank > 0) & (rank < count - 1)
     return torch.where(inner, rank % RING_FOLDS, torch.full_like(rank, -1))

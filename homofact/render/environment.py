@@ -9,6 +9,7 @@ import torch
 from homofact.containers.exr import decode_exr
 from homofact.containers.hdr import decode_hdr
 from homofact.errors import BadInput
+from homofact.files.reading import read_bytes
 from homofact.render.light import EnvironmentMap
 
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
@@ -21,10 +22,7 @@ def read_environment(path: str | os.PathLike[str], turn: float = 0.0) -> Environ
     file, missing channels, and pixels that are negative or not finite.
     """
     target = Path(path)
-    try:
-        data = target.read_bytes()
-    except OSError as error:
-        raise BadInput(f"{target}: cannot be read ({error.strerror}), expected .hdr or .exr") from error
+    data = read_bytes(target, "a .hdr or .exr picture")
     if data.startswith(_EXR_MAGIC):
         planes = decode_exr(data, str(target))
         names = ("R", "G", "B") if "R" in planes else ("Y",)

@@ -39,9 +39,9 @@ class SphereImage(NamedTuple):
 
 
 class _Surface(NamedTuple):
-    """The P covered pixels: flat index, rows t, b, n of the frame in the world, and ωo in that frame."""
+    """The P covered pixels: their flat indices, rows t, b, n of the frame in the world, and ωo in that frame."""
 
-    index: Tensor
+    pixels: Tensor
     frame: Tensor
     wo: Tensor
 
@@ -83,9 +83,9 @@ def render_sphere(
     radiance = torch.zeros(size * size, channels, dtype=torch.float64)
     for each in lights:
         if isinstance(each, DirectionalLight):
-            radiance[surface.index] += _directional(shade, each, surface, batch)
+            radiance[surface.pixels] += _directional(shade, each, surface, batch)
         else:
-            radiance[surface.index] += _environment(shade, each, surface, samples, seed, batch)
+            radiance[surface.pixels] += _environment(shade, each, surface, samples, seed, batch)
     return SphereImage(radiance.reshape(size, size, channels), coverage)
 
 
@@ -180,12 +180,12 @@ def _environment(
     points = torch.quasirandom.SobolEngine(2, scramble=True, seed=seed).draw(samples, dtype=torch.float64)
     # Each pixel's set is shifted on the torus, so that what is left of the error is grain, not false edges.
     generator = torch.Generator().manual_seed(seed)
-    shifts = torch.rand(len(surface.index), 1, 2, dtype=torch.float64, generator=generator)
+    shifts = torch.rand(len(surface.pixels), 1, 2, dtype=torch.float64, generator=generator)
     # Whole blocks of the sequence: each set is then spread evenly by itself, which every fourth point is not.
     from_map, from_cosine = samples // 2, samples // 4
     sizes = (from_map, from_cosine, samples - from_map - from_cosine)
     parts = []
-    for rows in torch.arange(len(surface.index)).split(max(1, batch // samples)):
+    for rows in torch.arange(len(surface.pixels)).split(max(1, batch // samples)):
         frame, wo = surface.frame[rows], surface.wo[rows]
         moved = torch.remainder(points + shifts[rows], 1.0)
         first, second, third = moved.split(sizes, 1)

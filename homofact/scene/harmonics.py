@@ -21,13 +21,6 @@ from homofact.errors import BadInput
 from homofact.geometry.directions import from_cosine
 
 
-def term_index(order: int, m: int) -> int:
-    """Where (l, m) lies among coefficients: l² + l + m. Raises BadInput for |m| > l or l < 0."""
-    if not 0 <= abs(m) <= order:
-        raise BadInput(f"harmonic: found l = {order}, m = {m}, expected |m| <= l")
-    return order * order + order + m
-
-
 def orders(order: int) -> tuple[Tensor, Tensor]:
     """(l, m) of each coefficient up to `order`, both ((order+1)²,) integers."""
     _check_order(order)

@@ -18,8 +18,9 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.symmetry import Symmetry, find_symmetry
 from homofact.errors import BadInput
-from homofact.geometry.directions import draw_uniform, from_spherical, to_spherical
+from homofact.geometry.directions import from_spherical
 from homofact.linear.threads import one_thread
 from homofact.scene.harmonics import check_share, gauss_legendre
 
@@ -62,40 +63,6 @@ class Grid:
         """Unit vectors (rings, turns, 3), the first `turns` azimuths (all unless given), from φ = 0."""
         phi = torch.arange(self.turns if turns is None else turns, dtype=torch.float64) * (2 * math.pi / self.turns)
         return from_spherical(self.theta[:, None].expand(-1, len(phi)), phi.expand(self.rings, -1))
-
-
-@dataclass(frozen=True)
-class Symmetry:
-    """`isotropic`: turning both directions changes nothing; `mirrored`: nor does y ↦ −y of both."""
-
-    isotropic: bool
-    mirrored: bool
-
-
-def symmetry_of(reflectance: Reflectance, limit: float = math.pi / 2, tolerance: float = 1e-6) -> Symmetry:
-    """What a reflectance is symmetric in, found out on 64 pairs within `limit` turned and mirrored.
-
-    Values agree where they differ by less than `tolerance` of the largest.
-    """
-    generator = torch.Generator().manual_seed(0)
-    pairs = draw_uniform(64, generator)
-    squeeze = limit / (math.pi / 2) if limit < math.pi / 2 else 1.0
-    angles = (to_spherical(w) for w in pairs)
-    wi, wo = (from_spherical(theta * squeeze, phi) for theta, phi in angles)
-    # Some pairs near the mirror direction, where a lobe lives.
-    wo[:32] = torch.stack((-wi[:32, 0], -wi[:32, 1], wi[:32, 2]), 1) + 0.05 * wo[:32]
-    wo = wo / wo.norm(dim=1, keepdim=True)
-    values = reflectance.evaluate(wi, wo)
-    angle = torch.rand(64, dtype=torch.float64, generator=generator) * (2 * math.pi)
-    cos, sin = torch.cos(angle), torch.sin(angle)
-    turned = [torch.stack((cos * w[:, 0] - sin * w[:, 1], sin * w[:, 0] + cos * w[:, 1], w[:, 2]), 1) for w in (wi, wo)]
-    flip = torch.tensor([1.0, -1.0, 1.0], dtype=torch.float64)
-    bound = tolerance * values.abs().max()
-
-    def same(other: tuple[Tensor, Tensor]) -> bool:
-        return bool(((reflectance.evaluate(*other) - values).abs() <= bound).all())
-
-    return Symmetry(same((turned[0], turned[1])), same((wi * flip, wo * flip)))
 
 
 @dataclass(frozen=True)
@@ -159,7 +126,7 @@ def decompose(
     `symmetry` is found out unless given. `mean` decomposes the mean of the channels instead of each, as the paper
     does. Raises BadInput for values that are not finite.
     """
-    known = symmetry_of(reflectance, grid.limit) if symmetry is None else symmetry
+    known = find_symmetry(reflectance, grid.limit) if symmetry is None else symmetry
     channels = ("mean",) if mean else reflectance.channels
     split = _isotropic if known.isotropic else _anisotropic
     return split(reflectance, grid, known.mirrored, mean, channels)

@@ -5,10 +5,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from homofact.brdf.source import Source
+from homofact.brdf.symmetry import find_symmetry
 from homofact.errors import BadInput
 from homofact.evaluate.compare import Row, held_out_samples
 from homofact.evaluate.metrics import measure, six_errors
-from homofact.scene.in_out import Grid, decompose, symmetry_of
+from homofact.scene.in_out import Grid, decompose
 from homofact.scene.terms import InOutCount
 
 MAP_SIDE = 32
@@ -64,7 +65,7 @@ def against_fit(source: Source, row: Row, count: InOutCount, held_out: float) ->
     within the limit.
     """
     reflectance = source.reflectance
-    found = decompose(reflectance, Grid(*count.grid, count.limit), symmetry_of(reflectance, count.limit))
+    found = decompose(reflectance, Grid(*count.grid, count.limit), find_symmetry(reflectance, count.limit))
     samples = held_out_samples(source, held_out, row.settings.seed)
     least = math.cos(count.limit)
     inside = (samples.wi[:, 2] >= least) & (samples.wo[:, 2] >= least)

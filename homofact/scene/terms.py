@@ -18,10 +18,11 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.symmetry import Symmetry, find_symmetry
 from homofact.errors import BadInput
 from homofact.scene.half_curve import ORDER, half_angle_curve
 from homofact.scene.harmonics import check_share
-from homofact.scene.in_out import Decomposition, Grid, Symmetry, count_for_share, decompose, symmetry_of
+from homofact.scene.in_out import Decomposition, Grid, count_for_share, decompose
 
 LIMIT = math.radians(85)
 # Rings of the grids that are tried in turn, and azimuths a ring; an anisotropic matrix is of all pairs of both.
@@ -74,7 +75,7 @@ def predicted_terms(reflectance: Reflectance, share: float = 0.99, limit: float 
     check_share(share)
     check_limit(limit)
     l_star = half_angle_curve(reflectance, limit).l_star(share)
-    symmetry = symmetry_of(reflectance, limit)
+    symmetry = find_symmetry(reflectance, limit)
     found, settled = settled_decomposition(reflectance, share, limit, symmetry)
     grid = (found.grid.rings, found.grid.turns)
     values = found.values()
@@ -98,7 +99,7 @@ def settled_decomposition(
 
     Grids are refined until the count agrees with the one before within 3%; the finest is kept where none does.
     """
-    known = symmetry_of(reflectance, limit) if symmetry is None else symmetry
+    known = find_symmetry(reflectance, limit) if symmetry is None else symmetry
     before, found = None, None
     grids = ISOTROPIC_GRIDS if known.isotropic else ANISOTROPIC_GRIDS
     for rings, turns in grids[:-1] if reflectance.fetches > _SLOW else grids:

@@ -49,7 +49,7 @@ def svd(matrix: Tensor, terms: int) -> Factors:
     u, s, vh = torch.linalg.svd(_finite(matrix), full_matrices=False)
     terms = min(terms, len(s))
     root = s[:terms].sqrt()
-    return Factors(u[:, :terms] * root, vh[:terms].T * root, torch.ones(terms, dtype=matrix.dtype))
+    return Factors(u[:, :terms] * root, vh[:terms].T * root, matrix.new_ones(terms))
 
 
 def eigen(matrix: Tensor, terms: int) -> Factors:
@@ -62,8 +62,8 @@ def eigen(matrix: Tensor, terms: int) -> Factors:
     else:
         # A start that is never orthogonal to a pattern of the texels by chance, and the same in every run.
         start = torch.rand(n, dtype=matrix.dtype, generator=torch.Generator().manual_seed(0)).numpy()
-        found, basis = eigsh(matrix.numpy(), k=terms, which="LM", v0=start)
-        values, vectors = torch.from_numpy(found), torch.from_numpy(basis)
+        found, basis = eigsh(matrix.cpu().numpy(), k=terms, which="LM", v0=start)
+        values, vectors = torch.from_numpy(found).to(matrix), torch.from_numpy(basis).to(matrix)
     order = values.abs().argsort(descending=True, stable=True)[:terms]
     values, vectors = values[order], vectors[:, order]
     return Factors(vectors * values.abs().sqrt(), None, torch.where(values < 0, -1.0, 1.0).to(matrix.dtype))
@@ -93,19 +93,23 @@ def power(
     for _ in range(min(terms, n)):
         if vectors and float(rest.norm()) <= floor:
             break
-        v = torch.randn(n, dtype=matrix.dtype, generator=generator)
+        v = torch.randn(n, dtype=matrix.dtype, generator=generator).to(matrix)
         v = v / v.norm()
-        for count in range(1, most // POWERS + 1):
+        products = 0
+        while True:
             v, value, residual = _recombined(rest, v)
-            total += POWERS
+            products += POWERS
             largest = max(largest, abs(value))
             if residual <= max(tolerance * largest, floor):
                 break
-            converged &= count < most // POWERS
+            if products + POWERS > most:
+                converged = False
+                break
+        total += products
         vectors.append(v)
         values.append(value)
         rest -= value * torch.outer(v, v)
-    found = torch.tensor(values, dtype=matrix.dtype)
+    found = matrix.new_tensor(values)
     # Two of nearly one size may be found in the other order.
     order = found.abs().argsort(descending=True, stable=True)
     signs = torch.where(found < 0, -1.0, 1.0).to(matrix.dtype)
@@ -162,11 +166,11 @@ def normalized(matrix: Tensor) -> Factors:
     norms = matrix.sum(1, keepdim=True)
     lit = norms[:, 0] > 0
     if not bool(lit.any()):
-        return Factors(norms, torch.zeros(matrix.shape[1], 1, dtype=matrix.dtype), torch.ones(1, dtype=matrix.dtype))
+        return Factors(norms, matrix.new_zeros(matrix.shape[1], 1), matrix.new_ones(1))
     mean = (matrix[lit] / norms[lit]).mean(0)[:, None]
     # Both factors alike in size, as the others'.
     share = (norms.norm() / mean.norm()).sqrt()
-    return Factors(norms / share, mean * share, torch.ones(1, dtype=matrix.dtype))
+    return Factors(norms / share, mean * share, matrix.new_ones(1))
 
 
 def _finite(matrix: Tensor) -> Tensor:

@@ -22,6 +22,7 @@ from homofact.errors import BadInput
 from homofact.geometry import parabolic
 from homofact.geometry.axes import map_axes
 from homofact.geometry.coordinates import Scales, axes_of
+from homofact.separable.names import MAP_NAMES
 
 # The cosine of a texel's direction at the rim: 84.3°. Nearer to the horizon (.05, .01), the first terms of
 # Ashikhmin-Shirley's matrix go to grazing light, and the cosine-weighted error rises.
@@ -103,7 +104,7 @@ def _from_polar(uv: Tensor) -> Tensor:
     return torch.stack((sine * torch.cos(azimuth), sine * torch.sin(azimuth), 1 - drop), -1)
 
 
-MAPS = {
+_BY_NAME = {
     each.name: each
     for each in (
         DirectionMap("parabolic", True, _PLAIN, parabolic.from_disc, lambda z: (1 + z) ** 2),
@@ -111,6 +112,7 @@ MAPS = {
         DirectionMap("polar", False, _POLAR, _from_polar, lambda z: (1 - z).clamp_min(0).sqrt()),
     )
 }
+MAPS = {name: _BY_NAME[name] for name in MAP_NAMES}
 
 
 def direction_map(name: str) -> DirectionMap:

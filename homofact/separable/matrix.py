@@ -17,8 +17,8 @@ from homofact.errors import BadInput
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import from_half_difference
 from homofact.separable.maps import DirectionMap, raised
+from homofact.separable.names import SIDES
 
-PARAMETERIZATIONS = ("in-out", "half-diff")
 # A float64 matrix beyond this is refused: its decomposition would need several times as much.
 MOST_BYTES = 2 << 30
 _CHUNK = 200_000
@@ -42,7 +42,7 @@ class BrdfMatrix:
 
     def texture(self, factor: Tensor) -> Tensor:
         """The (size, size) texture of one factor (n,); texels that no direction reads are 0."""
-        whole = torch.zeros(self.size**2, dtype=factor.dtype)
+        whole = factor.new_zeros(self.size**2)
         whole[self.read] = factor
         return whole.reshape(self.size, self.size)
 
@@ -62,8 +62,8 @@ def brdf_matrix(
     interpolant is reciprocal). `reciprocal` makes an in-out matrix symmetric to the last bit, the mean of both ways.
     Raises BadInput for an unknown parameterization, a size below 2 or one whose matrix would be too large.
     """
-    if parameterization not in PARAMETERIZATIONS:
-        raise BadInput(f"parameterization: found {parameterization!r}, expected {' or '.join(PARAMETERIZATIONS)}")
+    if parameterization not in SIDES:
+        raise BadInput(f"parameterization: found {parameterization!r}, expected {' or '.join(SIDES)}")
     if size < 2:
         raise BadInput(f"size: found {size}, expected at least 2")
     read = map.read(size)

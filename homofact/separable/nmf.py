@@ -98,7 +98,8 @@ def _start(matrix: Tensor, terms: int) -> tuple[Tensor, Tensor]:
 
 def _leading(matrix: Tensor, terms: int) -> tuple[Tensor, Tensor, Tensor]:
     """The leading singular triples by subspace iteration: a start need not be exact."""
-    basis = torch.rand(matrix.shape[1], terms + 8, dtype=matrix.dtype, generator=torch.Generator().manual_seed(0))
+    start = torch.rand(matrix.shape[1], terms + 8, dtype=matrix.dtype, generator=torch.Generator().manual_seed(0))
+    basis = start.to(matrix)
     for _ in range(8):
         basis = torch.linalg.qr(matrix.T @ torch.linalg.qr(matrix @ basis).Q).Q
     u, s, vh = torch.linalg.svd(matrix @ basis, full_matrices=False)

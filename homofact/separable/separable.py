@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.reflectance import answering_in_kind
 from homofact.errors import BadInput
 from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
 from homofact.files.archive import check_version, read_archive, write_archive
@@ -27,7 +28,7 @@ from homofact.geometry.coordinates import axes_of
 from homofact.geometry.directions import above_horizon
 from homofact.linear.bilinear import lookup
 from homofact.separable.maps import MAPS, direction_map
-from homofact.separable.matrix import PARAMETERIZATIONS
+from homofact.separable.names import SIDES
 
 FORMAT = "homofact separable factorization"
 FORMAT_VERSION = 1
@@ -92,6 +93,7 @@ class Separable:
         signs = torch.stack([term.signs for term in self.terms])
         return (left * right * signs).sum(1).to(wi)
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         above, wi, wo = above_horizon(wi, wo)
@@ -238,7 +240,7 @@ class Separable:
         return result
 
     def _check(self, target: Path) -> None:
-        if self.map not in MAPS or self.parameterization not in PARAMETERIZATIONS or not self.terms:
+        if self.map not in MAPS or self.parameterization not in SIDES or not self.terms:
             found = f"map {self.map!r}, parameterization {self.parameterization!r}, {len(self.terms)} terms"
             raise BadInput(f"{target}: found {found}, expected what save wrote")
         shape = (*self.read.shape, len(self.channels))

@@ -8,6 +8,9 @@ which is A max(0, exp(Σ p) − ε) with A and the biases of stored textures tak
 cut, as Python does, only where the textures can add up to that. For a sum of products f = max(0, Σk sk gk hk) per
 channel. A lookup's place is (u, v) = M x in [−1, 1]²; the sampler's coordinate ((u + 1)/2 (n − 1) + ½)/n of a side of n
 texels is affine in it, and both, with the coordinates' own scales, are folded into one matrix and one offset.
+
+A texture that goes round comes with its first row (or column) once more behind the last (`Term.flat`): M texels evenly
+round and the first again are M + 1 from −1 to +1, so the same place is read, and every sampler clamps.
 """
 
 from collections.abc import Mapping, Sequence

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from homofact.errors import BadInput
+from homofact.files.reading import read_bytes
 from homofact.viewer.mesh_files import parse_obj, parse_ply
 
 
@@ -34,10 +35,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     indices that name no vertex, or coordinates that are not finite.
     """
     target = Path(path)
-    try:
-        data = target.read_bytes()
-    except OSError as error:
-        raise BadInput(f"{target}: cannot be read ({error.strerror}), expected an OBJ or PLY mesh") from error
+    data = read_bytes(target, "an OBJ or PLY mesh")
     parsed = parse_ply(data, str(target)) if data[:4] in (b"ply\n", b"ply\r") else parse_obj(data, str(target))
     positions, normals, triangles = parsed
     if not len(triangles):

@@ -9,7 +9,7 @@ its split.
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -131,18 +131,19 @@ def read_report(folder: Path) -> dict[str, Any]:
 
 
 def _measure(fitted: "Fitted", source: Reopened) -> "dict[str, SixErrors]":
-    """Errors on the test samples of the split, and on the others as the fit's method is given them."""
+    """Errors on the test samples of the split, and on the others, turned alike."""
     from homofact.evaluate.metrics import measure
 
-    return {part: measure(fitted, each, fitted.transform) for part, each in source.parts(fitted).items()}
+    return {part: measure(fitted, each, fitted.transform) for part, each in source.parts.items()}
 
 
 def _mccool(fitted: "Fitted", source: Reopened, stage: Stage) -> "Row | None":
     """McCool's projections on the same split, of the same size and ε; None where the fit is that itself."""
     from homofact.evaluate.compare import fit_split
+    from homofact.methods.table import mccool_like
 
     settings = settings_of(fitted)
-    baseline = replace(settings, method="mccool", projections=())
+    baseline = mccool_like(settings)
     if baseline == settings:
         return None
     stage("McCool's projections")

@@ -30,6 +30,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.symmetry import Symmetry, find_symmetry
 from homofact.errors import BadInput
 from homofact.geometry.axes import coordinates_of, stretched
 from homofact.geometry.directions import draw_cosine_weighted, normalize
@@ -48,29 +49,8 @@ ANISOTROPIC = ((9, 24, 12, 17), (17, 32, 16, 25))
 ENOUGH = (0.003, 0.02)
 # The outermost node of θd: many models and all measurements are at a loss at the horizon itself.
 _REACH = 0.99
-_ALIKE = 1e-3
 _BATCH = 1 << 15
 _TITLE = "The source as a table over the angles of the half vector; logarithms, linear between its nodes."
-
-
-@dataclass(frozen=True)
-class Symmetry:
-    """Whether f stayed the same when random pairs were turned, swapped, mirrored at the xz-plane, turned by π."""
-
-    isotropic: bool
-    reciprocal: bool
-    mirrored: bool
-    half_turn: bool
-
-    @property
-    def period_d(self) -> float:
-        """The period of φd in radians."""
-        return math.pi if self.reciprocal else 2 * math.pi
-
-    @property
-    def period_h(self) -> float:
-        """The period of φh in radians, for an anisotropic source."""
-        return math.pi if self.half_turn else 2 * math.pi
 
 
 @dataclass(frozen=True)
@@ -186,7 +166,7 @@ def source_table(reflectance: Reflectance, *, pairs: int = 4096, seed: int = 0, 
     if channels not in (1, 3):
         raise BadInput(f"source: found {channels} channels, expected 1 or 3 to show")
     generator = torch.Generator().manual_seed(seed)
-    symmetry = find_symmetry(reflectance, generator)
+    symmetry = find_symmetry(reflectance, seed=seed)
     wi, wo = _pairs(pairs, generator)
     truth = _evaluate(reflectance, wi, wo)
     mean = truth[:pairs].mean(0).clamp_min(1e-12)
@@ -211,28 +191,6 @@ def source_table(reflectance: Reflectance, *, pairs: int = 4096, seed: int = 0, 
             break
         best = finer
     return best
-
-
-def find_symmetry(reflectance: Reflectance, generator: torch.Generator, pairs: int = 512) -> Symmetry:
-    """Which symmetries a reflectance has, by its values at random pairs and at their images."""
-    wi, wo = draw_cosine_weighted(pairs, generator)
-    turn = torch.rand(pairs, dtype=torch.float64, generator=generator) * (2 * math.pi)
-    mirror = torch.tensor([1.0, -1.0, 1.0], dtype=torch.float64)
-    half = torch.tensor([-1.0, -1.0, 1.0], dtype=torch.float64)
-    here = _evaluate(reflectance, wi, wo)
-    tiny = 1e-6 * float(here.mean()) + 1e-30
-
-    def same(a: Tensor, b: Tensor) -> bool:
-        there = _evaluate(reflectance, a, b)
-        off = (there - here).abs() / (there + here + tiny)
-        return float(torch.quantile(off.reshape(-1), 0.95)) < _ALIKE
-
-    return Symmetry(
-        same(_turned(wi, turn), _turned(wo, turn)),
-        same(wo, wi),
-        same(wi * mirror, wo * mirror),
-        same(wi * half, wo * half),
-    )
 
 
 def _tabulate(
@@ -261,7 +219,7 @@ def _tabulate(
 
 def _place_statements(symmetry: Symmetry, width: float) -> tuple[tuple[Let, ...], list[Expression]]:
     """(statements, a pair's place along the four axes, φh first, each in [0, 1]); φh is 0 for an isotropic source."""
-    wanted = {"theta_h", "theta_d", "azimuth_d", "reach_d"} | (set() if symmetry.isotropic else {"azimuth_h"})
+    wanted = {"theta_h", "theta_d", "azimuth_d", "reach_d"} | (set() if symmetry.isotropic else {"phi_h"})
     made = coordinates_of(frozenset(wanted))
     statements, axes = list(made.statements), made.axes
     around, turn = axes["azimuth_d"] * (1 / symmetry.period_d), variable("turn", 1)
@@ -269,11 +227,11 @@ def _place_statements(symmetry: Symmetry, width: float) -> tuple[tuple[Let, ...]
         statements.append(Let("turn", constant(0)))
     elif symmetry.mirrored:
         whole = variable("whole", 1)
-        statements.append(Let("whole", call("fract", axes["azimuth_h"] * (1 / symmetry.period_h))))
+        statements.append(Let("whole", call("fract", axes["phi_h"] * (1 / symmetry.period_h))))
         statements.append(Let("turn", call("min", whole, 1 - whole) * 2, "mirrored, phi_d with it"))
         around = around * (1 - call("step", 0.5, whole) * 2)
     else:
-        statements.append(Let("turn", call("fract", axes["azimuth_h"] * (1 / symmetry.period_h))))
+        statements.append(Let("turn", call("fract", axes["phi_h"] * (1 / symmetry.period_h))))
     x = variable("x", 1)
     if symmetry.isotropic and symmetry.mirrored:
         unfolded = variable("unfolded", 1)
@@ -306,11 +264,6 @@ def _pairs(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
     mirrored = 2 * (wi[count:] * h).sum(-1, keepdim=True) * h - wi[count:]
     wo = torch.cat((wo[:count], torch.where(mirrored[:, 2:] > 0, mirrored, wo[count:])))
     return wi, wo
-
-
-def _turned(w: Tensor, angle: Tensor) -> Tensor:
-    cos, sin = torch.cos(angle), torch.sin(angle)
-    return torch.stack((cos * w[:, 0] - sin * w[:, 1], sin * w[:, 0] + cos * w[:, 1], w[:, 2]), -1)
 
 
 def _evaluate(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:

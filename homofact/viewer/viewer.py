@@ -22,7 +22,7 @@ import numpy as np
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
-from homofact.files.atomic import replace_file
+from homofact.files.atomic import write_bytes
 from homofact.version import __version__
 from homofact.viewer.mesh import Mesh
 from homofact.viewer.packing import differences, pack
@@ -153,13 +153,8 @@ def write_viewer(
     Raises BadInput as `viewer_html`, and for a place that cannot be written.
     """
     data = viewer_html(layers, title=title, subtitle=subtitle, mesh=mesh, notes=notes).encode("utf-8")
-    replace_file(path, lambda beside: _write(beside, data))
+    write_bytes(path, data)
     return len(data)
-
-
-def _write(path: os.PathLike[str], data: bytes) -> None:
-    with open(path, "wb") as file:
-        file.write(data)
 
 
 @cache

@@ -5,7 +5,6 @@ import torch
 
 from homofact.brdf.channels import LuminanceOf, OneChannel, as_channels, spectral_names, wavelengths_of
 from homofact.brdf.materials import material
-from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import open_source
@@ -68,7 +67,6 @@ def test_unknown_choice_is_refused() -> None:
 def test_luminance_of_a_reflectance() -> None:
     model = material("lafortune-blue-paint").model
     grey = LuminanceOf(model)
-    assert isinstance(grey, Reflectance)
     assert (grey.channels, grey.fetches, grey.nbytes) == (("Y",), 0, model.nbytes)
     samples = sample_model(model, 20)
     assert torch.allclose(grey.evaluate(samples.wi, samples.wo), as_channels(samples, "luminance").values)

@@ -85,7 +85,7 @@ def edited(name: str, change: Callable[[list[str]], list[str]]) -> Callable[[Pat
     return edit
 
 
-WRONG: dict[str, tuple[Callable[[Path], None], str]] = {
+WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "no table": (lambda folder: (folder / "table.txt").unlink(), "table.txt: no such file"),
     "a short table": (edited("table.txt", lambda lines: lines[:-1]), "table.txt: 204 rows, expected 205"),
     "a column too few": (edited("table.txt", lambda lines: ["1 2 3", *lines[1:]]), "line 1: 3 columns, expected 4"),
@@ -93,6 +93,10 @@ WRONG: dict[str, tuple[Callable[[Path], None], str]] = {
     "degrees": (edited("table.txt", lambda lines: [lines[0], "45 0 10 0", *lines[2:]]), "expected radians"),
     "no number": (edited("table.txt", lambda lines: ["nan 0 0 0", *lines[1:]]), "line 1: found 'nan'"),
     "a sample twice": (edited("abrdf.dat", lambda lines: lines * 2), "line 2: sample 7, expected each of 1 to 61"),
+    "a last number cut": (
+        lambda folder: (folder / "table.txt").write_text((folder / "table.txt").read_text()[:-3]),
+        "line 205 has no line end",
+    ),
     "a second row cut": (edited("abrdf.dat", lambda lines: [*lines, "8 0.1"]), "line 2: 2 columns, expected 206"),
 }
 

@@ -5,51 +5,11 @@ import math
 from pathlib import Path
 
 import pytest
-import torch
-from torch import Tensor
 
 from homofact.brdf.analytic import Lambert, Phong
-from homofact.brdf.faults import albedo, evaluated_faults, reciprocity_of, reciprocity_of_samples
-from homofact.brdf.materials import material
-from homofact.brdf.samples import Samples
+from homofact.brdf.faults import albedo, evaluated_faults
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import describe, open_source
-from homofact.geometry.directions import from_spherical
-
-
-class OneSided(Lambert):
-    """A matte surface that is brighter the more the light grazes: not reciprocal."""
-
-    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
-        return super().formula(wi, wo) * (1 + wo[:, 2:])
-
-
-def grid(model: Lambert | Phong) -> Samples:
-    angles = torch.arange(5, 80, 15).double() * (math.pi / 180)
-    theta_i, theta_o, phi = (x.reshape(-1) for x in torch.meshgrid(angles, angles, angles, indexing="ij"))
-    wi, wo = from_spherical(theta_i, 0 * phi), from_spherical(theta_o, phi)
-    return Samples.make(wi, wo, model.evaluate(wi, wo), channels=model.channels, isotropic=True)
-
-
-def test_reciprocal_models_have_no_error() -> None:
-    assert reciprocity_of(material("lafortune-blue-paint").model)["p95"] < 1e-6
-    error = reciprocity_of(OneSided((0.5,), channels=("Y",)))
-    # |cosθi − cosθo|/(1 + mean cosine) at cosine-weighted pairs: .12 in the median.
-    assert error["median"] == pytest.approx(0.125, abs=0.03)
-
-
-def test_samples_are_compared_with_their_swapped_places() -> None:
-    error = reciprocity_of_samples(grid(Phong((0.2,), (0.3,), 20, channels=("Y",))))
-    assert error is not None
-    assert error["p95"] < 1e-6
-    assert error["pairs"] == 5 * 5 * 5 - 5 * 5
-    lopsided = reciprocity_of_samples(grid(OneSided((0.5,), channels=("Y",))))
-    assert lopsided is not None
-    assert lopsided["median"] > 0.1
-
-
-def test_samples_without_swapped_places_say_nothing() -> None:
-    assert reciprocity_of_samples(sample_model(material("phong-30").model, 50)) is None
 
 
 @pytest.mark.parametrize("degrees", [0, 40, 80])

@@ -35,3 +35,16 @@ def test_bad_epsilon_and_black_channels_are_refused() -> None:
         LogTransform.of(_samples(torch.ones(2, 1)), 0)
     with pytest.raises(BadInput, match="channel c1 is zero everywhere"):
         LogTransform.of(_samples(torch.tensor([[1.0, 0.0], [1.0, 0.0]])), 1e-5)
+
+
+def test_logs_that_ran_away_are_absurd_and_finite() -> None:
+    transform = LogTransform(1e-3, torch.tensor([2.0, 0.5], dtype=torch.float64))
+    logs = torch.tensor([[79.0, 79.9], [80.0, 80.0], [81.0, 1e3], [1e30, 1e30]], dtype=torch.float64)
+    values = transform.inverse(logs)
+    # Up to 80 nothing is touched.
+    assert torch.allclose(values[:2], transform.mean * torch.exp(logs[:2]), rtol=1e-12)
+    assert torch.equal(values[2:], values[1:2].expand(2, 2))
+    single = transform.inverse(logs.float())
+    assert single.dtype == torch.float32
+    assert bool(torch.isfinite(single).all())
+    assert bool(torch.isfinite(single.mean(0)).all())

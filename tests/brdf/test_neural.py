@@ -14,7 +14,6 @@ from torch import Tensor
 from homofact.brdf.channels import LuminanceOf
 from homofact.brdf.formats import READERS, nbrdf, npz, read_samples
 from homofact.brdf.neural import LAYERS, NeuralBrdf, network_input
-from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import describe, open_source
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import rusinkiewicz_angles
@@ -34,7 +33,8 @@ def saved(tmp_path: Path, changed: dict[str, Any] | None = None, names: tuple[st
     arrays = {f"{name}/{part}": array for k, name in enumerate(names) for part, array in parts(k).items()}
     path = tmp_path / "weights.bin"
     with open(path, "wb") as file:
-        np.savez_compressed(file, **{k: v for k, v in (arrays | (changed or {})).items() if v is not None})  # pyright: ignore[reportArgumentType]
+        kept: dict[str, Any] = {k: v for k, v in (arrays | (changed or {})).items() if v is not None}
+        np.savez_compressed(file, **kept)
     return path
 
 
@@ -89,15 +89,6 @@ def test_formula_by_hand() -> None:
     assert (found > 0.1).any()
 
 
-def test_reciprocal_and_isotropic() -> None:
-    wi, wo = pairs()
-    net = model()
-    values = net.evaluate(wi, wo)
-    assert torch.allclose(net.evaluate(wo, wi), values, rtol=1e-10, atol=1e-12)
-    assert torch.allclose(net.evaluate(turned(wi, 2.1), turned(wo, 2.1)), values, rtol=1e-9, atol=1e-12)
-    assert net.isotropic
-
-
 @pytest.mark.parametrize("angle", [0.0, 0.7, 2.5, -3.1])
 def test_in_one_plane_rounding_does_not_choose_the_azimuth(angle: float) -> None:
     theta = torch.linspace(0.05, 1.5, 30, dtype=torch.float64)
@@ -117,22 +108,9 @@ def test_at_the_mirror_direction_azimuth_does_not_matter() -> None:
     assert torch.allclose(network_input(wi, wo)[:, 3:], d.expand(8, 3), atol=1e-12)
 
 
-def test_is_a_reflectance_of_2700_bytes_and_no_fetches() -> None:
+def test_it_takes_2700_bytes_and_no_fetches() -> None:
     net = model()
-    assert isinstance(net, Reflectance)
     assert (net.nbytes, net.fetches, net.channels) == (2700, 0, ("R", "G", "B"))
-
-
-def test_float32_in_float32_out() -> None:
-    wi, wo = pairs()
-    single = model().evaluate(wi.float(), wo.float())
-    assert single.dtype == torch.float32
-    assert torch.allclose(single.double(), model().evaluate(wi, wo), rtol=1e-3, atol=1e-4)
-
-
-def test_under_the_horizon_is_zero() -> None:
-    wi, wo = pairs(10)
-    assert float(model().evaluate(wi * torch.tensor([1, 1, -1.0]), wo).abs().max()) == 0
 
 
 def test_sizes_are_checked() -> None:
@@ -212,15 +190,6 @@ def test_channels(tmp_path: Path) -> None:
     path = saved(tmp_path, names=("tin",))
     with pytest.raises(BadInput, match="expected a spectrum"):
         nbrdf.read(path, "spectral")
-
-
-def test_cut_archives_are_refused(tmp_path: Path) -> None:
-    path = saved(tmp_path)
-    raw = path.read_bytes()
-    for keep in (50, 1000, len(raw) - 5):
-        path.write_bytes(raw[:keep])
-        with pytest.raises(BadInput, match="a damaged archive"):
-            nbrdf.read(f"{path}#tin")
 
 
 def npy(header: bytes, data: bytes = b"") -> bytes:

@@ -215,3 +215,25 @@ def test_copies_stay_under_the_limit_and_keep_the_weight(most: int, expected: in
     assert torch.equal(copies.values, samples.values.repeat(expected // N, 1))
     turn = to_spherical(copies.wi)[1] - to_spherical(samples.wi)[1].repeat(expected // N)
     assert float(turn.std()) > 0.5
+
+
+def test_a_mirrored_pair_has_its_azimuth_the_other_way_round_before_it_is_turned() -> None:
+    """y goes to −y, then the turn: φ becomes angle − φ, where without the mirror it is angle + φ."""
+    up = torch.tensor([[0.6, 0.0, 0.8], [0.0, 0.6, 0.8]], dtype=torch.float64)
+    samples = Samples.make(up, up.flip(0), torch.ones(2, 1), channels=("Y",), isotropic=True)
+    angles = torch.full((2,), 0.3, dtype=torch.float64)
+    for mirrored, sign in ((torch.zeros(2, dtype=torch.bool), 1), (torch.ones(2, dtype=torch.bool), -1)):
+        moved = samples.turned(angles, mirrored)
+        for before, after in ((samples.wi, moved.wi), (samples.wo, moved.wo)):
+            phi = torch.atan2(before[:, 1], before[:, 0])
+            expected = torch.stack((0.6 * torch.cos(0.3 + sign * phi), 0.6 * torch.sin(0.3 + sign * phi)), 1)
+            assert torch.allclose(after[:, :2], expected, atol=1e-12)
+            assert torch.equal(after[:, 2], before[:, 2])
+
+
+def test_random_azimuths_fill_the_whole_turn() -> None:
+    w = torch.tensor([[0.6, 0.0, 0.8]], dtype=torch.float64).repeat(8000, 1)
+    samples = Samples.make(w, w, torch.ones(8000, 1), channels=("Y",), isotropic=True)
+    moved = samples.rotated_at_random(0).wi
+    quadrant = (moved[:, 0] > 0).long() + 2 * (moved[:, 1] > 0).long()
+    assert (torch.bincount(quadrant) / 8000).tolist() == pytest.approx([0.25] * 4, abs=0.02)

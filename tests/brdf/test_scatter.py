@@ -64,3 +64,26 @@ def test_too_few_samples_say_nothing() -> None:
     assert local_scatter(samples.subset(23, 0)) is None
     assert local_scatter(samples.subset(24, 0)) is not None
     assert measured_epsilon(samples.subset(10, 0)) == MEASURED_EPSILON
+
+
+@pytest.mark.parametrize("isotropic", [True, False])
+def test_noise_on_a_constant_comes_out_as_it_was_put_in(isotropic: bool) -> None:
+    """Twelve neighbours and a plane of four or seven numbers: what is left of the noise is put in proportion."""
+    flat = replace(clean(isotropic=isotropic), values=torch.full((20_000, 3), 0.3, dtype=torch.float64))
+    scatter = local_scatter(noisy(flat, multiplicative=0.05))
+    assert scatter is not None
+    assert scatter.relative == pytest.approx(0.05, rel=0.05)
+    added = local_scatter(noisy(flat, additive=0.05))
+    assert added is not None
+    assert added.relative == pytest.approx(0.05, rel=0.05)
+
+
+def test_the_floor_is_that_of_the_darkest_quarter() -> None:
+    samples = clean()
+    brightness = (samples.values / samples.values.mean(0)).mean(1)
+    loud = brightness > brightness.quantile(0.35)
+    noise = noisy(samples, additive=0.1).values
+    some = replace(samples, values=torch.where(loud[:, None], noise, samples.values))
+    scatter = local_scatter(some)
+    assert scatter is not None
+    assert scatter.floor < 0.02

@@ -14,7 +14,7 @@ from homofact.brdf.stratified import GRIDS, stratified_subset
 from homofact.errors import BadInput
 from homofact.evaluate.compare import fit_and_measure
 from homofact.geometry.coordinates import coordinate_system
-from homofact.methods.settings import FitSettings
+from homofact.methods.mccool import McCool
 
 MODEL = Lambert((0.5,), channels=("Y",))
 
@@ -112,7 +112,7 @@ def test_a_weighted_mean_is_kept_on_average() -> None:
 
 def test_a_fit_to_a_subset_is_judged_by_all_held_out_samples() -> None:
     source = open_source("material:blinn-phong-50", count=3000)
-    settings = FitSettings(method="mccool", size=6, projections=("theta_h-theta_d",))
+    settings = McCool(size=6, projections=("theta_h-theta_d",))
     whole = fit_and_measure(source, settings)
     some = fit_and_measure(source, settings, subset=800)
     assert whole.record()["subset"] is None

@@ -150,13 +150,13 @@ def test_runs_of_other_settings_stay_and_are_said(run: Callable[..., Ran], tmp_p
 def test_pinned_kinds_and_searches_are_taken(run: Callable[..., Ran], tmp_path: Path) -> None:
     ran = run(
         *SMALL, "--methods", "search", "--textures", 3, "--sizes", 4, "--searches", "gradient,nlopt-COBYLA",
-        "--parameterization", "theta_h-theta_d + theta_d-phi_d+isotropic-in-out", "--restarts", 1, "--budget", 1,
+        "--projections", "theta_h-theta_d + theta_d-phi_d+isotropic-in-out", "--restarts", 1, "--budget", 1,
         "--search-samples", 60, "--out", tmp_path, "--json",
     )  # fmt: skip
     assert ran.code == 0, ran.err
     rows = json.loads(ran.out)["rows"]
     assert [(row["search"], row["textures"]) for row in rows] == [("gradient", 3), ("nlopt-COBYLA", 3)]
-    assert "parameterization=theta_h-theta_d+theta_d-phi_d+isotropic-in-out " in rows[0]["settings"]
+    assert "projections=theta_h-theta_d+theta_d-phi_d+isotropic-in-out " in rows[0]["settings"]
 
 
 def test_a_configuration_gives_what_the_command_line_does_not(run: Callable[..., Ran], tmp_path: Path) -> None:
@@ -178,7 +178,10 @@ CASES = {
     "two of one name": (["a/x.brdf", "b/x.brdf", *OUT], r"SOURCE: found two named x, expected names that differ"),
     "unknown method": ([PHONG, "--methods", "mccool,col", *OUT], r"method: found 'col', expected one of .*cole"),
     "unknown search": ([PHONG, "--searches", "gradient,magic", *OUT], r"search: found 'magic', expected gradient"),
-    "unknown algorithm": ([PHONG, "--searches", "nlopt-MAGIC", *OUT], r"search: found nlopt algorithm 'MAGIC'"),
+    "unknown algorithm": (
+        [PHONG, "--searches", "nlopt-MAGIC", *OUT],
+        r"search: found 'nlopt-MAGIC', expected behind nlopt- PRAXIS",
+    ),
     "no methods": ([PHONG, "--methods", ",", *OUT], r"methods: found none, expected at least one"),
     "no searches": ([PHONG, "--searches", ",", *OUT], r"searches: found none, expected at least one"),
     "no sizes": ([PHONG, "--sizes", ",", *OUT], r"sizes: found none, expected at least one"),
@@ -187,13 +190,26 @@ CASES = {
     "size 1": ([PHONG, "--sizes", "8,1", *OUT], r"size: found 1, expected .* at least 2"),
     "no textures": ([PHONG, "--textures", "0", *OUT], r"textures: found 0, expected"),
     "two kinds for three": (
-        [PHONG, "--methods", "search", "--parameterization", "h+d", *OUT],
-        r"parameterization: found 2 kinds for 1 textures",
+        [PHONG, "--methods", "search", "--projections", "h+d", *OUT],
+        r"projections: found 2 for 1 textures",
     ),
     "an unknown kind": (
-        [PHONG, "--methods", "search", "--parameterization", "hh", *OUT],
-        r"parameterization: found 'hh', expected one of wi, .*isotropic-in-out",
+        [PHONG, "--methods", "search", "--projections", "hh", *OUT],
+        r"projections: found 'hh', expected one of wi, .*isotropic-in-out",
     ),
+    "searches for nobody": (
+        [PHONG, "--methods", "mccool", "--searches", "powell", *OUT],
+        r"search: mccool has no such setting, expected one of its own \(projections, size, .*\); search has it",
+    ),
+    "counts for nobody": (
+        [PHONG, "--methods", "mccool", "--textures", "2", *OUT],
+        r"textures: mccool has no such setting, .*; search, cole, svd and nmf have it",
+    ),
+    "a guard for nobody": (
+        [PHONG, "--methods", "mccool,cole", "--budget", "2", *OUT],
+        r"budget: none of mccool, cole has such a setting, .*; search has it",
+    ),
+    "a missing file": (["{file}.gone", *OUT], r"file\.txt\.gone: no such file"),
     "a file for a folder": ([PHONG, "--out", "{file}"], r"file\.txt: is a file, expected a folder"),
     "a folder in a file": ([PHONG, "--out", "/dev/null/o"], r"/dev/null is a file, expected a folder"),
     "a closed place": ([PHONG, "--out", "/proc/homofact/o"], r"/proc.*cannot be written"),

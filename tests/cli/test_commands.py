@@ -24,6 +24,7 @@ RECORD = {
 }  # fmt: skip
 # A source and a fit of well under a second.
 SMALL = ["material:blinn-phong-50", "--count", "600"]
+SIZE = ["--size", "6"]
 FAST = [
     "--size", "6", "--textures", "1", "--restarts", "1", "--search-size", "4", "--search-samples", "200",
 ]  # fmt: skip
@@ -96,7 +97,7 @@ def test_factorize_prints_a_summary_of_80_columns(
 
 
 def test_json_is_one_object_and_the_same_as_the_report(run: Callable[..., Ran], tmp_path: Path) -> None:
-    ran = run("factorize", *SMALL, *FAST, "--method", "mccool", "--out", tmp_path / "o", "--json")
+    ran = run("factorize", *SMALL, *SIZE, "--method", "mccool", "--out", tmp_path / "o", "--json")
     assert (ran.code, ran.err) == (0, "")
     record = json.loads(ran.out)
     check_record(record)
@@ -106,11 +107,11 @@ def test_json_is_one_object_and_the_same_as_the_report(run: Callable[..., Ran], 
 
 
 def test_quiet_says_nothing(run: Callable[..., Ran], tmp_path: Path) -> None:
-    assert run("factorize", *SMALL, *FAST, "--method", "mccool", "--out", tmp_path / "o", "-q") == (0, "", "")
+    assert run("factorize", *SMALL, *SIZE, "--method", "mccool", "--out", tmp_path / "o", "-q") == (0, "", "")
 
 
 def test_a_second_result_needs_force_and_force_replaces(run: Callable[..., Ran], tmp_path: Path) -> None:
-    command = ["factorize", *SMALL, *FAST, "--method", "mccool", "--out", tmp_path / "o", "-q"]
+    command = ["factorize", *SMALL, *SIZE, "--method", "mccool", "--out", tmp_path / "o", "-q"]
     assert run(*command).code == 0
     before = (tmp_path / "o" / "factorization.npz").read_bytes()
     again = run(*command, "--size", "8")
@@ -166,12 +167,12 @@ def test_channels_may_be_named(run: Callable[..., Ran], wanted: str, names: list
 
 def test_one_channel_of_a_source_is_that_column(run: Callable[..., Ran], tmp_path: Path) -> None:
     def mean(channels: str) -> Any:
-        command = ["compare", *SMALL, *FAST, "--methods", "mccool", "--channels", channels, "--json"]
+        command = ["compare", *SMALL, *SIZE, "--methods", "mccool", "--channels", channels, "--json"]
         return json.loads(run(*command).out)["rows"][0]["mean"]
 
     assert mean("G") == {"G": mean("rgb")["G"]}
     out = tmp_path / "o"
-    assert run("factorize", *SMALL, *FAST, "--method", "mccool", "--channels", "G", "--out", out, "-q").code == 0
+    assert run("factorize", *SMALL, *SIZE, "--method", "mccool", "--channels", "G", "--out", out, "-q").code == 0
     assert homofact.load(str(out / "factorization.npz")).channels == ("G",)
 
 
@@ -225,7 +226,7 @@ def test_an_interrupted_fit_that_kept_its_best_is_written_and_said(
         return replace(row, report=replace(row.report, status=Status.INTERRUPTED, notes=("cut short",)))
 
     monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", cut_short)
-    ran = run("factorize", *SMALL, *FAST, "--method", "mccool", "--out", tmp_path / "o", "--json")
+    ran = run("factorize", *SMALL, *SIZE, "--method", "mccool", "--out", tmp_path / "o", "--json")
     assert ran.code == 0
     assert ran.err.splitlines() == [f"homofact: {Status.INTERRUPTED.remedy}", "homofact: cut short"]
     assert json.loads(ran.out)["status"] == "interrupted"

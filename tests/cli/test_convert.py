@@ -8,6 +8,8 @@ import torch
 
 from homofact.brdf.formats import csv, merl, read_samples
 from homofact.brdf.materials import material
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import open_source
 from homofact.cli.main import main
@@ -112,8 +114,8 @@ def test_anisotropy_that_a_table_cannot_hold_is_said(
     csv.write(path, sample_model(material("ward-brushed").model, 40))
     whole = merl.write
 
-    def small(target: Path, source: object) -> dict[str, int]:
-        return whole(target, source, (4, 4, 8))  # type: ignore[arg-type]
+    def small(target: Path, source: Reflectance | Samples) -> dict[str, int]:
+        return whole(target, source, (4, 4, 8))
 
     monkeypatch.setattr(merl, "write", small)
     assert main(["convert", str(path), str(tmp_path / "out.binary")]) == 0

@@ -14,8 +14,9 @@ from homofact.evaluate.brdf_metrics import METRICS, SIX
 from homofact.evaluate.compare import fit_and_measure, held_out_samples
 from homofact.evaluate.image_metrics import IMAGE_METRICS
 from homofact.evaluate.judging import Judge, chosen_metrics
-from homofact.methods.settings import FitSettings
+from homofact.methods.mccool import McCool
 
+SIZE = ["material:blinn-phong-50", "--count", "600", "--size", "6"]
 FAST = [
     "material:blinn-phong-50", "--count", "600", "--size", "6", "--textures", "1", "--restarts", "1",
     "--search-size", "4", "--search-samples", "200",
@@ -30,7 +31,7 @@ def source() -> Source:
 def test_all_metrics_read_in_80_columns(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     methods = "mccool,mccool:theta_h-theta_d,mccool:h,mccool:wi+h,mccool:d,mccool:wi"
-    assert main(["compare", *FAST, "--methods", methods, "--metrics", "all", "-q"]) == 0
+    assert main(["compare", *SIZE, "--methods", methods, "--metrics", "all", "-q"]) == 0
     out = capsys.readouterr().out
     assert all(len(line) <= 80 for line in out.splitlines())
     assert "…" not in out
@@ -41,7 +42,7 @@ def test_all_metrics_read_in_80_columns(monkeypatch: pytest.MonkeyPatch, capsys:
 
 def test_json_has_a_metrics_object_a_row(capsys: pytest.CaptureFixture[str]) -> None:
     def rows(*metrics: str) -> list[dict[str, dict[str, float]]]:
-        assert main(["compare", *FAST, "--methods", "mccool:theta_h-theta_d,mccool:wi", "--json", *metrics]) == 0
+        assert main(["compare", *SIZE, "--methods", "mccool:theta_h-theta_d,mccool:wi", "--json", *metrics]) == 0
         return json.loads(capsys.readouterr().out)["rows"]
 
     every = rows("--metrics", "all")
@@ -84,12 +85,12 @@ def test_a_missing_library_is_said_before_the_fit(
 def test_a_configuration_names_metrics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "c.toml"
     file.write_text('[compare]\nmethods = ["mccool:h"]\nmetrics = ["male"]\n', encoding="utf-8")
-    assert main(["compare", *FAST, "--config", str(file), "--json"]) == 0
+    assert main(["compare", *SIZE, "--config", str(file), "--json"]) == 0
     assert list(json.loads(capsys.readouterr().out)["rows"][0]["metrics"]) == ["male"]
 
 
 def test_metrics_are_of_the_held_out_samples(source: Source) -> None:
-    settings = FitSettings(method="mccool", size=6, seed=3)
+    settings = McCool(size=6, seed=3)
     row = fit_and_measure(source, settings)
     found = Judge(source, chosen_metrics(("six",))).measure(row.factorization, row.split)
     assert found == pytest.approx(row.held_out.record(), rel=1e-12)
@@ -100,7 +101,7 @@ def test_metrics_are_of_the_held_out_samples(source: Source) -> None:
 
 
 def test_what_is_not_defined_is_none(source: Source) -> None:
-    row = fit_and_measure(source, FitSettings(method="mccool", size=6))
+    row = fit_and_measure(source, McCool(size=6))
     upright = source.samples.select(source.samples.wi[:, 2] > 0.8)
     only = Source(source.name, source.kind, upright, source.reflectance, 1e-5, 0.0)
     found = Judge(only, ("male_theta_i_75_90", "male")).measure(row.factorization, row.split)
@@ -110,7 +111,8 @@ def test_what_is_not_defined_is_none(source: Source) -> None:
 
 def test_a_subset_is_said_and_recorded(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for command in (["compare", "--methods", "mccool:theta_h-theta_d"], ["factorize", "--out", str(tmp_path / "o")]):
-        arguments = [command[0], *FAST, *command[1:], "--subset", "300", "--json"]
+        fast = SIZE if command[0] == "compare" else FAST
+        arguments = [command[0], *fast, *command[1:], "--subset", "300", "--json"]
         assert main(arguments) == 0
         out, err = capsys.readouterr()
         answer = json.loads(out)

@@ -27,7 +27,7 @@ def test_they_are_compared_with_the_others(capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize("method", ["svd", "nmf"])
 def test_a_result_is_left_and_drawn_again(method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "o"
-    options = ["--map", "orthographic", "--parameterization", "half-diff"]
+    options = ["--map", "orthographic", "--coordinates", "half-diff"]
     found = answer(capsys, "factorize", *SMALL, "--method", method, *options, "--out", out)
     assert found["method"] == method
     files = {path.name for path in out.iterdir()}

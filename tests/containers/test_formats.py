@@ -5,12 +5,11 @@ import zlib
 
 import numpy as np
 import OpenEXR
-import png
 import pytest
 from PIL import Image
 
 from homofact.containers.exr import write_half_exr
-from homofact.containers.formats import FORMATS, MOST_SIDE, format_named
+from homofact.containers.formats import FORMATS, format_named
 from homofact.containers.ktx2 import read_ktx2_key_values
 from homofact.containers.png import read_png, write_png
 from homofact.errors import BadInput
@@ -36,20 +35,6 @@ def test_the_names():
         format_named("jpeg")
 
 
-@pytest.mark.parametrize("name", [*FLOATS, "png8", "png16"])
-@pytest.mark.parametrize("channels", [1, 3, 4])
-@pytest.mark.parametrize("shape", [(16, 16), (1, 7), (7, 1), (5, 3)])
-def test_the_stored_type_comes_back_to_the_bit(tmp_path, name, channels, shape):
-    form = FORMATS[name]
-    stored = texture(name, shape[0], shape[1], channels)
-    path = tmp_path / f"t{form.suffix}"
-    form.write(path, stored)
-    found = form.read(path, channels)
-    assert found.dtype == form.dtype
-    np.testing.assert_array_equal(found, stored)
-    assert [each.name for each in tmp_path.iterdir()] == [path.name]
-
-
 @pytest.mark.parametrize("name", ["ktx2", "dds"])
 def test_fewer_channels_are_grey_and_opaque_in_rgba(tmp_path, name):
     form = FORMATS[name]
@@ -59,27 +44,6 @@ def test_fewer_channels_are_grey_and_opaque_in_rgba(tmp_path, name):
     form.write(tmp_path / "t", colour)
     np.testing.assert_array_equal(form.read(tmp_path / "t"), np.concatenate([colour, np.ones_like(grey)], 2))
     np.testing.assert_array_equal(form.read(tmp_path / "t", 1), colour[..., :1])
-
-
-def test_bc6h_is_what_a_sampler_sees(tmp_path):
-    form = FORMATS["bc6h"]
-    stored = 5 + np.random.default_rng(1).uniform(0, 1, (8, 12, 1))
-    form.write(tmp_path / "t.dds", stored)
-    found = form.read(tmp_path / "t.dds", 1)
-    assert found.shape == (8, 12, 1)
-    assert found.dtype == np.float16
-    error = np.sqrt(((found.astype(np.float64) - stored) ** 2).mean())
-    # 16 levels between two ends: a uniform error of a fifteenth would be 0.019.
-    assert 0 < error < 0.03
-    assert form.read(tmp_path / "t.dds").shape == (8, 12, 3)
-
-
-@pytest.mark.parametrize("name", FLOATS)
-def test_doubles_are_rounded_once_to_nearest(tmp_path, name):
-    form = FORMATS[name]
-    stored = np.random.default_rng(2).normal(0, 4, (4, 4, 3))
-    form.write(tmp_path / "t", stored)
-    np.testing.assert_array_equal(form.read(tmp_path / "t", 3), stored.astype(form.dtype))
 
 
 def test_an_exr_keeps_its_names_and_many_channels(tmp_path):
@@ -155,22 +119,8 @@ def test_png_of_other_kinds_is_refused(tmp_path):
     write_png(tmp_path / "t.png", np.zeros((4, 4, 3), np.uint8))
     with pytest.raises(BadInput, match="found uint8 texels, expected uint16 for png16"):
         FORMATS["png16"].read(tmp_path / "t.png")
-
-
-@pytest.mark.parametrize("name", list(FORMATS))
-def test_files_that_are_not_whole_or_another(tmp_path, name):
-    form = FORMATS[name]
-    path = tmp_path / f"t{form.suffix}"
-    form.write(path, texture(name, 8, 8, 3))
-    whole = path.read_bytes()
-    for data in (b"", b"no texture at all, but some bytes", whole[:20], whole[: len(whole) // 2], whole[:-5]):
-        path.write_bytes(data)
-        with pytest.raises(BadInput) as caught:
-            form.read(path)
-        assert str(path) in str(caught.value)
-        assert "\n" not in str(caught.value)
-    with pytest.raises(BadInput, match="cannot be read"):
-        form.read(tmp_path / "absent")
+    with pytest.raises(BadInput, match="type float64, expected uint8 or uint16"):
+        write_png(tmp_path / "t.png", np.zeros((4, 4, 3)))
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if not name.startswith("exr")])
@@ -222,59 +172,6 @@ def test_a_format_reads_only_its_own_storage(tmp_path):
         FORMATS["dds"].read(tmp_path / "t.dds", 2)
 
 
-@pytest.mark.parametrize("name", list(FORMATS))
-def test_sizes_and_channels_that_it_cannot_hold(tmp_path, name):
-    form = FORMATS[name]
-    form.check(16, 16, 3)
-    form.check(MOST_SIDE, form.multiple, 1)
-    for rows, columns in ((MOST_SIDE + form.multiple, 4), (4, MOST_SIDE + form.multiple), (0, 4)):
-        with pytest.raises(BadInput, match=f"lobe: {columns} x {rows} texels of 3 channels, expected sides of 1 to"):
-            form.check(rows, columns, 3, "lobe")
-    with pytest.raises(BadInput, match=f"texels of 0 channels, expected .* channels for {name}"):
-        form.check(4, 4, 0)
-    if form.channels is None:
-        form.check(4, 4, 31)
-    else:
-        with pytest.raises(BadInput, match=f"8 x 4 texels of 31 channels, expected 1 or 3.* channels for {name}"):
-            form.check(4, 8, 31)
-        with pytest.raises(BadInput, match="of 2 channels"):
-            form.write(tmp_path / "t", texture(name, 4, 4, 2))
-    if name == "bc6h":
-        for rows, columns in ((1, 16), (6, 8), (8, 6)):
-            with pytest.raises(BadInput, match=f"{columns} x {rows} texels .* multiples of 4 for bc6h"):
-                form.write(tmp_path / "t", texture(name, rows, columns, 3))
-    else:
-        form.check(1, 7, 1)
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("name", list(FORMATS))
-def test_values_that_it_cannot_hold(tmp_path, name):
-    form = FORMATS[name]
-    path = tmp_path / f"t{form.suffix}"
-    with pytest.raises(BadInput, match="found pixels of shape \\(4, 4\\)"):
-        form.write(path, np.zeros((4, 4)))
-    if name.startswith("png"):
-        other = np.uint16 if name == "png8" else np.uint8
-        for dtype in (np.float32, np.int32, other):
-            with pytest.raises(BadInput, match=f"type {np.dtype(dtype)}, expected {np.dtype(form.dtype)} for {name}"):
-                form.write(path, np.zeros((4, 4, 3), dtype))
-        with pytest.raises(BadInput, match="type float64, expected uint8 or uint16"):
-            write_png(path, np.zeros((4, 4, 3)))
-    else:
-        with pytest.raises(BadInput, match=f"type uint8, expected floating-point numbers for {name}"):
-            form.write(path, np.zeros((4, 4, 3), np.uint8))
-        for value in (np.nan, -np.inf, 1e39 if name == "exr" else 65520.0):
-            stored = np.zeros((4, 4, 3))
-            stored[1, 2, 2] = value
-            where = f"row 1, column 2, channel 2 is {value:g}".replace("+", "\\+")
-            with pytest.raises(BadInput, match=f"{where}, expected finite values of at most"):
-                form.write(path, stored)
-        with pytest.raises(BadInput, match="cannot be written"):
-            form.write(tmp_path / "nowhere" / "t", np.zeros((4, 4, 3)))
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize(
     ("name", "channels", "expected"),
     [
@@ -294,17 +191,3 @@ def test_key_values_reach_the_ktx2(tmp_path):
     assert read_ktx2_key_values(tmp_path / "t.ktx2") == written
     FORMATS["ktx2"].write(tmp_path / "t.ktx2", stored, key_values={"KTXwriter": "another"})
     assert read_ktx2_key_values(tmp_path / "t.ktx2") == {"KTXwriter": "another"}
-
-
-def test_a_failed_write_leaves_the_older_file(tmp_path, monkeypatch):
-    write_png(tmp_path / "t.png", np.full((2, 2, 1), 7, np.uint8))
-
-    def fail(self, file, rows):
-        file.write(b"half of it")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(png.Writer, "write", fail)
-    with pytest.raises(BadInput, match="No space left"):
-        write_png(tmp_path / "t.png", np.zeros((2, 2, 1), np.uint8))
-    assert [each.name for each in tmp_path.iterdir()] == ["t.png"]
-    assert (read_png(tmp_path / "t.png") == 7).all()

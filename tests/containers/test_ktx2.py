@@ -241,5 +241,5 @@ def test_every_truncation_and_any_padding_is_refused(tmp_path):
     path.write_bytes(whole + b"\0")
     with pytest.raises(BadInput, match="49 bytes of texels for 3 x 2, indexed as 48, expected 48"):
         read_ktx2(path)
-    with pytest.raises(BadInput, match="cannot be read"):
+    with pytest.raises(BadInput, match="no such file, expected"):
         read_ktx2(tmp_path / "absent.ktx2")

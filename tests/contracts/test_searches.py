@@ -8,9 +8,10 @@ import torch
 from homofact.errors import BadInput, Status
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
+from homofact.factor.search.minimize import minimize
 from homofact.factor.textures import LogSamples
 from homofact.geometry.directions import draw_in_discs
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.methods.search_fit import search_named
 
 NAMES = (
@@ -29,11 +30,11 @@ NAMES = (
 def _objective(count: int = 800) -> Objective:
     """One texture over a planted projection, started a fifth of a radian away from it."""
     wi, wo = draw_in_discs(count, torch.Generator().manual_seed(0), 0.98)
-    planted = Pair.random(torch.Generator().manual_seed(7))
+    planted = Rotation.random(torch.Generator().manual_seed(7))
     u, v = Projection.from_rotation("half-diff", planted, False).place(wi, wo)[0].unbind(1)
     logs = (torch.sin(3 * u) + torch.cos(2 * v) * u)[:, None]
     step = torch.randn(2, 4, dtype=torch.float64, generator=torch.Generator().manual_seed(2)) * 0.1
-    near = Pair(planted.left + step[0], planted.right + step[1]).normalized()
+    near = Rotation.of_numbers(planted.quaternions + step)
     start = Projection.from_rotation("half-diff", near, False)
     return Objective(LogSamples(wi, wo, logs, torch.ones(count).double()), (start,), ((8, 8),), 1e-4)
 
@@ -43,7 +44,7 @@ def test_it_goes_down_reports_what_it_returns_and_only_gets_better(name: str) ->
     objective = _objective()
     start = objective.start()
     first = objective.error(start)
-    vector, report = search_named(name).minimize(objective, start, seconds=5, seed=3)
+    vector, report = minimize(search_named(name), objective, start, seconds=5, seed=3)
     assert report.residual == pytest.approx(objective.error(vector), rel=1e-9)
     assert report.residual < 0.7 * first
     values = [value for _, _, value in report.trace]
@@ -55,10 +56,10 @@ def test_it_goes_down_reports_what_it_returns_and_only_gets_better(name: str) ->
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_tiny_budget_still_gives_one_evaluation(name: str) -> None:
+def test_a_guard_that_strikes_at_once_still_gives_one_evaluation(name: str) -> None:
     objective = _objective()
-    vector, report = search_named(name).minimize(objective, objective.start(), seconds=1e-9)
-    assert report.status is Status.BUDGET
+    vector, report = minimize(search_named(name), objective, objective.start(), seconds=1e-9)
+    assert report.status is Status.GUARD
     assert report.evaluations == 1
     assert math.isfinite(report.residual)
     assert vector.shape == objective.start().shape
@@ -81,7 +82,7 @@ def test_an_interrupt_keeps_the_best_so_far(name: str, monkeypatch: pytest.Monke
 
     monkeypatch.setattr(objective, "evaluate", interrupted(objective.evaluate))
     monkeypatch.setattr(objective, "error", interrupted(objective.error))
-    vector, report = search_named(name).minimize(objective, objective.start(), seconds=20)
+    vector, report = minimize(search_named(name), objective, objective.start(), seconds=20)
     assert report.status is Status.INTERRUPTED
     monkeypatch.undo()
     assert report.residual == pytest.approx(objective.error(vector), rel=1e-9)
@@ -92,7 +93,7 @@ def test_the_same_start_gives_the_same_end(name: str) -> None:
     ends = []
     for _ in range(2):
         objective = _objective(300)
-        vector, _ = search_named(name).limited(6).minimize(objective, objective.start(), seconds=60, seed=1)
+        vector, _ = minimize(search_named(name).limited(6), objective, objective.start(), seconds=60, seed=1)
         ends.append(vector)
     assert torch.equal(ends[0], ends[1])
 

@@ -23,10 +23,16 @@ from homofact.evaluate.reopening import NotReopened, Reopened, reopen
 from homofact.evaluate.split import Split, without_places
 from homofact.export.exported import exported, write_exported
 from homofact.factor.fitted import Fitted
-from homofact.methods.settings import FitSettings
+from homofact.methods.cole import Cole
+from homofact.methods.fitting import Method
+from homofact.methods.mccool import McCool
+from homofact.methods.nmf import Nmf
+from homofact.methods.search import Search
+from homofact.methods.svd import Svd
 
 PAINT = Path(__file__).resolve().parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
-QUICK = FitSettings(method="mccool", size=6, restarts=1, search_size=4, search_samples=100, budget=0.2)
+QUICK = McCool(size=6)
+SEARCHED: dict[str, Any] = {"textures": 1, "size": 6, "restarts": 1, "search_size": 4, "search_samples": 100}
 
 
 @pytest.fixture
@@ -47,7 +53,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return place
 
 
-def fitted_row(path: str, *, held_out: float = 0.2, subset: int = 0, settings: FitSettings = QUICK, **how: Any) -> Row:
+def fitted_row(path: str, *, held_out: float = 0.2, subset: int = 0, settings: Method = QUICK, **how: Any) -> Row:
     return fit_and_measure(open_source(path, **how), settings, held_out, subset=subset)
 
 
@@ -63,7 +69,7 @@ def check(row: Row, fitted: Fitted, found: Reopened) -> None:
     assert found.known
     assert found.held_out
     assert found.split == row.split
-    parts = found.parts(fitted)
+    parts = found.parts
     for part, expected in (("train", row.train), ("held_out", row.held_out)):
         assert measure(fitted, parts[part], fitted.transform) == expected, part
 
@@ -81,10 +87,10 @@ FITS: dict[str, Callable[[], Row]] = {
     "one material of a file": lambda: fitted_row("data/networks.npz#zinc", count=500),
     "a material": lambda: fitted_row("material:blinn-phong-50", count=700, scheme="cosine", seed=3, held_out=0.4),
     "a grid": lambda: fitted_row("material:blinn-phong-50", count=700, scheme="grid"),
-    "svd": lambda: fitted_row("data/paint.brdf", settings=replace(QUICK, method="svd")),
-    "nmf": lambda: fitted_row("data/paint.brdf", settings=replace(QUICK, method="nmf")),
-    "cole": lambda: fitted_row("data/paint.brdf", settings=replace(QUICK, method="cole", textures=1)),
-    "search": lambda: fitted_row("data/paint.brdf", settings=replace(QUICK, method="search", textures=1)),
+    "svd": lambda: fitted_row("data/paint.brdf", settings=Svd(size=6)),
+    "nmf": lambda: fitted_row("data/paint.brdf", settings=Nmf(size=6)),
+    "cole": lambda: fitted_row("data/paint.brdf", settings=Cole(**SEARCHED)),
+    "search": lambda: fitted_row("data/paint.brdf", settings=Search(budget=0.2, **SEARCHED)),
     "split by another seed": lambda: fit_and_measure(open_source("data/paint.brdf"), QUICK, split_seed=9),
 }
 
@@ -169,7 +175,7 @@ def test_of_two_files_the_one_with_the_samples_is_taken(here: Path) -> None:
     # Naming it is asking for it, but its samples are not called held out.
     other = reopen(fitted, "data/paint.brdf")
     assert (other.known, other.held_out, other.part) == (False, False, "source")
-    assert list(other.parts(fitted)) == ["train", "source"]
+    assert list(other.parts) == ["train", "source"]
 
 
 def test_one_that_is_gone_is_one_line(here: Path) -> None:
@@ -188,16 +194,18 @@ def test_one_that_is_gone_is_one_line(here: Path) -> None:
 
 def test_a_fit_from_python_had_all_samples(here: Path) -> None:
     source = homofact.read("data/paint.brdf")
-    fitted = homofact.fit(source, method="cole", textures=1, size=6, restarts=1)
+    fitted = homofact.fit(source, Cole(textures=1, size=6, restarts=1)).factorization
     found = reopen(fitted)
     assert (found.known, found.held_out, found.part) == (True, False, "source")
-    parts = found.parts(fitted)
+    parts = found.parts
     assert len(parts["source"]) == len(source.samples)
-    assert len(parts["train"]) == 16 * len(source.samples)
+    assert len(parts["train"]) == len(source.samples)
 
 
 def test_bare_samples_have_no_split(here: Path) -> None:
-    fitted = homofact.fit(open_source("data/paint.brdf").samples.subset(100, 0), method="mccool", size=6, epsilon=1e-2)
+    fitted = homofact.fit(
+        open_source("data/paint.brdf").samples.subset(100, 0), McCool(size=6, epsilon=1e-2)
+    ).factorization
     assert Split.saved_with(fitted) is None
     assert not reopen(fitted, near=("data",)).known
 
@@ -205,7 +213,7 @@ def test_bare_samples_have_no_split(here: Path) -> None:
 def test_samples_thinned_after_the_split_are_noticed(here: Path) -> None:
     source = open_source("data/paint.brdf")
     train = Split.of(source, 0.2, 0).parts(source)[0]
-    fitted = homofact.fit(train.select(torch.arange(200)), method="mccool", size=6, epsilon=1e-2)
+    fitted = homofact.fit(train.select(torch.arange(200)), McCool(size=6, epsilon=1e-2)).factorization
     assert not reopen(fitted).known
 
 
@@ -235,8 +243,8 @@ def test_the_split_of_a_fit_of_0_1_0_is_guessed(name: str, here: Path) -> None:
     fitted = without_split(saved(row))
     found = reopen(fitted, near=("data",))
     assert found.held_out
-    assert measure(fitted, found.parts(fitted)["held_out"], fitted.transform) == row.held_out
-    assert measure(fitted, found.parts(fitted)["train"], fitted.transform) == row.train
+    assert measure(fitted, found.parts["held_out"], fitted.transform) == row.held_out
+    assert measure(fitted, found.parts["train"], fitted.transform) == row.train
     with pytest.raises(NotReopened, match=r"^its source, paint\.brdf, is neither in the working folder nor beside"):
         reopen(fitted)
     assert reopen(fitted, "data/paint.brdf").held_out

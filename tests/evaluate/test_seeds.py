@@ -12,9 +12,10 @@ from homofact.errors import BadInput, Status
 from homofact.evaluate.compare import Row, compare, fit_and_measure
 from homofact.evaluate.seeds import SeedRows, fit_seeds
 from homofact.evaluate.spread import Spread
-from homofact.methods.settings import FitSettings
+from homofact.methods.cole import Cole
+from homofact.methods.mccool import McCool
 
-COLE = FitSettings(method="cole", textures=1, size=4, restarts=1, search_size=3, search_samples=60, seed=3)
+COLE = Cole(textures=1, size=4, restarts=1, search_size=3, search_samples=60, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +71,7 @@ def test_what_cannot_be_meant_is_refused(source: Source, several: SeedRows) -> N
         fit_seeds(source, COLE, 0)
     with pytest.raises(BadInput, match="seeds: found no fit"):
         SeedRows(())
-    other = fit_and_measure(source, replace(COLE, method="mccool"), split_seed=9)
+    other = fit_and_measure(source, McCool(size=4), split_seed=9)
     with pytest.raises(BadInput, match="seeds: found fits on different splits"):
         SeedRows((several.first, other))
 
@@ -88,6 +89,6 @@ def test_an_interrupt_ends_it(source: Source, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_methods_are_compared_on_one_split(source: Source) -> None:
-    rows = compare(source, [COLE, replace(COLE, method="mccool", seed=8)])
+    rows = compare(source, [COLE, McCool(size=4, seed=8)])
     assert rows[0].split == rows[1].split
-    assert [row.settings.method for row in rows] == ["cole", "mccool"]
+    assert [row.settings.name for row in rows] == ["cole", "mccool"]

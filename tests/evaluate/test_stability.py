@@ -24,9 +24,9 @@ from homofact.evaluate.stability.cells import (
     References,
     classify,
     fit_row,
+    method_for,
     run_cell,
     said_of,
-    settings_for,
 )
 from homofact.evaluate.stability.document import document
 from homofact.evaluate.stability.problem import Problem, Scale, Stressor, unstressed
@@ -41,10 +41,13 @@ from homofact.evaluate.stability.solver_atlas import (
     run_solvers,
 )
 from homofact.evaluate.stability.stressors import STRESSORS
+from homofact.factor.factorization import Factorization
 from homofact.figures.stability import draw_atlas, draw_solvers, short_number
 from homofact.geometry.directions import normalize, to_spherical
 from homofact.linear.solvers import SOLVERS
-from homofact.methods.settings import FitSettings
+from homofact.methods.fitting import Method
+from homofact.methods.mccool import McCool
+from homofact.methods.search import Search
 from homofact.methods.table import METHODS
 
 SCALE = Scale(samples=600, clean=300)
@@ -170,7 +173,7 @@ def test_the_law_of_a_cell(factor: float, said: int, new: int, outcome: Outcome)
 
 
 EMPTY = Cell("mccool", "few-samples", 1.0, "1", Outcome.NONE)
-Fitter = Callable[[Source, FitSettings], Row]
+Fitter = Callable[[Source, Method], Row]
 
 
 def references() -> References:
@@ -185,20 +188,21 @@ def stressed() -> Problem:
 def lying(factor: float) -> Fitter:
     """A fit whose stressed values are `factor` times too large, with a verdict that finds nothing."""
 
-    def fit(source: Source, settings: FitSettings) -> Row:
+    def fit(source: Source, settings: Method) -> Row:
         row = fit_row(source, settings)
         verdict = replace(row.verdict, findings=())
         if len(source.samples) < SCALE.samples:
             transform = row.factorization.transform
-            wrong = replace(row.factorization, transform=replace(transform, mean=transform.mean * factor))  # type: ignore[type-var]
+            assert isinstance(row.factorization, Factorization)
+            wrong = replace(row.factorization, transform=replace(transform, mean=transform.mean * factor))
             row = replace(row, factorization=wrong)
         return replace(row, verdict=verdict)
 
     return fit
 
 
-def raising(error: Exception) -> Fitter:
-    def fit(source: Source, settings: FitSettings) -> Row:
+def raising(error: BaseException) -> Fitter:
+    def fit(source: Source, settings: Method) -> Row:
         raise error
 
     return fit
@@ -217,7 +221,7 @@ def test_a_fit_that_is_wrong_and_says_nothing_is_found() -> None:
 
 
 def test_a_warning_makes_a_wrong_fit_a_degraded_one() -> None:
-    def warning(source: Source, settings: FitSettings) -> Row:
+    def warning(source: Source, settings: Method) -> Row:
         row = lying(20.0)(source, settings)
         stressed = len(source.samples) < SCALE.samples
         return replace(row, report=replace(row.report, status=Status.FALLBACK)) if stressed else row
@@ -231,9 +235,10 @@ def test_a_warning_makes_a_wrong_fit_a_degraded_one() -> None:
     assert said_of(noted) == said_of(row)
 
 
-def problem_of(problem: Problem) -> tuple[Source, FitSettings]:
-    source = Source("atlas", problem.kind, problem.samples, None, 1e-2, 0.0)  # type: ignore[arg-type]
-    return source, replace(SHORT_SETTINGS, method="mccool")
+def problem_of(problem: Problem) -> tuple[Source, Method]:
+    # A stress has no source to evaluate, only samples.
+    source = Source("atlas", problem.kind, problem.samples, None, 1e-2, 0.0)  # pyright: ignore[reportArgumentType]
+    return source, McCool(size=8, epsilon=1e-2, copies=2)
 
 
 @pytest.mark.parametrize(
@@ -254,21 +259,21 @@ def test_what_a_fit_raises_is_a_refusal_or_a_crash(error: Exception, outcome: Ou
 
 def test_an_interrupt_passes_through() -> None:
     with pytest.raises(KeyboardInterrupt):
-        run_cell(EMPTY, stressed, references(), raising(KeyboardInterrupt()))  # type: ignore[arg-type]
+        run_cell(EMPTY, stressed, references(), raising(KeyboardInterrupt()))
 
 
 def test_a_method_is_given_only_settings_that_it_uses() -> None:
     problem = STRESSORS["coincident"].stress(3, 0, SCALE)
-    found = {name: settings_for(name, problem, SHORT_SETTINGS) for name in METHODS}
-    assert found["mccool"] is not None
+    found = {name: method_for(name, problem, SHORT_SETTINGS) for name in METHODS}
+    assert isinstance(found["mccool"], McCool)
     assert found["mccool"].projections == ("wi", "h", "h", "h")
-    assert found["search"] is not None
-    assert found["search"].textures == 3
+    assert isinstance(found["search"], Search)
+    assert (found["search"].textures, found["search"].projections) == (3, ("theta_h-theta_d",) * 3)
     assert found["cole"] is None
-    for name, settings in found.items():
-        if settings is not None:
-            changed = {f.name for f in fields(settings) if getattr(settings, f.name) != getattr(SHORT_SETTINGS, f.name)}
-            assert METHODS[name].ignores.isdisjoint(changed)
+    for method in found.values():
+        if method is not None:
+            kept = (set(SHORT_SETTINGS) - {"textures"}) & {f.name for f in fields(method)}
+            assert {name: getattr(method, name) for name in kept} == {name: SHORT_SETTINGS[name] for name in kept}
 
 
 @pytest.mark.parametrize("name", METHODS)

@@ -12,18 +12,18 @@ from homofact.brdf.source import Source
 from homofact.errors import Status
 from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.verdict import Verdict
-from homofact.methods.settings import FitSettings
+from homofact.methods.fitting import Method
+from homofact.methods.mccool import McCool
+from homofact.methods.svd import Svd
 
-GOOD = FitSettings(method="mccool", projections=("theta_h-theta_d", "theta_d-phi_d"), size=12, smoothing=1e-4)
+GOOD = McCool(projections=("theta_h-theta_d", "theta_d-phi_d"), size=12, smoothing=1e-4)
 
 
 def drawn(name: str = "phong-10", count: int = 6000) -> Samples:
     return sample_model(material(name).model, count, "discs", 0)
 
 
-def verdict_on(
-    samples: Samples, settings: FitSettings = GOOD, name: str = "phong-10", epsilon: float = 1e-2
-) -> Verdict:
+def verdict_on(samples: Samples, settings: Method = GOOD, name: str = "phong-10", epsilon: float = 1e-2) -> Verdict:
     source = Source("test", "material", samples, material(name).model, epsilon, 0.0)
     return fit_and_measure(source, settings).verdict
 
@@ -58,7 +58,7 @@ def test_few_samples_leave_texels_undetermined() -> None:
 
 
 def test_a_method_that_cannot_follow_explains_little_and_misses_the_peak() -> None:
-    found = names(verdict_on(drawn("blinn-phong-50"), FitSettings(method="mccool", projections=("theta_i",), size=8)))
+    found = names(verdict_on(drawn("blinn-phong-50"), McCool(projections=("theta_i",), size=8)))
     assert {"explained", "peak"} <= found
 
 
@@ -107,12 +107,12 @@ def test_one_azimuth_of_an_anisotropic_material_is_found() -> None:
     wi, wo = flat
     values = material("ward-brushed").model.evaluate(wi, wo)
     plane = Samples.make(wi, wo, values, channels=samples.channels, isotropic=False)
-    assert "azimuth" in names(verdict_on(plane, FitSettings(method="mccool", size=8), "ward-brushed"))
-    assert "azimuth" not in names(verdict_on(samples, FitSettings(method="mccool", size=8), "ward-brushed"))
+    assert "azimuth" in names(verdict_on(plane, McCool(size=8), "ward-brushed"))
+    assert "azimuth" not in names(verdict_on(samples, McCool(size=8), "ward-brushed"))
 
 
 def test_svd_has_no_linear_system_to_judge() -> None:
-    verdict = verdict_on(drawn(count=3000), FitSettings(method="svd", textures=2, size=8))
+    verdict = verdict_on(drawn(count=3000), Svd(textures=2, size=8))
     assert verdict.condition is None
     assert verdict.determined is None
     assert verdict.status is Status.DIRECT

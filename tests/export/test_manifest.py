@@ -2,6 +2,8 @@
 
 import json
 import math
+import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,25 +13,24 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.containers.exr import read_exr
 from homofact.errors import BadInput
 from homofact.export.images import write_textures
-from homofact.export.manifest import manifest, write_json
+from homofact.export.manifest import CONVENTIONS, manifest, write_json
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 
 
 def terms():
     """Every kind of term: pair with conjugate, single quaternion, fixed, one-dimensional, both warps."""
     generator = torch.Generator().manual_seed(7)
-    quaternion = torch.randn(4, dtype=torch.float64, generator=generator)
-    quaternion = quaternion / quaternion.norm()
-    pair = Pair.random(generator)
+    single = Rotation.random(generator, 3)
+    pair = Rotation.random(generator)
     projections = (
         (Projection.from_rotation("in-out", pair, True), (8, 8)),
         (Projection.from_rotation("half-diff", pair.inverse(), True, "cube", Warp(0.1)), (6, 9)),
         (Projection.from_rotation("half-diff", pair, False), (4, 4)),
-        (Projection.from_rotation("isotropic-half-diff", quaternion, True, warp=Warp(0.2)), (5, 5)),
-        (Projection.from_rotation("isotropic-in-out", quaternion, True), (7, 7)),
+        (Projection.from_rotation("isotropic-half-diff", single, True, warp=Warp(0.2)), (5, 5)),
+        (Projection.from_rotation("isotropic-in-out", single, True), (7, 7)),
         (fixed_projection("h", True), (8, 8)),
         (fixed_projection("theta_d", True), (1, 8)),
     )
@@ -50,42 +51,77 @@ def unit(v):
     return v / np.linalg.norm(v)
 
 
+def value_of(formula, **names):
+    """A formula of the manifest, worked out as it is written: a blank between factors multiplies."""
+    python = re.sub(r"(?<=[\w)]) (?=[\w(])", "*", formula).replace("w.", "w_")
+    space = {"pi": math.pi, "asinh": math.asinh, "exp": np.exp, "max": np.maximum}
+    return eval(python, {"__builtins__": {}}, space | names)
+
+
+def words(pattern, *keys):
+    """The formulas that a pattern's groups find in the conventions under `keys`."""
+    text: Any = CONVENTIONS
+    for key in keys:
+        text = text[key]
+    found = re.search(pattern, text)
+    assert found is not None, text
+    return found.groups()
+
+
+def parabolic(w):
+    (formula,) = words(r"^\(u, v\) = (.+)$", "parabolic_map")
+    over, under = formula.split(" / ")
+    x, y = value_of(over, w_x=w[0], w_y=w[1])
+    return np.array([x, y]) / value_of(under, w_z=w[2])
+
+
 def coordinates(name, wi, wo):
     """The manifest's words for the coordinates, one pair at a time in plain numpy."""
     h = unit(wi + wo)
     if name == "in-out":
-        return np.array([*(wi[:2] / (1 + wi[2])), *(wo[:2] / (1 + wo[2]))])
+        return np.array([*parabolic(wi), *parabolic(wo)])
     if name == "half-diff":
         t = np.array([1.0, 0, 0])
         r = unit(t - (t @ h) * h)
         s = np.cross(h, r)
         d = np.array([r @ wi, s @ wi, h @ wi])
-        return np.array([*(h[:2] / (1 + h[2])), *(d[:2] / (1 + d[2]))])
+        return np.array([*parabolic(h), *parabolic(d)])
     if name == "isotropic-half-diff":
         across = abs(h[0] * wi[1] - h[1] * wi[0])
         along = abs(wi[2] - (h @ wi) * h[2])
         angles = [math.acos(h[2]), math.acos(min(1.0, h @ wi)), math.atan2(across, along)]
-        return np.array(angles) * 4 / math.pi - 1
+        (formula,) = words(r"^x = (\(.+?\) .+?), in radians", "coordinates", name)
+        vector, scale = formula.split(") ")
+        found = value_of(vector + ",)", **dict(zip(("theta_h", "theta_d", "phi_d"), angles, strict=True)))
+        return value_of("y " + scale, y=np.array(found))
     assert name == "isotropic-in-out"
     turn = abs(math.atan2(wi[1], wi[0]) - math.atan2(wo[1], wo[0]))
     turn = min(turn, 2 * math.pi - turn)
-    return np.array([2 * math.acos(wi[2]), 2 * math.acos(wo[2]), turn]) * 2 / math.pi - 1
+    first, second, scale = words(r"^x = \((.+?), (.+?), .+\) (.+?), in radians", "coordinates", name)
+    angles = {"theta_i": math.acos(wi[2]), "theta_o": math.acos(wo[2])}
+    found = np.array([value_of(first, **angles), value_of(second, **angles), turn])
+    return value_of("y " + scale, y=found)
 
 
 def warped(name, width, x):
+    (formula,) = words(r"r -> (.+?) before", "warp")
+    (angle,) = words(r"or (\S+) \(isotropic-half-diff\)", "warp")
+
     def stretch(r):
-        return math.asinh(r / width) / math.asinh(1 / width)
+        return value_of(formula, r=r, w=width)
 
     if name == "half-diff":
         r = np.hypot(x[0], x[1])
         return np.array([*(x[:2] / r * stretch(r)), x[2], x[3]])
-    return np.array([2 * stretch((x[0] + 1) / 2) - 1, x[1], x[2]])
+    r = value_of(angle, theta_h=(x[0] + 1) * math.pi / 4)
+    return np.array([2 * stretch(r) - 1, x[1], x[2]])
 
 
 def fetch(log_factor, u, v):
     rows, columns = log_factor.shape[:2]
-    column = min(max((u + 1) / 2 * (columns - 1), 0), columns - 1)
-    row = min(max((v + 1) / 2 * (rows - 1), 0), rows - 1)
+    across, up = words(r"column = (.+?), row = (.+?), clamped", "texels")
+    column = min(max(value_of(across, u=u, columns=columns), 0), columns - 1)
+    row = min(max(value_of(up, v=v, rows=rows), 0), rows - 1)
     total = np.zeros(log_factor.shape[2])
     for r in range(rows):
         for c in range(columns):
@@ -111,7 +147,9 @@ def from_files(folder, wi, wo):
         assert len(matrices) == projection["lookups"]
         for matrix in matrices:
             total += fetch(log_factor, *(np.array(matrix) @ x))
-    return np.array(said["A"]["values"]) * np.maximum(np.exp(total) - said["epsilon"], 0)
+    (formula,) = words(r"^f = (.+), p interpolated bilinearly$", "evaluation")
+    formula = formula.replace("sum over all lookups of p(u, v)", "total").replace("A max", "A * max")
+    return value_of(formula, A=np.array(said["A"]["values"]), total=total, epsilon=said["epsilon"])
 
 
 def test_files_alone_reproduce_evaluate(tmp_path, fitted):
@@ -130,11 +168,11 @@ def test_quaternions_scale_and_mask(tmp_path, fitted):
     said = json.loads(json.dumps(manifest(fitted, files), allow_nan=False))
     pair = said["textures"][0]["projection"]["rotation"]
     rebuilt = Projection.from_rotation(
-        "in-out", Pair(torch.tensor(pair["left"]).double(), torch.tensor(pair["right"]).double()), True
+        "in-out", Rotation.pair(torch.tensor(pair["left"]).double(), torch.tensor(pair["right"]).double()), True
     )
     matrix = np.array(said["textures"][0]["projection"]["matrix"])
     np.testing.assert_allclose(matrix, rebuilt.matrix.numpy(), atol=1e-6)
-    assert pair["left"] == fitted.terms[0].projection.rotation.left.tolist()
+    assert pair["left"] == fitted.terms[0].projection.rotation.quaternions[0].tolist()
     assert said["textures"][3]["projection"]["rotation"]["kind"] == "single"
     assert said["textures"][5]["projection"]["rotation"] is None
     assert said["textures"][2]["projection"]["conjugate_matrix"] is None

@@ -7,11 +7,13 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.factor.factorization import Term, sum_of_terms
 from homofact.factor.gauge import gauge_rows, null_space
 from homofact.factor.projection import Projection, Warp, fixed_projection
-from homofact.factor.textures import LogSamples, inner_problem, solve_terms, texture_shape
+from homofact.factor.textures import LogSamples, centred, inner_problem, solve_terms, texture_shape
+from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.normal import stencil_rows
 
 SIZE = 5
@@ -21,11 +23,8 @@ def searched(
     seed: int, coordinates: str = "half-diff", reciprocal: bool = True, warp: Warp | None = None
 ) -> Projection:
     generator = torch.Generator().manual_seed(seed)
-    if coordinates.startswith("isotropic"):
-        quaternion = torch.randn(4, dtype=torch.float64, generator=generator)
-        return Projection.from_rotation(coordinates, quaternion / quaternion.norm(), reciprocal, warp=warp)
-    left, right = torch.randn(2, 4, dtype=torch.float64, generator=generator)
-    return Projection.from_rotation(coordinates, Pair(left / left.norm(), right / right.norm()), reciprocal, warp=warp)
+    rotation = Rotation.random(generator, coordinate_system(coordinates).dimension)
+    return Projection.from_rotation(coordinates, rotation, reciprocal, warp=warp)
 
 
 def fixed(*names: str, reciprocal: bool = True) -> tuple[Projection, ...]:
@@ -50,6 +49,30 @@ SETS: dict[str, tuple[tuple[Projection, ...], int]] = {
         1 + 1,
     ),
     "five searched in R4, reciprocal": (tuple(searched(s) for s in range(5)), 4 + 8),
+    # A ramp does not close round a circle: of θh-φh only the one in θh is left, which θh-θd shares.
+    "round": (fixed("theta_h-phi_h"), 0),
+    "round, a shared axis": (fixed("theta_h-phi_h", "theta_h-theta_d"), 1 + 1),
+    "round twice": (fixed("theta_h-phi_h", "theta_h-phi_h"), 1 + 1),
+    "round, warped apart": (
+        (fixed_projection("theta_h-phi_h", True, Warp(0.1)), fixed_projection("theta_h-theta_d", True)),
+        1,
+    ),
+    "round and in the disc": (fixed("theta_h-phi_h", "h"), 1),
+    # u v and v u are one function: what adds up is the symmetric part of the outer product.
+    "axes exchanged": (
+        (
+            fixed_projection("h", False),
+            Projection("half-diff", fixed_projection("h", False).matrix.flip(0), False, "exchanged"),
+        ),
+        1 + 2 + 1,
+    ),
+    "axes exchanged, searched": (
+        (
+            searched(0, reciprocal=False),
+            Projection("half-diff", searched(0, reciprocal=False).matrix.flip(0), False, "exchanged"),
+        ),
+        1 + 2 + 1,
+    ),
     "different coordinates": ((searched(0, "in-out", False), searched(1, "half-diff", False)), 1),
 }
 
@@ -63,7 +86,8 @@ def problem_of(projections: tuple[Projection, ...], count: int = 8000):
 
 
 def null_of(rows: Tensor) -> Tensor:
-    _, values, right = torch.linalg.svd(rows, full_matrices=True)
+    # R has the rows' null space, and is square.
+    _, values, right = torch.linalg.svd(torch.linalg.qr(rows).R)
     rank = int((values > 1e-9 * values[0]).sum())
     return right[rank:].T
 
@@ -119,3 +143,31 @@ def test_constants_do_not_depend_on_the_order_of_magnitude_of_the_data() -> None
         moved = (two.texture - one.texture)[one.mask]
         expected = torch.log(torch.tensor(100.0)).item() / one.projection.lookups if j == 0 else 0.0
         assert torch.allclose(moved, torch.full_like(moved, expected), atol=1e-3)
+
+
+def test_the_first_texture_is_the_one_that_keeps_its_mean() -> None:
+    projections, _ = SETS["three searched in R4, not reciprocal"]
+    _, masks = problem_of(projections)
+    rows = gauge_rows(projections, masks)
+    count = SIZE * SIZE
+    for j in range(3):
+        constant = torch.zeros(3 * count, dtype=torch.float64)
+        constant[j * count : (j + 1) * count] = 1 / SIZE
+        assert float((rows.T @ constant).norm()) == pytest.approx(0 if j == 0 else 1, abs=1e-9)
+
+
+def test_gathering_the_constants_leaves_the_sum_alone() -> None:
+    """A texture that is looked up twice brings its mean twice, and the first one takes it in halves."""
+    generator = torch.Generator().manual_seed(0)
+    whole = torch.ones(SIZE, SIZE, dtype=torch.bool)
+    projections = (searched(0), *fixed("theta_i-theta_o", "h"), searched(1))
+    assert len({projection.lookups for projection in projections}) == 2
+    terms = tuple(
+        Term(p, 1 + k + torch.rand(SIZE, SIZE, 2, dtype=torch.float64, generator=generator), whole)
+        for k, p in enumerate(projections)
+    )
+    moved = centred(terms)
+    wi, wo = draw_cosine_weighted(200, generator)
+    assert torch.allclose(sum_of_terms(moved, wi, wo), sum_of_terms(terms, wi, wo), atol=1e-12)
+    for term in moved[1:]:
+        assert float(term.texture.mean((0, 1)).abs().max()) < 1e-12

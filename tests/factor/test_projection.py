@@ -6,25 +6,24 @@ import pytest
 import torch
 
 from homofact.errors import BadInput
-from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
+from homofact.factor.names import FIXED_PROJECTIONS
+from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import COORDINATES
 from homofact.geometry.directions import draw_in_discs
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
+from homofact.linear.layout import CLAMPED, Axis
 
+SEARCHED = [name for name, system in COORDINATES.items() if not system.periodic]
 PAIRS = draw_in_discs(3000, torch.Generator().manual_seed(3))
 
 
 def _random(coordinates: str, generator: torch.Generator, bound: str = "disc") -> Projection:
-    if COORDINATES[coordinates].dimension == 4:
-        rotation: Pair | torch.Tensor = Pair.random(generator)
-    else:
-        rotation = torch.randn(4, dtype=torch.float64, generator=generator)
-        rotation = rotation / rotation.norm()
+    rotation = Rotation.random(generator, COORDINATES[coordinates].dimension)
     return Projection.from_rotation(coordinates, rotation, True, bound)
 
 
 @pytest.mark.parametrize("bound", ["disc", "cube"])
-@pytest.mark.parametrize("coordinates", COORDINATES)
+@pytest.mark.parametrize("coordinates", SEARCHED)
 def test_rows_are_orthogonal_and_the_domain_just_fits(coordinates: str, bound: str) -> None:
     generator = torch.Generator().manual_seed(0)
     for _ in range(20):
@@ -40,7 +39,7 @@ def test_rows_are_orthogonal_and_the_domain_just_fits(coordinates: str, bound: s
             assert torch.allclose(projection.matrix.abs().sum(1), torch.ones(2, dtype=torch.float64))
 
 
-@pytest.mark.parametrize("coordinates", COORDINATES)
+@pytest.mark.parametrize("coordinates", SEARCHED)
 def test_the_conjugate_swaps_the_directions(coordinates: str) -> None:
     projection = _random(coordinates, torch.Generator().manual_seed(1))
     wi, wo = PAIRS
@@ -94,11 +93,25 @@ def test_a_warp_keeps_the_domain_and_spreads_the_peak(coordinates: str) -> None:
     assert radius(1e6, 0.3) == pytest.approx(0.3, rel=1e-9)
 
 
+def test_which_axes_go_round_is_read_off_the_matrix() -> None:
+    """θh runs along the columns, from the pole; φh along the rows, round."""
+    assert fixed_projection("theta_h-phi_h", True).axes == (Axis.PERIODIC, Axis.POLAR)
+    assert fixed_projection("theta_h-phi_h", True).lookups == 1
+    assert fixed_projection("theta_h-theta_d", True).axes == CLAMPED
+    rows = torch.eye(2, dtype=torch.float64)
+    assert Projection("half-angles", rows.flip(0), True).axes == (Axis.POLAR, Axis.PERIODIC)
+    # From the other end, θh has its pole at the last texel.
+    assert Projection("half-angles", -rows, True).axes == (Axis.PERIODIC, Axis.CLAMPED)
+    assert Projection("half-angles", torch.tensor([[1.0, 0], [0, 0]]), True).axes == CLAMPED
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda: Projection("half-angles", torch.tensor([[0.6, 0.4], [0, 1]]), True), "mixes or scales phi_h"),
+        (lambda: Projection("half-angles", torch.tensor([[1.0, 0], [0, 0.5]]), True), "mixes or scales phi_h"),
         (lambda: fixed_projection("halfway", True), "projection: found 'halfway', expected one of wi, wo, h"),
-        (lambda: Projection("polar", torch.zeros(2, 4), True), "parameterization: found 'polar'"),
+        (lambda: Projection("polar", torch.zeros(2, 4), True), "coordinates: found 'polar'"),
         (lambda: Projection("in-out", torch.zeros(2, 3), True), r"shape \(2, 3\), expected \(2, 4\)"),
         (lambda: Projection("in-out", torch.full((2, 4), float("nan")), True), "not finite"),
         (lambda: Projection.from_rows("in-out", torch.eye(2, 4), True, "ball"), "bound: found 'ball'"),

@@ -32,7 +32,7 @@ def steps_of(factorization: Factorization) -> list[torch.Tensor]:
 @pytest.fixture(scope="module")
 def paint() -> tuple[Source, Factorization]:
     source = homofact.read("material:lafortune-blue-paint", count=6000)
-    fitted = homofact.fit(source, method="mccool", size=12)
+    fitted = homofact.fit(source, homofact.McCool(size=12)).factorization
     assert isinstance(fitted, Factorization)
     return source, fitted
 
@@ -67,7 +67,9 @@ def test_rounding_that_knows_the_samples_moves_the_values_half_as_far_as_naive_r
 
 def test_on_a_close_fit_most_of_what_naive_rounding_adds_to_the_error_goes(paint) -> None:
     source, _ = paint
-    fitted = homofact.fit(source, method="mccool", size=16, projections=("theta_h-theta_d", "theta_i-theta_o"))
+    fitted = homofact.fit(
+        source, homofact.McCool(size=16, projections=("theta_h-theta_d", "theta_i-theta_o"))
+    ).factorization
     assert isinstance(fitted, Factorization)
     aware, plain = quantize(fitted, source.samples, "png8"), rounded(fitted, "png8")
     before, after, worse = (measure(each, source.samples, fitted.transform).log_mse for each in (fitted, aware, plain))
@@ -108,15 +110,16 @@ def test_a_texel_that_ran_away_does_not_widen_the_steps_of_the_others() -> None:
 
 def test_a_fit_may_ask_for_it_by_its_settings(paint) -> None:
     source, _ = paint
-    fitted = homofact.fit(source, method="mccool", size=8, quantize="png8")
+    fitted = homofact.fit(source, homofact.McCool(size=8, quantize="png8")).factorization
     assert fitted.provenance["quantize"] == "png8"
-    assert all(float((n - n.round()).abs().max()) < 1e-6 for n in steps_of(fitted))  # type: ignore[arg-type]
+    assert isinstance(fitted, Factorization)
+    assert all(float((n - n.round()).abs().max()) < 1e-6 for n in steps_of(fitted))
 
 
 def test_a_refined_fit_keeps_its_own_texels_as_the_target(paint) -> None:
     source, fitted = paint
     moved = replace(fitted, terms=tuple(replace(t, texture=t.texture + 0.3) for t in fitted.terms))
-    moved = replace(moved, provenance=moved.provenance | {"settings": {"refine": "looks"}})
+    moved = replace(moved, provenance=moved.provenance | {"settings": {"refine": "linear"}})
     wi, wo = source.samples.wi, source.samples.wo
     off = quantize(moved, source.samples, "png16").evaluate_log(wi, wo) - moved.evaluate_log(wi, wo)
     assert float(off.abs().max()) < 0.01
@@ -148,7 +151,7 @@ def test_where_samples_are_few_values_elsewhere_do_not_drift() -> None:
     source = homofact.read(str(SYNTHETIC))
     few = source.samples.subset(120, 0)
     projections = ("theta_h-theta_d", "theta_i-delta_phi")
-    fitted = homofact.fit(few, method="mccool", size=16, projections=projections, epsilon=1e-2)
+    fitted = homofact.fit(few, homofact.McCool(size=16, projections=projections, epsilon=1e-2)).factorization
     assert isinstance(fitted, Factorization)
     wi, wo = draw_cosine_weighted(5000, torch.Generator().manual_seed(9))
 

@@ -14,13 +14,14 @@ from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, domain_mask, solve_terms
-from homofact.methods.cole_fit import fit_cole
+from homofact.methods.cole import Cole
+from homofact.methods.mccool import McCool
 from homofact.methods.mccool_fit import fit_mccool
-from homofact.methods.settings import FitSettings
 
 NAMES = ("theta_h-theta_d", "theta_i-theta_o")
 PROJECTIONS = tuple(fixed_projection(name, True) for name in NAMES)
 SHAPES = ((8, 8), (8, 8))
+_UNIT = LogTransform(1e-2, torch.ones(3, dtype=torch.float64))
 
 
 def planted(count: int = 4000) -> tuple[LogSamples, LogTransform]:
@@ -92,7 +93,7 @@ def test_the_predicted_deviation_is_the_observed_spread() -> None:
 
 def test_a_fit_leaves_deviations_that_are_saved_and_read_back(tmp_path) -> None:
     samples = sample_model(material("phong-10").model, 2000, "discs", 0)
-    settings = FitSettings(method="mccool", size=8, confidence=True)
+    settings = McCool(size=8, confidence=True)
     fit = fit_mccool(samples, settings).factorization
     fit.save(tmp_path / "fit.npz")
     for one, two in zip(fit.terms, Factorization.load(tmp_path / "fit.npz").terms, strict=True):
@@ -106,12 +107,11 @@ def test_a_fit_leaves_deviations_that_are_saved_and_read_back(tmp_path) -> None:
 
 
 def test_terms_that_were_not_solved_together_have_no_confidence() -> None:
+    with pytest.raises(BadInput, match=r"confidence: found joint_terms 1 for 3 textures with it, expected 0"):
+        Cole(textures=3, joint_terms=1, confidence=True)
     samples: Samples = sample_model(material("phong-10").model, 500, "discs", 0)
-    settings = FitSettings(
-        method="cole", textures=3, together=1, size=4, restarts=1, search_samples=200, confidence=True
-    )
-    with pytest.raises(BadInput, match="--together 0"):
-        fit_cole(samples, settings)
+    quick = Cole(textures=2, joint_terms=0, size=4, restarts=1, search_samples=200, confidence=True)
+    assert all(term.deviation is not None for term in quick.fit(samples).factorization.terms)
 
 
 def test_a_deviation_of_another_shape_is_refused(tmp_path) -> None:
@@ -119,3 +119,50 @@ def test_a_deviation_of_another_shape_is_refused(tmp_path) -> None:
     Factorization((term,), LogTransform(1e-2, torch.ones(1).double()), ("Y",)).save(tmp_path / "fit.npz")
     with pytest.raises(BadInput, match="deviation 0"):
         Factorization.load(tmp_path / "fit.npz")
+
+
+def test_with_hardly_more_samples_than_texels_the_deviation_is_still_the_spread() -> None:
+    """Residuals are far smaller than the noise then: the degrees of freedom make up for it."""
+    logs, _ = planted(130)
+    projections, shapes = PROJECTIONS[:1], SHAPES[:1]
+    level, repeats = 0.1, 60
+    texels, predicted, free = [], [], []
+    for seed in range(repeats):
+        noise = with_noise(replace(logs, logs=torch.zeros_like(logs.logs)), level, seed)
+        solved = solve_terms(noise, projections, shapes, 1e-4, "cholesky").terms
+        (term,) = with_deviations(noise, solved, 1e-4)
+        assert term.deviation is not None
+        texels.append(term.texture[term.mask])
+        predicted.append(term.deviation[term.mask].square())
+        free.append(float(Factorization(solved, _UNIT, ("R", "G", "B")).evaluate_log(noise.wi, noise.wo).std()))
+    observed = torch.stack(texels).square().mean(0).sum()
+    assert float(observed / torch.stack(predicted).mean(0).sum()) == pytest.approx(1, abs=0.1)
+    # The fit follows a good part of the noise, or this says nothing.
+    assert sum(free) / repeats > 0.5 * level
+
+
+def test_a_sample_in_two_halves_changes_no_deviation() -> None:
+    """Weights are shares of a measurement, as those of azimuth copies: the freedom counts them, not the rows."""
+    logs, _ = planted(300)
+    noise = with_noise(logs, 0.1, 0)
+    index = torch.arange(300).repeat(2)
+    halves = replace(noise.select(index), weights=noise.weights[index] / 2)
+    found = []
+    for samples in (noise, halves):
+        solved = solve_terms(samples, PROJECTIONS, SHAPES, 1e-3, "cholesky").terms
+        found.append(with_deviations(samples, solved, 1e-3))
+    for one, other in zip(*found, strict=True):
+        assert one.deviation is not None
+        assert other.deviation is not None
+        assert torch.allclose(one.deviation, other.deviation, rtol=1e-6)
+
+
+def test_smoothing_reaches_an_eighth_of_a_side_from_the_samples() -> None:
+    """One sample, read by the four texels round it: two more on every side of a texture of sixteen."""
+    logs, _ = planted(500)
+    theta = torch.acos(logs.wi[:, 2]) + torch.acos(logs.wo[:, 2])
+    middle = (torch.acos(logs.wi[:, 2]) - torch.acos(logs.wo[:, 2])).abs() + (theta - 1.5).abs()
+    one = logs.select(middle.argmin()[None])
+    projection = fixed_projection("theta_i-theta_o", False)
+    (term,) = solve_terms(one, (projection,), ((16, 16),), 1e-3, "cholesky").terms
+    assert int(term.mask.sum()) == (2 + 2 * 2) ** 2

@@ -62,7 +62,7 @@ def test_discs(pairs: tuple[Tensor, Tensor]) -> None:
 def test_angles(pairs: tuple[Tensor, Tensor]) -> None:
     wi, wo = unit(pairs)
     h, _ = half_difference(wi, wo)
-    names = ("theta_i", "theta_o", "theta_h", "theta_d", "phi_d", "delta_phi", "azimuth_h", "azimuth_d")
+    names = ("theta_i", "theta_o", "theta_h", "theta_d", "phi_d", "delta_phi", "phi_h", "azimuth_d")
     found: dict[str, Tensor] = dict(zip(names, axes_of(names, wi, wo).unbind(1), strict=True))
     across = h[:, 0] * wi[:, 1] - h[:, 1] * wi[:, 0]
     along = (wi * h).sum(1) * h[:, 2] - wi[:, 2]

@@ -1,4 +1,4 @@
-"""Laws of unit quaternions and of their pairs as rotations of R⁴."""
+"""Laws of unit quaternions, and of pairs and single ones as rotations of R⁴ and R³."""
 
 import math
 
@@ -8,7 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from homofact.geometry.rotation import Pair, basis_rotations, conjugate, multiply, power, rotation3
+from homofact.errors import BadInput
+from homofact.geometry.rotation import Rotation, basis_rotations, conjugate, multiply, power
 
 NUMBER = st.floats(-1, 1, allow_nan=False)
 EXPONENT = st.floats(-6, 6, allow_nan=False)
@@ -26,7 +27,9 @@ def quaternions(draw) -> Tensor:
     return torch.cat((torch.tensor([math.cos(angle)], dtype=torch.float64), math.sin(angle) * axis / axis.norm()))
 
 
-PAIRS = st.builds(Pair, quaternions(), quaternions())
+PAIRS = st.builds(Rotation.pair, quaternions(), quaternions())
+SINGLES = st.builds(Rotation.single, quaternions())
+ROTATIONS = st.one_of(PAIRS, SINGLES)
 LAW = settings(max_examples=60, deadline=None)
 
 
@@ -72,74 +75,97 @@ def test_powers_of_minus_one_are_finite_and_continuous() -> None:
     assert close(power(minus, 2.0), -minus)
 
 
+def apply(rotation: Rotation, v: Tensor) -> Tensor:
+    """v turned by the definition, in quaternion products."""
+    if rotation.dimension == 4:
+        left, right = rotation.quaternions
+        return multiply(multiply(left, v), right)
+    q = rotation.quaternions[0]
+    return multiply(multiply(q, torch.cat((v.new_zeros(1), v))), conjugate(q))[1:]
+
+
 @LAW
-@given(quaternions(), quaternions())
-def test_rotation3_is_a_rotation_and_q_is_minus_q(a: Tensor, b: Tensor) -> None:
-    matrix = rotation3(a)
-    assert close(matrix @ matrix.T, torch.eye(3, dtype=torch.float64))
+@given(ROTATIONS)
+def test_the_matrix_is_a_rotation_and_turns_as_the_quaternions_do(rotation: Rotation) -> None:
+    matrix, k = rotation.matrix(), rotation.dimension
+    assert matrix.shape == (k, k)
+    assert close(matrix @ matrix.T, torch.eye(k, dtype=torch.float64))
     assert abs(float(torch.linalg.det(matrix)) - 1) < 1e-12
-    assert close(rotation3(-a), matrix)
-    assert close(rotation3(multiply(a, b)), matrix @ rotation3(b))
+    v = torch.tensor([0.3, -0.1, 0.7, 0.2], dtype=torch.float64)[:k]
+    assert close(apply(rotation, v), matrix @ v)
+    assert close(Rotation(-rotation.quaternions).matrix(), matrix)
 
 
-def test_rotation3_turns_by_twice_the_angle() -> None:
+def test_a_single_quaternion_turns_by_twice_its_angle() -> None:
     quarter = torch.tensor([math.cos(math.pi / 4), 0, 0, math.sin(math.pi / 4)], dtype=torch.float64)
     x = torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64)
-    assert close(rotation3(quarter) @ x, torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64))
+    expected = torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64)
+    assert close(Rotation.single(quarter).matrix() @ x, expected)
 
 
 @LAW
 @given(PAIRS)
-def test_a_pair_is_a_rotation_of_r4(pair: Pair) -> None:
-    matrix = pair.matrix()
-    assert close(matrix @ matrix.T, torch.eye(4, dtype=torch.float64))
-    assert abs(float(torch.linalg.det(matrix)) - 1) < 1e-12
-    v = torch.tensor([0.3, -0.1, 0.7, 0.2], dtype=torch.float64)
-    assert close(pair.apply(v), matrix @ v)
+def test_one_sign_of_a_pair_is_another_rotation(pair: Rotation) -> None:
+    left, right = pair.quaternions
+    assert close(Rotation.pair(-left, right).matrix(), -pair.matrix())
 
 
 @LAW
-@given(PAIRS)
-def test_both_signs_are_one_rotation_and_one_sign_is_not(pair: Pair) -> None:
-    assert close(Pair(-pair.left, -pair.right).matrix(), pair.matrix())
-    assert close(Pair(-pair.left, pair.right).matrix(), -pair.matrix())
-
-
-@LAW
-@given(PAIRS, PAIRS)
-def test_composition_is_the_matrix_product(a: Pair, b: Pair) -> None:
+@given(st.one_of(st.tuples(PAIRS, PAIRS), st.tuples(SINGLES, SINGLES)))
+def test_composition_is_the_matrix_product(two: tuple[Rotation, Rotation]) -> None:
+    a, b = two
     assert close((a @ b).matrix(), a.matrix() @ b.matrix())
+
+
+@LAW
+@given(ROTATIONS)
+def test_a_matrix_leads_back_to_its_rotation(rotation: Rotation) -> None:
+    found = Rotation.from_matrix(rotation.matrix())
+    assert found.dimension == rotation.dimension
+    assert close(found.matrix(), rotation.matrix(), 1e-10)
+
+
+@LAW
+@given(ROTATIONS)
+def test_numbers_lead_back_whatever_their_length(rotation: Rotation) -> None:
+    assert close(Rotation.of_numbers(rotation.numbers * 3).quaternions, rotation.quaternions)
+
+
+def test_what_is_no_rotation_is_refused() -> None:
+    with pytest.raises(BadInput, match=r"quaternions of shape \(3, 4\), expected \(1, 4\) or \(2, 4\)"):
+        Rotation(torch.zeros(3, 4))
 
 
 def test_composition_does_not_commute() -> None:
     generator = torch.Generator().manual_seed(0)
-    a, b = Pair.random(generator), Pair.random(generator)
+    a, b = Rotation.random(generator), Rotation.random(generator)
     assert not close((a @ b).matrix(), (b @ a).matrix(), 1e-2)
 
 
 @LAW
-@given(PAIRS)
-def test_inverse_undoes(pair: Pair) -> None:
-    assert close((pair @ pair.inverse()).matrix(), torch.eye(4, dtype=torch.float64))
+@given(ROTATIONS)
+def test_inverse_undoes(pair: Rotation) -> None:
+    assert close((pair @ pair.inverse()).matrix(), torch.eye(pair.dimension, dtype=torch.float64))
     assert close(pair.inverse().matrix(), pair.matrix().T)
 
 
 @LAW
-@given(PAIRS, EXPONENT, EXPONENT)
-def test_powers_of_pairs_add(pair: Pair, a: float, b: float) -> None:
+@given(ROTATIONS, EXPONENT, EXPONENT)
+def test_powers_of_rotations_add(pair: Rotation, a: float, b: float) -> None:
     assert close((pair**a @ pair**b).matrix(), (pair ** (a + b)).matrix(), 1e-11)
     assert close((pair**1.0).matrix(), pair.matrix())
 
 
-def test_basis_rotations_span_so4() -> None:
+@pytest.mark.parametrize(("dimension", "count"), [(4, 6), (3, 3)])
+def test_basis_rotations_span_so4_and_so3(dimension: int, count: int) -> None:
     step = 1e-6
     generators = []
-    for pair in basis_rotations():
-        tangent = ((pair**step).matrix() - (pair**-step).matrix()) / (2 * step)
+    for rotation in basis_rotations(dimension):
+        tangent = ((rotation**step).matrix() - (rotation**-step).matrix()) / (2 * step)
         assert close(tangent, -tangent.T, 1e-9)
         generators.append(tangent.reshape(-1))
     singular = torch.linalg.svdvals(torch.stack(generators))
-    assert len(generators) == 6
+    assert len(generators) == count
     assert float(singular.min()) > 1
 
 
@@ -153,16 +179,16 @@ def test_basis_rotations_are_periodic_in_four(k: int) -> None:
 
 def test_random_pairs_are_unit_uniform_and_seeded() -> None:
     generator = torch.Generator().manual_seed(7)
-    drawn = [Pair.random(generator) for _ in range(2000)]
-    left = torch.stack([pair.left for pair in drawn])
+    drawn = [Rotation.random(generator) for _ in range(2000)]
+    left = torch.stack([pair.quaternions[0] for pair in drawn])
     assert close(left.norm(dim=1), torch.ones(2000, dtype=torch.float64))
     assert float(left.mean(0).abs().max()) < 0.05
     assert close((left**2).mean(0), torch.full((4,), 0.25, dtype=torch.float64), 0.02)
-    assert torch.equal(Pair.random(torch.Generator().manual_seed(7)).left, drawn[0].left)
+    assert torch.equal(Rotation.random(torch.Generator().manual_seed(7)).quaternions, drawn[0].quaternions)
 
 
 def test_normalized_mends_the_drift() -> None:
-    pair = Pair.random(torch.Generator().manual_seed(1))
-    drifted = Pair(pair.left * 1.01, pair.right * 0.97)
+    pair = Rotation.random(torch.Generator().manual_seed(1))
+    drifted = Rotation(pair.quaternions * torch.tensor([[1.01], [0.97]]))
     assert close(drifted.normalized().matrix(), pair.matrix())
     assert not close(drifted.matrix(), pair.matrix(), 1e-3)

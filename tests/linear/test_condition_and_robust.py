@@ -4,6 +4,7 @@ import math
 
 import pytest
 import torch
+from scipy.stats import norm
 
 from homofact.linear.condition import condition_estimate, determined_share
 from homofact.linear.robust import TUNING, huber_weights, scale_of
@@ -41,3 +42,28 @@ def test_huber_weights_by_their_definition() -> None:
 
 def test_residuals_that_are_mostly_zero_change_nothing() -> None:
     assert huber_weights(torch.tensor([[0.0], [0.0], [0.0], [9.0]], dtype=torch.float64)).tolist() == [1, 1, 1, 1]
+
+
+def gaussian(count: int, deviation: float) -> torch.Tensor:
+    """Residuals (count, 1) that are distributed as a Gaussian as well as so many can be."""
+    quantiles = norm.ppf((torch.arange(count).double() + 0.5).numpy() / count)
+    return deviation * torch.from_numpy(quantiles)[:, None]
+
+
+def test_the_scale_of_gaussian_residuals_is_their_deviation() -> None:
+    assert scale_of(gaussian(20_001, 0.7)[:, 0]) == pytest.approx(0.7, rel=1e-3)
+
+
+def test_the_weights_lose_five_percent_at_the_gaussian() -> None:
+    """Huber 1981: with c = 1.345 the asymptotic efficiency (E ψ')² / E ψ² at the Gaussian is 95%."""
+    residuals = gaussian(200_001, 2.0)
+    weights = huber_weights(residuals)
+    pull = weights * residuals[:, 0] / 2.0
+    share = float((weights == 1).double().mean())
+    assert share**2 / float(pull.square().mean()) == pytest.approx(0.95, abs=5e-4)
+
+
+def test_a_far_residual_pulls_as_one_at_the_limit() -> None:
+    residuals = torch.cat((gaussian(20_001, 0.5), torch.tensor([[5.0], [-50.0]], dtype=torch.float64)))
+    weights = huber_weights(residuals)
+    assert (weights[-2:] * residuals[-2:, 0]).tolist() == pytest.approx([1.345 * 0.5, -1.345 * 0.5], rel=2e-3)

@@ -49,3 +49,27 @@ def test_a_disc_leaves_the_corners_out_and_a_segment_is_covered() -> None:
     assert bool(mask[8, 8])
     line = covered(torch.tensor([[-1.0, 0.0], [1.0, 0.0]], dtype=torch.float64), (1, 6))
     assert bool(line.all())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_point_up_to_a_texel_beside_the_hull_reads_covered_texels(seed: int) -> None:
+    """Rounding, or a sampler's own fractions, may put a point of the rim into the next cell."""
+    generator = torch.Generator().manual_seed(seed)
+    corners = torch.rand(4, 2, dtype=torch.float64, generator=generator) - 0.5
+    shape = (16, 16)
+    mask = covered(corners, shape).reshape(-1)
+    shares = torch.rand(2000, 4, dtype=torch.float64, generator=generator).log()
+    inside = (shares / shares.sum(1, keepdim=True)) @ corners
+    aside = (torch.rand(2000, 2, dtype=torch.float64, generator=generator) * 2 - 1) * (2 / 15)
+    numbers, _ = stencil(inside + aside, shape)
+    assert bool(mask[numbers].all())
+    # And not everything is covered.
+    assert float(mask.double().mean()) < 0.7
+
+
+def test_a_texel_without_a_row_is_tied_to_the_mean_of_its_neighbours() -> None:
+    """A 2 x 2 texture has no three texels in a row: all are tied, and a constant costs nothing."""
+    matrix = laplacian(torch.ones(2, 2, dtype=torch.bool))
+    assert torch.equal(matrix.sum(1), torch.zeros(4, dtype=torch.float64))
+    assert matrix[0].tolist() == [2, -1, -1, 0]
+    assert int(torch.linalg.matrix_rank(matrix)) == 3

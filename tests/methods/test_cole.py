@@ -13,11 +13,13 @@ from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, inner_problem, residual
 from homofact.geometry.directions import draw_in_discs, half_difference
 from homofact.geometry.parabolic import to_disc
-from homofact.geometry.rotation import Pair
+from homofact.geometry.rotation import Rotation
 from homofact.linear.solvers import solve
-from homofact.methods.cole_fit import Progress, fit_cole
+from homofact.methods.cole import Cole
+from homofact.methods.cole_fit import fit_cole
+from homofact.methods.fitting import Progress
+from homofact.methods.mccool import McCool
 from homofact.methods.mccool_fit import fit_mccool
-from homofact.methods.settings import FitSettings
 
 
 def _draw(function, count: int = 6000, seed: int = 0) -> Samples:
@@ -34,26 +36,24 @@ def _product_of_ramps(wi: Tensor, wo: Tensor) -> Tensor:
 
 def test_mccool_is_exact_on_a_product_of_its_own_kind() -> None:
     samples = _draw(_product_of_ramps)
-    fit = fit_mccool(samples, FitSettings(method="mccool", size=8, smoothing=1e-6))
+    fit = fit_mccool(samples, McCool(size=8, smoothing=1e-6))
     test = _draw(_product_of_ramps, seed=1)
     # ε = 1e-5 bends the logarithm by at most ε/f.
     assert measure(fit.factorization, test, fit.factorization.transform).log_mse < 1e-7
     assert fit.report.status is Status.DIRECT
 
 
-@pytest.mark.parametrize("parameterization", ["in-out", "half-diff"])
-def test_cole_finds_a_planted_projection(parameterization: str) -> None:
+@pytest.mark.parametrize("coordinates", ["in-out", "half-diff"])
+def test_cole_finds_a_planted_projection(coordinates: str) -> None:
     """One texture over a projection that no fixed list holds: the search must find its plane."""
-    planted = Projection.from_rotation(parameterization, Pair.random(torch.Generator().manual_seed(11)), False)
+    planted = Projection.from_rotation(coordinates, Rotation.random(torch.Generator().manual_seed(11)), False)
 
     def brdf(wi: Tensor, wo: Tensor) -> Tensor:
         u, v = planted.place(wi, wo)[0].unbind(1)
         return torch.exp(1.5 * torch.cos(3 * u + 1) + torch.sin(4 * v) - 0.8 * u * v)[:, None]
 
     samples, test = _draw(brdf), _draw(brdf, seed=1)
-    settings = FitSettings(
-        textures=1, size=12, parameterization=parameterization, reciprocal=False, search_samples=2000, seed=3
-    )
+    settings = Cole(textures=1, size=12, coordinates=coordinates, reciprocal=False, search_samples=2000, seed=3)
     fit = fit_cole(samples, settings)
     found = measure(fit.factorization, test, fit.factorization.transform).log_mse
     spread = float(fit.factorization.transform.forward(test.values).var())
@@ -64,7 +64,7 @@ def test_more_textures_never_hurt_and_reciprocity_holds() -> None:
     samples = _draw(_product_of_ramps, 3000)
     errors = []
     for textures in (1, 2, 3):
-        settings = FitSettings(textures=textures, size=8, search_size=6, search_samples=1000, restarts=1)
+        settings = Cole(textures=textures, size=8, search_size=6, search_samples=1000, restarts=1)
         fit = fit_cole(samples, settings)
         errors.append(fit.report.residual)
         values = fit.factorization.evaluate(samples.wi, samples.wo)
@@ -76,22 +76,22 @@ def test_more_textures_never_hurt_and_reciprocity_holds() -> None:
 def test_solving_all_terms_together_is_no_worse_than_the_last_two() -> None:
     samples = _draw(_product_of_ramps, 3000)
     common: dict[str, Any] = {"textures": 3, "size": 8, "search_size": 6, "search_samples": 1000, "restarts": 1}
-    last_two = fit_cole(samples, FitSettings(**common, together=2)).report.residual
-    everything = fit_cole(samples, FitSettings(**common, together=0)).report.residual
+    last_two = fit_cole(samples, Cole(**common, joint_terms=2)).report.residual
+    everything = fit_cole(samples, Cole(**common, joint_terms=0)).report.residual
     assert everything <= last_two * 1.05
 
 
 def test_equal_seeds_give_equal_fits_and_others_do_not() -> None:
     samples = _draw(_product_of_ramps, 2000)
     common: dict[str, Any] = {"textures": 1, "size": 6, "restarts": 1, "search_samples": 500}
-    one, same, other = (fit_cole(samples, FitSettings(**common, seed=seed)).factorization for seed in (1, 1, 2))
+    one, same, other = (fit_cole(samples, Cole(**common, seed=seed)).factorization for seed in (1, 1, 2))
     assert torch.allclose(one.terms[0].texture, same.terms[0].texture, atol=1e-9)
     assert not torch.allclose(one.terms[0].projection.matrix, other.terms[0].projection.matrix)
 
 
 def test_textures_but_the_first_have_zero_mean_and_the_mean_error_is_reported() -> None:
     samples = _draw(_product_of_ramps, 3000)
-    fit = fit_mccool(samples, FitSettings(method="mccool", size=8))
+    fit = fit_mccool(samples, McCool(size=8))
     data = LogSamples.of(samples, fit.factorization.transform)
     for term in fit.factorization.terms[1:]:
         assert float(term.texture[term.mask].mean(0).abs().max()) < 1e-12
@@ -100,7 +100,7 @@ def test_textures_but_the_first_have_zero_mean_and_the_mean_error_is_reported() 
 
 def test_moving_constants_does_not_change_the_sum() -> None:
     samples = _draw(_product_of_ramps, 3000)
-    fit = fit_mccool(samples, FitSettings(method="mccool", size=8, smoothing=1e-3))
+    fit = fit_mccool(samples, McCool(size=8, smoothing=1e-3))
     projections = tuple(term.projection for term in fit.factorization.terms)
     data = LogSamples.of(samples, fit.factorization.transform)
     problem = inner_problem(data, projections, ((8, 8), (8, 8)), 1e-3, tuple(t.mask for t in fit.factorization.terms))
@@ -109,7 +109,7 @@ def test_moving_constants_does_not_change_the_sum() -> None:
 
 def test_progress_tells_term_restart_and_a_best_that_falls() -> None:
     seen: list[Progress] = []
-    settings = FitSettings(textures=2, size=6, restarts=2, search_samples=500)
+    settings = Cole(textures=2, size=6, restarts=2, search_samples=500)
     report = fit_cole(_draw(_product_of_ramps, 1000), settings, seen.append).report
     assert {(p.term, p.restart) for p in seen} == {(1, 1), (1, 2), (2, 1), (2, 2)}
     assert len(seen) == report.evaluations
@@ -123,7 +123,7 @@ def test_an_interrupted_search_keeps_the_terms_it_has() -> None:
         if progress.term == 2:
             raise KeyboardInterrupt
 
-    settings = FitSettings(textures=3, size=6, restarts=1, search_samples=500)
+    settings = Cole(textures=3, size=6, restarts=1, search_samples=500)
     fit = fit_cole(_draw(_product_of_ramps, 1000), settings, stop)
     assert fit.report.status is Status.INTERRUPTED
     assert len(fit.factorization.terms) == 1
@@ -144,10 +144,9 @@ def test_an_interrupted_search_keeps_the_terms_it_has() -> None:
 )
 def test_settings_that_cannot_be_meant_are_refused(wrong: dict, message: str) -> None:
     with pytest.raises(BadInput, match=message):
-        FitSettings(**wrong)
+        Cole(**wrong)
 
 
-def test_cole_knows_the_two_parameterizations_of_the_thesis() -> None:
-    settings = FitSettings(method="cole", parameterization="theta_h-theta_d")
-    with pytest.raises(BadInput, match="parameterization: found 'theta_h-theta_d', expected one of half-diff, in-out"):
-        fit_cole(_draw(_product_of_ramps, 100), settings)
+def test_cole_knows_the_two_coordinates_of_the_thesis() -> None:
+    with pytest.raises(BadInput, match="coordinates: found 'theta_h-theta_d', expected one of in-out, half-diff"):
+        Cole(coordinates="theta_h-theta_d")

@@ -37,7 +37,7 @@ def test_a_mix_of_the_bank_is_the_mix_accumulated_by_itself(chosen: tuple[int, .
     assert mix.error(smoothing) == pytest.approx(alone.error(smoothing), rel=1e-9)
     assert mix.error(smoothing, 1) == pytest.approx(alone.error(smoothing, 1), rel=1e-9)
     assert mix.error(smoothing, 1) != mix.error(smoothing)
-    assert mix.shapes == alone.shapes
+    assert mix.layout == alone.layout
     assert mix.lookups == alone.lookups
 
 

@@ -9,18 +9,19 @@ from torch import Tensor
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Status
 from homofact.evaluate.metrics import measure
-from homofact.factor.projection import FIXED_PROJECTIONS, Projection, Warp, fixed_projection
+from homofact.factor.names import FIXED_PROJECTIONS, KINDS
+from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import draw_in_discs
-from homofact.methods.cole_fit import Progress
-from homofact.methods.kinds import KINDS, is_isotropic, is_searched, loosened, make
+from homofact.methods.fitting import Progress
+from homofact.methods.kinds import is_isotropic, is_searched, loosened, make
+from homofact.methods.search import Search
 from homofact.methods.search_fit import candidates_of, fit_search
-from homofact.methods.settings import FitSettings
 
 
 def _draw(function, count: int = 3000, seed: int = 0, isotropic: bool = True) -> Samples:
     wi, wo = draw_in_discs(count, torch.Generator().manual_seed(seed), 0.98)
-    return Samples.make(wi, wo, function(wi, wo), channels=("Y",), isotropic=isotropic)
+    return Samples.make(wi, wo, function(wi, wo), channels=("Y",), isotropic=isotropic, all_azimuths=True)
 
 
 def _lobe(wi: Tensor, wo: Tensor) -> Tensor:
@@ -36,7 +37,7 @@ FAST: dict[str, Any] = {"size": 10, "search_samples": 1500, "restarts": 2, "budg
 
 
 def test_it_recognises_what_the_material_depends_on() -> None:
-    settings = FitSettings(textures=2, **FAST)
+    settings = Search(textures=2, **FAST)
     fit = fit_search(_draw(_lobe_and_edge), settings)
     test = _draw(_lobe_and_edge, seed=1)
     found = measure(fit.factorization, test, fit.factorization.transform).log_mse
@@ -58,13 +59,13 @@ def test_a_texture_that_is_not_needed_is_not_kept_and_that_is_said() -> None:
 
     noise = torch.randn(3000, 1, dtype=torch.float64, generator=torch.Generator().manual_seed(5))
     samples = _draw(lambda wi, wo: ramp(wi, wo) * torch.exp(0.2 * noise))
-    fit = fit_search(samples, FitSettings(textures=3, **FAST))
+    fit = fit_search(samples, Search(textures=3, **FAST))
     assert len(fit.factorization.terms) < 3
     assert "kept: one more does not lower the validation error" in fit.report.notes[0]
 
 
 def test_a_pinned_list_gives_every_texture_its_kind() -> None:
-    settings = FitSettings(textures=2, parameterization="theta_h-theta_d+theta_i", **FAST)
+    settings = Search(textures=2, projections=("theta_h-theta_d", "theta_i"), **FAST)
     terms = fit_search(_draw(_lobe), settings).factorization.terms
     assert [term.projection.name for term in terms] == ["theta_h-theta_d", "theta_i"]
     assert [term.size for term in terms] == [(10, 10), (1, 10)]
@@ -75,7 +76,7 @@ def test_a_pinned_kind_that_knows_the_azimuth_is_fitted_to_copies() -> None:
     wi, wo = draw_in_discs(1500, torch.Generator().manual_seed(0), 0.9)
     azimuth = torch.atan2(wi[:, 1], wi[:, 0])
     measured = Samples.make(wi, wo, _lobe(wi, wo), channels=("Y",), isotropic=True).turned(-azimuth)
-    settings = FitSettings(textures=1, parameterization="half-diff", **{**FAST, "search_samples": 4000})
+    settings = Search(textures=1, projections=("half-diff",), **{**FAST, "search_samples": 4000})
     fit = fit_search(measured, settings)
     test = measured.rotated_at_random(1)
     here = measure(fit.factorization, measured, fit.factorization.transform).log_mse
@@ -85,7 +86,7 @@ def test_a_pinned_kind_that_knows_the_azimuth_is_fitted_to_copies() -> None:
 
 def test_equal_seeds_give_equal_bits() -> None:
     samples = _draw(_lobe, 1200)
-    settings = FitSettings(textures=2, seed=4, **FAST)
+    settings = Search(textures=2, seed=4, **FAST)
     one, other = (fit_search(samples, settings).factorization for _ in range(2))
     for first, second in zip(one.terms, other.terms, strict=True):
         assert torch.equal(first.texture, second.texture)
@@ -93,7 +94,7 @@ def test_equal_seeds_give_equal_bits() -> None:
 
 
 def test_a_budget_too_short_for_one_trial_still_gives_a_fit_and_says_so() -> None:
-    fit = fit_search(_draw(_lobe), FitSettings(textures=3, **{**FAST, "budget": 1e-6}))
+    fit = fit_search(_draw(_lobe), Search(textures=3, **{**FAST, "budget": 1e-6}))
     assert fit.report.status is Status.BUDGET
     assert len(fit.factorization.terms) == 1
     assert "give it a larger budget" in fit.report.notes[0]
@@ -104,24 +105,24 @@ def test_an_interrupt_keeps_the_best_mix() -> None:
         if progress.term == 2:
             raise KeyboardInterrupt
 
-    fit = fit_search(_draw(_lobe), FitSettings(textures=3, **FAST), stop)
+    fit = fit_search(_draw(_lobe), Search(textures=3, **FAST), stop)
     assert fit.report.status is Status.INTERRUPTED
     assert len(fit.factorization.terms) == 1
     assert "interrupted after 1 of 3" in fit.report.notes[0]
 
 
 def test_fewer_samples_than_texels_is_a_fit_of_smoothing() -> None:
-    fit = fit_search(_draw(_lobe, 60), FitSettings(textures=1, size=16, budget=20.0))
+    fit = fit_search(_draw(_lobe, 60), Search(textures=1, size=16, budget=20.0))
     assert bool(torch.isfinite(fit.factorization.terms[0].texture).all())
     with pytest.raises(BadInput, match="samples: found 7, expected at least 8"):
-        fit_search(_draw(_lobe, 7), FitSettings())
+        fit_search(_draw(_lobe, 7), Search())
 
 
 def test_refining_for_looks_lowers_the_linear_error_and_stays_positive() -> None:
     samples = _draw(_lobe_and_edge)
-    common: dict[str, Any] = {"textures": 1, "parameterization": "theta_h-theta_d", **FAST, "size": 5}
-    plain = fit_search(samples, FitSettings(**common))
-    refined = fit_search(samples, FitSettings(**common, refine="looks"))
+    common: dict[str, Any] = {"textures": 1, "projections": ("theta_h-theta_d",), **FAST, "size": 5}
+    plain = fit_search(samples, Search(**common))
+    refined = fit_search(samples, Search(**common, refine="linear"))
     account = refined.factorization.provenance["refine"]
     assert account["cosine_mse_after"] < 0.9 * account["cosine_mse_before"]
     assert account["log_mse_before"] == pytest.approx(plain.report.residual)
@@ -150,7 +151,9 @@ def test_every_kind_makes_a_projection_of_its_own_symmetry(kind: str) -> None:
     assert (projection.rotation is not None) == is_searched(kind)
 
 
-@pytest.mark.parametrize("name", [n for n in FIXED_PROJECTIONS if n not in ("theta_h", "theta_d", "theta_i")])
+@pytest.mark.parametrize(
+    "name", [n for n in FIXED_PROJECTIONS if n not in ("theta_h", "theta_d", "theta_i", "theta_h-phi_h")]
+)
 def test_a_loosened_projection_starts_at_the_fixed_one(name: str) -> None:
     fixed = fixed_projection(name, True)
     loose = loosened(fixed)
@@ -161,12 +164,12 @@ def test_a_loosened_projection_starts_at_the_fixed_one(name: str) -> None:
 
 
 def test_candidates_follow_the_symmetry_and_the_pin() -> None:
-    isotropic = candidates_of(_draw(_lobe, 10), FitSettings())
+    isotropic = candidates_of(_draw(_lobe, 10), Search())
     assert all(is_isotropic(kind) for kind in isotropic[0])
-    anisotropic = candidates_of(_draw(_lobe, 10, isotropic=False), FitSettings())
+    anisotropic = candidates_of(_draw(_lobe, 10, isotropic=False), Search())
     assert "half-diff" in anisotropic[0]
-    assert candidates_of(_draw(_lobe, 10), FitSettings(parameterization="in-out")) == (("in-out",),)
-    with pytest.raises(BadInput, match="parameterization: found 3 kinds for 2 textures"):
-        candidates_of(_draw(_lobe, 10), FitSettings(parameterization="h+d+wi"))
-    with pytest.raises(BadInput, match="parameterization: found 'polar', expected one of wi"):
-        candidates_of(_draw(_lobe, 10), FitSettings(parameterization="polar"))
+    assert candidates_of(_draw(_lobe, 10), Search(projections=("in-out",))) == (("in-out",),)
+    with pytest.raises(BadInput, match="projections: found 3 for 2 textures"):
+        candidates_of(_draw(_lobe, 10), Search(projections=("h", "d", "wi")))
+    with pytest.raises(BadInput, match="projections: found 'polar', expected one of wi"):
+        candidates_of(_draw(_lobe, 10), Search(projections=("polar",)))

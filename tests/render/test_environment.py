@@ -133,5 +133,5 @@ def test_damaged_hdr_is_one_line_naming_the_file(tmp_path, words, data):
 
 
 def test_missing_file(tmp_path):
-    with pytest.raises(BadInput, match=r"none\.hdr: cannot be read"):
+    with pytest.raises(BadInput, match=r"none\.hdr: no such file"):
         read_environment(tmp_path / "none.hdr")

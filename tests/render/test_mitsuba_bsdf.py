@@ -33,6 +33,7 @@ from shading_cases import SEPARABLE
 import homofact
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
+from homofact.methods.table import METHODS
 from homofact.render import mitsuba_bsdf
 from homofact.render.lobe_sampling import lobe_sampling
 
@@ -95,7 +96,9 @@ def test_sums_of_products_evaluate_as_in_python(mi: Any, tmp_path: Path, name: s
 @pytest.mark.parametrize("method", ["svd", "nmf"])
 def test_fitted_sums_of_products_are_drawn_and_weighted_alike(mi: Any, tmp_path: Path, method: str) -> None:
     """What `sample` weighs adds up to the albedo; textures are parameters."""
-    fit = homofact.fit(homofact.read("material:phong-10", count=2000), method=method, size=12, textures=3)
+    fit = homofact.fit(
+        homofact.read("material:phong-10", count=2000), METHODS[method](size=12, textures=3)
+    ).factorization
     fit.save(tmp_path / "fit.npz")
     bsdf = mitsuba_bsdf.load_bsdf(tmp_path / "fit.npz")
     weight = np.array(drawn(mi, bsdf, at(30), 200_000)[2])

@@ -1,17 +1,18 @@
 """In-out terms: the decomposition against the dense one and the theory, and the published counts."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 import torch
 
 from homofact.brdf.analytic import Lambert, Phong, TorranceSparrow, Ward
 from homofact.brdf.source import open_source
+from homofact.brdf.symmetry import Symmetry, find_symmetry
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_uniform
 from homofact.scene.half_curve import half_angle_curve
-from homofact.scene.in_out import Grid, Symmetry, count_for_share, decompose, symmetry_of
+from homofact.scene.in_out import Grid, count_for_share, decompose
 from homofact.scene.reflection import phong_filter
 from homofact.scene.terms import (
     half_angle_terms,
@@ -21,7 +22,7 @@ from homofact.scene.terms import (
     settled_decomposition,
 )
 
-EVEN = Symmetry(isotropic=True, mirrored=True)
+EVEN = Symmetry(isotropic=True, reciprocal=True, mirrored=True, half_turn=True)
 HORIZON = math.pi / 2
 
 
@@ -60,7 +61,7 @@ def test_on_the_sphere_the_values_are_phongs_spectrum(exponent: int) -> None:
 
 def test_a_kernel_that_is_turned_keeps_its_values_and_needs_the_whole_turn() -> None:
     straight = decompose(Kernel(8), Grid(24, 48, 1.2), EVEN)
-    turned = decompose(Kernel(8, 0.6), Grid(24, 48, 1.2), Symmetry(True, False))
+    turned = decompose(Kernel(8, 0.6), Grid(24, 48, 1.2), replace(EVEN, mirrored=False))
     assert torch.allclose(straight.values()[:60], turned.values()[:60], atol=1e-12)
     wi, wo = near_the_normal(50, 1.2)
     assert torch.allclose(turned.truncated(10_000).signed(wi, wo), Kernel(8, 0.6).evaluate(wi, wo), atol=1e-5)
@@ -76,7 +77,7 @@ def test_the_blocks_are_the_dense_matrix() -> None:
     """The same grid, the same values: isotropy is exploited, not assumed away."""
     model, grid = torrance_sparrow(0.4), Grid(10, 21, 1.3)
     blocks = decompose(model, grid, EVEN)
-    dense = decompose(model, grid, Symmetry(False, True))
+    dense = decompose(model, grid, replace(EVEN, isotropic=False))
     assert not dense.isotropic
     assert blocks.isotropic
     assert torch.allclose(blocks.values(), dense.values(), atol=1e-12)
@@ -187,9 +188,10 @@ def test_lambert_is_one_term() -> None:
 
 
 def test_symmetries_are_found() -> None:
-    assert symmetry_of(torrance_sparrow(0.2)) == EVEN
-    assert symmetry_of(Ward((0.2,), (0.2,), 0.1, 0.3, channels=("Y",))) == Symmetry(False, True)
-    assert symmetry_of(Kernel(5, 0.6)) == Symmetry(True, False)
+    assert find_symmetry(torrance_sparrow(0.2)) == EVEN
+    assert find_symmetry(Ward((0.2,), (0.2,), 0.1, 0.3, channels=("Y",))) == replace(EVEN, isotropic=False)
+    kernel = find_symmetry(Kernel(5, 0.6))
+    assert (kernel.isotropic, kernel.mirrored) == (True, False)
 
 
 def test_a_lobe_too_sharp_for_the_grids_is_said_to_be() -> None:

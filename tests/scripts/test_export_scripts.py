@@ -66,9 +66,9 @@ def test_whole_texels(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 def network(seed: int) -> NeuralBrdf:
     generator = torch.Generator().manual_seed(seed)
-    weights = tuple(torch.randn(shape, generator=generator, dtype=torch.float64) * 0.4 for shape in LAYERS)
-    biases = tuple(torch.randn(shape[1], generator=generator, dtype=torch.float64) * 0.4 for shape in LAYERS)
-    return NeuralBrdf(weights, biases)  # pyright: ignore[reportArgumentType]
+    w0, w1, w2 = (torch.randn(shape, generator=generator, dtype=torch.float64) * 0.4 for shape in LAYERS)
+    b0, b1, b2 = (torch.randn(shape[1], generator=generator, dtype=torch.float64) * 0.4 for shape in LAYERS)
+    return NeuralBrdf((w0, w1, w2), (b0, b1, b2))
 
 
 def test_the_compiled_network_is_the_network(script) -> None:

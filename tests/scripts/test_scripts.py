@@ -24,7 +24,7 @@ from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.metrics import six_errors
 from homofact.geometry.directions import draw_in_discs, normalize
 from homofact.geometry.parabolic import to_disc
-from homofact.methods.settings import FitSettings
+from homofact.methods.cole import Cole
 
 ROOT = Path(__file__).resolve().parents[2]
 SYNTHETIC = ROOT / "data_synthetic" / "synthetic_cornell.brdf"
@@ -66,11 +66,11 @@ def table(text: str, first: str) -> list[dict[str, str]]:
 
 def test_a_ladder_gives_the_fits_of_fewer_textures(script: Callable[[str], ModuleType]) -> None:
     source = open_source(f"material:{PAINT}", count=900)
-    settings = FitSettings(method="cole", textures=3, size=6, restarts=2, search_size=4, search_samples=200, seed=3)
+    settings = Cole(textures=3, size=6, restarts=2, search_size=4, search_samples=200, seed=3)
     rows = script("ladder").ladder(source, settings)
     assert [len(row.factorization.terms) for row in rows] == [1, 2, 3]
     for count, row in enumerate(rows, 1):
-        single = fit_and_measure(source, FitSettings(**{**vars(settings), "textures": count}))
+        single = fit_and_measure(source, Cole(**{**vars(settings), "textures": count}))
         for mine, theirs in zip(row.factorization.terms, single.factorization.terms, strict=True):
             assert torch.equal(mine.projection.matrix, theirs.projection.matrix)
             assert torch.equal(mine.texture, theirs.texture)
@@ -92,7 +92,7 @@ def test_the_comparison_writes_what_it_measured(
     with open(out / "errors.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 3 * (1 + 4 * 2)
-    keys = {(row["source"], row["parameterization"], row["reciprocal"], row["textures"]) for row in rows}
+    keys = {(row["source"], row["coordinates"], row["reciprocal"], row["textures"]) for row in rows}
     assert len(keys) == len(rows)
     error: dict[tuple[str, str], list[float]] = {}
     for row in rows:
@@ -157,15 +157,15 @@ def test_the_statements_are_judged_by_the_numbers(script: Callable[[str], Module
         found = module.judge({key: change(key, value) for key, value in errors.items()})
         return [n for n, verdict in enumerate(found) if verdict.verdict == module.DIFFERS]
 
-    assert differing(lambda k, v: v / 2 if k.parameterization == module.MCCOOL and k.source == PAINT else v) == [0]
+    assert differing(lambda k, v: v / 2 if k.coordinates == module.MCCOOL and k.source == PAINT else v) == [0]
     assert differing(lambda k, v: 0.009 if k.source == PAINT and k.textures == 5 else v) == [1, 5]
     assert differing(
-        lambda k, v: v * 0.8 if k.source == PLASTIC and k.textures == 2 and "-" in k.parameterization else v
+        lambda k, v: v * 0.8 if k.source == PLASTIC and k.textures == 2 and "-" in k.coordinates else v
     ) == [2]
     assert differing(
-        lambda k, v: v * 2 if k.source == "cayman.brdf" and k.textures == 2 and "-" in k.parameterization else v
+        lambda k, v: v * 2 if k.source == "cayman.brdf" and k.textures == 2 and "-" in k.coordinates else v
     ) == [4]
-    assert differing(lambda k, v: v * 9 if k.source == PLASTIC and k.parameterization == "half-diff" else v) == [
+    assert differing(lambda k, v: v * 9 if k.source == PLASTIC and k.coordinates == "half-diff" else v) == [
         2,
         3,
         6,

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -105,11 +106,11 @@ def test_pairs_under_the_horizon_are_zero_even_straight_down(name: str) -> None:
         assert float(EVERY[name].evaluate(wi, wo).abs().max()) == 0
 
 
-@pytest.mark.parametrize("method", ["svd", "nmf"])
-def test_a_sum_is_quantised_as_part_of_the_fit(method: str) -> None:
+@pytest.mark.parametrize("method", [homofact.Svd, homofact.Nmf])
+def test_a_sum_is_quantised_as_part_of_the_fit(method: Any) -> None:
     source = homofact.read("material:phong-10", count=1000)
-    plain = homofact.fit(source, method=method, size=8, textures=2)
-    eight = homofact.fit(source, method=method, size=8, textures=2, quantize="png8")
+    plain = homofact.fit(source, method(size=8, textures=2)).factorization
+    eight = homofact.fit(source, method(size=8, textures=2, quantize="png8")).factorization
     assert not is_solved(plain)
     assert all(texture.grid is not None and texture.grid.levels == 255 for texture in eight.textures)
     assert torch.equal(quantize(plain, source.samples, "png8").textures[0].texels, eight.textures[0].texels)

@@ -140,7 +140,7 @@ def test_unknown_storages_are_refused() -> None:
 def test_a_measured_paint_in_every_storage(real_data: Path) -> None:
     """Red garnet by McCool's two textures: what each storage loses beside the range of the logarithms."""
     source = homofact.read(str(real_data / "cornell" / "garnet_red.brdf"))
-    fitted = homofact.fit(source, method="mccool", size=16, smoothing=0.1)
+    fitted = homofact.fit(source, homofact.McCool(size=16, smoothing=0.1)).factorization
     for texture in fitted.textures:
         inside = texture.texels[texture.mask]
         span = float((inside.amax(0) - inside.amin(0)).max())
@@ -152,3 +152,12 @@ def test_a_measured_paint_in_every_storage(real_data: Path) -> None:
         assert lost["unorm8"] < 0.29 / 255
         # A block of 4 x 4 is a quarter of such a texture's side, and its noise lies on no line in colour space.
         assert lost["bc6h"] < 0.014
+
+
+def test_halves_are_counted_from_the_middle_of_the_range() -> None:
+    """A range of 8 far from zero: numbers of at most 4, of which a half float holds steps of 2⁻⁹ below 4."""
+    texture = torch.rand(16, 16, 1, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) * 8 + 100
+    texture[0, 0], texture[0, 1] = 100, 108
+    found = encode(texture, torch.ones(16, 16, dtype=torch.bool), "float16")
+    assert float((found.decoded() - texture).abs().max()) <= 2**-10
+    assert float(np.abs(found.stored).max()) == pytest.approx(4)

@@ -110,6 +110,33 @@ def test_runaway_texels_are_cut_as_in_python(tmp_path: Path) -> None:
     assert np.median(np.abs(found - expected) / np.maximum(expected, 1e-3)) < 1e-4
 
 
+def constants(logs: tuple[float, ...], reciprocal: bool = False) -> Factorization:
+    """A product of textures that are one number each."""
+    names = ("wi", "h", "d")[: len(logs)]
+    made = factorization(*(fixed_projection(name, reciprocal) for name in names))
+    terms = tuple(replace(t, texture=torch.full_like(t.texture, x)) for t, x in zip(made.terms, logs, strict=True))
+    return replace(made, terms=terms)
+
+
+@pytest.mark.parametrize("logs", [(70.0, 30.0), (30.0, 30.0, 30.0), (200.0, -150.0), (100.0, -10.0)])
+def test_the_cut_is_of_the_sum_and_of_no_texture_by_itself(logs: tuple[float, ...], tmp_path: Path) -> None:
+    fitted = constants(logs)
+    wi, wo = pairs(5)
+    source = c_of(fitted, encoded(fitted))
+    found = run_c(source, 3, tmp_path, wi, wo)
+    assert np.allclose(found, fitted.evaluate(wi, wo).numpy(), rtol=1e-4)
+    assert np.allclose(found, fitted.transform.mean.numpy() * np.exp(min(sum(logs), 80)), rtol=1e-4)
+    assert ("runaway" in source) is (sum(logs) > 80)
+
+
+def test_a_texture_that_is_looked_up_twice_counts_twice(tmp_path: Path) -> None:
+    fitted = constants((50.0,), reciprocal=True)
+    assert fitted.fetches == 2
+    wi, wo = pairs(5)
+    found = run_c(c_of(fitted, encoded(fitted)), 3, tmp_path, wi, wo)
+    assert np.allclose(found, fitted.evaluate(wi, wo).numpy(), rtol=1e-4)
+
+
 @pytest.mark.parametrize("storage", ["float16", "unorm8", "unorm16"])
 def test_a_stored_texture_decodes_to_within_half_a_step(storage: str) -> None:
     term = CASES["fixed h"].terms[0]

@@ -127,7 +127,7 @@ def test_a_factorization_is_the_textures_that_its_program_reads(name: str) -> No
     assert len(layer.textures) == len(fitted.terms)
     for texture, term in zip(layer.textures, fitted.terms, strict=True):
         assert texture.pixels.dtype == np.float32
-        expected = term.texture.float().expand(-1, -1, 3).numpy()
+        expected = term.flat().texture.float().expand(-1, -1, 3).numpy()
         assert (texture.pixels[..., :3] == expected).all()
         assert f"uniform highp sampler2D {texture.name};" in layer.glsl
         assert texture.quantity == "log"

@@ -46,7 +46,7 @@ class AshikhminShirley(AnalyticModel):
         x_squared, y_squared = h[..., 0] ** 2, h[..., 1] ** 2
         sine_squared = x_squared + y_squared
         # At h = n the exponent is 0/0 and the power is 1 whatever it is.
-        exponent = (self.nu * x_squared + self.nv * y_squared) / sine_squared.clamp_min(1e-300)
+        exponent = (self.nu * x_squared + self.nv * y_squared) / sine_squared.clamp_min(torch.finfo(wi.dtype).tiny)
         power = torch.exp(exponent * torch.log(grazing(h[..., 2])))
         ni, no = grazing(wi[..., 2]), grazing(wo[..., 2])
         scale = math.sqrt((self.nu + 1) * (self.nv + 1)) / (8 * math.pi)

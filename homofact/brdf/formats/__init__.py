@@ -10,7 +10,7 @@ from homofact.brdf.formats import alta, astm, cornell, csv, curet, mdl, merl, nb
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes, split_member
+from homofact.files.reading import read_bytes, split_member
 
 # Every reader is a module with NAME, DESCRIPTION, sniff(head) and read(path, channels), and open_file(path,
 # channels, drawing) where the file is a reflectance by itself. The first that knows the head has the file; a
@@ -29,7 +29,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     check_channels(channels)
     file, member = split_member(path)
     # Of a missing "a#b" the name as it was given is what helps.
-    raw = read_bytes(file if os.path.exists(file) else path)
+    raw = read_bytes(file if os.path.exists(file) else path, "a BRDF file or material:NAME")
     head, size = raw[:_HEAD], len(raw)
     del raw
     known_heads = [reader for reader in READERS if reader.sniff(head)]

@@ -13,12 +13,10 @@ Rows with a direction under the horizon are left out and counted, so are, where 
 nearer to the horizon than 0.6°, whose error the division makes a hundredfold. Negative values are set to 0 and
 counted.
 
-Writing. Samples as ALTA text: what is read comes back.
-
-f in sr⁻¹ (INV_STERADIAN), every number with all its digits. Isotropic samples are written as
-ISOTROPIC_TV_TL_DPHI, others as SPHERICAL_TL_PL_TV_PV: angles, so that directions come back to rounding; with
-CARTESIAN they come back bit for bit, but the file no longer says that the material is isotropic. Weights are
-not kept.
+`write` gives f in sr⁻¹ (INV_STERADIAN), every number with all its digits: isotropic samples as
+ISOTROPIC_TV_TL_DPHI, others as SPHERICAL_TL_PL_TV_PV. Values come back bit for bit, directions to rounding, since these
+are angles; CARTESIAN would keep their bits too, but such a file does not say that the material is isotropic. Weights
+are not kept.
 """
 
 import math
@@ -34,7 +32,8 @@ from homofact.brdf.formats.alta_parameters import PARAMETERIZATIONS
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import FROM_XYZ
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes, write_bytes
+from homofact.files.atomic import write_text
+from homofact.files.reading import read_bytes
 from homofact.files.text import check_last_line, number_table, numbered_lines, short
 from homofact.geometry.directions import to_spherical
 
@@ -64,7 +63,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     column counts, numbers that are none, a cut end, no row above the horizon.
     """
     check_channels(channels)
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     lines = list(numbered_lines(raw))
     header, comments = _header(path, lines)
     name, output = _named(path, header, "#PARAM_IN", PARAMETERIZATIONS), _named(path, header, "#PARAM_OUT", _OUTPUTS)
@@ -224,7 +223,7 @@ def write(
         f"#CHANNELS {' '.join(samples.channels)}",
     ]
     rows = [" ".join(map(repr, row)) for row in columns.tolist()]
-    write_bytes(path, ("\n".join([*head, *rows]) + "\n").encode())
+    write_text(path, "\n".join([*head, *rows]) + "\n")
 
 
 def _inputs(samples: Samples, name: str) -> Tensor:

@@ -11,10 +11,9 @@ else a channel of that name. The standard counts angles in degrees, the laborato
 π/2 means degrees, and provenance says which was taken. Light from one azimuth only means isotropic. Negative
 values (colours out of gamut, noise) are set to 0 and counted.
 
-Writing. Samples as ASTM E1392 text: what is read comes back, angles in radians with all digits.
-
-Isotropic samples are turned until the light stands at φi = 0, which is what makes them isotropic again when
-they are read; directions come back to rounding, values bit for bit. Weights are not kept.
+`write` gives angles in radians, every number with all its digits: values come back bit for bit, directions to rounding.
+Isotropic samples are turned until the light stands at φi = 0, by which a reader knows that they are isotropic. Weights
+are not kept.
 """
 
 import math
@@ -25,8 +24,10 @@ import torch
 from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import FROM_XYZ
+from homofact.brdf.symmetry import lit_from_one_azimuth
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes, write_bytes
+from homofact.files.atomic import write_text
+from homofact.files.reading import read_bytes
 from homofact.files.text import check_last_line, number_table, numbered_lines, short
 from homofact.geometry.directions import from_spherical, to_spherical
 
@@ -50,7 +51,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     of rows, wrong column counts, numbers that are none, directions under the horizon, a cut end.
     """
     check_channels(channels)
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     lines = list(numbered_lines(raw))
     names, count, comments, start = _header(path, lines)
     numbers, places = number_table(path, lines[start:], len(names), "as VARS names", ",")
@@ -81,7 +82,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         from_spherical((theta_s.abs() * scale).clamp_max(math.pi / 2), phi_s * scale + across),
         values.clamp_min(0),
         channels=colours,
-        isotropic=bool((phi_i == phi_i[0]).all()),
+        isotropic=lit_from_one_azimuth(phi_i),
         provenance={
             "format": NAME,
             "comments": comments,
@@ -144,4 +145,4 @@ def write(path: str | os.PathLike[str], samples: Samples, name: str = "sample") 
         f"VARS {','.join((*ANGLES, *samples.channels))}",
     ]
     rows = [",".join(map(repr, row)) for row in columns.tolist()]
-    write_bytes(path, ("\n".join([*head, "", *rows]) + "\n").encode())
+    write_text(path, "\n".join([*head, "", *rows]) + "\n")

@@ -19,7 +19,9 @@ from torch import Tensor
 from homofact.brdf.channels import as_channels, check_channels, spectral_names
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes, write_bytes
+from homofact.files.atomic import write_text
+from homofact.files.reading import read_bytes
+from homofact.files.text import short
 from homofact.geometry.directions import from_spherical
 
 NAME = "cornell"
@@ -49,7 +51,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     that are none, not finite or negative, wrong column counts, a cut end, directions under the horizon.
     """
     check_channels(channels)
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     lines = list(_content(raw))
     wavelengths, start = _wavelengths(path, lines)
     rows = [_row(path, number, line, len(wavelengths)) for number, line in lines[start:]]
@@ -102,7 +104,7 @@ def write(
     text += [" ".join(words[k : k + 19]) for k in range(0, len(words), 19)]
     text += ["", "# theta i, phi i, theta s, phi_s, spectral sample values", ""]
     text += [" ".join(f"{x:.6f}" for x in row) for row in torch.cat((angles, spectra), 1).tolist()]
-    write_bytes(path, ("\n".join(text) + "\n").encode())
+    write_text(path, "\n".join(text) + "\n")
 
 
 def _content(raw: bytes) -> Iterator[tuple[int, str]]:
@@ -124,7 +126,7 @@ def _wavelengths(path: object, lines: list[tuple[int, str]]) -> tuple[list[float
         raise BadInput(f"{path}: only comments, expected the number of wavelengths")
     number, line = lines[0]
     if not _is_count(line):
-        raise BadInput(f"{path}: line {number}: found {_short(line)}, expected the number of wavelengths")
+        raise BadInput(f"{path}: line {number}: found {short(line)}, expected the number of wavelengths")
     count, found, index = int(line), [], 1
     while len(found) < count:
         if index == len(lines):
@@ -165,9 +167,5 @@ def _number(path: object, number: int, word: str) -> float:
         value = math.nan
     # float() takes "1_0" too, which no measurement means.
     if not math.isfinite(value) or "_" in word:
-        raise BadInput(f"{path}: line {number}: found {_short(word)}, expected a finite number")
+        raise BadInput(f"{path}: line {number}: found {short(word)}, expected a finite number")
     return value
-
-
-def _short(word: str) -> str:
-    return repr(word if len(word) <= 40 else word[:37] + "...")

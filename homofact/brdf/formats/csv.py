@@ -10,10 +10,8 @@ theta_o, phi_o in radians, the same with _deg in degrees, or wi_x … wo_z; `wei
 column is a channel of f in sr⁻¹ without the cosine, "550nm" being a wavelength. φ is absolute: the mirror
 direction of φi = 0 is φo = π.
 
-Writing. Samples as comma-separated text: what is read comes back, every number with all its digits.
-
-Directions go as vectors, so that they come back bit for bit; a column `weight` is written where weights differ
-from 1.
+`write` gives every number with all its digits and directions as vectors, so that samples come back bit for bit; there
+is a column `weight` where weights differ from 1.
 """
 
 import math
@@ -25,7 +23,8 @@ from torch import Tensor
 from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes, write_bytes
+from homofact.files.atomic import write_text
+from homofact.files.reading import read_bytes
 from homofact.files.text import check_last_line, number_table, numbered_lines, short
 from homofact.geometry.directions import from_spherical
 
@@ -57,7 +56,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     end.
     """
     check_channels(channels)
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     lines = list(numbered_lines(raw))
     facts, comments, index = _stated(path, lines)
     number, line = lines[index]
@@ -179,4 +178,4 @@ def write(path: str | os.PathLike[str], samples: Samples, comments: tuple[str, .
         lines.append("# noise_free: true")
     lines += [f"# {' '.join(line.split())}" for line in comments]
     rows = [",".join(map(repr, row)) for row in torch.cat(columns, 1).tolist()]
-    write_bytes(path, ("\n".join([*lines, ",".join(header), *rows]) + "\n").encode())
+    write_text(path, "\n".join([*lines, ",".join(header), *rows]) + "\n")

@@ -10,10 +10,8 @@ they are beside it as RGB, and else the one file as a channel of its own; abrdf.
 sample of that number. The values are f in sr⁻¹ without the cosine. Light from one azimuth only means isotropic; the
 database's does not, and many of its samples are anisotropic. Negative values are set to 0 and counted.
 
-Writing. Samples as CUReT text: what is read comes back, all digits of values and angles.
-
-One material a call: abrdf.dat with the mean of the channels, rbrdf.dat, gbrdf.dat and bbrdf.dat of three, and
-table.txt. Weights are not kept.
+`write` makes the files of one material: abrdf.dat with the mean of the channels, of three channels rbrdf.dat, gbrdf.dat
+and bbrdf.dat too, and table.txt; values and angles with all their digits. Weights are not kept.
 """
 
 import math
@@ -25,9 +23,11 @@ import torch
 
 from homofact.brdf.channels import as_channels, check_channels
 from homofact.brdf.samples import Samples
+from homofact.brdf.symmetry import lit_from_one_azimuth
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes, split_member, write_bytes
-from homofact.files.text import number_table, numbered_lines
+from homofact.files.atomic import write_text
+from homofact.files.reading import read_bytes, split_member
+from homofact.files.text import check_last_line, number_table, numbered_lines
 from homofact.geometry.directions import from_spherical, to_spherical
 
 NAME = "curet"
@@ -60,8 +60,8 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     """The 205 samples of the material that "FILE#NUMBER" names; of a file with one row, the number may be left out.
 
     Raises BadInput naming file and line: no table.txt beside it or one that is not 205 rows of four angles above the
-    horizon, rows of another length, numbers that are none, a sample's number twice or out of 1 to 61, no number
-    where there are several samples, and one that the file does not hold.
+    horizon, rows of another length, a cut end, numbers that are none, a sample's number twice or out of 1 to 61, no
+    number where there are several samples, and one that the file does not hold.
     """
     check_channels(channels)
     file, member = split_member(path)
@@ -83,7 +83,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         from_spherical(theta_v, phi_v),
         values.clamp_min(0),
         channels=names,
-        isotropic=bool((phi_i == phi_i[0]).all()),
+        isotropic=lit_from_one_azimuth(phi_i),
         provenance={
             "format": NAME,
             "material": f"sample {number}",
@@ -115,10 +115,12 @@ def _chosen(file: object, table: dict[int, np.ndarray], member: str | None) -> i
 
 def _rows(path: str | os.PathLike[str]) -> dict[int, np.ndarray]:
     """The 205 values of every sample by its number, in the file's order."""
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     numbers, places = number_table(
         path, numbered_lines(raw), MEASUREMENTS + 1, f"a sample's number and {MEASUREMENTS} values"
     )
+    if places:
+        check_last_line(path, raw, places[-1])
     table: dict[int, np.ndarray] = {}
     for row, line in zip(numbers, places, strict=True):
         if row[0] != int(row[0]) or not 1 <= row[0] <= SAMPLES or int(row[0]) in table:
@@ -131,11 +133,11 @@ def _rows(path: str | os.PathLike[str]) -> dict[int, np.ndarray]:
 
 def _directions(path: Path) -> np.ndarray:
     """theta_v, phi_v, theta_i, phi_i (205, 4) in radians."""
-    if not path.is_file():
-        raise BadInput(f"{path}: no such file, expected the database's table of {MEASUREMENTS} directions there")
-    numbers, places = number_table(path, numbered_lines(read_bytes(path)), 4, "theta_v phi_v theta_i phi_i")
+    raw = read_bytes(path, f"the database's table of {MEASUREMENTS} directions there")
+    numbers, places = number_table(path, numbered_lines(raw), 4, "theta_v phi_v theta_i phi_i")
     if len(numbers) != MEASUREMENTS:
         raise BadInput(f"{path}: {len(numbers)} rows, expected {MEASUREMENTS}")
+    check_last_line(path, raw, places[-1])
     theta = numbers[:, [0, 2]]
     wrong = ((theta < -_SLACK) | (theta > math.pi / 2 + _SLACK)).any(1)
     if wrong.any():
@@ -166,6 +168,6 @@ def write(folder: str | os.PathLike[str], samples: Samples, number: int = 1) -> 
     if len(samples.channels) == 3:
         columns |= {name: samples.values[:, c] for c, name in enumerate(COLOURS)}
     for name, values in columns.items():
-        write_bytes(Path(folder) / name, f"{number} {' '.join(map(repr, values.tolist()))}\n".encode())
+        write_text(Path(folder) / name, f"{number} {' '.join(map(repr, values.tolist()))}\n")
     table = torch.stack((*to_spherical(samples.wo), *to_spherical(samples.wi)), 1)
-    write_bytes(Path(folder) / TABLE, "".join(f"{' '.join(map(repr, row))}\n" for row in table.tolist()).encode())
+    write_text(Path(folder) / TABLE, "".join(f"{' '.join(map(repr, row))}\n" for row in table.tolist()))

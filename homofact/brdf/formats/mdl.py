@@ -26,7 +26,7 @@ from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.samples import Samples
 from homofact.brdf.table import AngleTable, Axis, ring_weights
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes
+from homofact.files.reading import read_bytes
 from homofact.geometry.directions import from_spherical
 
 NAME = "mdl"
@@ -48,7 +48,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     reflection, an unknown type, sizes that disagree with the file's, and entries that are not finite.
     """
     check_channels(channels)
-    entries, names, comments = _entries(path, read_bytes(path))
+    entries, names, comments = _entries(path, read_bytes(path, DESCRIPTION))
     theta, phi = _centres(entries.shape[0], math.pi / 2), _centres(entries.shape[2], math.pi)
     rows, columns = (entries.shape[k] - _repeated(entries, k) for k in (0, 1))
     kept = entries[:rows, :columns]

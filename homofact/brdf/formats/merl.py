@@ -7,11 +7,9 @@ What the entries mean is in `homofact.brdf.merl`. The samples are the centres of
 directions above the horizon, each weighted by the pairs of directions that its bin stands for (mean weight 1),
 so that the many small bins round the highlight count as the small solid angle that they are.
 
-Writing. Any reflectance, or the samples of a MERL file, as a MERL .binary, which nearly every viewer opens.
-
-Layout and units are those of `homofact.brdf.formats.merl` and `homofact.brdf.merl`. A table is written as it
-is. A reflectance is evaluated at the bins' centres with h in the xz-plane: of an anisotropic one the file
-holds that cut alone. Bins with a direction under the horizon, and bins without a sample, are −1.
+Writing takes a table as it is, samples that were read from such a file, or any reflectance, which is evaluated at the
+bins' centres with h in the xz-plane: of an anisotropic one the file holds that cut alone. Bins with a direction under
+the horizon, and bins without a sample, are −1. Nearly every viewer opens these files.
 """
 
 import os
@@ -28,7 +26,8 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import to_rgb
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes, write_bytes
+from homofact.files.atomic import write_bytes
+from homofact.files.reading import read_bytes
 
 NAME = "merl"
 DESCRIPTION = "MERL .binary (three int32: bins in θh, θd, φd; then red, green, blue as float64)"
@@ -43,7 +42,7 @@ def sniff(head: bytes) -> bool:
 
 def load(path: str | os.PathLike[str]) -> MerlTable:
     """The table of a file. Raises BadInput for sizes that disagree with the file's, and entries not finite."""
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     if not sniff(raw[:_HEADER]):
         raise BadInput(f"{path}: begins with {raw[:_HEADER]!r}, expected three int32 numbers of bins (90, 90, 180)")
     shape = struct.unpack("<3i", raw[:_HEADER])

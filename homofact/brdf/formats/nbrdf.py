@@ -21,8 +21,8 @@ from homofact.brdf.neural import LAYERS, NeuralBrdf
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
-from homofact.files.arrays import member_names, read_arrays
-from homofact.files.binary import read_bytes, split_member
+from homofact.files.archive import member_names, read_arrays
+from homofact.files.reading import read_bytes, split_member
 
 NAME = "nbrdf"
 DESCRIPTION = "weights of neural BRDFs (NAME/w0 … NAME/b2; FILE#NAME picks a material)"
@@ -38,7 +38,7 @@ def sniff(head: bytes) -> bool:
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
     """The materials of a file, sorted. Raises BadInput where it cannot be read or holds no network."""
-    return _names(path, read_bytes(path))
+    return _names(path, read_bytes(path, DESCRIPTION))
 
 
 def load(path: str | os.PathLike[str]) -> NeuralBrdf:
@@ -48,7 +48,7 @@ def load(path: str | os.PathLike[str]) -> NeuralBrdf:
     (listing some), and arrays of wrong sizes or types.
     """
     file, name = split_member(path)
-    raw = read_bytes(file)
+    raw = read_bytes(file, DESCRIPTION)
     names = _names(file, raw)
     if name is None:
         if len(names) > 1:

@@ -13,10 +13,8 @@ float32 directions are brought back to length 1 in float64. `write` fixes every 
 the same file.
 """
 
-import io
 import json
 import os
-import zipfile
 from typing import Any
 
 import numpy as np
@@ -25,8 +23,8 @@ import torch
 from homofact.brdf.channels import as_channels, check_channels
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.files.arrays import member_names, read_arrays
-from homofact.files.binary import read_bytes, write_bytes
+from homofact.files.archive import member_names, read_arrays, read_header, write_arrays
+from homofact.files.reading import read_bytes
 
 NAME = "npz"
 DESCRIPTION = "numpy archive of samples (wi, wo, values, channels, isotropic, header)"
@@ -47,7 +45,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     under the horizon, not of unit length; or a damaged archive.
     """
     check_channels(channels)
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     found = member_names(path, raw, _WHOLE)
     data = read_arrays(path, raw, _KEYS, _WHOLE)
     missing = [name for name in _KEYS if name not in data]
@@ -56,12 +54,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
             f"{path}: holds {', '.join(sorted(found)[:8]) or 'nothing'}; expected arrays {', '.join(_KEYS)},"
             f" of which {', '.join(missing)} missing"
         )
-    try:
-        header = json.loads(str(data["header"]))
-    except (ValueError, RecursionError) as error:
-        raise BadInput(f"{path}: header is not JSON ({error}), expected a JSON object") from error
-    if not isinstance(header, dict):
-        raise BadInput(f"{path}: header is a JSON {type(header).__name__}, expected an object")
+    header = read_header(path, data, _WHOLE)
     if data["isotropic"].shape != () or data["isotropic"].dtype != np.bool_:
         raise BadInput(f"{path}: isotropic is {data['isotropic'].dtype}, expected one boolean")
     if data["channels"].ndim != 1 or data["channels"].dtype.kind != "U":
@@ -102,16 +95,7 @@ def write(path: str | os.PathLike[str], samples: Samples, header: dict[str, Any]
         "isotropic": np.array(samples.isotropic),
         "header": np.array(json.dumps(header, ensure_ascii=False, sort_keys=True)),
     }
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for name, array in arrays.items():
-            member = io.BytesIO()
-            np.lib.format.write_array(member, array, version=(1, 0), allow_pickle=False)
-            # A fixed date and creator, or the same samples would give another file elsewhere.
-            info = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
-            info.create_system = 3
-            archive.writestr(info, member.getvalue())
-    write_bytes(path, buffer.getvalue())
+    write_arrays(path, arrays)
 
 
 def _doubles(array: np.ndarray) -> np.ndarray:

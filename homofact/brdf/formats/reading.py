@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
+from homofact.brdf.names import DEFAULT_COUNT
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
-from homofact.brdf.sampling import DEFAULT_COUNT
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import to_luminance, to_rgb
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes
+from homofact.files.reading import read_bytes
 
 NAME = "rgl"
 DESCRIPTION = "RGL tensor file (adaptive parameterization, RGB or spectral)"
@@ -57,7 +57,7 @@ def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     Raises BadInput naming file and field for another version, a header that ends early, more fields than fit,
     a name twice or not in UTF-8, an unknown type, and data that do not lie within the file.
     """
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     place = len(_MAGIC)
     if not raw.startswith(_MAGIC):
         raise BadInput(f"{path}: begins with {raw[:12]!r}, expected {_MAGIC!r}")

@@ -9,7 +9,7 @@ The entries are taken as linear RGB values of f in sr⁻¹, as the authors' own 
 not established: another published reader decodes sRGB from entries/140 and multiplies by 100. Negative entries
 are set to 0 and counted. Compare such files scale-free.
 
-Writing. Any reflectance at the nodes of the UTIA database's files: what is read comes back.
+`write` evaluates any reflectance at these nodes; what was read comes back as it was.
 """
 
 import math
@@ -24,7 +24,8 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.table import AngleTable, Axis, ring_weights
 from homofact.errors import BadInput
-from homofact.files.binary import read_bytes, write_bytes
+from homofact.files.atomic import write_bytes
+from homofact.files.reading import read_bytes
 from homofact.geometry.directions import from_spherical
 
 NAME = "utia"
@@ -52,7 +53,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     `drawing` does not matter. Raises BadInput for another size, and entries not finite or beyond a million.
     """
     check_channels(channels)
-    raw = read_bytes(path)
+    raw = read_bytes(path, DESCRIPTION)
     if len(raw) not in SIZES:
         raise BadInput(
             f"{path}: {len(raw)} bytes, expected {' or '.join(map(str, SIZES))}: 3 × 6 × 48 × 6 × 48 numbers"

@@ -5,7 +5,7 @@ import io
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 from homofact.evaluate.estimate import TimeEstimate, fit_seconds
@@ -13,17 +13,15 @@ from homofact.evaluate.stability.cells import Cell, Fitter, Judged, Outcome, Ref
 from homofact.evaluate.stability.problem import Scale, Stressor, unstressed
 from homofact.evaluate.stability.real import Absent
 from homofact.evaluate.stability.stressors import STRESSORS, stressor
-from homofact.files.binary import write_bytes
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import METHODS, method
+from homofact.files.atomic import write_text
+from homofact.methods.table import METHODS, made_each, method_class
 
-# Small fits, so that hundreds of them take minutes. ε is that of measured data.
-BASE_SETTINGS = FitSettings(
-    textures=2, size=8, epsilon=1e-2, restarts=1, budget=0.6, search_size=5, search_samples=250, copies=2
-)
-SHORT_SETTINGS = FitSettings(
-    textures=2, size=8, epsilon=1e-2, restarts=1, budget=0.05, search_size=4, search_samples=100, copies=2
-)
+# Small fits, so that hundreds of them take minutes. ε is that of measured data. A method takes what it has of these.
+BASE_SETTINGS: dict[str, Any] = {
+    "textures": 2, "size": 8, "epsilon": 1e-2, "restarts": 1, "budget": 0.6, "search_size": 5, "search_samples": 250,
+    "copies": 2,
+}  # fmt: skip
+SHORT_SETTINGS = BASE_SETTINGS | {"budget": 0.05, "search_size": 4, "search_samples": 100}
 FULL, SHORT = Scale(), Scale(samples=600, clean=400)
 
 
@@ -39,7 +37,7 @@ class Plan:
     def __post_init__(self) -> None:
         """Refuse unknown names. Raises BadInput that lists the known ones."""
         for name in self.methods:
-            method(name)
+            method_class(name)
         for name in self.stressors:
             stressor(name)
 
@@ -49,9 +47,9 @@ class Plan:
         return SHORT if self.short else FULL
 
     @property
-    def settings(self) -> FitSettings:
-        """The settings that all fits share."""
-        return replace(SHORT_SETTINGS if self.short else BASE_SETTINGS, seed=self.seed)
+    def settings(self) -> dict[str, Any]:
+        """The settings that all fits share, as far as their methods have them."""
+        return (SHORT_SETTINGS if self.short else BASE_SETTINGS) | {"seed": self.seed}
 
     def strengths(self, of: Stressor) -> tuple[float, ...]:
         """The strengths of a stressor that are run."""
@@ -69,8 +67,8 @@ class Plan:
 
 def estimate_atlas(plan: Plan) -> TimeEstimate:
     """How long the cells of a plan take; the unstressed fits and the linear solves are few beside them."""
-    settings, samples = plan.settings, plan.scale.samples
-    return TimeEstimate([(name, fit_seconds(replace(settings, method=name), samples)) for _, _, name in plan.places()])
+    fits, samples = made_each(plan.methods, plan.settings), plan.scale.samples
+    return TimeEstimate([(name, fit_seconds(fits[name], samples)) for _, _, name in plan.places()])
 
 
 @dataclass(frozen=True)
@@ -121,7 +119,7 @@ def write_csv(path: str | os.PathLike[str], cells: Sequence[Any]) -> None:
     writer.writerow(names)
     for cell in cells:
         writer.writerow([_plain(getattr(cell, name)) for name in names])
-    write_bytes(path, text.getvalue().encode())
+    write_text(path, text.getvalue())
 
 
 def _plain(value: Any) -> Any:

@@ -7,9 +7,10 @@ and a finding that the unstressed fit has as well degrades no cell; but a fit th
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Any
 
 from torch import Tensor
 
@@ -20,8 +21,8 @@ from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.metrics import measure
 from homofact.evaluate.stability.problem import Problem
 from homofact.evaluate.stability.real import Absent
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import check_settings, method
+from homofact.methods.fitting import Method
+from homofact.methods.table import METHODS, method_class, settings_of_class
 
 # Of the judgement, whatever the fit's own ε is: values under a hundredth of the mean count alike.
 JUDGING_EPSILON = 1e-2
@@ -79,10 +80,10 @@ class Judged:
     row: Row
 
 
-Fitter = Callable[[Source, FitSettings], Row]
+Fitter = Callable[[Source, Method], Row]
 
 
-def fit_row(source: Source, settings: FitSettings) -> Row:
+def fit_row(source: Source, settings: Method) -> Row:
     """The fit and its verdict, as every command makes them."""
     return fit_and_measure(source, settings, HELD_OUT)
 
@@ -107,23 +108,24 @@ def classify(factor: float, said: int, new: int) -> Outcome:
     return Outcome.DEGRADED if factor > DEGRADED or new > 0 else Outcome.OK
 
 
-def settings_for(name: str, problem: Problem, base: FitSettings) -> FitSettings | None:
-    """The base settings with the first of the problem's alternatives that the method uses wholly; None without one."""
-    ignored = method(name).ignores
+def method_for(name: str, problem: Problem, base: Mapping[str, Any]) -> Method | None:
+    """The method with what it has of `base`, and the first of the problem's alternatives that it has wholly.
+
+    None where it has none of them.
+    """
+    own = settings_of_class(method_class(name))
     for choice in problem.settings:
-        if ignored.isdisjoint(choice):
+        if set(choice) <= set(own):
             try:
-                settings = replace(base, method=name, **choice)
-                check_settings(settings)
+                return METHODS[name](**({each: value for each, value in base.items() if each in own} | choice))
             except BadInput:
                 continue
-            return settings
     return None
 
 
-def judge_fit(problem: Problem, settings: FitSettings, fitter: Fitter) -> Judged:
+def judge_fit(problem: Problem, settings: Method, fitter: Fitter) -> Judged:
     """Fit the problem and judge the fit on its clean samples. Raises what the fit raises."""
-    samples = problem.samples
+    samples = replace(problem.samples, all_azimuths=problem.kind != "measurement")
     source = Source("atlas", problem.kind, samples, _Nothing(samples.channels), settings.epsilon or 0.0, 0.0)
     row = fitter(source, settings)
     clean = problem.clean
@@ -138,7 +140,7 @@ def run_cell(empty: Cell, make: Callable[[], Problem], references: "References",
     """
     try:
         problem = make()
-        settings = settings_for(empty.method, problem, references.base)
+        settings = method_for(empty.method, problem, references.base)
         if settings is None:
             return replace(empty, outcome=Outcome.NONE)
         judged = judge_fit(problem, settings, fitter)
@@ -174,7 +176,7 @@ def run_cell(empty: Cell, make: Callable[[], Problem], references: "References",
 class References:
     """The unstressed fits, each made once; `common` is the problem of those that name none of their own."""
 
-    def __init__(self, common: Problem, base: FitSettings) -> None:
+    def __init__(self, common: Problem, base: Mapping[str, Any]) -> None:
         """Nothing is fitted yet."""
         self.base = base
         self._common = common
@@ -192,7 +194,8 @@ class References:
         unstressed = problem.reference or self._common
         key = (name, unstressed.key)
         if key not in self._fitted:
-            settings = settings_for(name, unstressed, self.base) or replace(self.base, method=name)
+            settings = method_for(name, unstressed, self.base)
+            assert settings is not None  # it asks for nothing of its own
             self._fitted[key] = judge_fit(unstressed, settings, fitter)
         return self._fitted[key]
 

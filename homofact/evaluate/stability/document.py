@@ -8,7 +8,7 @@ from homofact.evaluate.stability.cells import DEGRADED, JUDGING_EPSILON, WORTH_A
 from homofact.evaluate.stability.problem import Stressor
 from homofact.evaluate.stability.solver_atlas import AGREES, AGREES_ILL, SYSTEMS, WELL_POSED, Answer, SolverCell
 from homofact.evaluate.stability.stressors import stressor
-from homofact.files.binary import write_bytes
+from homofact.files.atomic import write_text
 from homofact.version import __version__
 
 _WORDS = {Outcome.REFUSED: "refused", Outcome.CRASHED: "crashed", Outcome.NONE: "–", Outcome.ABSENT: "no data"}
@@ -21,7 +21,7 @@ def write_document(
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     link = Path(os.path.relpath(pictures, target.parent)).as_posix()
-    write_bytes(target, document(atlas, solvers, link, where).encode())
+    write_text(target, document(atlas, solvers, link, where))
 
 
 def document(atlas: Atlas, solvers: list[SolverCell], link: str, where: str) -> str:
@@ -33,6 +33,10 @@ def document(atlas: Atlas, solvers: list[SolverCell], link: str, where: str) -> 
 def _head(atlas: Atlas, link: str, where: str) -> str:
     counts = atlas.counts()
     settings, scale = atlas.plan.settings, atlas.plan.scale
+    shared = (
+        f"{settings['textures']} textures of\n{settings['size']}² texels, ε = {settings['epsilon']:g},"
+        f" at most {settings['budget']:g} s of search"
+    )
     tally = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
     base = "\n".join(
         f"| {name} | {judged.error:.2g} | {judged.row.held_out.log_mse:.2g} |"
@@ -49,8 +53,7 @@ def _head(atlas: Atlas, link: str, where: str) -> str:
 
 ![The atlas]({link}/atlas.png)
 
-Every cell is one fit of stressed samples, with the settings that all share ({settings.textures} textures of
-{settings.size}² texels, ε = {settings.epsilon:g}, at most {settings.budget:g} s of search; {scale.samples} samples of a
+Every cell is one fit of stressed samples, with the settings that all share ({shared}; {scale.samples} samples of a
 Blinn-Phong material with a broad highlight, a fifth of them held out). It is judged on {scale.clean} clean samples that
 the fit never saw, by the mean squared error in log space with ε = {JUDGING_EPSILON:g}, as a factor of the same method's
 error without stress (or of {WORTH_AN_ERROR:g}, an RMS of 5%, where that is smaller).

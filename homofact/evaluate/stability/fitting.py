@@ -16,8 +16,8 @@ def coincident(strength: float, seed: int, scale: Scale) -> Problem:
     """`strength` textures under one and the same projection."""
     count = int(strength)
     choices = (
+        {"projections": ("theta_h-theta_d",) * count, "textures": count},
         {"projections": ("wi", *("h",) * count)},
-        {"parameterization": "+".join(("theta_h-theta_d",) * count), "textures": count},
     )
     return replace(unstressed(seed, scale), settings=choices, key="stressed")
 

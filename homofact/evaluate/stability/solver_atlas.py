@@ -19,10 +19,9 @@ from homofact.errors import SolverFailure, Status
 from homofact.evaluate.stability.problem import RADIUS_SQUARED, samples_at
 from homofact.factor.gauge import gauge_rows
 from homofact.factor.projection import fixed_projection
-from homofact.factor.textures import LogSamples, domain_mask, inner_problem
+from homofact.factor.textures import LogSamples, domain_masks, inner_problem
 from homofact.geometry.directions import draw_in_discs, to_spherical
-from homofact.linear.laplacian import laplacian
-from homofact.linear.least_squares import LeastSquares, Roughness
+from homofact.linear.least_squares import LeastSquares
 from homofact.linear.solvers import SOLVERS, solve
 
 # Condition numbers of normal matrices: up to the first every solver is to agree, beyond the second none can.
@@ -97,11 +96,9 @@ def _system(
         logs = LogSamples.of(samples, LogTransform.of(samples, epsilon))
         projections = tuple(fixed_projection(name, True) for name in names)
         shapes = ((size, size),) * len(names)
-        masks = tuple(domain_mask(p, shape) for p, shape in zip(projections, shapes, strict=True))
+        masks = domain_masks(projections, shapes)
         problem = inner_problem(replace(logs, logs=logs.logs * factor), projections, shapes, smoothing, masks)
-        kept = torch.cat([mask.reshape(-1) for mask in masks])
-        roughness = Roughness(torch.block_diag(*map(laplacian, masks)))
-        return problem.within(kept, roughness, gauge_rows(projections, masks) if gauged else None)
+        return replace(problem, gauge=gauge_rows(projections, masks)) if gauged else problem
 
     return make
 

@@ -13,15 +13,8 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.factor.search.minimize import Ending, GuardStruck, Measured
+from homofact.factor.search.names import EXPECTED_OF_NLOPT, has_algorithm, in_full
 
-SHORT_NAMES = {
-    "PRAXIS": "LN_PRAXIS",
-    "SBPLX": "LN_SBPLX",
-    "BOBYQA": "LN_BOBYQA",
-    "COBYLA": "LN_COBYLA",
-    "NELDERMEAD": "LN_NELDERMEAD",
-    "MLSL": "GD_MLSL_LDS",
-}
 _NEEDS_LOCAL = ("MLSL", "AUGLAG")
 
 
@@ -38,15 +31,13 @@ class Nlopt:
 
     def __post_init__(self) -> None:
         """Refuse a name that nlopt does not have."""
-        full = self.full_name
-        if not hasattr(nlopt, full) or full[:3] not in ("LN_", "LD_", "GN_", "GD_"):
-            known = ", ".join([*SHORT_NAMES, "LD_LBFGS", "LD_SLSQP"])
-            raise BadInput(f"search: found nlopt algorithm {self.algorithm!r}, expected {known} or another of nlopt's")
+        if not has_algorithm(self.algorithm):
+            raise BadInput(f"search: found nlopt algorithm {self.algorithm!r}, expected {EXPECTED_OF_NLOPT}")
 
     @property
     def full_name(self) -> str:
         """The algorithm as nlopt spells it."""
-        return SHORT_NAMES.get(self.algorithm, self.algorithm)
+        return in_full(self.algorithm)
 
     @property
     def independent(self) -> bool:

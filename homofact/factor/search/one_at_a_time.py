@@ -1,19 +1,17 @@
 """Powell's method behind the protocol of all searches: one projection at a time, round and round.
 
-A direct search cannot well move all projections at once: each has six dimensions. So each is minimised
-in its turn with the others still, until a round no longer helps. A projection of R³ is a single
-quaternion q, moved as the pair (q, 1): the basis has three directions instead of six.
+A direct search cannot well move all projections at once: each has six dimensions, or three in R³. So each is
+minimised in its turn with the others still, until a round no longer helps.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-import torch
 from torch import Tensor
 
 from homofact.factor.search.minimize import Ending, Measured
 from homofact.factor.search.powell import Powell
-from homofact.geometry.rotation import IDENTITY, Pair, basis_rotations
+from homofact.geometry.rotation import Rotation
 
 
 @dataclass(frozen=True)
@@ -51,16 +49,11 @@ class OneAtATime:
         return Ending(False, self.rounds)
 
     def _improve(self, measure: Callable[[Tensor], float], vector: Tensor, part: slice, seed: int) -> Tensor:
-        numbers = vector[part]
-        single = numbers.shape[0] == 4
-        one = torch.tensor(IDENTITY, dtype=torch.float64)
-
-        def joined(pair: Pair) -> Tensor:
+        def joined(rotation: Rotation) -> Tensor:
             result = vector.clone()
-            result[part] = pair.left if single else torch.cat((pair.left, pair.right))
+            result[part] = rotation.numbers
             return result
 
-        here = Pair(numbers[:4], one if single else numbers[4:]).normalized()
-        basis = basis_rotations()[:3] if single else None
-        found, report = self.powell.minimize(lambda pair: measure(joined(pair)), here, seed, basis)
+        here = Rotation.of_numbers(vector[part])
+        found, report = self.powell.minimize(lambda rotation: measure(joined(rotation)), here, seed)
         return joined(found) if report.residual <= measure(vector) else vector

@@ -1,6 +1,6 @@
-"""Powell's direction set method on pairs of unit quaternions, as the thesis has it (3.1.1).
+"""Powell's direction set method on unit quaternions, as the thesis has it for pairs of them (3.1.1).
 
-A point is a rotation R of R⁴, a direction a rotation D, and the line through R along D is t ↦ D^t R.
+A point is a rotation R (of R⁴, or of R³), a direction a rotation D, and the line through R along D is t ↦ D^t R.
 Directions are scaled to one radian a unit of t: D^t turns by t along the unit logarithm. The error is
 that of the projection, and −P has the error of P (the texture turned by half a circle), so a basis
 direction repeats after π; a general line need not, and is bounded at the thesis's 4π.
@@ -17,7 +17,7 @@ import torch
 
 from homofact.errors import Report, Status
 from homofact.factor.search.golden import golden_section
-from homofact.geometry.rotation import Pair, basis_rotations
+from homofact.geometry.rotation import Rotation, basis_rotations
 
 PERIOD = 4 * torch.pi
 
@@ -33,21 +33,20 @@ class Powell:
 
     def minimize(
         self,
-        function: Callable[[Pair], float],
-        start: Pair,
+        function: Callable[[Rotation], float],
+        start: Rotation,
         seed: int = 0,
-        basis: tuple[Pair, ...] | None = None,
-    ) -> tuple[Pair, Report]:
+    ) -> tuple[Rotation, Report]:
         """The best rotation found from `start`, and the report (residual: its error).
 
         Status CONVERGED when a sweep gained less than `tolerance` of the error, BUDGET when the sweeps ran out.
-        `seed` is only passed on to the report; `basis` are the first directions, None the thesis's six.
+        `seed` is only passed on to the report. The first directions are the thesis's six, or three in R³.
         """
         began = time.perf_counter()
         evaluations = 0
         trace: list[tuple[float, int, float]] = []
 
-        def measure(point: Pair) -> float:
+        def measure(point: Rotation) -> float:
             nonlocal evaluations
             evaluations += 1
             value = function(point)
@@ -55,13 +54,13 @@ class Powell:
                 trace.append((time.perf_counter() - began, evaluations, value))
             return value
 
-        def along(direction: Pair, point: Pair, error: float) -> tuple[Pair, float]:
+        def along(direction: Rotation, point: Rotation, error: float) -> tuple[Rotation, float]:
             t, value = golden_section(
                 lambda t: measure((direction**t @ point).normalized()), error, self.step, self.line_tolerance, PERIOD
             )
             return ((direction**t @ point).normalized(), value) if value < error else (point, error)
 
-        directions = [_unit_speed(direction) for direction in basis or basis_rotations()]
+        directions = [_unit_speed(direction) for direction in basis_rotations(start.dimension)]
         point, error = start, measure(start)
         status, sweep = Status.BUDGET, 0
         for sweep in range(1, self.sweeps + 1):  # noqa: B007 (the count is reported)
@@ -80,8 +79,8 @@ class Powell:
         return point, Report(status, sweep, evaluations, seconds, error, seed, tuple(trace))
 
 
-def _unit_speed(direction: Pair) -> Pair:
+def _unit_speed(direction: Rotation) -> Rotation:
     """The direction with the same axes whose power t turns by t radians of quaternion angle in all."""
-    angles = [torch.atan2(q[1:].norm(), q[0]) for q in (direction.left, direction.right)]
-    length = float(torch.hypot(*angles))
+    q = direction.quaternions
+    length = float(torch.atan2(q[:, 1:].norm(dim=1), q[:, 0]).norm())
     return direction if length < 1e-12 else direction ** (1 / length)

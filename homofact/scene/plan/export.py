@@ -14,7 +14,7 @@ COLOUR = "colour.json"
 
 
 def check_plan_folder(folder: Path, force: bool) -> None:
-    """Raise BadInput where `write_plan` could not put a plan: refused as `folders.check_new_folder` says."""
+    """Raise BadInput where `write_plan` could not put a plan: refused as `files.folder.check_new_folder` says."""
     check_new_folder(folder, "plan", PLAN, force)
 
 

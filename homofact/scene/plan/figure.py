@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from homofact.figures.log_axis import log_x, log_y
+from homofact.files.atomic import replace_file
 from homofact.scene.plan.plan import MaterialPlan, ScenePlan
 
 _STYLES = {
@@ -23,7 +24,10 @@ _LEAST = 1e-5
 
 
 def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
-    """Draw a panel a material into `path` (PNG, SVG or PDF by its ending); error and bytes on logarithmic axes."""
+    """Draw a panel a material into `path` (PNG, SVG or PDF by its ending); error and bytes on logarithmic axes.
+
+    Raises BadInput where the place cannot be written.
+    """
     distinct = list({each.material.source: each for each in plan.materials}.values())
     columns = min(3, len(distinct))
     rows = -(-len(distinct) // columns)
@@ -44,7 +48,7 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
             f"{_WORDS[tolerance.kind]} at most {tolerance.value:g} under {lighting.name}: {plan.bytes} bytes,"
             f" {plan.planning_fits} fits of {plan.exhaustive_fits}"
         )
-        figure.savefig(path, dpi=120)
+        replace_file(path, lambda made: figure.savefig(made, dpi=120))
 
 
 def _panel(axes: Axes, each: MaterialPlan) -> None:

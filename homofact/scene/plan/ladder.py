@@ -7,10 +7,11 @@ channels, once a scene); it stores the same colour as "constant" and saves the s
 from dataclasses import dataclass, field, replace
 
 from homofact.brdf.source import Source
-from homofact.evaluate.compare import HELD_OUT, training_samples
-from homofact.methods.cole_fit import Fit, ProgressCallback
-from homofact.methods.settings import FitSettings
-from homofact.methods.table import method
+from homofact.evaluate.compare import HELD_OUT
+from homofact.methods.fitting import Fit, Method, ProgressCallback
+from homofact.methods.mccool import McCool
+from homofact.methods.search import Search
+from homofact.methods.svd import Svd
 
 CONSTANT, LAMBERT = "constant", "lambert-9"
 COLOURS = (CONSTANT, LAMBERT)
@@ -76,19 +77,16 @@ def ladder(channels: int = 3, isotropic: bool = True) -> tuple[Candidate, ...]:
     return tuple(sorted(LADDER, key=lambda each: (each.most_bytes(channels), each.most_fetches(isotropic), each)))
 
 
-def settings_of(candidate: Candidate, options: FitOptions) -> FitSettings:
-    """The fit that a rung stands for."""
-    return FitSettings(
-        method=candidate.method,
-        textures=candidate.textures,
-        size=candidate.size,
-        budget=options.budget,
-        seed=options.seed,
-    )
+def method_of(candidate: Candidate, options: FitOptions) -> Method:
+    """The fit that a rung with textures stands for."""
+    if candidate.method == "mccool":
+        return McCool(size=candidate.size, seed=options.seed)
+    if candidate.method == "svd":
+        return Svd(textures=candidate.textures, size=candidate.size, seed=options.seed)
+    return Search(textures=candidate.textures, size=candidate.size, budget=options.budget, seed=options.seed)
 
 
 def fit_candidate(candidate: Candidate, source: Source, options: FitOptions) -> Fit:
     """Fit a rung with textures to the source's training samples; raises what the method raises."""
-    settings = replace(settings_of(candidate, options), epsilon=source.default_epsilon)
-    train = training_samples(source, source.samples.split(options.held_out, options.seed)[0], settings)
-    return method(candidate.method).fit(train, settings, options.progress)
+    method = replace(method_of(candidate, options), epsilon=source.default_epsilon)
+    return method.fit(source.samples.split(options.held_out, options.seed)[0], options.progress)

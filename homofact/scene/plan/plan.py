@@ -1,7 +1,7 @@
 """The planner: per material the cheapest representation that meets a tolerance under a scene's lighting.
 
 Rungs (`plan_ladder`) are asked about by `plan_search`; an answer is a fit to the training samples and its error on
-what was held out (`plan_measure`), beside what theory says beforehand (`plan_theory`). A fit does not depend on the
+what was held out (`plan.measure`), beside what theory says beforehand (`plan.theory`). A fit does not depend on the
 lighting and is made once, whatever lightings it is then measured under.
 """
 

@@ -1,7 +1,7 @@
 """What a lighting leaves of a lobe: predicted errors of the rungs before any fit, and the orders that are needed.
 
 Averaged over all turnings of the lighting, the mean square of B = ∫ L g, g(ωi) = f cosθi at one view, is
-Σ_l w_l e_l with w_l = E_l/(2l+1), E_l and e_l the energies by order of lighting and lobe (`plan_lighting`). The same
+Σ_l w_l e_l with w_l = E_l/(2l+1), E_l and e_l the energies by order of lighting and lobe (`scene.lighting`). The same
 holds for the difference of two lobes, so that the relative error of the reflected light is known from it; exactly for
 one colour, where the difference needs no fit. For the others it is a bound by bandwidth: a texture of s texels a side
 carries orders up to s (l/2 waves over the hemisphere's π, two texels a wave), K terms of an SVD those

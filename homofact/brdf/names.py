@@ -1,0 +1,6 @@
+"""The names of channels and sampling schemes, apart from what they do, so that checks and help load no torch."""
+
+CHANNELS = ("rgb", "spectral", "luminance")
+SCHEMES = ("discs", "cosine", "grid")
+DEFAULT_COUNT = 45_000
+MATERIAL_PREFIX = "material:"

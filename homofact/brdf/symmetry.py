@@ -1,0 +1,151 @@
+"""What stays the same in a BRDF, found out in one place: of reflectance, of samples, and of how samples were taken.
+
+Of reflectance. f may stay the same where both directions are turned about the normal (isotropic), swapped (reciprocal),
+mirrored at the xz-plane (mirrored), or turned by π (half turn). Found out at random pairs, half of them near the
+mirror direction, where highlights are: f does if 95% of the values differ by less than a thousandth.
+
+Reciprocity as a number. Of a reflectance: f(ωi, ωo) and f(ωo, ωi) at pairs drawn by cosine. Of samples alone: each
+sample against the nearest to its swapped place within 1°, since an interpolation over coordinates that fold the swap
+would hide what the data say. The error is |a − b|/((a + b)/2), a and b means over the channels.
+
+Of how samples were taken. Isotropic materials are measured with light from one azimuth; a goniometer's directions lie
+on rings of θ.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.spatial import KDTree
+from torch import Tensor
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.geometry.directions import (
+    draw_cosine_weighted,
+    draw_uniform,
+    from_spherical,
+    normalize,
+    to_spherical,
+)
+
+_ALIKE = 1e-3
+_PAIRS = 512
+_NEAR = math.radians(1.0)
+_MOST_SAMPLES = 20_000
+RING_WIDTH = 1e-3  # radians: angles this close are one ring
+SAMPLES_ON_A_RING = 8
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """Whether f stays the same where pairs are turned, swapped, mirrored at the xz-plane, turned by π."""
+
+    isotropic: bool
+    reciprocal: bool
+    mirrored: bool
+    half_turn: bool
+
+    @property
+    def period_d(self) -> float:
+        """The period of φd in radians."""
+        return math.pi if self.reciprocal else 2 * math.pi
+
+    @property
+    def period_h(self) -> float:
+        """The period of φh in radians, for an anisotropic source."""
+        return math.pi if self.half_turn else 2 * math.pi
+
+
+def find_symmetry(reflectance: Reflectance, limit: float = math.pi / 2, seed: int = 0) -> Symmetry:
+    """Which symmetries a reflectance has, at pairs drawn by `seed` within `limit` ≤ π/2 of the normal."""
+    generator = torch.Generator().manual_seed(seed)
+    squeeze = min(limit / (math.pi / 2), 1.0)
+    polar = [to_spherical(w) for w in draw_uniform(_PAIRS, generator)]
+    wi, wo = (from_spherical(theta * squeeze, phi) for theta, phi in polar)
+    tilt = 10 ** (-3 * torch.rand(_PAIRS, 1, dtype=torch.float64, generator=generator))
+    near = normalize(wi * wi.new_tensor((-1, -1, 1)) + tilt * wo * wo.new_tensor((1, 1, 0)))
+    half = torch.arange(_PAIRS)[:, None] < _PAIRS // 2
+    wo = torch.where(half & (near[:, 2:] >= math.cos(min(limit, math.pi / 2))), near, wo)
+    here = reflectance.evaluate(wi, wo)
+    tiny = 1e-6 * float(here.abs().mean()) + 1e-30
+
+    def same(a: Tensor, b: Tensor) -> bool:
+        there = reflectance.evaluate(a, b)
+        off = (there - here).abs() / (there.abs() + here.abs() + tiny)
+        return float(off.double().reshape(-1).quantile(0.95)) < _ALIKE
+
+    angle = torch.rand(_PAIRS, dtype=torch.float64, generator=generator) * (2 * math.pi)
+    mirror, opposite = wi.new_tensor((1, -1, 1)), wi.new_tensor((-1, -1, 1))
+    return Symmetry(
+        same(_turned(wi, angle), _turned(wo, angle)),
+        same(wo, wi),
+        same(wi * mirror, wo * mirror),
+        same(wi * opposite, wo * opposite),
+    )
+
+
+def reciprocity_of(reflectance: Reflectance, count: int = 2000, seed: int = 0) -> dict[str, float]:
+    """Median and 95th percentile of the reciprocity error of the module's head, at `count` pairs."""
+    wi, wo = draw_cosine_weighted(count, torch.Generator().manual_seed(seed))
+    one, two = (reflectance.evaluate(*pair).double().mean(1) for pair in ((wi, wo), (wo, wi)))
+    return _spread(one, two)
+
+
+def reciprocity_of_samples(samples: Samples, seed: int = 0) -> dict[str, float] | None:
+    """The same of samples against those near their swapped places; None where fewer than ten have one.
+
+    Pairs whose swapped place is their own (θi = θo within 1°) say nothing and are left out.
+    """
+    some = samples.subset(_MOST_SAMPLES, seed)
+    if samples.isotropic:
+        here = angles_of_pairs(some.wi, some.wo)
+        there = here[:, [1, 0, 2]]
+    else:
+        here, there = torch.cat((some.wi, some.wo), 1), torch.cat((some.wo, some.wi), 1)
+    distance, nearest = KDTree(here.numpy()).query(there.numpy(), distance_upper_bound=_NEAR)
+    found = torch.from_numpy(np.isfinite(distance)) & ((here - there).norm(dim=1) > 2 * _NEAR)
+    if int(found.sum()) < 10:
+        return None
+    values = some.values.mean(1)
+    return _spread(values[found], values[torch.from_numpy(nearest)[found]]) | {"pairs": int(found.sum())}
+
+
+def light_azimuths(isotropic: bool) -> tuple[float, ...]:
+    """Azimuths in radians from which light tells of a material: one where it is isotropic, else along x and along y."""
+    return (0.0,) if isotropic else (0.0, math.pi / 2)
+
+
+def lit_from_one_azimuth(phi_i: Tensor) -> bool:
+    """Whether all light of a measurement, azimuths (N,), came from one: how files without a word say isotropic."""
+    return bool((phi_i == phi_i[0]).all())
+
+
+def ring_numbers(directions: Tensor) -> tuple[Tensor, int] | None:
+    """(ring of each direction from the normal out (N,), how many); None where (N, 3) directions lie on no rings of θ.
+
+    That is with fewer than four, or fewer than eight samples on each.
+    """
+    theta = to_spherical(directions)[0]
+    angles, rank = torch.unique((theta / RING_WIDTH).round(), return_inverse=True)
+    if not 4 <= len(angles) <= len(theta) // SAMPLES_ON_A_RING:
+        return None
+    return rank, len(angles)
+
+
+def angles_of_pairs(wi: Tensor, wo: Tensor) -> Tensor:
+    """(θi, θo, |Δφ|) in radians (N, 3): all that an isotropic, mirrored material knows of a pair; |Δφ| in [0, π]."""
+    (theta_i, phi_i), (theta_o, phi_o) = to_spherical(wi), to_spherical(wo)
+    return torch.stack((theta_i, theta_o, torch.cos(phi_i - phi_o).clamp(-1, 1).acos()), 1)
+
+
+def _turned(w: Tensor, angle: Tensor) -> Tensor:
+    cos, sin = torch.cos(angle), torch.sin(angle)
+    return torch.stack((cos * w[:, 0] - sin * w[:, 1], sin * w[:, 0] + cos * w[:, 1], w[:, 2]), -1)
+
+
+def _spread(one: Tensor, two: Tensor) -> dict[str, float]:
+    mean = (one + two) / 2
+    error = torch.where(mean > 0, (one - two).abs() / mean.clamp_min(torch.finfo(mean.dtype).tiny), 0.0)
+    return {"median": round(float(error.median()), 6), "p95": round(float(error.quantile(0.95)), 6)}

@@ -1,0 +1,26 @@
+"""The fixed projections as a table, and the bounds of any, apart from their matrices: checks and help load no torch."""
+
+from homofact.geometry.names import COORDINATE_NAMES
+
+BOUNDS = ("disc", "cube")
+
+# Fixed projections: coordinates and the axes that become the texture's columns and rows.
+FIXED_AXES = {
+    "wi": ("in-out", ("u_i", "v_i")),
+    "wo": ("in-out", ("u_o", "v_o")),
+    "h": ("half-diff", ("u_h", "v_h")),
+    "d": ("half-diff", ("u_d", "v_d")),
+    "theta_h-theta_d": ("isotropic-half-diff", ("theta_h", "theta_d")),
+    "theta_d-phi_d": ("isotropic-half-diff", ("theta_d", "phi_d")),
+    "theta_h-phi_d": ("isotropic-half-diff", ("theta_h", "phi_d")),
+    "theta_i-theta_o": ("isotropic-in-out", ("theta_i", "theta_o")),
+    "theta_i-delta_phi": ("isotropic-in-out", ("theta_i", "delta_phi")),
+    "theta_h-phi_h": ("half-angles", ("theta_h", "phi_h")),
+    "theta_h": ("isotropic-half-diff", ("theta_h",)),
+    "theta_d": ("isotropic-half-diff", ("theta_d",)),
+    "theta_i": ("isotropic-in-out", ("theta_i",)),
+}
+FIXED_PROJECTIONS = tuple(FIXED_AXES)
+# What a texture of a searched fit may be indexed by: a fixed projection, or coordinates on which one is searched (none
+# with a periodic axis: a mix of axes would jump where it closes).
+KINDS = (*FIXED_PROJECTIONS, *COORDINATE_NAMES)

@@ -1,0 +1,89 @@
+"""Which unknowns are whose texels: textures one after another in one vector, each row by row.
+
+An axis of a texture is of one of three kinds. M texels of a clamped axis stand at −1 + 2k/(M − 1), the first at −1
+and the last at +1, and beyond them the value stays. M texels of a periodic axis stand at −1 + 2k/M, evenly round:
+−1 and +1 are the same place, the first texel's, and the last texel's neighbour is the first. A polar axis is
+clamped, and its first texel is a pole: all texels of the other axis are one place there (an azimuth at angle 0).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from itertools import accumulate
+
+import torch
+from torch import Tensor
+
+Shape = tuple[int, int]
+
+
+class Axis(Enum):
+    """The kind of one axis of a texture: the module's head."""
+
+    CLAMPED = "clamped"
+    PERIODIC = "periodic"
+    POLAR = "polar"
+
+
+# (along rows, along columns), in the order of a shape: the first is the axis on which the row number runs.
+Axes = tuple[Axis, Axis]
+CLAMPED: Axes = (Axis.CLAMPED, Axis.CLAMPED)
+
+
+def texel_centres(count: int, axis: Axis) -> Tensor:
+    """Where `count` texels of an axis stand (count,), float64; a single one of a clamped axis stands for all, at 0."""
+    number = torch.arange(count, dtype=torch.float64, device="cpu")
+    if axis is Axis.PERIODIC:
+        return number * (2 / count) - 1
+    return number * (2 / (count - 1)) - 1 if count > 1 else number
+
+
+@dataclass(frozen=True)
+class TexelLayout:
+    """The textures of one problem: their shapes (rows, columns), and the kinds of their axes (none given: clamped)."""
+
+    shapes: tuple[Shape, ...]
+    axes: tuple[Axes, ...] = ()
+
+    def __post_init__(self) -> None:
+        """One pair of axes a texture."""
+        if not self.axes:
+            object.__setattr__(self, "axes", (CLAMPED,) * len(self.shapes))
+
+    @cached_property
+    def counts(self) -> tuple[int, ...]:
+        """Texels of each texture."""
+        return tuple(rows * columns for rows, columns in self.shapes)
+
+    @cached_property
+    def offsets(self) -> tuple[int, ...]:
+        """The number of each texture's first texel."""
+        return tuple(accumulate(self.counts, initial=0))[:-1]
+
+    @property
+    def unknowns(self) -> int:
+        """T, the texels of all textures."""
+        return sum(self.counts)
+
+    def split(self, texels: Tensor) -> tuple[Tensor, ...]:
+        """The textures (rows, columns, …) of a texel vector (T, …)."""
+        parts = texels.split(self.counts)
+        return tuple(part.reshape(*shape, *texels.shape[1:]) for part, shape in zip(parts, self.shapes, strict=True))
+
+    @staticmethod
+    def join(textures: Sequence[Tensor]) -> Tensor:
+        """The texel vector (T, …) of textures, or of masks, (rows, columns, …): the inverse of `split`."""
+        return torch.cat([texture.flatten(0, 1) for texture in textures])
+
+    def owners(self, device: torch.device | str = "cpu") -> Tensor:
+        """The number of the texture that each texel belongs to (T,), int64."""
+        return self.spread(torch.arange(len(self.shapes), device=device))
+
+    def spread(self, values: Tensor) -> Tensor:
+        """One value a texture (J,) as one a texel (T,)."""
+        return torch.cat([value.expand(count) for value, count in zip(values, self.counts, strict=True)])
+
+    def whole(self, device: torch.device | str = "cpu") -> tuple[Tensor, ...]:
+        """Masks that keep every texel."""
+        return tuple(torch.ones(shape, dtype=torch.bool, device=device) for shape in self.shapes)

@@ -1,0 +1,191 @@
+"""What all methods share: the protocol, the progress and the result of a fit, and what every fit does alike."""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol, TypeVar
+
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.reflectance import Directions
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import NOISE_FREE_EPSILON
+from homofact.errors import Report
+from homofact.factor.fitted import Fitted
+from homofact.factor.quantize import is_solved, quantize
+from homofact.version import __version__
+
+F = TypeVar("F", bound=Fitted)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a running fit is: counted from 1, `best` the lowest error of this term so far."""
+
+    term: int
+    terms: int
+    restart: int
+    restarts: int
+    evaluations: int
+    best: float
+
+
+ProgressCallback = Callable[[Progress], None]
+
+
+class Judgement(Protocol):
+    """What is found against a fit: `homofact.evaluate.verdict.Verdict`."""
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing was."""
+        ...
+
+    @property
+    def findings(self) -> Sequence[Any]:
+        """What was, the gravest first."""
+        ...
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What was fitted, the report of how it was reached, and, where it was judged, the `verdict`.
+
+    It is asked and saved like its `factorization`, a `Factorization` or a sum of products.
+    """
+
+    factorization: Fitted
+    report: Report
+    verdict: Judgement | None = None
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the C channels."""
+        return self.factorization.channels
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all texels as float32."""
+        return self.factorization.nbytes
+
+    @property
+    def fetches(self) -> int:
+        """Texture lookups of one evaluation."""
+        return self.factorization.fetches
+
+    def evaluate(self, wi: Directions, wo: Directions) -> Any:
+        """BRDF values (N, C) in sr⁻¹ without the cosine, for (N, 3) directions; see `answering_in_kind`."""
+        fitted: Any = self.factorization
+        return fitted.evaluate(wi, wo)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the one .npz file that `homofact.load` reads back. Raises BadInput for an unwritable place."""
+        self.factorization.save(path)
+
+
+class Method(Protocol):
+    """A way to fit: a frozen dataclass of the settings that it uses, with a name for the command line."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+    name: ClassVar[str]
+
+    @property
+    def size(self) -> int:
+        """Texels on a side of a texture."""
+        ...
+
+    @property
+    def epsilon(self) -> float | None:
+        """ε of the log transform; None takes the source's, or that of noise-free data."""
+        ...
+
+    @property
+    def reciprocal(self) -> bool:
+        """Whether f(ωi, ωo) = f(ωo, ωi) is enforced."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of every random choice."""
+        ...
+
+    def fit(self, samples: Samples, progress: ProgressCallback | None = None) -> Fit:
+        """Fit the training samples as measured: what they need of azimuth copies the method makes itself.
+
+        Raises BadInput where they cannot be fitted.
+        """
+        ...
+
+
+class Copying(Method, Protocol):
+    """A method that turns isotropic measurements to other azimuths."""
+
+    @property
+    def copies(self) -> int:
+        """How many azimuths."""
+        ...
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether mirrored copies stand beside them."""
+        ...
+
+    @property
+    def quantize(self) -> str:
+        """Which whole numbers texels are to be: "none", "png8" or "png16"."""
+        ...
+
+
+class Coarse(Method, Protocol):
+    """A method that searches on smaller textures."""
+
+    @property
+    def search_size(self) -> int:
+        """Texels on a side there; 0 is the full size."""
+        ...
+
+
+def coarse_size(method: Coarse) -> int:
+    """Texels on a side in a coarse search, never above `size`."""
+    return method.size if method.search_size == 0 else min(method.size, method.search_size)
+
+
+def transform_of(samples: Samples, method: Method) -> LogTransform:
+    """The log transform of a fit: the method's ε, or the one for noise-free data, and A of `samples`."""
+    return LogTransform.of(samples, NOISE_FREE_EPSILON if method.epsilon is None else method.epsilon)
+
+
+def provenance_of(samples: Samples, method: Method) -> dict[str, Any]:
+    """What a fit says of its making: version, method, settings, and the samples as it was given them; JSON-able."""
+    smoothing = getattr(method, "smoothing", None)
+    return {
+        "homofact_version": __version__,
+        "method": method.name,
+        "seed": method.seed,
+        "settings": {k: list(v) if isinstance(v, tuple) else v for k, v in vars(method).items()},
+        "samples": len(samples),
+        "source": samples.provenance,
+    } | ({} if smoothing is None else {"smoothing": smoothing})
+
+
+def at_azimuths(samples: Samples, method: Copying, knows_azimuth: bool) -> Samples:
+    """What textures are solved from: azimuth copies of isotropic measurements where a projection knows the azimuth.
+
+    Samples that lie at all azimuths already are taken as they are.
+    """
+    if knows_azimuth and samples.isotropic and not samples.all_azimuths and method.copies > 1:
+        return samples.azimuth_copies(method.copies, method.seed, method.mirrored)
+    return samples
+
+
+def quantized(fitted: F, samples: Samples, method: Copying, storage: str) -> F:
+    """A fit of `samples` by `method` with texels that `storage` ("png8", "png16") holds. Raises BadInput for others."""
+    if is_solved(fitted):
+        samples = at_azimuths(samples, method, not fitted.evaluation.isotropic)
+    return quantize(fitted, samples, storage)
+
+
+def with_whole_texels(fit: Fit, samples: Samples, method: Copying) -> Fit:
+    """The fit of `samples`, its texels whole numbers where the method's `quantize` asks for it."""
+    if method.quantize == "none":
+        return fit
+    return replace(fit, factorization=quantized(fit.factorization, samples, method, method.quantize))

@@ -1,0 +1,91 @@
+"""`Search`: mix, projections, warp and λ found from the data (see `search_fit`)."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from homofact.errors import BadInput
+from homofact.factor.names import KINDS
+from homofact.factor.search.names import expected_search
+from homofact.methods import shared
+from homofact.options import check_options, option
+
+if TYPE_CHECKING:
+    from homofact.brdf.samples import Samples
+    from homofact.methods.fitting import Fit, ProgressCallback
+
+REFINEMENTS = ("none", "linear")
+VALIDATIONS = ("rings", "random")
+EFFORTS = ("quick", "normal", "thorough")
+
+
+def _expected_effort(value: Any) -> str | None:
+    if value in EFFORTS or (not isinstance(value, str) and value > 0):
+        return None
+    return f"{', '.join(EFFORTS)}, or a number above 0"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """Settings of the searched fit.
+
+    `projections` pins what textures are indexed by, one name for all or one each: a fixed projection, or coordinates
+    on which one is searched; None leaves the choice to the fit. `search` refines projections: "gradient", "powell", or
+    "nlopt-" and an nlopt algorithm's name. `validation` says how a mix and λ are judged on measurements that lie on
+    rings of θ: by left-out "rings", or at "random", which rewards the faults of each ring. `effort` is how much is
+    searched, by name or as a number of equivalent inner evaluations, `budget` a guard in seconds. `refine` "linear" is
+    a last descent on the linear, cosine-weighted error.
+    """
+
+    name: ClassVar[str] = "search"
+
+    textures: int = shared.textures()
+    size: int = shared.size()
+    epsilon: float | None = shared.epsilon()
+    projections: tuple[str, ...] | None = option(
+        None, "What textures are indexed by, one name for all or one each, joined by +", choices=KINDS, separators="+,",
+        none="found from the data", metavar="A+B",
+    )  # fmt: skip
+    reciprocal: bool = shared.reciprocal()
+    solver: str = shared.solver()
+    smoothing: float | None = shared.smoothing(None)
+    restarts: int = shared.restarts()
+    search: str = option(
+        "gradient",
+        "How projections are refined: gradient, powell, or nlopt-NAME such as nlopt-PRAXIS",
+        expected_instead=expected_search,
+    )
+    validation: str = option(
+        "rings", "What is left out to judge by: rings of a goniometer, or samples at random", choices=VALIDATIONS
+    )
+    effort: str | float = option(
+        "normal",
+        "How much is searched: quick, normal, thorough, or a number of inner evaluations",
+        expected_instead=_expected_effort,
+    )
+    budget: float | None = option(None, "A guard in seconds", unit="seconds", above=0, none="none")
+    refine: str = option("none", "linear: a last descent on the linear, cosine-weighted error", choices=REFINEMENTS)
+    # Measured data judged on 12² textures picks other mixes than on 16².
+    search_size: int = shared.search_size(16)
+    search_samples: int = shared.search_samples()
+    copies: int = shared.copies()
+    mirrored: bool = shared.mirrored()
+    bound: str = shared.bound()
+    robust: bool = shared.robust()
+    confidence: bool = shared.confidence()
+    quantize: str = shared.quantize()
+    seed: int = shared.seed()
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be meant. Raises BadInput naming the setting, what was found and what is expected."""
+        check_options(self)
+        if self.projections is not None and len(self.projections) not in (1, self.textures):
+            raise BadInput(
+                f"projections: found {len(self.projections)} for {self.textures} textures, expected one, or one each"
+            )
+
+    def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
+        """Factor `samples`, the training samples as measured. Raises BadInput where they are too few."""
+        from homofact.methods.fitting import with_whole_texels
+        from homofact.methods.search_fit import fit_search
+
+        return with_whole_texels(fit_search(samples, self, progress), samples, self)

@@ -1,0 +1,110 @@
+"""The settings that several methods have, each declared once; a method says which it has, and what is usual for it."""
+
+from typing import Any
+
+from homofact.factor.names import BOUNDS
+from homofact.linear.names import SOLVER_NAMES
+from homofact.options import option
+from homofact.separable.names import MAP_NAMES, SIDES
+
+DEFAULT_SMOOTHING = 1e-3
+QUANTIZATIONS = ("none", "png8", "png16")
+
+
+def textures() -> Any:
+    """How many textures at most."""
+    return option(2, "How many textures at most", least=1)
+
+
+def terms() -> Any:
+    """How many terms, for the methods that add them."""
+    return option(2, "How many terms", least=1)
+
+
+def size() -> Any:
+    """Texels on a side of a texture."""
+    return option(16, "Texels on a side of a texture", least=2)
+
+
+def epsilon() -> Any:
+    """ε of the log transform; None takes the source's own, or that of noise-free data for bare samples."""
+    return option(None, "ε of the log transform, in units of the mean", above=0, none="by the source")
+
+
+def reciprocal() -> Any:
+    """Whether f(ωi, ωo) = f(ωo, ωi) is enforced (thesis 3.2.3)."""
+    return option(True, "Enforce f(wi, wo) = f(wo, wi)")
+
+
+def coordinates(usual: str) -> Any:
+    """The numbers of a pair of directions that searched projections, or the sides of a matrix, are made of."""
+    return option(usual, "What textures are indexed by", choices=SIDES)
+
+
+def solver() -> Any:
+    """Linear solver of the inner problem, a name in `linear.solvers.SOLVERS`."""
+    return option(SOLVER_NAMES[0], "Linear solver of the inner problem", choices=SOLVER_NAMES)
+
+
+def smoothing(usual: float | None) -> Any:
+    """λ of the Laplacian, in units of samples a texel; None where it is found from the data."""
+    return option(usual, "λ, the weight of the Laplacian, in samples a texel", least=0, none="found from the data")
+
+
+def restarts() -> Any:
+    """Random starts of the search for each term."""
+    return option(6, "Random starts of the search for each texture", least=1)
+
+
+def search_size(usual: int) -> Any:
+    """Texels on a side in the coarse search, at most `size`; 0 is the full size."""
+
+    def expected(value: int) -> str | None:
+        return "0 (the full size) or at least 2" if value < 0 or value == 1 else None
+
+    return option(usual, "Texels on a side during the search; 0 is the full size", expected_instead=expected)
+
+
+def search_samples() -> Any:
+    """Samples in the coarse search; 0 is all."""
+    return option(8000, "Samples during the search; 0 is all", least=0)
+
+
+def copies() -> Any:
+    """Azimuth copies of isotropic measurements where a projection knows the azimuth; 1 leaves them as they are."""
+    return option(8, "Azimuth copies of an isotropic measurement, where a projection knows the azimuth", least=1)
+
+
+def mirrored() -> Any:
+    """Whether mirrored copies stand beside the azimuth copies."""
+    return option(True, "Mirrored copies beside them")
+
+
+def bound() -> Any:
+    """How a projection is scaled to its texture, by the "disc" or the thesis's 4-"cube"."""
+    return option("disc", "How a projection fills its texture", choices=BOUNDS)
+
+
+def robust() -> Any:
+    """Whether outliers get little weight in the last solve (Huber's weights, `linear.robust`)."""
+    return option(False, "Give outliers little weight in the last solve (Huber)")
+
+
+def confidence() -> Any:
+    """Whether the standard deviation of every texel is left with the textures (`factor.confidence`)."""
+    return option(False, "Leave every texel's standard deviation beside the textures")
+
+
+def quantize() -> Any:
+    """Texels that 8 or 16 bits hold exactly, the best of these (`factor.quantize`), or "none"."""
+    return option("none", "Texels that png8 or png16 hold exactly, fitted so", choices=QUANTIZATIONS)
+
+
+def direction_map() -> Any:
+    """The map of directions to the textures of a separable fit."""
+    return option("parabolic", "Map of directions to textures", choices=MAP_NAMES)
+
+
+def seed() -> Any:
+    """Of every random choice in the fit."""
+    return option(0, "Seed of every random choice", least=0)

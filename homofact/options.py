@@ -1,0 +1,207 @@
+"""One declaration an option: a dataclass field with its help, unit, choices and range, from which all else follows.
+
+The checks of a dataclass's values, the options of the command line with their help and defaults, and the keys of a TOML
+file are read off the fields that `option` makes, so that nothing of an option is said twice. Loads neither torch nor
+numpy: help and refusals must not wait for them.
+"""
+
+import re
+import types
+import typing
+from collections.abc import Callable
+from dataclasses import Field, dataclass, field, fields
+from functools import cache
+from typing import Any
+
+from homofact.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Option:
+    """What a field says of itself.
+
+    `help` is a sentence without its full stop; `choices` the words it may be (each of them, for a list); `least`,
+    `above`, `below` and `most` its range, `unit` that of its number. `none` is what None stands for, in words.
+    `expected_instead(value)` is a check of its own: what is expected where the value will not do, else None.
+    A text is split into a list at `separators`. On the command line the option is `flag` where the field's name is no
+    good word there (an argument without dashes where `argument`), shown as `metavar`; `panel` is its heading.
+    """
+
+    help: str
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    least: float | None = None
+    above: float | None = None
+    below: float | None = None
+    most: float | None = None
+    none: str = ""
+    expected_instead: Callable[[Any], str | None] | None = None
+    separators: str = ","
+    flag: str = ""
+    argument: bool = False
+    metavar: str | None = None
+    panel: str | None = None
+
+
+def option(default: Any, help: str, **more: Any) -> Any:
+    """The dataclass field of an `Option`; `more` are the option's other attributes."""
+    return field(default=default, metadata={"option": Option(help, **more)})
+
+
+@dataclass(frozen=True)
+class Declared:
+    """An option where it stands: its field's name, its type without None, its default, and what it says of itself."""
+
+    name: str
+    kinds: tuple[Any, ...]
+    optional: bool
+    default: Any
+    option: Option
+
+    @property
+    def is_list(self) -> bool:
+        """Whether it holds several values."""
+        return typing.get_origin(self.kinds[0]) is tuple
+
+    @property
+    def item(self) -> Any:
+        """The type of a list's values."""
+        return typing.get_args(self.kinds[0])[0]
+
+    @property
+    def flag(self) -> str:
+        """The option's word on the command line, without dashes."""
+        return self.option.flag or self.name.replace("_", "-")
+
+    def checked(self, value: Any) -> Any:
+        """The value as the field holds it: lists as tuples. Raises BadInput naming the option, found and expected."""
+        if value is None and self.optional:
+            return None
+        if self.is_list and isinstance(value, str):
+            value = self.from_text(value)
+        if self.is_list and isinstance(value, list):
+            value = tuple(value)
+        wrong = self._expected_instead(value)
+        if wrong is not None:
+            found = ", ".join(map(str, value)) or "none" if isinstance(value, tuple) else repr(value)
+            odd = [item for item in value if self._outside(item)] if isinstance(value, tuple) else []
+            raise BadInput(f"{self.name}: found {repr(odd[0]) if odd else found}, expected {wrong}")
+        return value
+
+    def from_text(self, text: str) -> Any:
+        """What a word of the command line stands for. Raises BadInput for one that stands for nothing."""
+        if not self.is_list:
+            return _number(text) if float in self.kinds else text
+        parts = tuple(part.strip() for part in re.split(f"[{re.escape(self.option.separators)}]", text) if part.strip())
+        if self.item is str:
+            return parts
+        try:
+            found = tuple(self.item(part) for part in parts)
+        except ValueError as error:
+            number = "whole numbers" if self.item is int else "numbers"
+            raise BadInput(f"{self.flag}: found {text!r}, expected {number} with commas") from error
+        length = self._length
+        if length is not None and len(found) != length:
+            raise BadInput(f"{self.flag}: found {text!r}, expected {length} numbers with commas")
+        return found
+
+    @property
+    def _length(self) -> int | None:
+        items = typing.get_args(self.kinds[0])
+        return None if items[-1] is Ellipsis else len(items)
+
+    def _expected_instead(self, value: Any) -> str | None:
+        if not self._of_kind(value):
+            return self._words()
+        if self.is_list:
+            wrong = [item for item in value if self._outside(item)]
+            if wrong:
+                return self._range() or "finite numbers"
+        elif self._outside(value):
+            return self._range() or "a finite number"
+        own = self.option.expected_instead
+        return None if own is None else own(value)
+
+    def _of_kind(self, value: Any) -> bool:
+        for kind in self.kinds:
+            if typing.get_origin(kind) is tuple:
+                if isinstance(value, tuple) and all(_is(each, self.item) for each in value):
+                    return self._length in (None, len(value))
+            elif _is(value, kind):
+                return True
+        return False
+
+    def _outside(self, value: Any) -> bool:
+        given = self.option
+        if isinstance(value, str):
+            return bool(given.choices) and value not in given.choices
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return False
+        inside = (
+            (given.least is None or value >= given.least)
+            and (given.above is None or value > given.above)
+            and (given.below is None or value < given.below)
+            and (given.most is None or value <= given.most)
+        )
+        # NaN is inside of nothing; what has no end of its own ends before infinity.
+        return not (inside and float("-inf") < value < float("inf"))
+
+    def _words(self) -> str:
+        """What a value of another type should have been."""
+        if self.is_list:
+            return f"several, each {_WORDS[self.item]}"
+        return self._range() or " or ".join(_WORDS[kind] for kind in self.kinds)
+
+    def _range(self) -> str:
+        given = self.option
+        number = (
+            "a whole number" if int in self.kinds or (self.is_list and self.item is int) else given.unit or "a number"
+        )
+        words = []
+        if given.choices:
+            words.append(f"one of {', '.join(given.choices)}")
+        if given.above is not None and given.below is not None:
+            words.append(f"between {given.above:g} and {given.below:g}")
+        elif given.least is not None and given.most is not None:
+            words.append(f"{given.least:g} to {given.most:g}{f' {given.unit}' if given.unit else ''}")
+        elif given.least is not None:
+            words.append(f"{number} of at least {given.least:g}")
+        elif given.above is not None:
+            words.append(f"{number} above {given.above:g}")
+        return ", or ".join(words)
+
+
+@cache
+def options_of(settings: type) -> dict[str, Declared]:
+    """The options that a dataclass declares, by name, in their order."""
+    hints = typing.get_type_hints(settings)
+    return {each.name: _declared(each, hints[each.name]) for each in fields(settings) if "option" in each.metadata}
+
+
+def check_options(settings: Any) -> None:
+    """Check every option of a frozen dataclass when it is made; lists become tuples. Raises BadInput."""
+    for name, each in options_of(type(settings)).items():
+        object.__setattr__(settings, name, each.checked(getattr(settings, name)))
+
+
+def _declared(each: "Field[Any]", hint: Any) -> Declared:
+    kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    rest = tuple(kind for kind in kinds if kind is not types.NoneType)
+    return Declared(each.name, rest, len(rest) < len(kinds), each.default, each.metadata["option"])
+
+
+def _is(value: Any, kind: Any) -> bool:
+    """Whether a value is of a type: whole numbers are numbers, true and false are not."""
+    if isinstance(value, bool):
+        return kind is bool
+    return isinstance(value, (int, float) if kind is float else kind)
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+_WORDS = {int: "a whole number", float: "a number", str: "a word", bool: "True or False"}

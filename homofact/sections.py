@@ -1,0 +1,196 @@
+"""The sections of a configuration: frozen dataclasses whose fields declare the keys and the options, see `config`."""
+
+import math
+import typing
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, SCHEMES
+from homofact.errors import BadInput
+from homofact.methods.search import Search
+from homofact.methods.table import METHODS, made, made_each
+from homofact.options import check_options, option
+
+if TYPE_CHECKING:
+    from homofact.methods.fitting import Method
+
+SOURCE, FIT, OUTPUT = "The source", "The fit", "Output"
+COMPARED = ("mccool", "cole", "search")
+
+
+def _expected_channels(value: str) -> str | None:
+    if value in (*CHANNELS, "R", "G", "B") or value.endswith("nm"):
+        return None
+    return f"{', '.join(CHANNELS)}, or one channel such as G or 550nm"
+
+
+def _several(value: tuple[Any, ...]) -> str | None:
+    return None if value and len(set(value)) == len(value) else "at least one, none twice"
+
+
+def _none_twice(value: tuple[Any, ...]) -> str | None:
+    return None if len(set(value)) == len(value) else "none twice"
+
+
+@dataclass(frozen=True)
+class SourceSettings:
+    """What is read: a file's path or `material:NAME`, its channels, and how a model is sampled.
+
+    `count` (pairs of directions) and `scheme` count for analytic models only. `subset` above 0 is the most samples
+    that a fit is given, drawn by cells (`brdf.stratified`).
+    """
+
+    path: str | None = option(
+        None, "A measurement's file, or material:NAME", flag="source", argument=True, metavar="SOURCE"
+    )
+    channels: str = option(
+        "rgb",
+        "rgb, luminance, spectral, or one channel's name",
+        expected_instead=_expected_channels,
+        panel=SOURCE,
+    )
+    count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, panel=SOURCE)
+    scheme: str = option("discs", "How they are drawn", choices=SCHEMES, panel=SOURCE)
+    subset: int = option(0, "Most samples that a fit is given, drawn by cells; 0 is all", least=0, panel=SOURCE)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be meant. Raises BadInput."""
+        check_options(self)
+
+
+@dataclass(frozen=True)
+class EvaluateSettings:
+    """`held_out`: the part of the measured samples kept from the fit, drawn by the seed."""
+
+    held_out: float = option(0.2, "Part of the samples kept from the fit", above=0, below=1, panel=SOURCE)
+
+    def __post_init__(self) -> None:
+        """Refuse a part that leaves nothing to fit or nothing to test. Raises BadInput."""
+        check_options(self)
+
+
+@dataclass(frozen=True)
+class CompareSettings:
+    """`methods` are fitted side by side; `plot` is the figure's file, where one is wanted.
+
+    `metrics` names what they are measured by: six, all, or single metrics.
+
+    A method is a name, or `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`).
+    """
+
+    methods: tuple[str, ...] = option(
+        COMPARED, "Names with commas; mccool:A+B has the fixed projections A and B", expected_instead=_several
+    )
+    plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")
+    metrics: tuple[str, ...] = option(("six",), "six, all, or names with commas (an unknown one lists them)")
+
+    def __post_init__(self) -> None:
+        """Refuse an empty list and a method named twice. Raises BadInput."""
+        check_options(self)
+
+
+@dataclass(frozen=True)
+class ChartSettings:
+    """What a chart runs on each of `sources`: methods × counts of textures × sizes × searches.
+
+    A method is named as for a comparison; McCool's fixed lists take neither counts nor searches, and only
+    `search` takes searches. No sources means the one of [source].
+    """
+
+    sources: tuple[str, ...] = option(
+        (),
+        "Measurements' files, or material:NAME",
+        argument=True,
+        metavar="SOURCE...",
+        expected_instead=_none_twice,
+    )
+    methods: tuple[str, ...] = option(
+        COMPARED, "Names with commas; mccool:A+B has the fixed projections A and B", expected_instead=_several
+    )
+    textures: tuple[int, ...] = option((1, 2, 3), "Counts of textures, with commas", expected_instead=_several)
+    sizes: tuple[int, ...] = option((8, 16, 32), "Texels on a side, with commas", expected_instead=_several)
+    searches: tuple[str, ...] = option(
+        ("gradient",),
+        "How search refines, with commas: gradient, powell, nlopt-NAME",
+        expected_instead=_several,
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse an empty list and an entry named twice. Raises BadInput."""
+        check_options(self)
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """Where the result goes (`folder`), and whether a result already there is replaced (`force`)."""
+
+    folder: str | None = option(None, "Where the result goes", flag="out", metavar="FOLDER", panel=OUTPUT)
+    force: bool = option(False, "Replace a result that is there; fit a chart's runs anew", panel=OUTPUT)
+
+    def __post_init__(self) -> None:
+        """Refuse values of another type. Raises BadInput."""
+        check_options(self)
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """How a sphere is drawn.
+
+    `light` points to a directional light (any length), None is the light of the comparison pictures; `environment` is
+    a lat-long .hdr or .exr file that takes its place, `size` the picture's pixels on a side, `file` where it goes.
+    """
+
+    light: tuple[float, float, float] | None = option(
+        None, "Towards a directional light: x right, y up, z to the viewer", metavar="X,Y,Z"
+    )
+    environment: str | None = option(None, "A lat-long map (.hdr or .exr) in its place", metavar="FILE.hdr")
+    size: int = option(384, "Pixels on a side", least=16, most=8192, unit="pixels")
+    file: str | None = option(None, "The picture", flag="out", metavar="FILE.png")
+
+    def __post_init__(self) -> None:
+        """Refuse a light without direction and a picture too small to hold a sphere. Raises BadInput."""
+        check_options(self)
+        if self.light is not None and not 0 < math.hypot(*self.light) < math.inf:
+            raise BadInput(f"light: found {self.light}, expected a direction x,y,z that is not zero")
+        if self.light is not None and self.environment is not None:
+            raise BadInput("light: found beside an environment, expected one of the two")
+
+
+@dataclass(frozen=True)
+class FitSection:
+    """[fit]: a method's name and the settings that were given, by the file (whose `places` says where) or the options.
+
+    The method objects are made from it by `method_alone`, or `methods` for several labels; each raises BadInput for a
+    setting that cannot be meant and for one that no such method has.
+    """
+
+    method: str = option(Search.name, "How it is fitted (cole is the thesis's way)", choices=tuple(METHODS), panel=FIT)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    places: Mapping[str, str] = field(default_factory=dict)
+
+    def method_alone(self) -> "Method":
+        """The method with all of the settings."""
+        return self._placed(lambda: made(self.method, self.settings))
+
+    def methods(self, labels: Iterable[str]) -> "dict[str, Method]":
+        """The methods of several labels, each with those of the settings that it has."""
+        return self._placed(lambda: made_each(labels, self.settings))
+
+    def with_settings(self, settings: Mapping[str, Any]) -> "FitSection":
+        """The section with other settings beside its own, or in their place."""
+        return FitSection(self.method, {**self.settings, **settings}, self.places)
+
+    def without(self, *names: str) -> "FitSection":
+        """The section without these settings."""
+        kept = {name: value for name, value in self.settings.items() if name not in names}
+        return FitSection(self.method, kept, self.places)
+
+    def _placed(self, make: typing.Callable[[], Any]) -> Any:
+        try:
+            return make()
+        except BadInput as error:
+            name, colon, rest = str(error).partition(":")
+            if name in self.places:
+                raise BadInput(f"{self.places[name]}{colon}{rest}") from error
+            raise
