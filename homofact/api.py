@@ -14,6 +14,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
 from homofact.evaluate.metrics import measure
+from homofact.evaluate.split import Split
 from homofact.evaluate.verdict import judge
 from homofact.export.result import open_result
 from homofact.factor.fitted import Fitted
@@ -35,10 +36,11 @@ def fit(
 ) -> Fit:
     """Factor all samples of a source by a method (`Search`, `Cole`, `McCool`, `Svd`, `Nmf`), or `Search(**settings)`.
 
-    Nothing is held out: the verdict judges the fit on the samples that it was made from, turned at random where they
-    are isotropic, and cannot see what is learnt by heart. `homofact.evaluate.compare.fit_and_measure` gives an honest
-    error. Pass `epsilon` with bare measured `Samples` (1e-2 where zeros and noise are to be expected). Raises BadInput
-    for settings that cannot be meant or that the method does not have.
+    Nothing is held out, as the fit's split says: the verdict judges the fit on the samples that it was made from,
+    turned at random where they are isotropic, and cannot see what is learnt by heart.
+    `homofact.evaluate.compare.fit_and_measure` gives an honest error. Bare `Samples` leave the fit without a split;
+    pass `epsilon` with measured ones (1e-2 where zeros and noise are to be expected). Raises BadInput for settings that
+    cannot be meant or that the method does not have.
     """
     if method is None:
         method = made(Search.name, settings)
@@ -49,9 +51,11 @@ def fit(
         )
     elif not hasattr(method, "fit"):
         raise BadInput(f"method: found {method!r}, expected one such as homofact.McCool(size=16)")
-    samples = source if isinstance(source, Samples) else source.samples
-    if isinstance(source, Source) and method.epsilon is None:
-        method = replace(method, epsilon=source.default_epsilon)
+    if isinstance(source, Samples):
+        samples = source
+    else:
+        method = method if method.epsilon is not None else replace(method, epsilon=source.default_epsilon)
+        samples, _ = Split.of(source, 0.0, method.seed).parts(source)
     found = method.fit(samples, progress)
     turned = samples.rotated_at_random(method.seed)
     errors = measure(found.factorization, turned, found.factorization.transform)

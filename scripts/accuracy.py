@@ -34,6 +34,7 @@ from homofact.methods.fitting import Method
 from homofact.methods.folded import Folded
 from homofact.methods.mccool import McCool
 from homofact.methods.search import Search
+from homofact.methods.table import mccool_like
 from homofact.methods.validation import partitions_of
 
 
@@ -81,7 +82,7 @@ def cornell(short: bool) -> str:
         def errors(settings: Method, source: Source = source) -> list[float]:
             return [fit_and_measure(source, replace(settings, seed=s)).held_out.log_mse for s in seeds]
 
-        mccool = errors(replace(base, method="mccool"))
+        mccool = errors(mccool_like(base))
         rbf = [interpolant_error(source, seed) for seed in seeds]
 
         def row(name: str, found: list[float], mccool: list[float] = mccool, paint: str = paint) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from homofact.brdf.source import Source
 from homofact.errors import Report
 from homofact.evaluate.compare import HELD_OUT, Row
 from homofact.evaluate.metrics import measure
+from homofact.evaluate.split import Split
 from homofact.evaluate.verdict import judge
 from homofact.factor.factorization import Factorization
 from homofact.factor.textures import LogSamples, residual
@@ -33,8 +34,8 @@ class _Cost:
 
 def split(source: Source, settings: Method) -> tuple[Samples, Samples]:
     """(training, held out), both turned at random, the split of `evaluate.compare.fit_and_measure`."""
-    train, test = source.samples.split(HELD_OUT, settings.seed)
-    return train.rotated_at_random(settings.seed), test.rotated_at_random(settings.seed)
+    parts = Split.of(source, HELD_OUT, settings.seed)
+    return parts.parts(source)[0].rotated_at_random(settings.seed), parts.test_samples(source)
 
 
 def ladder(source: Source, settings: Cole) -> list[Row]:
@@ -45,7 +46,7 @@ def ladder(source: Source, settings: Cole) -> list[Row]:
     """
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
-    train, _ = source.samples.split(HELD_OUT, settings.seed)
+    train, _ = Split.of(source, HELD_OUT, settings.seed).parts(source)
     turned, test = split(source, settings)
     cost = _Cost(time.perf_counter(), {})
     whole = fit_cole(train, settings, cost)
@@ -67,6 +68,7 @@ def ladder(source: Source, settings: Cole) -> list[Row]:
         rows.append(
             Row(
                 source.name,
+                Split.of(source, HELD_OUT, settings.seed),
                 chosen,
                 fitted,
                 report,

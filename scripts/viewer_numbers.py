@@ -19,9 +19,8 @@ from headless import chromium, first_frame, open_page, settled
 
 from homofact.brdf.source import open_source
 from homofact.errors import BadInput
-from homofact.evaluate.compare import HELD_OUT, fit_and_measure
+from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.machine import machine
-from homofact.evaluate.reopening import Reopened
 from homofact.factor.factorization import Factorization
 from homofact.methods.search import Search
 from homofact.viewer.page import write_view
@@ -86,7 +85,7 @@ def measured(chosen: Any) -> str:
     shape = (640, 480) if chosen.short else (1440, 900)
     with tempfile.TemporaryDirectory() as folder:
         page = chosen.page or Path(folder) / "view.html"
-        written = write_view(page, row.factorization, Reopened(source, HELD_OUT, settings.seed, 0, True))
+        written = write_view(row.factorization, page, source)
         sizes = parts_of(page.read_text(encoding="utf-8"))
         seconds, browser = loaded(page, loads, shape)
     textures = ", ".join(f"{columns} × {rows}" for rows, columns in (term.size for term in row.factorization.terms))

@@ -16,7 +16,6 @@ from PIL import Image
 
 from homofact.brdf.source import open_source
 from homofact.evaluate.compare import HELD_OUT, fit_and_measure
-from homofact.evaluate.reopening import Reopened
 from homofact.methods.search import Search
 from homofact.viewer.page import write_view
 
@@ -33,8 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
     row = fit_and_measure(source, settings, HELD_OUT)
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "view.html"
-        reopened = Reopened(source, HELD_OUT, settings.seed, 0, True)
-        write_view(page, row.factorization, reopened, report=row.record())
+        write_view(row.factorization, page, source, report=row.record())
         with chromium(Path(folder) / "profile", size=SIZE) as driver:
             open_page(driver, page)
             # The pictures are drawn finely once they rest.

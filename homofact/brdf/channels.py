@@ -21,6 +21,22 @@ def check_channels(wanted: str) -> None:
         raise BadInput(f"channels: found {wanted!r}, expected one of {', '.join(CHANNELS)}")
 
 
+def reading_of(wanted: str) -> tuple[str, str]:
+    """(what a reader is asked for, the one channel of it) for `wanted`: a name of `CHANNELS`, R, G, B or a wavelength.
+
+    The channel is empty where all are wanted. Raises BadInput for anything else.
+    """
+    if wanted in CHANNELS:
+        return wanted, ""
+    if wanted in _RGB:
+        return "rgb", wanted
+    if wanted == "Y":
+        return "luminance", ""
+    if wavelengths_of((wanted,)) is not None:
+        return "spectral", wanted
+    raise BadInput(f"channels: found {wanted!r}, expected {', '.join(CHANNELS)}, or one channel such as G or 550nm")
+
+
 def spectral_names(wavelengths: Sequence[float]) -> tuple[str, ...]:
     """Channel names of a spectrum, for instance "550nm"."""
     return tuple(f"{w:.12g}nm" for w in wavelengths)

@@ -1,12 +1,13 @@
 """The front door of every command: a path or material:NAME becomes samples and a reflectance."""
 
 import math
+import os
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
+from homofact.brdf.channels import LuminanceOf, OneChannel, as_channels, reading_of
 from homofact.brdf.coverage import holes, spread
 from homofact.brdf.faults import evaluated_faults
 from homofact.brdf.formats import open_file
@@ -27,13 +28,39 @@ MEASURED_EPSILON = 1e-2
 
 
 @dataclass(frozen=True)
+class Opening:
+    """How a source was opened: what `open_source` was given, and the working folder that a relative path was of.
+
+    `folder` is empty for a material and for an absolute path.
+    """
+
+    path: str
+    channels: str
+    count: int
+    scheme: str
+    seed: int
+    folder: str = ""
+
+    @property
+    def is_material(self) -> bool:
+        """Whether it is a named material, which is nowhere in the file system."""
+        return self.path.startswith(MATERIAL_PREFIX)
+
+    def open(self, path: str | None = None) -> "Source":
+        """The source again, opened alike; from another `path` where one is given. Raises as `open_source`."""
+        given = self.path if path is None else path
+        return open_source(given, channels=self.channels, count=self.count, scheme=self.scheme, seed=self.seed)
+
+
+@dataclass(frozen=True)
 class Source:
     """A BRDF to work on.
 
     `samples` to fit, `reflectance` to draw and compare with: the model itself, or the interpolated
     measurement. Samples of `kind` "material" and "drawn" (a file that is a reflectance by itself) were drawn
     at all azimuths, those of "measurement" are where they were measured. `default_epsilon` is the ε of the
-    log transform where none is asked for; `seconds_read` the wall time of reading or sampling.
+    log transform where none is asked for; `seconds_read` the wall time of reading or sampling. `opening` is how
+    `open_source` opened it, None for a source put together by hand.
     """
 
     name: str
@@ -42,6 +69,7 @@ class Source:
     reflectance: Reflectance
     default_epsilon: float
     seconds_read: float
+    opening: Opening | None = None
 
 
 def open_source(
@@ -49,12 +77,23 @@ def open_source(
 ) -> Source:
     """The source that `text` names: material:NAME, or the path of a file whose content is sniffed.
 
-    `count`, `scheme` and `seed` are how a material, or a model in a file, is sampled; a measurement has the
-    samples it has. FILE#NAME picks one material of a file that holds several. Raises
-    BadInput for an unknown material, all that is wrong with a file, and channels that the source cannot give.
+    `channels` are "rgb", "luminance", "spectral", or one channel's name ("G", "550nm"). `count`, `scheme` and `seed`
+    are how a material, or a model in a file, is sampled; a measurement has the samples it has. FILE#NAME picks one
+    material of a file that holds several. Raises BadInput for an unknown material, all that is wrong with a file, and
+    channels that the source cannot give.
     """
+    kind, single = reading_of(channels)
+    source = _opened(text, kind, count, scheme, seed)
+    if single:
+        reflectance = OneChannel(source.reflectance, single)
+        source = replace(source, samples=source.samples.channel(single), reflectance=reflectance)
+    relative = not text.startswith(MATERIAL_PREFIX) and not os.path.isabs(text)
+    return replace(source, opening=Opening(text, channels, count, scheme, seed, os.getcwd() if relative else ""))
+
+
+def _opened(text: str, channels: str, count: int, scheme: str, seed: int) -> Source:
+    """The source in the channels that a reader knows: "rgb", "luminance" or "spectral"."""
     begun = time.perf_counter()
-    check_channels(channels)
     if text.startswith(MATERIAL_PREFIX):
         found = material(text.removeprefix(MATERIAL_PREFIX))
         if channels == "spectral":

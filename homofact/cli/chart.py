@@ -10,7 +10,7 @@ import typer
 
 from homofact.cli import options as o
 from homofact.cli.places import check_measurement, check_place
-from homofact.cli.screen import Screen
+from homofact.cli.screen import Screen, say_estimate
 from homofact.cli.subject import open_subject
 from homofact.cli.tables import chart_table
 from homofact.errors import BadInput
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 )
 def chart(
     settings: "Config",
+    seeds: o.Seeds = 1,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -51,11 +52,13 @@ def chart(
     for text in names:
         check_measurement(text)
 
-    from homofact.evaluate.chart import Run, plan, run_chart
-    from homofact.evaluate.chart_ledger import Ledger
-    from homofact.figures.chart import reference, write_charts
+    from homofact.evaluate.chart import Run, estimate_charts, plan, run_chart
+    from homofact.evaluate.chart_ledger import ChartRow, Ledger
+    from homofact.evaluate.chart_points import points_of, reference
+    from homofact.evaluate.estimate import about
+    from homofact.figures.chart import write_charts
 
-    runs = plan(methods, wanted.textures, wanted.sizes, wanted.searches)
+    runs = plan(methods, wanted.textures, wanted.sizes, wanted.searches, seeds)
     check_place(folder)
     ledgers = {text: Ledger(folder / f"{name}.csv", settings.output.force) for text, name in names.items()}
 
@@ -68,21 +71,30 @@ def chart(
             subjects = {
                 text: open_subject(replace(settings, source=replace(settings.source, path=text))) for text in names
             }
+            held_out = settings.evaluate.held_out
+            estimate = estimate_charts([(subjects[text], ledgers[text]) for text in names], runs, held_out)
+            say_estimate(screen, estimate)
             for text, subject in subjects.items():
                 before = kept
 
                 def started(place: int, run: Run, before: int = before, name: str = subject.name) -> None:
                     nonlocal kept
                     kept = before + place
-                    bar.run(f"{name}: {run.name}", kept, total)
+                    bar.run(f"{name}: {run.name}, {about(estimate.seconds_left)} left", kept, total)
 
-                rows = run_chart(subject, runs, ledgers[text], settings.evaluate.held_out, started, bar)
+                def ended(place: int, row: ChartRow, before: int = before) -> None:
+                    estimate.finish(before + place, row.seconds_total - row.seconds_read)
+
+                rows = run_chart(subject, runs, ledgers[text], held_out, started, bar, ended)
                 kept = before + len(runs)
                 files += [ledgers[text].path, *write_charts(folder, names[text], rows)]
-                records, base = [row.record() for row in rows], reference(rows)
-                answer += records
+                points = points_of(rows)
+                base = reference(points)
+                answer += [row.record() for row in rows]
                 title = f"{subject.name}: held-out Cole error, ε = {rows[0].epsilon:g}"
-                tables.append(chart_table(title, records, None if base is None else base.held_out.log_mse))
+                tables.append(
+                    chart_table(title, [point.record() for point in points], None if base is None else base.error.mean)
+                )
                 others = len(ledgers[text]) - len(rows)
                 if others > 0:
                     screen.note(f"homofact: {ledgers[text].path}: {others} runs of other settings stay, not drawn")

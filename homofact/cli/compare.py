@@ -7,7 +7,7 @@ from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.places import check_file
-from homofact.cli.screen import Screen, say_ending, say_subset
+from homofact.cli.screen import Screen, say_ending, say_estimate, say_subset
 from homofact.cli.subject import check_source, open_subject, warmed_up
 from homofact.cli.tables import cost_table, error_table, metric_tables
 from homofact.cli.verdicts import brief_lines, refuse_findings
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 @o.configured("source.path", "compare", "source", "evaluate", "fit", "seed", but=("fit.method",))
 def compare(
     settings: "Config",
+    seeds: o.Seeds = 1,
     strict: o.Strict = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
@@ -30,10 +31,10 @@ def compare(
         check_file(target, ".png", ".pdf", ".svg")
     fits = settings.fit.methods(settings.compare.methods)
 
-    from homofact.evaluate.compare import fit_and_measure
+    from homofact.evaluate.estimate import TimeEstimate, about, fit_seconds, training_count
     from homofact.evaluate.judging import Judge, chosen_metrics
+    from homofact.evaluate.seeds import SeedRows, fit_seeds
     from homofact.figures.plot import plot_rows
-    from homofact.files.atomic import replace_file
 
     names = chosen_metrics(settings.compare.metrics)
     screen = Screen(as_json, quiet)
@@ -41,26 +42,39 @@ def compare(
         bar.stage("reading")
         subject = open_subject(settings)
         warmed_up(screen)
-        rows = {}
+        held_out, subset = settings.evaluate.held_out, settings.source.subset
+        counts = {label: training_count(subject, fit, held_out, subset) for label, fit in fits.items()}
+        estimate = TimeEstimate(
+            [(fit.name, fit_seconds(fit, counts[label])) for label, fit in fits.items() for _ in range(seeds)]
+        )
+        say_estimate(screen, estimate)
+        rows: dict[str, SeedRows] = {}
         for label, fit in fits.items():
-            bar.stage(label)
-            rows[label] = fit_and_measure(subject, fit, settings.evaluate.held_out, bar, settings.source.subset)
-            if strict:
-                refuse_findings(rows[label].verdict, label)
+            bar.run(f"{label}, {about(estimate.seconds_left)} left", len(rows) * seeds, len(fits) * seeds)
+            rows[label] = fit_seeds(subject, fit, seeds, held_out, bar, subset)
+            for row in rows[label].rows:
+                estimate.finish(estimate.done, row.seconds_total - row.seconds_read)
+                if strict:
+                    refuse_findings(row.verdict, label)
         bar.stage("measuring")
-        judge = Judge(subject, settings.evaluate.held_out, names)
-        values = {label: judge.measure(row) for label, row in rows.items()}
+        judge = Judge(subject, names)
+        values = {
+            label: _means([judge.measure(row.factorization, row.split) for row in several.rows])
+            for label, several in rows.items()
+        }
         conditions = judge.conditions()
         if target is not None:
             bar.stage("drawing")
             target.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(target, lambda beside: plot_rows(beside, list(rows.values())))
-    for label, row in rows.items():
-        say_ending(screen, row.report, label)
-    records = {label: row.record() | {"metrics": values[label]} for label, row in rows.items()}
+            plot_rows(target, list(rows.values()))
+    for label, several in rows.items():
+        for row in several.rows:
+            of_several = f", seed {row.settings.seed}" if seeds > 1 else ""
+            say_ending(screen, row.report, f"{label}{of_several}")
+    records = {label: several.record() | {"metrics": values[label]} for label, several in rows.items()}
     say_subset(screen, next(iter(records.values())))
     screen.show(error_table(records), *metric_tables(values), *(Text(each) for each in conditions), cost_table(records))
-    screen.show(*brief_lines({label: row.verdict for label, row in rows.items()}))
+    screen.show(*brief_lines({label: several.first.verdict for label, several in rows.items()}))
     answer: dict[str, Any] = {
         "source": subject.name,
         "rows": [{"label": label, **each} for label, each in records.items()],
@@ -70,3 +84,12 @@ def compare(
         screen.note(f"The figure: {target}")
         answer["plot"] = str(target)
     screen.answer(answer)
+
+
+def _means(measured: "list[dict[str, float | None]]") -> "dict[str, float | None]":
+    """The mean of every metric over the seeds, None where one of them has none."""
+    found = {name: [each[name] for each in measured] for name in measured[0]}
+    return {
+        name: None if None in numbers else sum(number or 0.0 for number in numbers) / len(numbers)
+        for name, numbers in found.items()
+    }

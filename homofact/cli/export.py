@@ -69,11 +69,10 @@ def export(
     check_result(result)
 
     from homofact.containers.formats import format_named
-    from homofact.evaluate.reopening import parts, reopen
+    from homofact.evaluate.reopening import NotReopened, Reopened, reopen
     from homofact.export.exported import check_export_folder, exported, write_exported
     from homofact.export.result import open_result
     from homofact.factor.quantize import is_solved
-    from homofact.viewer.page import read_report
 
     chosen = format_named(name)
     check_export_folder(to, force)
@@ -83,8 +82,12 @@ def export(
         fitted = open_result(result)
         made = exported(fitted, chosen)
         folder = result if result.is_dir() else result.parent
-        found = reopen(fitted, source, (folder, folder.parent), read_report(folder))
-        samples = found if isinstance(found, str) else parts(fitted, found)
+        found: Reopened | str
+        try:
+            found = reopen(fitted, source, (folder,))
+        except NotReopened as error:
+            found = str(error)
+        samples = found if isinstance(found, str) else found.parts
         rows: dict[str, Exported | Fitted] = {"as fitted": fitted, f"stored as {name}": made}
         if quantize is not None:
             bar.stage("solving for whole texels")
@@ -98,13 +101,13 @@ def export(
         description = write_exported(to, made, errors, force)
     if isinstance(found, str):
         screen.note(f"homofact: no error on samples: {found}; --source names it")
-    elif not found.known:
-        screen.note("homofact: the fit may have seen the samples that its errors are on")
+    elif not found.held_out:
+        screen.note("homofact: the fit has, or may have, seen the samples that its errors are on")
     if not quiet:
         files = [*made.names, *description["code"]["files"], "manifest.json"]
         cost = made.cost
         screen.show(
-            stored_table(errors, "held out" if not isinstance(found, str) and found.known else "of the source"),
+            stored_table(errors, "held_out" if isinstance(found, str) else found.part),
             Text(
                 f"One evaluation: {cost.fetches} fetches, {cost.total} operations on vectors and scalars"
                 f" ({cost.scalar} on scalars), {cost.nbytes} bytes of texels."
@@ -116,7 +119,7 @@ def export(
 
 def _quantized(fitted: "Fitted", source: "Reopened | str", storage: str) -> "Fitted":
     """The fit with whole texels; a product's are solved on the samples that it was made from."""
-    from homofact.evaluate.reopening import settings_of, training_part
+    from homofact.evaluate.reopening import settings_of
     from homofact.factor.quantize import is_solved, rounded
     from homofact.methods.fitting import Copying, quantized
 
@@ -124,7 +127,7 @@ def _quantized(fitted: "Fitted", source: "Reopened | str", storage: str) -> "Fit
         return rounded(fitted, storage)
     if isinstance(source, str):
         raise BadInput(f"quantize: {source}, expected the samples to solve on: name them by --source")
-    return quantized(fitted, training_part(source), cast("Copying", settings_of(fitted)), storage)
+    return quantized(fitted, source.training, cast("Copying", settings_of(fitted)), storage)
 
 
 def _errors(each: "Exported | Fitted", fitted: "Fitted", samples: "dict[str, Samples] | str") -> dict[str, Any]:

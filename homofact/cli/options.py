@@ -27,6 +27,15 @@ MadeFrom = Annotated[
         show_default=False,
     ),
 ]
+Seeds = Annotated[
+    int,
+    typer.Option(
+        "--seeds",
+        min=1,
+        help="How many seeds to fit by, from --seed on, on one split: means with their spread.",
+        rich_help_panel=FIT,
+    ),
+]
 Strict = Annotated[bool, typer.Option("--strict", help="Refuse a fit that the verdict finds fault with: exit 2.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on stdout, all else on stderr.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no notes.")]

@@ -8,12 +8,17 @@ import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 from homofact.errors import Report, Status
+
+if TYPE_CHECKING:
+    from homofact.evaluate.estimate import TimeEstimate
+
+WORTH_SAYING = 5.0  # seconds that a command may take without saying so
 
 
 class FitProgress(Protocol):
@@ -142,6 +147,12 @@ class Screen:
         # transient: a finished bar says nothing that the table does not.
         with Progress(*columns, console=self._err, transient=True, expand=True) as progress:
             yield Bar(progress, progress.add_task("", total=None, figures=""))
+
+
+def say_estimate(screen: Screen, estimate: "TimeEstimate") -> None:
+    """How many fits there are to do and for how long, where that is long enough to be worth knowing."""
+    if estimate.seconds_left >= WORTH_SAYING:
+        screen.note(f"homofact: {estimate.words()}")
 
 
 def say_ending(screen: Screen, report: Report, label: str = "") -> None:

@@ -1,5 +1,6 @@
 """`homofact stability`: the atlas of where fits and linear solvers fail."""
 
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -7,7 +8,7 @@ import typer
 
 from homofact.cli import options as o
 from homofact.cli.places import check_file, check_place
-from homofact.cli.screen import Screen
+from homofact.cli.screen import Screen, say_estimate
 from homofact.errors import BadInput
 
 
@@ -45,8 +46,9 @@ def stability(
     if document is not None:
         check_file(document, ".md")
 
+    from homofact.evaluate.estimate import about
     from homofact.evaluate.machine import machine
-    from homofact.evaluate.stability.atlas import Plan, run_atlas, write_csv
+    from homofact.evaluate.stability.atlas import Plan, estimate_atlas, run_atlas, write_csv
     from homofact.evaluate.stability.cells import Outcome
     from homofact.evaluate.stability.document import write_document
     from homofact.evaluate.stability.solver_atlas import Answer, run_solvers
@@ -58,13 +60,18 @@ def stability(
         _names("methods", methods, tuple(METHODS)), _names("stressors", stressors, tuple(STRESSORS)), short, seed
     )
     screen = Screen(as_json, quiet)
+    estimate = estimate_atlas(plan)
+    say_estimate(screen, estimate)
     with screen.bar() as bar:
+        began = time.perf_counter()
 
         def started(done: int, runs: int, name: str) -> None:
-            bar.run(name, done, runs)
+            if done > 0:
+                estimate.finish_first(done, time.perf_counter() - began)
+            bar.run(f"{name}, {about(estimate.seconds_left)} left", done, runs)
 
         atlas = run_atlas(plan, started)
-        solvers = run_solvers(seed, short, started)
+        solvers = run_solvers(seed, short, lambda done, runs, name: bar.run(name, done, runs))
     out.mkdir(parents=True, exist_ok=True)
     files = [out / name for name in ("atlas.csv", "atlas.png", "solvers.csv", "solvers.png")]
     write_csv(files[0], atlas.cells)

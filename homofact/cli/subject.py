@@ -1,9 +1,7 @@
 """What a command works on: the source of the configuration, checked, then opened."""
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from homofact.brdf.names import CHANNELS
 from homofact.cli.places import check_measurement
 from homofact.errors import BadInput
 
@@ -22,22 +20,13 @@ def check_source(settings: "Config") -> None:
 
 def open_subject(settings: "Config") -> "Source":
     """The configured source, read or sampled, in all its channels or in one of them. Raises BadInput."""
-    from homofact.brdf.channels import OneChannel
     from homofact.brdf.source import open_source
 
     check_source(settings)
-    wanted = settings.source.channels
-    kind = wanted if wanted in CHANNELS else "spectral" if wanted.endswith("nm") else "rgb"
-    source = open_source(
-        str(settings.source.path),
-        channels=kind,
-        count=settings.source.count,
-        scheme=settings.source.scheme,
-        seed=settings.seed,
+    asked = settings.source
+    return open_source(
+        str(asked.path), channels=asked.channels, count=asked.count, scheme=asked.scheme, seed=settings.seed
     )
-    if wanted in CHANNELS:
-        return source
-    return replace(source, samples=source.samples.channel(wanted), reflectance=OneChannel(source.reflectance, wanted))
 
 
 def warmed_up(screen: "Screen") -> None:

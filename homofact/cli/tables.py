@@ -13,8 +13,13 @@ METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")
 
 
 def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Six metrics of every labelled record, held out over training; linear ones in sr⁻¹."""
-    table = _table("Error (mse, mae, max linear, in sr⁻¹)")
+    """Six metrics of every labelled record, held out over training; linear ones in sr⁻¹.
+
+    A record of several seeds has its means, and under them the standard deviations.
+    """
+    several = [len(record["seeds"]) for record in records.values() if "seeds" in record]
+    seeds = f"; mean ± standard deviation of {max(several)} seeds" if several else ""
+    table = _table(f"Error (mse, mae, max linear, in sr⁻¹{seeds})")
     _column(table, "", left=True)
     _column(table, "set", left=True)
     for name in METRICS:
@@ -22,14 +27,22 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     for label, record in records.items():
         for key, words in (("held_out", "held out"), ("train", "training")):
             figures = [figure(record["error"][key][name]) for name in METRICS]
-            last = key == "train"
-            style = "dim" if last else "bold"
-            table.add_row("" if last else Text(label), words, *(Text(f, style) for f in figures), end_section=last)
+            style = "dim" if key == "train" else "bold"
+            table.add_row("" if key == "train" else Text(label), words, *(Text(f, style) for f in figures))
+            if "spread" in record:
+                spread = record["spread"]["error"][key]
+                table.add_row("", "", *(Text(_deviation(spread[name]), "dim") for name in METRICS))
+        table.add_section()
     return table
 
 
+def _deviation(spread: Mapping[str, float | None]) -> str:
+    found = spread["standard_deviation"]
+    return "" if found is None else f"± {figure(found)}"
+
+
 def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
-    """What every labelled record's evaluation and fit cost, and how the fit ended."""
+    """What every labelled record's evaluation and fit cost, and how the fit ended; means of several seeds."""
     table = _table("Cost")
     _column(table, "", left=True)
     for name in ("textures", "bytes", "fetches", "evals", "fit s", "total s"):
@@ -40,7 +53,8 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
         table.add_row(
             Text(label),
             f"{record['textures']} × {record['size']}²",
-            *(str(record[name]) for name in ("bytes", "fetches", "evaluations")),
+            *(str(record[name]) for name in ("bytes", "fetches")),
+            f"{record['evaluations']:.0f}",
             f"{seconds['fit']:.3g}",
             f"{seconds['total']:.3g}",
             str(record["status"]),
@@ -50,14 +64,15 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
 
 def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
     """What storing a fit cost: its errors on `part` of the samples, and how far its logarithms moved."""
-    table = _table(f"Error ({part}; mae in sr⁻¹; moved: RMS of the logarithms from those fitted)")
+    words = {"held_out": "held out", "source": "of the source"}[part]
+    table = _table(f"Error ({words}; mae in sr⁻¹; moved: RMS of the logarithms from those fitted)")
     _column(table, "", left=True)
-    names = [name for name in ("log_mse", "log_mae", "mae") if any("held_out" in each for each in errors.values())]
+    names = [name for name in ("log_mse", "log_mae", "mae") if any(part in each for each in errors.values())]
     for name in (*(name.replace("_", " ") for name in names), "moved"):
         _column(table, name)
     for label, each in errors.items():
-        held = each.get("held_out", {})
-        table.add_row(Text(label), *(figure(held.get(name)) for name in names), figure(each["log_difference"]))
+        tested = each.get(part, {})
+        table.add_row(Text(label), *(figure(tested.get(name)) for name in names), figure(each["log_difference"]))
     return table
 
 
@@ -78,19 +93,25 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
 
 
 def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | None) -> Table:
-    """One line a run: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended."""
+    """One line a point: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended.
+
+    A record of several seeds has its means and the standard deviation of the error.
+    """
     table = _table(title)
     _column(table, "", left=True)
-    for name in ("textures", "error", "of McCool", "bytes", "fetches", "fit s"):
+    spread = any("spread" in record for record in records)
+    for name in ("textures", "error", *(("± seeds",) if spread else ()), "of McCool", "bytes", "fetches", "fit s"):
         _column(table, name)
     table.add_column("ended", no_wrap=True)
     several = len({record["search"] for record in records if record["search"]}) > 1
     for record in records:
         held = record["error"]["held_out"]["log_mse"]
+        luck = _deviation(record["spread"]["error"]["held_out"]["log_mse"]) if "spread" in record else ""
         table.add_row(
             Text(f"{record['label']} {record['search'] if several else ''}".strip()),
             f"{record['textures']} × {record['size']}²",
             Text(figure(held), "bold"),
+            *((luck,) if spread else ()),
             "–" if base is None else f"×{held / base:.2f}" if held >= 0.1 * base else f"×{held / base:.2g}",
             *(str(record[name]) for name in ("bytes", "fetches")),
             f"{record['seconds']['fit']:.3g}",

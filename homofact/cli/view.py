@@ -39,7 +39,6 @@ def view(
     if source is not None:
         check_measurement(source)
 
-    from homofact.evaluate.reopening import reopen
     from homofact.export.result import open_result
     from homofact.viewer.layers import check_shown
     from homofact.viewer.mesh import read_mesh
@@ -53,14 +52,12 @@ def view(
         shape = None if mesh is None else read_mesh(mesh)
         folder = result if result.is_dir() else result.parent
         report = read_report(folder) if result.is_dir() or result.name == "factorization.npz" else {}
-        found = reopen(fitted, source, (folder, folder.parent), report)
-        page = write_view(target, fitted, found, report=report, mesh=shape, stage=bar.stage)
+        page = write_view(fitted, target, source, near=(folder,), report=report, mesh=shape, stage=bar.stage)
     for label, ending in page.reports.items():
         say_ending(screen, ending, label)
-    if isinstance(found, str):
-        screen.note(f"homofact: the page shows the fit alone: {found}; --source names it")
-    elif not found.known:
-        screen.note("homofact: the fit may have seen the samples that its errors are on: see the page's notes")
+    if page.caution:
+        remedy = "; --source names it" if page.record["source"] is None else ": see the page's notes"
+        screen.note(f"homofact: {page.caution}{remedy}")
     if not quiet:
         pictures = " | ".join(page.titles)
         screen.show(f"The page: {page.file} ({page.size / 1000:.0f} kB): {pictures}")

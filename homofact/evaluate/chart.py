@@ -1,34 +1,40 @@
 """Charts of error against cost: which fits are run, and each of them on the same split of its source.
 
-A plan is methods × textures × sizes × searches, of what each method has. Each finished run becomes a
+A plan is methods × textures × sizes × searches × seeds, of what each method has. Each finished run becomes a
 line of a CSV at once, so that an interrupted chart goes on where it stopped; what is not in it is fitted
 and measured as in a comparison.
 """
 
 import dataclasses
-import hashlib
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 
-from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, HomofactError, Status
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
+from homofact.evaluate.estimate import TimeEstimate, fit_seconds, training_count
 from homofact.evaluate.machine import machine
+from homofact.evaluate.seeds import seeds_from
+from homofact.evaluate.split import samples_digest
 from homofact.methods.fitting import Method, ProgressCallback
-from homofact.methods.mccool import McCool
+from homofact.methods.nmf import Nmf
+from homofact.methods.table import textures_of
 from homofact.version import __version__
 
 
 @dataclass(frozen=True)
 class Run:
-    """One fit of a chart; `label` is the method as it was asked for ("mccool:wi+h")."""
+    """One fit of a chart; `label` is the method as it was asked for ("mccool:wi+h").
+
+    `split_seed` draws the held-out samples; the fit's own seed is in its settings.
+    """
 
     label: str
     settings: Method
+    split_seed: int = 0
 
     @property
     def series(self) -> str:
@@ -43,22 +49,27 @@ class Run:
     @property
     def textures(self) -> int:
         """How many textures are asked for."""
-        fixed = self.settings.projections if isinstance(self.settings, McCool) else ()
-        return len(fixed) or getattr(self.settings, "textures")  # noqa: B009 (no protocol has it)
+        return textures_of(self.settings)
 
     @property
     def name(self) -> str:
         """The run in words."""
-        return f"{self.series}, {self.textures} × {self.settings.size}²"
+        seed = "" if self.settings.seed == self.split_seed else f", seed {self.settings.seed}"
+        return f"{self.series}, {self.textures} × {self.settings.size}²{seed}"
 
 
 def plan(
-    methods: Mapping[str, Method], textures: Sequence[int], sizes: Sequence[int], searches: Sequence[str]
+    methods: Mapping[str, Method],
+    textures: Sequence[int],
+    sizes: Sequence[int],
+    searches: Sequence[str],
+    seeds: int = 1,
 ) -> tuple[Run, ...]:
     """Every run of a chart, smallest textures first; `methods` gives each label the settings that it starts from.
 
-    What a method has not is not multiplied out: McCool's list is run once a size. Raises BadInput for an
-    empty list and for all that the methods themselves refuse.
+    Each fit is run by `seeds` seeds, from that of its settings on, which draws the split of them all. What a method
+    has not is not multiplied out: McCool's list is run once a size, and nmf, which draws nothing, by one seed. Raises
+    BadInput for an empty list, fewer than one seed, and for all that the methods themselves refuse.
     """
     for name, found in (("methods", methods), ("textures", textures), ("sizes", sizes), ("searches", searches)):
         if not found:
@@ -67,8 +78,10 @@ def plan(
     for label, base in methods.items():
         varied = {"size": sizes, "textures": textures, "search": searches}
         own = {name: values for name, values in varied.items() if name in base.__dataclass_fields__}
+        own["seed"] = seeds_from(base.seed, 1 if isinstance(base, Nmf) else seeds)
         for values in itertools.product(*own.values()):
-            runs[Run(label, replace(base, **dict(zip(own, values, strict=True))))] = None
+            settings = replace(base, **dict(zip(own, values, strict=True)))
+            runs[Run(label, settings, base.seed)] = None
     return tuple(runs)
 
 
@@ -79,16 +92,8 @@ def identity(source: Source, digest: str, run: Run, held_out: float, where: str)
         settings = replace(settings, epsilon=source.default_epsilon)
     used = {"method": settings.name} | {each.name: getattr(settings, each.name) for each in fields(settings)}
     words = [f"{name}={'+'.join(value) if isinstance(value, tuple) else value}" for name, value in used.items()]
-    return Identity(digest, " ".join([*words, f"held_out={held_out}"]), where, __version__)
-
-
-def samples_digest(samples: Samples) -> str:
-    """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels, azimuths."""
-    digest = hashlib.sha256(f"{samples.all_azimuths} {samples.isotropic} {samples.channels}".encode())
-    for tensor in (samples.wi, samples.wo, samples.values, samples.weights):
-        digest.update(str(tuple(tensor.shape)).encode())
-        digest.update(tensor.cpu().contiguous().numpy().tobytes())
-    return digest.hexdigest()[:16]
+    words += [f"held_out={held_out}", f"split_seed={run.split_seed}"]
+    return Identity(digest, " ".join(words), where, __version__)
 
 
 def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:
@@ -111,12 +116,40 @@ def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:
         train=row.train,
         epsilon=row.factorization.transform.epsilon,
         seed=row.settings.seed,
+        split_seed=row.split.seed,
         samples=row.samples,
         channels=" ".join(row.factorization.channels),
         held_out_part=held_out,
         notes="; ".join(row.report.notes),
         **dataclasses.asdict(wanted),
     )
+
+
+def found_rows(source: Source, runs: Sequence[Run], ledger: Ledger, held_out: float) -> list[ChartRow | None]:
+    """The lines that `ledger` has for `runs` on `source`, in their order; None for those that are to be fitted."""
+    return [ledger.find(wanted) for wanted in _identities(source, runs, held_out)]
+
+
+def estimate_charts(
+    charts: Sequence[tuple[Source, Ledger]], runs: Sequence[Run], held_out: float = HELD_OUT
+) -> TimeEstimate:
+    """How long it takes to run `runs` on every source, one after the other; what its ledger has is done."""
+    jobs, done = [], {}
+    for source, ledger in charts:
+        for run, row in zip(runs, found_rows(source, runs, ledger, held_out), strict=True):
+            if row is not None:
+                done[len(jobs)] = row.seconds_total - row.seconds_read
+            count = training_count(source, run.settings, held_out)
+            jobs.append((run.settings.name, fit_seconds(run.settings, count)))
+    estimate = TimeEstimate(jobs)
+    for place, seconds in done.items():
+        estimate.finish(place, seconds)
+    return estimate
+
+
+def _identities(source: Source, runs: Sequence[Run], held_out: float) -> list[Identity]:
+    digest, where = samples_digest(source.samples), machine()
+    return [identity(source, digest, run, held_out, where) for run in runs]
 
 
 def run_chart(
@@ -126,17 +159,17 @@ def run_chart(
     held_out: float = HELD_OUT,
     started: Callable[[int, Run], None] | None = None,
     progress: ProgressCallback | None = None,
+    ended: Callable[[int, ChartRow], None] | None = None,
 ) -> list[ChartRow]:
     """The lines of all `runs` on `source`, in their order; those in `ledger` are not fitted again.
 
-    `started` is called with the place of every run that is fitted. A fit that was interrupted is no line, even
-    where it kept something: KeyboardInterrupt passes on, with every finished run in the ledger.
+    `started` is called with the place of every run that is fitted, `ended` with its place and line. A fit that was
+    interrupted is no line, even where it kept something: KeyboardInterrupt passes on, with every finished run in the
+    ledger.
     """
-    digest, where = samples_digest(source.samples), machine()
     rows: list[ChartRow] = []
     warm: set[str] = set()
-    for place, run in enumerate(runs):
-        wanted = identity(source, digest, run, held_out, where)
+    for place, (run, wanted) in enumerate(zip(runs, _identities(source, runs, held_out), strict=True)):
         row = ledger.find(wanted)
         if row is None:
             if started is not None:
@@ -145,13 +178,15 @@ def run_chart(
                 _warm_up(source, run.settings)
                 warm.add(run.settings.name)
             try:
-                fitted = fit_and_measure(source, run.settings, held_out, progress)
+                fitted = fit_and_measure(source, run.settings, held_out, progress, 0, run.split_seed)
             except BadInput as error:
                 raise BadInput(f"{run.name}: {error}") from error
             if fitted.report.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt
             row = finished(run, fitted, held_out, wanted)
             ledger.append(row)
+            if ended is not None:
+                ended(place, row)
         # One fit may be asked for under two names ("mccool" and "mccool:wi+h").
         rows.append(replace(row, label=run.label))
     return rows

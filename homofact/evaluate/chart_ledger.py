@@ -39,8 +39,9 @@ class ChartRow:
     """A finished run, as it stands in the CSV.
 
     `textures_asked` may be more than `textures`, where the search found one more not worth having. Times in
-    seconds, `bytes` of float32 texels, `held_out` the part of the samples; `samples_sha256` and `settings`
-    (all that the method reads) say what the line stands for. The errors are in the units of `metrics`.
+    seconds, `bytes` of float32 texels, `held_out_part` the part of the samples; `seed` is the fit's, `split_seed` drew
+    the held-out samples; `samples_sha256` and `settings` (all that the method reads) say what the line stands for.
+    The errors are in the units of `metrics`.
     """
 
     source: str
@@ -60,6 +61,7 @@ class ChartRow:
     train: SixErrors = field(metadata={"prefix": "train_"})
     epsilon: float
     seed: int
+    split_seed: int
     samples: int
     channels: str
     held_out_part: float

@@ -1,8 +1,8 @@
 """Several methods on one split of one source, measured alike.
 
-A share of the samples is held out before anything else. For the errors isotropic samples are turned at random, those
-of the training as those held out: a fit that is good at the measured azimuth alone is not good. Both errors use the
-fit's own ε and A, which come from the training samples alone.
+A part of the samples is held out before anything else (`evaluate.split`). For the errors isotropic samples are turned
+at random, those of the training as those held out: a fit that is good at the measured azimuth alone is not good. Both
+errors use the fit's own ε and A, which come from the training samples alone.
 """
 
 import time
@@ -12,9 +12,9 @@ from typing import Any
 
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
-from homofact.brdf.stratified import stratified_subset
-from homofact.errors import Report
+from homofact.errors import BadInput, Report
 from homofact.evaluate.metrics import SixErrors, measure
+from homofact.evaluate.split import Split
 from homofact.evaluate.verdict import Verdict, judge
 from homofact.factor.fitted import Fitted
 from homofact.methods.fitting import Method, ProgressCallback
@@ -24,9 +24,10 @@ HELD_OUT = 0.2
 
 @dataclass(frozen=True)
 class Row:
-    """One method on one source: the fit, its settings and its errors on training and held-out samples."""
+    """One method on one split of a source: the fit, its settings and its errors on training and held-out samples."""
 
     source: str
+    split: Split
     settings: Method
     factorization: Fitted
     report: Report
@@ -52,6 +53,7 @@ class Row:
             "fetches": self.factorization.fetches,
             "samples": self.samples,
             "subset": self.factorization.provenance.get("source", {}).get("subset"),
+            "split": self.split.record(),
             "status": self.report.status.value,
             "evaluations": self.report.evaluations,
             "seed": self.settings.seed,
@@ -74,29 +76,41 @@ def fit_and_measure(
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,
     subset: int = 0,
+    split_seed: int | None = None,
 ) -> Row:
-    """Fit one method on the source's split by `settings.seed`, and measure it on both parts.
+    """Fit one method on a split of the source, and measure it on both parts.
 
-    A `subset` above 0 fits (and measures as training) at most so many samples, drawn by cells after the split
-    (`brdf.stratified`): the held-out samples, and so their errors, are the same with and without it.
+    The split is drawn by `split_seed`, or by `settings.seed` where that is None. A `subset` above 0 fits (and measures
+    as training) at most so many samples, drawn by cells after the split (`brdf.stratified`): the held-out samples,
+    and so their errors, are the same with and without it. Raises BadInput for a part that is not between 0 and 1.
+    """
+    if held_out == 0:
+        raise BadInput("held-out fraction: found 0, expected between 0 and 1")
+    seed = settings.seed if split_seed is None else split_seed
+    return fit_split(source, Split.of(source, held_out, seed, subset), settings, progress)
+
+
+def fit_split(source: Source, split: Split, settings: Method, progress: ProgressCallback | None = None) -> Row:
+    """Fit one method on a split of the source that there is already, and measure it on both parts.
+
+    Where nothing is held out the errors called held out are on all samples at random azimuths. Raises BadInput as the
+    split's parts and the fit do.
     """
     began = time.perf_counter()
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
-    train, test = source.samples.split(held_out, settings.seed)
-    if subset > 0:
-        train = stratified_subset(train, subset, settings.seed)
-    test = test.rotated_at_random(settings.seed)
+    train, test = split.parts(source)[0], split.test_samples(source)
     begin_fit = time.perf_counter()
     fitted = settings.fit(train, progress)
     seconds_fit = time.perf_counter() - begin_fit
     factorization = fitted.factorization
-    turned = train.rotated_at_random(settings.seed)
+    turned = train.rotated_at_random(split.seed)
     errors = tuple(measure(factorization, samples, factorization.transform) for samples in (turned, test))
     total = source.seconds_read + time.perf_counter() - began
     verdict = judge(factorization, fitted.report, settings, train, test, (errors[0], errors[1]))
     return Row(
         source.name,
+        split,
         settings,
         factorization,
         fitted.report,
@@ -112,9 +126,16 @@ def fit_and_measure(
 
 def compare(
     source: Source,
-    choices: Sequence[Method],
+    methods: Sequence[Method],
     held_out: float = HELD_OUT,
     progress: ProgressCallback | None = None,
+    subset: int = 0,
+    split_seed: int | None = None,
 ) -> list[Row]:
-    """A row for every settings in `choices`, in their order; equal seeds give equal splits."""
-    return [fit_and_measure(source, settings, held_out, progress) for settings in choices]
+    """A row for each of `methods`, in their order, all on the split that the first one's seed draws, or `split_seed`.
+
+    Raises BadInput as `fit_and_measure`.
+    """
+    if split_seed is None and methods:
+        split_seed = methods[0].seed
+    return [fit_and_measure(source, settings, held_out, progress, subset, split_seed) for settings in methods]

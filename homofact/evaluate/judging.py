@@ -1,17 +1,24 @@
-"""The metrics that `--metrics` asks for, on the held-out samples and on a lit sphere."""
+"""A fit judged by any of the metrics, on the samples held out of it and on a lit sphere.
+
+    judge(homofact.load("out/paint"), metrics=("log_mse", "male", "flip"))
+
+A `Judge` measures several fits of one source, whose own picture is drawn once.
+"""
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.channels import display_of
+from homofact.brdf.source import Source
 from homofact.errors import BadInput
 
 if TYPE_CHECKING:
-    from homofact.brdf.source import Source
-    from homofact.evaluate.compare import Row
+    from homofact.evaluate.split import Split
+    from homofact.factor.fitted import Fitted
     from homofact.render.sphere import SphereImage
 
 PIXELS = 192
@@ -36,23 +43,39 @@ def chosen_metrics(names: Sequence[str]) -> tuple[str, ...]:
     return chosen
 
 
+def judge(
+    fitted: "Fitted",
+    source: Source | str | None = None,
+    metrics: Sequence[str] = ("all",),
+    near: Sequence[str | os.PathLike[str]] = (),
+) -> dict[str, float | None]:
+    """Every metric's number of a fit, on the samples that were held out of it (all of its source's where none were).
+
+    The source is the fit's own unless another is given. Raises as `chosen_metrics` and `evaluate.reopening.reopen`.
+    """
+    from homofact.evaluate.reopening import reopen
+
+    names = chosen_metrics(metrics)
+    found = reopen(fitted, source, near)
+    return Judge(found.source, names).measure(fitted, found.split)
+
+
 @dataclass(frozen=True)
 class Judge:
-    """Measures fits of one source by the metrics `names`; `held_out` is the part that the fits' split left out."""
+    """Measures fits of one source by the metrics `names` (`chosen_metrics`)."""
 
-    source: "Source"
-    held_out: float
+    source: Source
     names: tuple[str, ...]
 
-    def measure(self, row: "Row") -> dict[str, float | None]:
-        """Every metric's number of the row's fit; None where it is not defined. An infinite PSNR stays infinite."""
+    def measure(self, fit: "Fitted", split: "Split") -> dict[str, float | None]:
+        """Every metric's number of a fit on the test samples of `split`.
+
+        None where a metric is not defined. An infinite PSNR stays infinite.
+        """
         from homofact.evaluate.brdf_metrics import METRICS, Judged
-        from homofact.evaluate.compare import held_out_samples
         from homofact.evaluate.image_metrics import IMAGE_METRICS
 
-        fit = row.factorization
-        samples = held_out_samples(self.source, self.held_out, row.settings.seed)
-        judged = Judged(fit, samples, fit.transform, self.source.reflectance)
+        judged = Judged(fit, split.test_samples(self.source), fit.transform, self.source.reflectance)
         values = {name: METRICS[name](judged) for name in self.names if name in METRICS}
         if self.pictured:
             from homofact.render.tonemap import displayed

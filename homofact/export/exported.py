@@ -17,6 +17,7 @@ import torch
 from homofact.containers.exr import exr_channel_names
 from homofact.containers.formats import Format
 from homofact.errors import BadInput
+from homofact.evaluate.split import without_places
 from homofact.export.manifest import conventions, write_json
 from homofact.factor.fitted import Fitted
 from homofact.files.atomic import write_text
@@ -151,7 +152,7 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         "code": {"function": "homofact_evaluate", "files": list(_codes(made))},
         "cost": made.cost.record(),
         "errors": dict(errors),
-        "provenance": fitted.provenance,
+        "provenance": without_places(fitted.provenance),
         "conventions": conventions(described) | {"storage": STORAGE, "sampler": SAMPLER},
     }
 

@@ -68,6 +68,13 @@ def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> "dict[str, 
     return {label: _built(label, _own(name, settings)) for label, name in names.items()}
 
 
+def textures_of(method: "Method") -> int:
+    """How many textures, or terms, a method is asked for."""
+    if isinstance(method, McCool):
+        return len(method.projections)
+    return getattr(method, "textures")  # noqa: B009 (no protocol has it)
+
+
 def mccool_like(method: "Method") -> McCool:
     """McCool's own factorization with the settings that `method` shares with it, to be set beside it."""
     shared: dict[str, Any] = {

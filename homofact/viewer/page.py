@@ -1,20 +1,23 @@
-"""What `homofact view` and an export to HTML have in common: a fit and its source become one page.
+"""The page of a fit: the fit, McCool's projections fitted at the same size and ε, and the source side by side.
 
-The page shows the fit, McCool's projections fitted at the same size and ε, and the source, with the errors of both
-fits on the same samples beside the pictures: those that neither has seen, where the fit's own split is known.
+    write_view(homofact.load("out/paint"), "paint.html")
+
+The errors of both fits stand beside the pictures, on the same samples: those held out of both, where the fit knows
+its split.
 """
 
 import json
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from homofact.evaluate.reopening import Reopened, parts, settings_of
+from homofact.brdf.source import Source
+from homofact.evaluate.reopening import NotReopened, Reopened, reopen, settings_of
 from homofact.evaluate.wording import figure
 
 if TYPE_CHECKING:
-    from homofact.brdf.source import Source
     from homofact.errors import Report
     from homofact.evaluate.compare import Row
     from homofact.evaluate.metrics import SixErrors
@@ -30,7 +33,8 @@ SHOWN = {"search": "Searched fit", "cole": "Cole's fit", "mccool": "McCool", "sv
 class Page:
     """A page that was written: its `file` and `size` in bytes, the titles of its pictures, and its `record` for JSON.
 
-    `reports` are how the fits ended that were made for the page, by title.
+    `reports` are how the fits ended that were made for the page, by title. `caution` is empty, or says why the page
+    shows the fit alone, or that its errors may be on samples that the fit has seen.
     """
 
     file: Path
@@ -38,58 +42,66 @@ class Page:
     titles: tuple[str, ...]
     record: dict[str, Any]
     reports: "dict[str, Report]"
+    caution: str
 
 
 def write_view(
-    target: Path,
     fitted: "Fitted",
-    source: "Reopened | str",
+    path: str | os.PathLike[str],
+    source: "Reopened | Source | str | None" = None,
     *,
-    report: dict[str, Any] | None = None,
+    near: Sequence[str | os.PathLike[str]] = (),
+    report: Mapping[str, Any] | None = None,
     mesh: "Mesh | None" = None,
     stage: Stage = lambda name: None,
 ) -> Page:
-    """Write the page of a fit to `target`; what is in it.
+    """Write the page of a fit to `path` (one HTML file without network); what is in it.
 
-    `source` is what `cli.reopening.reopen` gave: the source, or words on why there is none, which the page repeats. Its
-    errors and its verdict are then those of `report`, the result's own report.json, where it is given. `stage` is told
-    what is being done. Raises BadInput for channels that cannot be shown, a source that cannot be, and a place that
-    cannot be written.
+    The source is the fit's own, found as `reopen` does with the folders `near`, unless another is given. Where it is
+    gone the page shows the fit alone and says why; the errors and the verdict are then those of `report`, the record
+    of the fit (`Row.record`), where it is given. `stage` is told what is being done. Raises BadInput for channels that
+    cannot be shown, a `source` that is given and cannot be read, and a place that cannot be written.
     """
     from homofact.shading.program import name_of
     from homofact.viewer.layers import check_shown, fit_layer
     from homofact.viewer.viewer import source_layer, write_viewer
 
     check_shown(fitted.channels)
-    report = report or {}
+    target, report = Path(path), report or {}
+    found: Reopened | str
+    try:
+        found = source if isinstance(source, Reopened) else reopen(fitted, source, near)
+    except NotReopened as error:
+        found = str(error)
     method = str(fitted.provenance.get("method", ""))
     title = SHOWN.get(method, "Fit")
     record: dict[str, Any] = {}
     reports: dict[str, Any] = {}
-    if isinstance(source, str):
+    if isinstance(found, str):
         errors = _reported_errors(report)
-        layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *_error_facts(errors, "held out")))]
-        notes = [f"The fit alone: {source}.", *_reported_note(errors)]
+        layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *_error_facts(errors, "held_out")))]
+        notes = [f"The fit alone: {found}.", *_reported_note(errors)]
         name = name_of(fitted.provenance)
+        caution = f"the page shows the fit alone: {found}"
     else:
-        measured = _measure(fitted, source)
-        record["error"] = {"fit": {part: six.record() for part, six in measured.items()}}
-        facts = _error_facts(record["error"]["fit"], _part(source))
+        record["error"] = {"fit": {part: six.record() for part, six in _measure(fitted, found).items()}}
+        facts = _error_facts(record["error"]["fit"], found.part)
         layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *facts))]
-        row = _mccool(fitted, source, stage)
+        row = _mccool(fitted, found, stage)
         if row is not None:
-            record["error"]["mccool"] = {"train": row.train.record(), "held_out": row.held_out.record()}
-            facts = _error_facts(record["error"]["mccool"], _part(source))
+            record["error"]["mccool"] = {"train": row.train.record(), found.part: row.held_out.record()}
+            facts = _error_facts(record["error"]["mccool"], found.part)
             layers.append(fit_layer(row.factorization, "mccool", "McCool", (*_verdict(row.record()), *facts)))
             reports["McCool"] = row.report
         stage("tabulating the source")
-        shown = source_layer(source.source.reflectance, facts=_own_facts(source.source), seed=source.seed)
+        shown = source_layer(found.source.reflectance, facts=_own_facts(found.source), seed=found.split.seed)
         layers.append(shown)
         assert shown.table is not None
         table = shown.table.error
         record["table"] = {"median": table.median, "percentile_95": table.percentile_95, "nodes": shown.table.size}
-        notes = _conditions(fitted, source, row is not None)
-        name = source.source.name
+        notes = _conditions(fitted, found, row is not None)
+        name = found.source.name
+        caution = "" if found.held_out else "the fit has, or may have, seen the samples that its errors are on"
     stage("writing")
     target.parent.mkdir(parents=True, exist_ok=True)
     size = write_viewer(target, layers, title=name, subtitle=_subtitle(fitted), mesh=mesh, notes=notes)
@@ -98,12 +110,13 @@ def write_view(
         "file_bytes": size,
         "layers": [layer.key for layer in layers],
         "mesh": None if mesh is None else mesh.name,
-        "source": None if isinstance(source, str) else source.source.name,
-        "split_known": None if isinstance(source, str) else source.known,
+        "source": None if isinstance(found, str) else found.source.name,
+        "split_known": None if isinstance(found, str) else found.known,
+        "split": None if isinstance(found, str) else found.split.record(),
         **record,
         "notes": notes,
     }
-    return Page(target, size, tuple(layer.title for layer in layers), record, reports)
+    return Page(target, size, tuple(layer.title for layer in layers), record, reports, caution)
 
 
 def read_report(folder: Path) -> dict[str, Any]:
@@ -118,15 +131,15 @@ def read_report(folder: Path) -> dict[str, Any]:
 
 
 def _measure(fitted: "Fitted", source: Reopened) -> "dict[str, SixErrors]":
-    """Errors on what the split leaves out, and on the rest as the fit's method is given it."""
+    """Errors on the test samples of the split, and on the others, turned alike."""
     from homofact.evaluate.metrics import measure
 
-    return {part: measure(fitted, each, fitted.transform) for part, each in parts(fitted, source).items()}
+    return {part: measure(fitted, each, fitted.transform) for part, each in source.parts.items()}
 
 
 def _mccool(fitted: "Fitted", source: Reopened, stage: Stage) -> "Row | None":
     """McCool's projections on the same split, of the same size and ε; None where the fit is that itself."""
-    from homofact.evaluate.compare import fit_and_measure
+    from homofact.evaluate.compare import fit_split
     from homofact.methods.table import mccool_like
 
     settings = settings_of(fitted)
@@ -134,7 +147,7 @@ def _mccool(fitted: "Fitted", source: Reopened, stage: Stage) -> "Row | None":
     if baseline == settings:
         return None
     stage("McCool's projections")
-    return fit_and_measure(source.source, baseline, source.held_out, subset=source.subset)
+    return fit_split(source.source, source.split, baseline)
 
 
 def _own_facts(source: "Source") -> "Facts":
@@ -142,23 +155,20 @@ def _own_facts(source: "Source") -> "Facts":
     return (("Bytes", "analytic" if source.kind == "material" else f"{source.reflectance.nbytes:,}"),)
 
 
-def _part(source: Reopened) -> str:
-    return "held out" if source.known else "of the source"
-
-
-def _error_facts(errors: dict[str, Any], part: str) -> "Facts":
+def _error_facts(errors: Mapping[str, Any], part: str) -> "Facts":
     """Rows of a card: the Cole error on both parts, and two that are easier to imagine."""
-    held, train = errors.get("held_out", {}), errors.get("train", {})
+    tested, train = errors.get(part, {}), errors.get("train", {})
+    words = {"held_out": "held out", "source": "of the source"}[part]
     rows = (
-        (f"Log MSE, {part}", held.get("log_mse")),
-        ("Log MSE, training", train.get("log_mse") if part == "held out" else None),
-        (f"Log MAE, {part}", held.get("log_mae")),
-        (f"MAE in sr⁻¹, {part}", held.get("mae")),
+        (f"Log MSE, {words}", tested.get("log_mse")),
+        ("Log MSE, training", train.get("log_mse") if part == "held_out" else None),
+        (f"Log MAE, {words}", tested.get("log_mae")),
+        (f"MAE in sr⁻¹, {words}", tested.get("mae")),
     )
     return tuple((name, figure(value)) for name, value in rows if isinstance(value, int | float))
 
 
-def _verdict(report: dict[str, Any]) -> "Facts":
+def _verdict(report: Mapping[str, Any]) -> "Facts":
     """The verdict in a few words, where the report has one."""
     verdict = report.get("verdict")
     if not isinstance(verdict, dict) or not isinstance(verdict.get("trusted"), bool):
@@ -170,7 +180,7 @@ def _verdict(report: dict[str, Any]) -> "Facts":
     return (("Verdict", f"faults: {', '.join(names)}" if names else "not to be trusted"),)
 
 
-def _reported_errors(report: dict[str, Any]) -> dict[str, Any]:
+def _reported_errors(report: Mapping[str, Any]) -> dict[str, Any]:
     errors = report.get("error")
     errors = errors if isinstance(errors, dict) else {}
     return {part: each for part, each in errors.items() if isinstance(each, dict)}
@@ -182,18 +192,20 @@ def _reported_note(errors: dict[str, Any]) -> list[str]:
 
 def _conditions(fitted: "Fitted", source: Reopened, compared: bool) -> list[str]:
     """Under which conditions the numbers beside the pictures hold."""
-    samples = source.source.samples
-    count = round(source.held_out * len(samples))
+    samples, split = source.source.samples, source.split
     turned = ", turned at random" if samples.isotropic else ""
+    count = round(split.held_out * len(samples)) or len(samples)
     both = "Both fits have" if compared else "The fit has"
-    seen = f"{both} the same A and have not seen them." if compared else "It has not seen them."
-    if not source.known:
-        seen = (
-            "The fit's A is not the mean of the others: it may be made from some of these, or from another source."
-            + (" McCool's has not seen them." if compared else "")
+    if source.held_out:
+        seen = f"{both} the same A and have not seen them." if compared else "It has not seen them."
+    elif source.known:
+        seen = f"Nothing was held out: {'both fits were' if compared else 'the fit was'} made from these samples."
+    else:
+        seen = "The fit does not say which of these samples it was made from, or was made from others." + (
+            " McCool's has not seen them." if compared else ""
         )
     return [
-        f"Errors are on {count:,} of {len(samples):,} samples (seed {source.seed}){turned}. {seen} Logarithms are"
+        f"Errors are on {count:,} of {len(samples):,} samples (seed {split.seed}){turned}. {seen} Logarithms are"
         f" of (f + εA)/A, with ε = {fitted.transform.epsilon:g} and A the mean of the training samples."
     ]
 

@@ -66,7 +66,7 @@ def test_channels_reach_samples_and_reflectance() -> None:
         ("material:blue", {}, "material: found 'blue'"),
         ("material:", {}, "material: found ''"),
         ("material:phong-10", {"channels": "spectral"}, "an RGB model; expected rgb or luminance"),
-        ("material:phong-10", {"channels": "R"}, "channels: found 'R'"),
+        ("material:phong-10", {"channels": "x"}, "channels: found 'x'"),
         ("material:phong-10", {"count": 0}, "sample count: found 0"),
         ("material:phong-10", {"scheme": "x"}, "sampling scheme: found 'x'"),
         ("nowhere.brdf", {}, "nowhere.brdf: no such file"),

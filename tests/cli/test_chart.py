@@ -86,6 +86,26 @@ def test_json_is_one_object_with_the_rows_of_the_csv(run: Callable[..., Ran], tm
         assert (row["bytes"], row["fetches"]) == (int(line["bytes"]), int(line["fetches"]))
 
 
+def test_a_long_chart_says_first_how_long(
+    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("homofact.cli.screen.WORTH_SAYING", 0.0)
+    assert run(*SMALL, *FAST, "--out", tmp_path, "--json").err == "homofact: 4 fits, under 10 s\n"
+    # What is there already is no work.
+    assert run(*SMALL, *FAST, "--out", tmp_path, "--json").err == "homofact: 0 fits, under 10 s\n"
+
+
+def test_seeds_are_lines_of_the_csv_and_one_of_the_table(run: Callable[..., Ran], tmp_path: Path) -> None:
+    ran = run(*SMALL, *FAST, "--methods", "cole", "--sizes", "3", "--seeds", 2, "--seed", 5, "--out", tmp_path)
+    assert ran.code == 0
+    found = lines(tmp_path / "blinn-phong-50.csv")
+    assert [(line["seed"], line["split_seed"]) for line in found] == [("5", "5"), ("6", "5")]
+    errors = [float(line["held_out_log_mse"]) for line in found]
+    assert f"{sum(errors) / 2:.3g}" in ran.out
+    assert f"± {abs(errors[0] - errors[1]) / 2**0.5:.3g}" in ran.out
+    assert run(*SMALL, *FAST, "--seeds", 0, "--out", tmp_path).code == 2
+
+
 def test_quiet_says_nothing(run: Callable[..., Ran], tmp_path: Path) -> None:
     assert run(*SMALL, *FAST, "--out", tmp_path, "-q") == (0, "", "")
 

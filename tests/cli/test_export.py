@@ -61,7 +61,7 @@ def test_a_file_that_is_gone_leaves_the_difference_alone(result: Path, tmp_path:
     assert main(["export", str(tmp_path / "fit.npz"), "--to", str(tmp_path / "out"), "--json"]) == 0
     streams = capsys.readouterr()
     assert set(errors(streams.out)["as fitted"]) == {"log_difference"}
-    assert "gone.brdf, is neither where it was nor in the working folder" in streams.err
+    assert "gone.brdf, is neither in the working folder nor beside" in streams.err
     refused = ["export", str(tmp_path / "fit.npz"), "--to", str(tmp_path / "two"), "--quantize", "png8"]
     assert main(refused) == 2
     assert "expected the samples to solve on: name them by --source" in capsys.readouterr().err

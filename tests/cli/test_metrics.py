@@ -92,7 +92,7 @@ def test_a_configuration_names_metrics(tmp_path: Path, capsys: pytest.CaptureFix
 def test_metrics_are_of_the_held_out_samples(source: Source) -> None:
     settings = McCool(size=6, seed=3)
     row = fit_and_measure(source, settings)
-    found = Judge(source, 0.2, chosen_metrics(("six",))).measure(row)
+    found = Judge(source, chosen_metrics(("six",))).measure(row.factorization, row.split)
     assert found == pytest.approx(row.held_out.record(), rel=1e-12)
     assert found != pytest.approx(row.train.record(), rel=1e-3)
     train, test = source.samples.split(0.2, 3)
@@ -104,7 +104,7 @@ def test_what_is_not_defined_is_none(source: Source) -> None:
     row = fit_and_measure(source, McCool(size=6))
     upright = source.samples.select(source.samples.wi[:, 2] > 0.8)
     only = Source(source.name, source.kind, upright, source.reflectance, 1e-5, 0.0)
-    found = Judge(only, 0.2, ("male_theta_i_75_90", "male")).measure(row)
+    found = Judge(only, ("male_theta_i_75_90", "male")).measure(row.factorization, row.split)
     assert found["male_theta_i_75_90"] is None
     assert found["male"] is not None
 
@@ -119,3 +119,21 @@ def test_a_subset_is_said_and_recorded(capsys: pytest.CaptureFixture[str], tmp_p
         row = answer["rows"][0] if "rows" in answer else answer
         assert (row["subset"]["samples"], row["subset"]["of"], row["samples"]) == (300, 480, 600)
         assert "fitted to 300 of 480 samples" in err
+
+
+def test_several_seeds_are_means_with_their_spread(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    command = ["compare", *FAST, "--methods", "mccool,cole", "--seeds", "3", "--metrics", "six,male"]
+    assert main([*command, "--json", "--plot", str(tmp_path / "a.png")]) == 0
+    mccool, cole = json.loads(capsys.readouterr().out)["rows"]
+    assert cole["seeds"] == [0, 1, 2]
+    errors = [row["error"]["held_out"]["log_mse"] for row in cole["rows"]]
+    assert cole["error"]["held_out"]["log_mse"] == pytest.approx(sum(errors) / 3)
+    assert cole["metrics"]["log_mse"] == pytest.approx(sum(errors) / 3)
+    spread = cole["spread"]["error"]["held_out"]["log_mse"]
+    assert (spread["min"], spread["max"]) == (min(errors), max(errors))
+    # A model has no azimuth copies: McCool's fit has no luck in it.
+    assert mccool["spread"]["error"]["held_out"]["log_mse"]["standard_deviation"] == 0
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    assert "mean ± standard deviation of 3 seeds" in " ".join(out.split())
+    assert f"± {spread['standard_deviation']:.3g}" in out

@@ -14,7 +14,7 @@ import torch
 
 import homofact
 from homofact.cli.main import main
-from homofact.evaluate.reopening import Reopened, reopen, settings_of
+from homofact.evaluate.reopening import NotReopened, reopen, settings_of
 from homofact.factor.factorization import Factorization
 
 SMALL = ["material:blinn-phong-50", "--count", "700", "--seed", "3"]
@@ -108,7 +108,6 @@ def test_the_split_is_found_again(options: list[str], run: Callable[..., Ran], t
 def test_a_saved_file_alone_will_do(run: Callable[..., Ran], made: Path, tmp_path: Path) -> None:
     shutil.copy(made / "factorization.npz", tmp_path / "paint.npz")
     assert run("view", tmp_path / "paint.npz", "-q") == (0, "", "")
-    # How many samples there were is not in it, and guessed; A tells that the guess was right.
     assert "have not seen them" in data_of(tmp_path / "paint.html")["notes"][0]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["paint.html", "paint.npz"]
 
@@ -137,15 +136,18 @@ def test_a_file_is_found_beside_the_result_or_in_the_working_folder(
     assert json.loads(run("view", folder, "--json", "--force").out)["source"] == "paint.brdf"
 
 
-def test_samples_that_the_fit_may_have_seen_are_not_called_held_out(run: Callable[..., Ran], tmp_path: Path) -> None:
-    fitted = homofact.fit(homofact.read("material:phong-10", count=400), homofact.McCool(size=6))
+def test_samples_that_the_fit_has_seen_are_not_called_held_out(run: Callable[..., Ran], tmp_path: Path) -> None:
+    fitted = homofact.fit(homofact.read("material:phong-10", count=400), homofact.Cole(size=6, restarts=1))
     fitted.save(tmp_path / "all.npz")
     ran = run("view", tmp_path / "all.npz")
-    assert ran.err == "homofact: the fit may have seen the samples that its errors are on: see the page's notes\n"
+    words = "the fit has, or may have, seen the samples that its errors are on: see the page's notes"
+    assert ran.err == f"homofact: {words}\n"
     facts = numbers(tmp_path / "all.html")["fit"]
     assert not any("held out" in name for name in facts)
     assert "Log MSE, of the source" in facts
-    assert "it may be made from some of these" in data_of(tmp_path / "all.html")["notes"][0]
+    note = data_of(tmp_path / "all.html")["notes"][0]
+    assert note.startswith("Errors are on 400 of 400 samples (seed 0)")
+    assert "Nothing was held out: both fits were made from these samples." in note
 
 
 def test_a_spectral_source_is_shown_as_the_fit_s_rgb_or_its_one_wavelength(
@@ -255,16 +257,11 @@ def test_provenance_edited_into_nonsense_is_passed_over(made: Path) -> None:
     assert isinstance(fitted, Factorization)
     for provenance in ({}, {"source": 3, "settings": []}, {"source": {"file": 5}, "settings": {"size": "x", "y": 1}}):
         odd = replace(fitted, provenance=provenance)
-        assert reopen(odd, None, ()) == "the result does not say what it was made from"
+        with pytest.raises(NotReopened, match=r"^the result does not say what it was made from$"):
+            reopen(odd)
         settings = settings_of(odd)
         assert (settings.size, settings.epsilon) == (6, fitted.transform.epsilon)
-    found = reopen(replace(fitted, provenance={"samples": "many"}), "material:blinn-phong-50", ())
-    assert isinstance(found, Reopened)
-    assert not found.known
+    assert not reopen(replace(fitted, provenance={"samples": "many"}), "material:blinn-phong-50").known
     # Another fit's A is not this source's.
-    other = replace(
-        fitted, transform=replace(fitted.transform, mean=fitted.transform.mean * torch.tensor([1, 1, 1.01]))
-    )
-    found = reopen(other, None, (), {"samples": 700})
-    assert isinstance(found, Reopened)
-    assert not found.known
+    mean = fitted.transform.mean * torch.tensor([1, 1, 1.01])
+    assert not reopen(replace(fitted, transform=replace(fitted.transform, mean=mean))).known

@@ -3,7 +3,7 @@
 import csv
 import random
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,12 @@ from hypothesis import strategies as st
 import homofact.evaluate.chart
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput, Status
-from homofact.evaluate.chart import Run, plan, run_chart, samples_digest
-from homofact.evaluate.chart_ledger import ChartRow, Ledger
+from homofact.evaluate.chart import Run, plan, run_chart
+from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger
+from homofact.evaluate.chart_points import ChartPoint, points_of, reference
 from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.pareto import dominates, front
-from homofact.figures.chart import cost_chart, reference, time_chart, write_charts
+from homofact.figures.chart import cost_chart, time_chart, write_charts
 from homofact.figures.label_places import place_labels
 from homofact.figures.log_axis import plain_number, round_ticks
 from homofact.methods.fitting import Method
@@ -223,23 +224,6 @@ def test_times_of_another_machine_are_not_taken(
     assert len(counting.fitted) == 2
 
 
-def test_the_digest_sees_every_sample(source: Source) -> None:
-    samples = source.samples
-    values = samples.values.clone()
-    values[-1, -1] += 1e-12
-    others = [
-        replace(samples, values=values),
-        replace(samples, weights=samples.weights * 2),
-        replace(samples, wi=samples.wo, wo=samples.wi),
-        replace(samples, channels=("A", "B", "C")),
-        replace(samples, isotropic=not samples.isotropic),
-        replace(samples, all_azimuths=False),
-    ]
-    digests = {samples_digest(each) for each in (samples, *others)}
-    assert len(digests) == 1 + len(others)
-    assert samples_digest(samples) == samples_digest(replace(samples, provenance={}))
-
-
 def spoiled(text: str, how: str) -> str:
     lines = text.splitlines()
     if how == "version":
@@ -259,7 +243,7 @@ def spoiled(text: str, how: str) -> str:
         ("version", r"line 2: found a result of homofact 0\.0\.7, expected a new folder, or --force"),
         ("columns", r"found other columns than those of homofact .*expected a new folder, or --force"),
         ("cell", r"line 2: textures_asked is '.*', expected a new folder"),
-        ("short", r"line 2: found \d+ cells of 35, expected a new folder"),
+        ("short", r"line 2: found \d+ cells of 36, expected a new folder"),
         ("empty", r"found other columns"),
     ],
 )
@@ -297,7 +281,7 @@ def test_a_record_has_what_a_comparison_has(source: Source, tmp_path: Path) -> N
     row = run_chart(source, runs, Ledger(tmp_path / "a.csv"))[0]
     theirs = fit_and_measure(source, runs[0].settings).record()
     mine = row.record()
-    assert set(theirs) - set(mine) == {"mean", "subset", "verdict"}
+    assert set(theirs) - set(mine) == {"mean", "split", "subset", "verdict"}
     assert set(mine["seconds"]) == set(theirs["seconds"])
     assert mine["error"] == theirs["error"]
     assert (mine["method"], mine["search"], mine["held_out_part"]) == ("search", "gradient", 0.2)
@@ -315,7 +299,7 @@ def many(source: Source, tmp_path_factory: pytest.TempPathFactory) -> list[Chart
             for textures in (1, 2, 3):
                 error = true.held_out.log_mse * 2 ** draw.uniform(-6, 1)
                 row = replace(
-                    true, label=label, search=search, size=size, textures=textures,
+                    true, label=label, search=search, size=size, textures=textures, textures_asked=textures,
                     bytes=12 * textures * size**2, fetches=textures + (label == "cole"),
                     seconds_fit=10 ** draw.uniform(-2, 2), held_out=replace(true.held_out, log_mse=error),
                 )  # fmt: skip
@@ -353,15 +337,79 @@ def test_every_point_has_a_label_that_is_on_no_other(draw: Any, many: list[Chart
 def test_shares_are_of_mccools_lowest_error_here(many: list[ChartRow]) -> None:
     worse = replace(many[0], size=4, held_out=replace(many[0].held_out, log_mse=many[0].held_out.log_mse * 3))
     rows = [worse, *many]
-    assert reference(rows) == many[0]
+    assert reference(points_of(rows)) == ChartPoint((many[0],))
     best = min(rows, key=lambda row: row.held_out.log_mse)
     share = best.held_out.log_mse / many[0].held_out.log_mse
     words = [text.get_text() for text, _ in labels_of(time_chart(rows))]
     assert f"{best.textures}×{best.size}²  ×{share:.2g}" in words
     # Without McCool there is nothing to be a share of, and other fixed lists are not McCool's.
     others = [replace(row, label="mccool:h+d") if row.label == "mccool" else row for row in many]
-    assert reference(others) is None
+    assert reference(points_of(others)) is None
     assert not any("  ×" in text.get_text() for text, _ in labels_of(time_chart(others)))
+
+
+def by_seeds(many: list[ChartRow]) -> list[ChartRow]:
+    """Each of the rows by three seeds, their errors one apart by a factor of 1, 1.2 and 2."""
+    return [
+        replace(
+            row, seed=seed, seconds_fit=row.seconds_fit * (1 + seed / 10),
+            held_out=replace(row.held_out, log_mse=row.held_out.log_mse * factor),
+        )
+        for row in many
+        for seed, factor in enumerate((1.0, 1.2, 2.0))
+    ]  # fmt: skip
+
+
+def test_runs_by_several_seeds_are_one_point(many: list[ChartRow]) -> None:
+    points = points_of(by_seeds(many))
+    assert len(points) == len(many)
+    for point, row in zip(points, many, strict=True):
+        assert [each.seed for each in point.rows] == [0, 1, 2]
+        error = row.held_out.log_mse
+        assert (point.error.low, point.error.high) == (error, 2 * error)
+        assert point.error.mean == pytest.approx(1.4 * error)
+        record = point.record()
+        assert record["error"]["held_out"]["log_mse"] == point.error.mean
+        assert record["spread"]["error"]["held_out"]["log_mse"] == point.error.record()
+        assert record["spread"]["seconds"]["fit"] == point.seconds.record()
+        assert record["seeds"] == [0, 1, 2]
+    assert points_of(many)[0].record() == many[0].record()
+    kept = [replace(many[1], textures=textures, seed=textures) for textures in (1, 2)]
+    assert points_of(kept)[0].textures == "1–2"
+
+
+@pytest.mark.parametrize("draw", [time_chart, cost_chart])
+def test_a_bar_goes_from_the_least_to_the_greatest(draw: Any, many: list[ChartRow]) -> None:
+    rows = by_seeds(many)
+    upright = {
+        tuple(line.get_ydata()) for axes in draw(rows).axes for line in axes.lines
+        if len(line.get_xdata()) == 2 and line.get_xdata()[0] == line.get_xdata()[1]
+    }  # fmt: skip
+    assert upright == {(point.error.low, point.error.high) for point in points_of(rows)}
+    figure = draw(rows)
+    assert any("mean of up to 3 fits by different seeds" in text.get_text() for text in figure.texts)
+    labels = labels_of(figure)
+    assert len(labels) == len(many) * (1 if draw is time_chart else 2)
+
+
+def test_seeds_are_runs_of_one_split(source: Source, tmp_path: Path) -> None:
+    runs = plan(methods("cole", seed=4), (1,), (3,), ("gradient",), 2)
+    assert [(run.settings.seed, run.split_seed) for run in runs] == [(4, 4), (5, 4)]
+    assert [run.name for run in runs] == ["cole, 1 × 3²", "cole, 1 × 3², seed 5"]
+    rows = run_chart(source, runs, Ledger(tmp_path / "a.csv"))
+    assert [(row.seed, row.split_seed) for row in rows] == [(4, 4), (5, 4)]
+    alone = fit_and_measure(source, runs[1].settings, split_seed=4)
+    assert rows[1].held_out == alone.held_out != rows[0].held_out
+    assert Ledger(tmp_path / "a.csv").find(
+        Identity(**{each.name: getattr(rows[1], each.name) for each in fields(Identity)})
+    )
+    # A fit of the same seed on the split of its own is another run.
+    own = plan(methods("cole", seed=5), (1,), (3,), ("gradient",))
+    assert run_chart(source, own, Ledger(tmp_path / "a.csv"))[0].held_out != rows[1].held_out
+    # What has no seed is not fitted again by another.
+    assert len(plan(methods("nmf"), (1,), (3,), ("gradient",), 3)) == 1
+    with pytest.raises(BadInput, match="seeds: found 0, expected at least 1"):
+        plan(methods("cole"), (1,), (3,), ("gradient",), 0)
 
 
 def test_rows_that_cannot_be_drawn_are_counted_or_refused(many: list[ChartRow], tmp_path: Path) -> None:

@@ -8,12 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
+from homofact.evaluate.estimate import TimeEstimate, fit_seconds
 from homofact.evaluate.stability.cells import Cell, Fitter, Judged, Outcome, References, fit_row, run_cell
 from homofact.evaluate.stability.problem import Scale, Stressor, unstressed
 from homofact.evaluate.stability.real import Absent
 from homofact.evaluate.stability.stressors import STRESSORS, stressor
 from homofact.files.atomic import write_text
-from homofact.methods.table import METHODS, method_class
+from homofact.methods.table import METHODS, made_each, method_class
 
 # Small fits, so that hundreds of them take minutes. ε is that of measured data. A method takes what it has of these.
 BASE_SETTINGS: dict[str, Any] = {
@@ -62,6 +63,12 @@ class Plan:
             for strength in self.strengths(each)
             for name in self.methods
         ]
+
+
+def estimate_atlas(plan: Plan) -> TimeEstimate:
+    """How long the cells of a plan take; the unstressed fits and the linear solves are few beside them."""
+    fits, samples = made_each(plan.methods, plan.settings), plan.scale.samples
+    return TimeEstimate([(name, fit_seconds(fits[name], samples)) for _, _, name in plan.places()])
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,132 @@
+"""Several fits that differ in their seed alone: how much of an error is luck.
+
+    several = fit_seeds(source, settings, 5)
+    several.held_out["log_mse"].mean, several.held_out["log_mse"].deviation
+
+The split keeps its own seed, so all fits have the same training samples and are measured on the same held-out ones.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from homofact.brdf.source import Source
+from homofact.errors import BadInput, Status
+from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
+from homofact.evaluate.metrics import SixErrors
+from homofact.evaluate.spread import Spread
+from homofact.methods.fitting import Method, ProgressCallback
+
+
+@dataclass(frozen=True)
+class SeedRows:
+    """The rows of one method by several seeds, at least one, on one split."""
+
+    rows: tuple[Row, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse rows of several splits, whose errors are not of the same samples."""
+        if not self.rows:
+            raise BadInput("seeds: found no fit, expected at least one")
+        if len({row.split for row in self.rows}) > 1:
+            raise BadInput("seeds: found fits on different splits, expected one split for all")
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """The fits' seeds."""
+        return tuple(row.settings.seed for row in self.rows)
+
+    @property
+    def first(self) -> Row:
+        """The row of the first seed."""
+        return self.rows[0]
+
+    @property
+    def held_out(self) -> dict[str, Spread]:
+        """Every error on the held-out samples, by name."""
+        return _spreads([row.held_out for row in self.rows])
+
+    @property
+    def train(self) -> dict[str, Spread]:
+        """Every error on the training samples, by name."""
+        return _spreads([row.train for row in self.rows])
+
+    @property
+    def seconds(self) -> dict[str, Spread]:
+        """Seconds of the fit and in total, by name."""
+        return {
+            "fit": Spread.of(row.seconds_fit for row in self.rows),
+            "total": Spread.of(row.seconds_total for row in self.rows),
+        }
+
+    @property
+    def evaluations(self) -> Spread:
+        """Inner problems solved."""
+        return Spread.of(row.report.evaluations for row in self.rows)
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form: that of a row with means in place of its errors, times and evaluations.
+
+        "seeds" are the fits', "spread" has the mean, least, greatest and standard deviation of each, and "rows" every
+        row by itself. Textures, bytes and fetches are those of the largest fit. One seed is that of the row itself.
+        """
+        own = self.first.record()
+        if len(self.rows) == 1:
+            return own
+        records = [row.record() for row in self.rows]
+        spread: dict[str, Any] = {
+            "error": {
+                "train": {name: each.record() for name, each in self.train.items()},
+                "held_out": {name: each.record() for name, each in self.held_out.items()},
+            },
+            "seconds": {name: each.record() for name, each in self.seconds.items()},
+            "evaluations": self.evaluations.record(),
+        }
+        return own | {
+            **{name: max(record[name] for record in records) for name in ("textures", "bytes", "fetches")},
+            "status": ", ".join(dict.fromkeys(str(record["status"]) for record in records)),
+            "evaluations": self.evaluations.mean,
+            "seconds": own["seconds"] | {name: each.mean for name, each in self.seconds.items()},
+            "error": {
+                part: {name: each["mean"] for name, each in spreads.items()}
+                for part, spreads in spread["error"].items()
+            },
+            "seeds": list(self.seeds),
+            "spread": spread,
+            "rows": records,
+        }
+
+
+def fit_seeds(
+    source: Source,
+    settings: Method,
+    seeds: int | Sequence[int],
+    held_out: float = HELD_OUT,
+    progress: ProgressCallback | None = None,
+    subset: int = 0,
+    split_seed: int | None = None,
+) -> SeedRows:
+    """Fit one method by every one of `seeds` and measure each on the same split.
+
+    A number of seeds counts up from that of `settings`, which also draws the split unless `split_seed` does. An
+    interrupted fit is the last. Raises BadInput for no seeds, and as `fit_and_measure`.
+    """
+    listed = seeds_from(settings.seed, seeds) if isinstance(seeds, int) else tuple(seeds)
+    drawn = settings.seed if split_seed is None else split_seed
+    rows: list[Row] = []
+    for seed in listed:
+        rows.append(fit_and_measure(source, replace(settings, seed=seed), held_out, progress, subset, drawn))
+        if rows[-1].report.status is Status.INTERRUPTED:
+            break
+    return SeedRows(tuple(rows))
+
+
+def seeds_from(first: int, count: int) -> tuple[int, ...]:
+    """`count` seeds from `first` on. Raises BadInput for none."""
+    if count < 1:
+        raise BadInput(f"seeds: found {count}, expected at least 1")
+    return tuple(range(first, first + count))
+
+
+def _spreads(errors: Sequence[SixErrors]) -> dict[str, Spread]:
+    return {each.name: Spread.of(getattr(error, each.name) for error in errors) for each in fields(SixErrors)}

@@ -1,0 +1,27 @@
+"""How far a number of several fits lies apart: mean, least, greatest, standard deviation."""
+
+import statistics
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Of `count` numbers; `deviation` is the standard deviation (of a sample, n − 1), None for a single number."""
+
+    count: int
+    mean: float
+    low: float
+    high: float
+    deviation: float | None
+
+    @classmethod
+    def of(cls, numbers: Iterable[float]) -> "Spread":
+        """The spread of at least one number."""
+        found = [float(number) for number in numbers]
+        deviation = statistics.stdev(found) if len(found) > 1 else None
+        return cls(len(found), statistics.fmean(found), min(found), max(found), deviation)
+
+    def record(self) -> dict[str, float | None]:
+        """The JSON form."""
+        return {"mean": self.mean, "min": self.low, "max": self.high, "standard_deviation": self.deviation}

@@ -1,0 +1,190 @@
+"""One pair of axes of a chart: its points with their bars, the Pareto front, the reference, and every point's label."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from homofact.evaluate.chart_points import ChartPoint
+from homofact.evaluate.pareto import front
+from homofact.evaluate.spread import Spread
+from homofact.figures.label_places import nearest_edge, place_labels
+from homofact.figures.log_axis import log_x, log_y, plain_number, round_ticks, set_ticks
+
+# A series' colour, shape, and the shape's width in points.
+Look = tuple[str, str, float]
+FRONT_COLOUR = "#999999"
+_CLEAR = 4.5  # points round a marker's middle that labels leave free
+_Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a chart has to the right: its words, its value, and its axis between two values."""
+
+    words: str
+    of: Callable[[ChartPoint], Spread]
+    axis: Callable[[Axes, float, float, Sequence[float]], None]
+
+
+def _decimal(axes: Axes, low: float, high: float, _: Sequence[float]) -> None:
+    log_x(axes, low, high)
+
+
+def _doubling(axes: Axes, low: float, high: float, _: Sequence[float]) -> None:
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    powers = [2.0**k for k in range(-12, 25) if low <= 2.0**k <= high]
+    set_ticks(axes.xaxis, powers or round_ticks(low, high))
+
+
+def _whole(axes: Axes, low: float, high: float, values: Sequence[float]) -> None:
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    set_ticks(axes.xaxis, sorted({float(round(value)) for value in values}))
+
+
+SECONDS = Cost("fitting time [s]", lambda point: point.seconds, _decimal)
+KIBIBYTES = Cost(
+    "textures as float32 [KiB]", lambda point: Spread.of(row.bytes / 1024 for row in point.rows), _doubling
+)
+FETCHES = Cost("texture fetches of one evaluation", lambda point: point.fetches, _whole)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes with its points and its cost; points that are one and the same are drawn once."""
+
+    axes: Axes
+    all_points: Sequence[ChartPoint]
+    cost: Cost
+
+    @cached_property
+    def points(self) -> list[ChartPoint]:
+        """The points that are drawn."""
+        found: dict[tuple[str, str, int, Spread, Spread], ChartPoint] = {}
+        for point in self.all_points:
+            key = (point.series, point.textures, point.first.size, self.cost.of(point), point.error)
+            found.setdefault(key, point)
+        return list(found.values())
+
+    @cached_property
+    def places(self) -> list[_Place]:
+        """Their mean (cost, error)."""
+        return [(self.cost.of(point).mean, point.error.mean) for point in self.points]
+
+    def draw(self, looks: dict[str, Look], base: ChartPoint | None, limits: tuple[float, float]) -> list[_Place]:
+        """Axes, points, bars, front and reference line; the corners of the front in data coordinates."""
+        axes, costs = self.axes, [self.cost.of(point) for point in self.points]
+        left, right = min(each.low for each in costs) / 1.5, max(each.high for each in costs) * 1.6
+        log_y(axes, *limits)
+        self.cost.axis(axes, left, right, [each.mean for each in costs])
+        axes.set_xlabel(self.cost.words)
+        axes.grid(color="#eeeeee", linewidth=0.8, zorder=0)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+        on = front(self.places)
+        corners = [(self.places[on[0]][0], limits[1])]
+        for i in on:
+            corners += [(self.places[i][0], corners[-1][1]), self.places[i]]
+        corners.append((right, corners[-1][1]))
+        axes.plot(*zip(*corners, strict=True), color=FRONT_COLOUR, linewidth=1.2, zorder=1)
+        if base is not None:
+            axes.axhline(base.error.mean, color="#555555", linewidth=0.8, linestyle=(0, (1, 3)), zorder=1)
+        for i, (point, (x, y)) in enumerate(zip(self.points, self.places, strict=True)):
+            colour, shape, width = looks[point.series]
+            for one, other in self._bars(point):
+                axes.plot(*zip(one, other, strict=True), color=colour, linewidth=1.3, alpha=0.55, zorder=2)
+            face, edge = (colour, "white") if i in on else ("white", colour)
+            # A white rim, put on from outside, parts filled points that lie on each other.
+            style = {"markerfacecolor": face, "markeredgecolor": edge, "markersize": width + (1.5 if i in on else 0)}
+            axes.plot(x, y, shape, zorder=3, markeredgewidth=1.0, **style)
+        return corners
+
+    def label(self, figure: Figure, looks: dict[str, Look], base: ChartPoint | None, corners: Sequence[_Place]) -> None:
+        """Every point's label, where it covers nothing; all places in 1/72 inch, whatever the picture's pixels."""
+        axes, on = self.axes, set(front(self.places))
+        scale = 72 / figure.dpi
+        renderer = FigureCanvasAgg(figure).get_renderer()
+
+        def place(point: _Place) -> _Place:
+            x, y = axes.transData.transform(point)
+            return float(x) * scale, float(y) * scale
+
+        texts = []
+        for i, point in enumerate(self.points):
+            words = f"{point.textures}×{point.first.size}²"
+            if i in on and base is not None and not point.is_reference:
+                share = point.error.mean / base.error.mean
+                words += f"  ×{share:.2f}" if share >= 0.1 else f"  ×{share:.2g}"
+            texts.append(
+                axes.annotate(
+                    words,
+                    self.places[i],
+                    xytext=(0, 0),
+                    textcoords="offset points",
+                    fontsize=7.5,
+                    fontweight="bold" if i in on else "normal",
+                    color=looks[point.series][0],
+                    zorder=4,
+                )
+            )
+        extents = [text.get_window_extent(renderer) for text in texts]
+        frame = axes.get_window_extent(renderer)
+        places = [place(point) for point in self.places]
+        lines = _along([place(corner) for corner in corners])
+        if base is not None:
+            lines += _along([place((x, base.error.mean)) for x in axes.get_xlim()])
+        for point in self.points:
+            for bar in self._bars(point):
+                lines += _along([place(end) for end in bar])
+        chosen = place_labels(
+            places,
+            [(extent.width * scale + 1, extent.height * scale) for extent in extents],
+            (frame.x0 * scale, frame.y0 * scale, frame.x1 * scale, frame.y1 * scale),
+            lines=lines,
+            radius=_CLEAR,
+        )
+        for text, point, (x, y), label in zip(texts, self.places, places, chosen, strict=True):
+            text.set_position((label.box[0] - x + 0.5, label.box[1] - y))
+            if label.leader:
+                end = nearest_edge((x, y), label.box)
+                arrow = {"arrowstyle": "-", "linewidth": 0.6, "color": text.get_color(), "shrinkA": 0, "shrinkB": 3}
+                offset = (end[0] - x, end[1] - y)
+                axes.annotate("", point, xytext=offset, textcoords="offset points", arrowprops=arrow, zorder=2)
+
+    def _bars(self, point: ChartPoint) -> list[tuple[_Place, _Place]]:
+        """The ends of its bars, from the least to the greatest: upwards the error, to the right the cost."""
+        cost, error = self.cost.of(point), point.error
+        bars = []
+        if error.low < error.high:
+            bars.append(((cost.mean, error.low), (cost.mean, error.high)))
+        if cost.low < cost.high:
+            bars.append(((cost.low, error.mean), (cost.high, error.mean)))
+        return bars
+
+
+def share_axis(axes: Axes, base: float, limits: tuple[float, float]) -> None:
+    """The right hand axis: the error as a share of the reference's."""
+    right = axes.twinx()
+    log_y(right, limits[0] / base, limits[1] / base)
+    set_ticks(
+        right.yaxis, round_ticks(limits[0] / base, limits[1] / base, 5, 9), lambda value: f"×{plain_number(value)}"
+    )
+    right.set_ylabel("of McCool's own factorization (dotted: its lowest error here)", color="#555555", fontsize=9)
+    right.tick_params(axis="y", colors="#555555", labelsize=8)
+    right.spines[["top", "left"]].set_visible(False)
+    right.spines["right"].set_color("#cccccc")
+
+
+def _along(corners: Sequence[_Place], step: float = 3.0) -> list[_Place]:
+    """Places every `step` along the line through `corners`."""
+    found = []
+    for (x0, y0), (x1, y1) in pairwise(corners):
+        count = round((abs(x1 - x0) + abs(y1 - y0)) / step) + 1
+        found += [(x0 + (x1 - x0) * k / count, y0 + (y1 - y0) * k / count) for k in range(count + 1)]
+    return found

@@ -1,0 +1,30 @@
+"""The Python that the documents show runs as it stands there, each document from top to bottom."""
+
+import os
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCUMENTS = ("README.md", "docs/python.md")
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_the_lines_of_a_document_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(ROOT / "data_synthetic", tmp_path / "data_synthetic")
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / name).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    assert blocks
+    names: dict[str, Any] = {}
+    for number, block in enumerate(blocks, 1):
+        exec(compile(block, f"{name}, block {number}", "exec"), names)
+    assert os.path.exists("paint.npz")
+    assert names["same"].evaluate(names["source"].samples.wi, names["source"].samples.wo).equal(names["values"])
+    if name == "docs/python.md":
+        errors = names["several"].held_out["log_mse"]
+        assert errors.low < errors.mean < errors.high
+        assert (names["reopened"].known, names["page"].caution) == (True, "")
+        assert os.path.getsize("held_out.html") == names["page"].size
