@@ -14,7 +14,7 @@ from homofact.evaluate.stability.problem import Scale, Stressor, unstressed
 from homofact.evaluate.stability.real import Absent
 from homofact.evaluate.stability.stressors import STRESSORS, stressor
 from homofact.files.atomic import write_text
-from homofact.methods.table import METHODS, made_each, method_class
+from homofact.methods.table import METHODS, method_class, settings_of_class
 
 # Small fits, so that hundreds of them take minutes. ε is that of measured data. A method takes what it has of these.
 BASE_SETTINGS: dict[str, Any] = {
@@ -67,7 +67,13 @@ class Plan:
 
 def estimate_atlas(plan: Plan) -> TimeEstimate:
     """How long the cells of a plan take; the unstressed fits and the linear solves are few beside them."""
-    fits, samples = made_each(plan.methods, plan.settings), plan.scale.samples
+    samples = plan.scale.samples
+    fits = {
+        name: METHODS[name](
+            **{key: plan.settings[key] for key in settings_of_class(METHODS[name]) if key in plan.settings}
+        )
+        for name in plan.methods
+    }
     return TimeEstimate([(name, fit_seconds(fits[name], samples)) for _, _, name in plan.places()])
 
 
