@@ -6,9 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
-from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput, Status
 from homofact.evaluate.metrics import measure
 from homofact.factor.projection import Projection
@@ -152,12 +150,3 @@ def test_settings_that_cannot_be_meant_are_refused(wrong: dict, message: str) ->
 def test_cole_knows_the_two_coordinates_of_the_thesis() -> None:
     with pytest.raises(BadInput, match="coordinates: found 'theta_h-theta_d', expected one of in-out, half-diff"):
         Cole(coordinates="theta_h-theta_d")
-
-
-def test_the_guard_keeps_what_is_found_by_then_and_says_so() -> None:
-    samples = sample_model(material("phong-10").model, 400)
-    method = Cole(textures=4, size=6, search_samples=200, search_size=6, epsilon=1e-5, budget=0.2)
-    found = method.fit(samples)
-    assert found.report.status is Status.GUARD
-    assert 1 <= len(found.factorization.terms) < 4
-    assert "guard of 0.2 s" in found.report.notes[0]
