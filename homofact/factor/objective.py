@@ -10,8 +10,7 @@ Variable projection (Golub and Pereyra 1973): since ∂E/∂y = 0 at y*, the cha
 
 with r the residual and ∇p̃ the slope of the bilinear texture at the lookup: the texels' own change does
 not count. A conjugate lookup has the matrix P S, so it adds its derivative times Sᵀ. The matrices come
-from unit quaternions and are scaled to the texture square; both are smooth but for |·| in the scale, and
-autograd takes the derivative through them. R has kinks where a sample crosses from one cell of a texture
+from unit quaternions and are scaled to the texture square; both are smooth but for |·| in the scale. R has kinks where a sample crosses from one cell of a texture
 to the next; there are N of them for each texture, and each is small.
 """
 
@@ -21,13 +20,14 @@ from itertools import accumulate, pairwise
 import torch
 from torch import Tensor
 
-from homofact.factor.projection import Projection, row_bounds, swap_of
+from homofact.errors import SolverFailure
+from homofact.factor.projection import Projection, bound_slopes, swap_of
 from homofact.factor.textures import LogSamples, Smoothing, inner_problem
 from homofact.geometry.rotation import Rotation
+from homofact.geometry.rotation_slope import rows_with_slope
 from homofact.linear.layout import Shape
-from homofact.linear.least_squares import LeastSquares
+from homofact.linear.least_squares import LeastSquares, minimum
 from homofact.linear.normal import gradient
-from homofact.linear.solvers import solve
 
 
 @dataclass(frozen=True)
@@ -98,17 +98,16 @@ class Objective:
 
     def error(self, vector: Tensor) -> float:
         """R alone, by the normal equations; no pass for the gradient."""
-        problem = self.problem(vector)
         self.evaluations += 1
-        texels = solve(problem).texels
-        sum_of_squares = problem.data.error(texels) * float(problem.weights.sum()) * texels.shape[1]
-        return (sum_of_squares + problem.penalty(texels)) * self._scale
+        return minimum(self.problem(vector))[1] * self._scale
 
     def evaluate(self, vector: Tensor) -> Evaluation:
         """R with its gradient: one accumulation, one solve, one pass back over the samples."""
         problem = self.problem(vector)
         self.evaluations += 1
-        texels = solve(problem).texels
+        texels, _ = minimum(problem)
+        if not bool(torch.isfinite(texels).all()):
+            raise SolverFailure("the texels are not finite: more smoothing, fewer textures or more samples")
         by_matrix, squares = gradient(problem.coordinates, problem.lookups, problem.targets, problem.weights, texels)
         value = (squares + problem.penalty(texels)) * self._scale
         slope = self._chain(vector, by_matrix.to(vector)) * self._scale
@@ -116,10 +115,7 @@ class Objective:
 
     def _chain(self, vector: Tensor, by_matrix: Tensor) -> Tensor:
         """The derivative by the vector, from those by every lookup's matrix (L, 2, 4)."""
-        if vector.shape[0] == 0:
-            return torch.zeros_like(vector)
-        free = vector.detach().clone().requires_grad_()
-        total, parts, number = free.new_zeros(()), iter(self.parts()), 0
+        result, parts, number = torch.zeros_like(vector), iter(self.parts()), 0
         for projection in self._projections:
             lookups = projection.lookups
             own = slice(number, number + lookups)
@@ -131,7 +127,9 @@ class Objective:
             combined = by[0]
             if lookups == 2:
                 combined = combined + by[1] @ swap_of(system).T
-            rows = Rotation.of_numbers(free[next(parts)]).matrix().T[:2]
-            scaled = rows / row_bounds(rows, system.domain, self._bound)[:, None]
-            total = total + (scaled * combined).sum()
-        return torch.autograd.grad(total, free)[0]
+            own = next(parts)
+            rows, pulled_back = rows_with_slope(vector[own].numpy())
+            result[own] = torch.from_numpy(
+                pulled_back(bound_slopes(rows, combined.numpy(), system.domain, self._bound))
+            )
+        return result

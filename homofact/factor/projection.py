@@ -16,6 +16,7 @@ A row that is ±1 at a periodic axis of the coordinates and zero elsewhere makes
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -34,6 +35,17 @@ def row_bounds(matrix: Tensor, domain: str, bound: str) -> Tensor:
     if domain == "discs" and bound == "disc":
         return matrix[:, :2].norm(dim=1) + matrix[:, 2:].norm(dim=1)
     return matrix.abs().sum(1)
+
+
+def bound_slopes(rows: np.ndarray, slope: np.ndarray, domain: str, bound: str) -> np.ndarray:
+    """The derivative by rows (2, k), from that by the rows divided by their bounds: s/b − (s · row) ∇b/b²."""
+    if domain == "discs" and bound == "disc":
+        lengths = np.sqrt((rows.reshape(2, 2, 2) ** 2).sum(2))
+        size = lengths.sum(1, keepdims=True)
+        by_row = (rows.reshape(2, 2, 2) / np.maximum(lengths, 1e-300)[:, :, None]).reshape(2, 4)
+    else:
+        size, by_row = np.abs(rows).sum(1, keepdims=True), np.sign(rows)
+    return slope / size - (slope * rows).sum(1, keepdims=True) * by_row / size**2
 
 
 def swap_of(system: CoordinateSystem) -> Tensor:

@@ -37,10 +37,11 @@ def solve_lower(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray | None:
 
 
 @numba.njit(cache=True, nogil=True)
-def penalised_lower(whole, part, first, columns, values, scale, ridge):  # pragma: no cover (compiled)
-    """The lower triangle (T, T) of `whole` − `part` + diag(`scale`) G + `ridge` · I, its upper one left unset.
+def penalised_lower(whole, part, sign, first, columns, values, scale, ridge):  # pragma: no cover (compiled)
+    """The lower triangle (T, T) of `whole` + `sign` `part` + diag(`scale`) G + `ridge` · I, its upper one left unset.
 
     G is sparse and symmetric, its rows in `first`, `columns`, `values` as of a CSR matrix; `part` may be empty (0, 0).
+    Of `whole` and `part` only the lower triangles are read.
     """
     size = whole.shape[0]
     result = np.empty((size, size))
@@ -50,7 +51,7 @@ def penalised_lower(whole, part, first, columns, values, scale, ridge):  # pragm
                 result[row, column] = whole[row, column]
         else:
             for column in range(row + 1):
-                result[row, column] = whole[row, column] - part[row, column]
+                result[row, column] = whole[row, column] + sign * part[row, column]
         for entry in range(first[row], first[row + 1]):
             column = columns[entry]
             if column <= row:

@@ -24,7 +24,7 @@ from torch import Tensor
 from homofact.linear.definite import penalised_lower, solve_lower
 from homofact.linear.laplacian import laplacian
 from homofact.linear.layout import TexelLayout
-from homofact.linear.normal import Lookup, NormalEquations, accumulate, stencil_rows
+from homofact.linear.normal import Lookup, NormalEquations, accumulate, accumulate_lower, stencil_rows
 
 RELATIVE_RIDGE = 1e-9
 
@@ -180,13 +180,35 @@ def solve_penalised(
         part = np.zeros((0, 0)) if without is None else without.matrix.numpy()
         gram = roughness.sparse
         weights = scale.numpy().ravel()
-        lower = penalised_lower(data.matrix.numpy(), part, gram.indptr, gram.indices, gram.data, weights, ridge)
+        sparse = (gram.indptr, gram.indices, gram.data)
+        lower = penalised_lower(data.matrix.numpy(), part, -1.0, *sparse, weights, ridge)
         solution = solve_lower(lower, rhs.numpy())
         if solution is not None:
             return torch.from_numpy(solution)
     matrix = _penalised(data.matrix if without is None else data.matrix - without.matrix, roughness, scale, ridge)
     factor, info = torch.linalg.cholesky_ex(matrix)
     return minimum_norm(matrix, rhs) if int(info) else torch.cholesky_solve(rhs, factor)
+
+
+def minimum(problem: LeastSquares) -> tuple[Tensor, float]:
+    """(texels (T, C), the penalised sum of squares there) of a problem of which nothing else is asked.
+
+    All texels are kept and there is no gauge. On the CPU only a lower triangle is ever made. The value is
+    Σ w f² − yᵀBᵀWf, what is left of the penalised sum at its minimum.
+    """
+    if problem.weights.device.type == "cpu":
+        triangles, rhs, energy = accumulate_lower(
+            problem.coordinates, problem.lookups, problem.targets, problem.weights, problem.unknowns
+        )
+        gram, scale = problem.roughness.sparse, problem.penalty_scale.numpy().ravel()
+        rest = triangles[1] if len(triangles) > 1 else np.zeros((0, 0))
+        lower = penalised_lower(triangles[0], rest, 1.0, gram.indptr, gram.indices, gram.data, scale, problem.ridge)
+        solution = solve_lower(lower, rhs)
+        if solution is not None:
+            return torch.from_numpy(solution), max(float(energy.sum() - (solution * rhs).sum()), 0.0)
+    data = problem.data
+    texels = solve_penalised(data, problem.roughness, problem.smoothing, len(problem.lookups))
+    return texels, max(float(data.energy.sum() - (texels * data.rhs).sum()), 0.0)
 
 
 def minimum_norm(matrix: Tensor, rhs: Tensor) -> Tensor:

@@ -120,18 +120,22 @@ def accumulate_compiled(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
 ) -> NormalEquations:
     """The same on the CPU, compiled: stencils are made and used sample by sample, none is stored."""
+    halves, rhs, energy = accumulate_lower(coordinates, lookups, targets, weights, unknowns)
+    matrix = torch.from_numpy(symmetric_total(halves))
+    return NormalEquations(matrix, torch.from_numpy(rhs), torch.from_numpy(energy), float(weights.sum()))
+
+
+def accumulate_lower(
+    coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(lower triangles (P, T, T) whose sum is BᵀWB's, BᵀWf (T, C), Σ w f² (C,)) of samples on the CPU."""
     entries = 4 * len(lookups)
     arrays = (coordinates.contiguous().numpy(), *pack(lookups), targets.contiguous().numpy())
     weighting = weights.contiguous().numpy()
     ranges = _ranges(coordinates.shape[0], entries * entries)
     halves = np.zeros((len(ranges), unknowns, unknowns))
     rest = in_parallel(lambda place: _accumulate(*arrays, weighting, halves[place], *ranges[place]), range(len(ranges)))
-    return NormalEquations(
-        torch.from_numpy(symmetric_total(halves)),
-        torch.from_numpy(sum(part[0] for part in rest)),
-        torch.from_numpy(sum(part[1] for part in rest)),
-        float(weights.sum()),
-    )
+    return halves, sum(part[0] for part in rest), sum(part[1] for part in rest)
 
 
 def _ranges(count: int, cost: int) -> list[tuple[int, int]]:

@@ -213,13 +213,11 @@ class StructureSearch:
                     trials.append((chosen, warp))
         if not trials:
             return []
-        for warp in warps:
-            self._bank(fixed, warp)
-            self._bank(fixed, warp, FIRST_LOOK)
+        self._make_banks(fixed, warps)
 
         def first_look(trial: tuple[tuple[int, ...], Warp | None]) -> tuple[float, Account]:
             account = self._account.beside()
-            folded = self._bank(fixed, trial[1], FIRST_LOOK).mix(trial[0])
+            folded = self._banks[trial[1], FIRST_LOOK].mix(trial[0])
             return self._smoothed(folded, (smoothing,) * count, account, each=False)[1], account
 
         looks = self._beside(first_look, trials)
@@ -237,16 +235,21 @@ class StructureSearch:
         self._tell(count, mixes[0].error)
         return mixes
 
-    def _bank(self, fixed: tuple[str, ...], warp: Warp | None, share: float = 1.0) -> FixedBank:
-        """All fixed kinds under a warp, accumulated on first use, on textures of a share of the search's size."""
-        if (warp, share) not in self._banks:
+    def _make_banks(self, fixed: tuple[str, ...], warps: list[Warp | None]) -> None:
+        """All fixed kinds accumulated together, warp by warp: at the search's size and for the first look."""
+        wanted = [(warp, share) for warp in warps for share in (FIRST_LOOK, 1.0) if (warp, share) not in self._banks]
+
+        def made(place: tuple[Warp | None, float]) -> tuple[FixedBank, Account]:
+            warp, share = place
             size = max(2, round(share * self._settings.size))
             projections = tuple(self._make(kind, warp) for kind in fixed)
             shapes = tuple(texture_shape(projection, size) for projection in projections)
-            self._banks[warp, share] = FixedBank.of(self._samples, self._partitions, projections, shapes)
+            account = self._account.beside()
             lookups = sum(projection.lookups for projection in projections)
-            self._account.spend(cost_of_evaluation(self._samples.logs.shape[0], lookups, 0))
-        return self._banks[warp, share]
+            account.spend(cost_of_evaluation(self._samples.logs.shape[0], lookups, 0))
+            return FixedBank.of(self._samples, self._partitions, projections, shapes), account
+
+        self._banks.update(zip(wanted, self._beside(made, wanted), strict=True))
 
     def _settled(
         self, fixed: tuple[str, ...], trial: tuple[tuple[int, ...], Warp | None], smoothing: float, each: bool
@@ -254,7 +257,7 @@ class StructureSearch:
         """A mix of the bank with all folds and one λ for all of its textures, or one for `each`."""
         account = self._account.beside()
         chosen, warp = trial
-        bank = self._bank(fixed, warp)
+        bank = self._banks[warp, 1.0]
         folded = bank.mix(chosen)
         found, error = self._smoothed(folded, (smoothing,) * len(chosen), account, each)
         projections = tuple(bank.projections[j] for j in chosen)
