@@ -10,8 +10,9 @@ Variable projection (Golub and Pereyra 1973): since ∂E/∂y = 0 at y*, the cha
 
 with r the residual and ∇p̃ the slope of the bilinear texture at the lookup: the texels' own change does
 not count. A conjugate lookup has the matrix P S, so it adds its derivative times Sᵀ. The matrices come
-from unit quaternions and are scaled to the texture square; both are smooth but for |·| in the scale. R has kinks where a sample crosses from one cell of a texture
-to the next; there are N of them for each texture, and each is small.
+from unit quaternions and are scaled to the texture square; both are smooth but for |·| in the scale. R has
+kinks where a sample crosses from one cell of a texture to the next; there are N of them for each texture, and each
+is small.
 """
 
 from dataclasses import dataclass, replace

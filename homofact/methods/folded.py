@@ -46,8 +46,9 @@ class Folded:
         partitions: tuple[Partition, ...],
         projections: tuple[Projection, ...],
         shapes: tuple[Shape, ...],
+        most: int | None = None,
     ) -> "Folded":
-        """Accumulate `samples`, fold by fold of every partition."""
+        """Accumulate `samples`, fold by fold of every partition; with `most`, only so many folds can be left out."""
         problem = inner_problem(samples, projections, shapes, 0.0)
 
         def accumulated(own: Tensor) -> NormalEquations:
@@ -59,13 +60,16 @@ class Folded:
             ).data
 
         # The first partition's samples that are never left out are a piece too, so that its pieces add up to all.
+        limited = [
+            torch.where(partition.folds < (most or len(samples.logs)), partition.folds, -1) for partition in partitions
+        ]
         pieces = [
             (number, fold)
-            for number, partition in enumerate(partitions)
-            for fold in partition.folds.unique().tolist()
+            for number, folds in enumerate(limited)
+            for fold in folds.unique().tolist()
             if fold >= 0 or number == 0
         ]
-        made = in_parallel(lambda piece: accumulated(partitions[piece[0]].folds == piece[1]), pieces)
+        made = in_parallel(lambda piece: accumulated(limited[piece[0]] == piece[1]), pieces)
         found = list(zip(pieces, made, strict=True))
         whole = total([each for (number, _), each in found if number == 0])
         parts = tuple(

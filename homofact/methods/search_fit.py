@@ -40,13 +40,12 @@ from homofact.methods.fitting import (
 from homofact.methods.folded import Folded
 from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, is_isotropic, is_searched
 from homofact.methods.search import Search
-from homofact.methods.structure_search import ENOUGH, Outcome, StructureSearch, StructureSettings, rounded
+from homofact.methods.structure_search import Mix, Outcome, StructureSearch, StructureSettings, rounded
 from homofact.methods.validation import Partition, partitions_of
 
 FOLDS = 4
 FINE_SHARE = 0.5  # of the search's effort, once more for refining and smoothing at full size
-FINE_ROUNDS = 4  # of refining and smoothing, as long as that helps and the effort lasts
-FINE_STEPS = (3, 40)  # iterations at full size: at least, at most
+FINE_STEPS, MOST_FINE_STEPS = 10, 40  # iterations at full size: fewer are not worth having, most
 
 
 def search_named(name: str) -> Minimizer:
@@ -162,47 +161,54 @@ def _finish(
     search: Minimizer,
     account: Account,
 ) -> tuple[Outcome, tuple[float, ...]]:
-    """Searched projections refined on everything, then λ at full size; as much of both as `account` grants."""
+    """Searched projections refined on all samples, then λ at full size; as much of both as `account` grants.
+
+    Where an evaluation at full size is too dear, projections are refined with textures of the search's size, and λ is
+    chosen for all textures alike on one left-out fold.
+    """
     mix = outcome.mix
     if outcome.status in (Status.INTERRUPTED, Status.GUARD):
         return outcome, mix.smoothing
-    shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
-    texels = sum(rows * columns for rows, columns in shapes)
-    cost = cost_of_evaluation(len(full.logs), sum(projection.lookups for projection in mix.projections), texels)
-    smoothing = carried_smoothing(mix.smoothing, coarse_size(settings), settings.size)
+    coarse = coarse_size(settings)
+    smoothing = carried_smoothing(mix.smoothing, coarse, settings.size)
+    if any(map(is_searched, mix.kinds)):
+        steps, size = 0, settings.size
+        for size in (settings.size, coarse):
+            cost = _cost(full, mix, size)
+            steps = int(0.5 * account.left / cost)
+            if steps >= FINE_STEPS:
+                break
+        shapes = tuple(texture_shape(projection, size) for projection in mix.projections)
+        own = smoothing if size == settings.size else mix.smoothing
+        objective = Objective(full, mix.projections, shapes, own, settings.bound)
+        left = max(account.deadline - time.perf_counter(), 1e-3)
+        limited = search.limited(min(max(steps, 1), MOST_FINE_STEPS))
+        vector, report = minimize(limited, objective, objective.start(), seconds=left, seed=settings.seed)
+        mix = replace(mix, projections=objective.projections(rounded(vector)))
+        account.spend(report.evaluations * cost, report.evaluations)
+        if report.status in (Status.INTERRUPTED, Status.GUARD):
+            notes = ("interrupted while refining",) if report.status is Status.INTERRUPTED else ()
+            return replace(outcome, mix=mix, status=report.status, notes=(*outcome.notes, *notes)), smoothing
     if settings.smoothing is None:
-        folded = Folded.of(full, partitions, mix.projections, shapes)
-        account.spend(cost)
-        smoothing, _ = folded.best_smoothing(smoothing, account, 1)
-        del folded
-    error = mix.error
-    for round_number in range(FINE_ROUNDS):
-        before = error
-        if any(map(is_searched, mix.kinds)):
-            fewest, most = FINE_STEPS
-            steps = min(max(int(0.5 * account.left / cost), fewest), most)
-            objective = Objective(full, mix.projections, shapes, smoothing, settings.bound)
-            left = max(account.deadline - time.perf_counter(), 1e-3)
-            vector, report = minimize(
-                search.limited(steps), objective, objective.start(), seconds=left, seed=settings.seed
-            )
-            mix = replace(mix, projections=objective.projections(rounded(vector)))
-            account.spend(report.evaluations * cost, report.evaluations)
-            if report.status in (Status.INTERRUPTED, Status.GUARD):
-                notes = ("interrupted while refining",) if report.status is Status.INTERRUPTED else ()
-                return replace(outcome, mix=mix, status=report.status, notes=(*outcome.notes, *notes)), smoothing
-        if settings.smoothing is not None or account.over:
-            break
-        folded = Folded.of(full, partitions, mix.projections, shapes)
-        account.spend(cost)
+        shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
+        texels = sum(rows * columns for rows, columns in shapes)
         # Every λ is asked about at least twice: with all folds where that can be paid for, else with one.
-        asked = 2 * len(smoothing) * folded.solves() * cost_of_solve(folded.unknowns)
-        smoothing, error = folded.best_each(smoothing, account, 1, None if asked < account.left else 1)
+        solves = 2 * len(smoothing) * sum(int(partition.folds.max()) + 1 for partition in partitions)
+        folds = None if solves * cost_of_solve(texels) < account.left else 1
+        folded = Folded.of(full, partitions, mix.projections, shapes, folds)
+        account.spend(_cost(full, mix, settings.size))
+        smoothing, error = folded.best_smoothing(smoothing, account, 1)
+        if folds is None:
+            smoothing, error = folded.best_each(smoothing, account, 1)
         mix = replace(mix, smoothing=smoothing, error=error)
-        if not any(map(is_searched, mix.kinds)) or account.over or (round_number > 0 and error > ENOUGH * before):
-            break
     status = Status.GUARD if account.late else outcome.status
     return replace(outcome, mix=mix, status=status, evaluations=outcome.evaluations + account.evaluations), smoothing
+
+
+def _cost(samples: LogSamples, mix: Mix, size: int) -> float:
+    """Units of one evaluation of a mix on these samples with textures of this size."""
+    texels = sum(rows * columns for rows, columns in (texture_shape(each, size) for each in mix.projections))
+    return cost_of_evaluation(len(samples.logs), sum(projection.lookups for projection in mix.projections), texels)
 
 
 def carried_smoothing(smoothing: tuple[float, ...], coarse: int, fine: int) -> tuple[float, ...]:

@@ -42,6 +42,7 @@ ENOUGH = 0.995  # a change is worth having when it leaves less than this share o
 ROTATIONS = 20020801  # seeds the rotations that searches start from
 BEAM = 4  # fixed mixes that the next step goes on from
 FIRST_LOOK = 0.5  # of the search's texture size: what all fixed mixes are first looked at with
+DESCENTS = 0.625  # of the search's texture size: what a tournament's projections descend with
 FINALISTS = 3  # mixes that are polished and judged in full at the end of a tournament
 FIRST_STEPS, LAST_STEPS = 6, 24  # iterations of the first and the last round of descents
 LOOKS = 4  # starts that are looked at for every one that may descend
@@ -320,7 +321,7 @@ class StructureSearch:
         if searched:
             # A round costs about as much as the one before it, half of the starts with twice the steps; of the rest a
             # third is for looking at more starts than can descend, and a third for judging.
-            each = max(self._cost(mix) for mix in searched) * (1 + FIRST_STEPS)
+            each = max(self._cost(mix, DESCENTS) for mix in searched) * (1 + FIRST_STEPS)
             places = max(2, int(spare / (3 * each)))
             searched = searched[: LOOKS * places]
             if len(searched) > places:
@@ -328,7 +329,7 @@ class StructureSearch:
                 order = sorted(range(len(searched)), key=lambda place: looks[place])
                 searched = [searched[place] for place in sorted(order[:places])]
         while searched:
-            ranked = self._beside(lambda mix, steps=steps: self._descended(mix, scale, steps), searched)
+            ranked = self._beside(lambda mix, steps=steps: self._descended(mix, scale, steps, DESCENTS), searched)
             ranked.sort(key=lambda pair: pair[0])
             searched = [mix for _, mix in ranked]
             if steps >= LAST_STEPS or self._account.late:
@@ -348,7 +349,7 @@ class StructureSearch:
         mix = replace(mix, smoothing=smoothing, error=error)
         if not _movable(mix):
             return mix, account
-        (_, moved), more = self._descended(mix, None, POLISH)
+        (_, moved), more = self._descended(mix, None, POLISH, 1.0)
         account.add(more)
         _, error = self._judged(self._folded(moved, account), smoothing, account)
         return min(mix, replace(moved, error=error), key=lambda each: each.error), account
@@ -369,18 +370,21 @@ class StructureSearch:
         if found:
             self._offer(found[0])
 
-    def _descended(self, mix: Mix, scale: float | None, steps: int) -> tuple[tuple[float, Mix], Account]:
-        """((R, the mix there), account): its searched projections moved together, with one λ or (None) its own."""
+    def _descended(self, mix: Mix, scale: float | None, steps: int, share: float) -> tuple[tuple[float, Mix], Account]:
+        """((R, the mix there), account): its searched projections moved together, with one λ or (None) its own.
+
+        The textures have a `share` of the search's size.
+        """
         account = self._account.beside()
         smoothing = mix.smoothing if scale is None else (scale,) * len(mix.kinds)
         objective = Objective(
-            self._samples, mix.projections, self._shapes(mix.projections), smoothing, self._settings.bound
+            self._samples, mix.projections, self._shapes(mix.projections, share), smoothing, self._settings.bound
         )
         left = max(account.deadline - time.perf_counter(), 1e-3)
         vector, report = minimize(
             self._settings.search.limited(steps), objective, objective.start(), seconds=left, seed=self._settings.seed
         )
-        account.spend(report.evaluations * self._cost(mix), report.evaluations)
+        account.spend(report.evaluations * self._cost(mix, share), report.evaluations)
         if report.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         return (report.residual, replace(mix, projections=objective.projections(rounded(vector)))), account
@@ -388,10 +392,10 @@ class StructureSearch:
     def _looked(self, mix: Mix, scale: float) -> tuple[float, Account]:
         """(R, account) where the mix stands."""
         account = self._account.beside()
-        shapes = self._shapes(mix.projections)
+        shapes = self._shapes(mix.projections, DESCENTS)
         smoothing = (scale,) * len(mix.kinds)
         objective = Objective(self._samples, mix.projections, shapes, smoothing, self._settings.bound)
-        account.spend(self._cost(mix))
+        account.spend(self._cost(mix, DESCENTS))
         return objective.error(objective.start()), account
 
     def _judge(self, mix: Mix, scale: float) -> tuple[Mix, Account]:
@@ -406,9 +410,9 @@ class StructureSearch:
 
     # Keeping count.
 
-    def _cost(self, mix: Mix) -> float:
-        """Units of one evaluation of a mix."""
-        texels = sum(rows * columns for rows, columns in self._shapes(mix.projections))
+    def _cost(self, mix: Mix, share: float = 1.0) -> float:
+        """Units of one evaluation of a mix with textures of a share of the search's size."""
+        texels = sum(rows * columns for rows, columns in self._shapes(mix.projections, share))
         lookups = sum(projection.lookups for projection in mix.projections)
         return cost_of_evaluation(self._samples.logs.shape[0], lookups, texels)
 
@@ -435,8 +439,9 @@ class StructureSearch:
     def _make(self, kind: str, warp: Warp | None) -> Projection:
         return make(kind, self._settings.reciprocal, warp, self._generator, self._settings.bound)
 
-    def _shapes(self, projections: tuple[Projection, ...]) -> tuple[tuple[int, int], ...]:
-        return tuple(texture_shape(projection, self._settings.size) for projection in projections)
+    def _shapes(self, projections: tuple[Projection, ...], share: float = 1.0) -> tuple[tuple[int, int], ...]:
+        size = max(2, round(share * self._settings.size))
+        return tuple(texture_shape(projection, size) for projection in projections)
 
 
 def rounded(vector: Tensor) -> Tensor:
