@@ -130,6 +130,17 @@ def measured_epsilon(samples: Samples) -> float:
     return min(float(f"{scatter.floor:.1g}"), 0.2)
 
 
+def made_of_samples(reflectance: Reflectance) -> bool:
+    """Whether it interpolates scattered samples, looking through luminance and single channels.
+
+    What it says between and beyond them is then a guess of ours, not of the source.
+    """
+    inner: Any = reflectance
+    while hasattr(inner, "base"):
+        inner = inner.base
+    return isinstance(inner, Scattered)
+
+
 def describe(source: Source) -> dict[str, Any]:
     """What is in a source, JSON-able: format, units, comments, wavelengths, counts, angles, values, faults.
 
@@ -165,7 +176,7 @@ def describe(source: Source) -> dict[str, Any]:
             for c, name in enumerate(samples.channels)
         },
         "faults": facts.get("faults", {})
-        | evaluated_faults(samples, source.reflectance, own=not _made_of_samples(source.reflectance))
+        | evaluated_faults(samples, source.reflectance, own=not made_of_samples(source.reflectance))
         | {"holes": holes(samples)},
         "colour": facts.get("colour"),
         "sampling": facts.get("sampling"),
@@ -173,14 +184,6 @@ def describe(source: Source) -> dict[str, Any]:
         "default_epsilon": source.default_epsilon,
         "seconds_read": source.seconds_read,
     }
-
-
-def _made_of_samples(reflectance: Reflectance) -> bool:
-    """Whether it interpolates samples, looking through luminance and single channels."""
-    inner: Any = reflectance
-    while hasattr(inner, "base"):
-        inner = inner.base
-    return isinstance(inner, Scattered)
 
 
 def _plain(value: Any) -> Any:

@@ -6,7 +6,7 @@ source, each channel clipped to the gamut before the comparison, over one grey. 
 metric sees. Means are over the pixels of `mask` (H, W), those that show the sphere: the surroundings, equal
 by construction, would flatter every fit.
 
-The libraries are an extra; what is missing is said by `MissingDependency`.
+All but PSNR want a library, which is an extra; what is missing is said by `MissingDependency`.
 """
 
 import importlib
@@ -27,12 +27,10 @@ _EXTRA = "pip install 'homofact[metrics]'"
 
 
 def psnr(source: Tensor, fit: Tensor, mask: Tensor) -> float:
-    """Peak signal-to-noise ratio in dB, peak 1, of the encoded values (scikit-image); ∞ where they are equal."""
-    metrics = _library("scikit-image")
+    """Peak signal-to-noise ratio in dB, peak 1, of the encoded values; ∞ where they are equal."""
     a, b, inside = _checked(source, fit, mask)
-    if np.array_equal(a[inside], b[inside]):
-        return math.inf
-    return float(metrics.peak_signal_noise_ratio(a[inside], b[inside], data_range=1.0))
+    squared = float(np.mean((a[inside] - b[inside]) ** 2))
+    return -10 * math.log10(squared) if squared > 0 else math.inf
 
 
 def ssim(source: Tensor, fit: Tensor, mask: Tensor) -> float:
@@ -93,7 +91,7 @@ IMAGE_METRICS: dict[str, Callable[[Tensor, Tensor, Tensor], float]] = {
     "delta_e_itp": delta_e_itp,
     "flip": flip,
 }
-_NEEDS = {"psnr": "scikit-image", "ssim": "scikit-image", "flip": "flip-evaluator"}
+_NEEDS = {"ssim": "scikit-image", "flip": "flip-evaluator"}
 _MODULES = {"scikit-image": "skimage.metrics", "flip-evaluator": "flip_evaluator", "colour-science": "colour"}
 
 

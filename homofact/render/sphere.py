@@ -110,12 +110,17 @@ def _surface(size: int, view: tuple[float, float, float]) -> tuple[Tensor, _Surf
     covered = count.reshape(-1)[index]
     centre = torch.stack([per_pixel(hit * p).reshape(-1)[index] / covered for p in (x, y)], 1)
     height = (1 - (centre**2).sum(1, keepdim=True)).clamp_min(0).sqrt()
-    normal = torch.cat((centre, height), 1) @ axes
+    frame, wo = sphere_frames(torch.cat((centre, height), 1) @ axes, forward)
+    # The last component is n·ωo; taken from the picture plane it is never negative by rounding.
+    wo[:, 2:] = height
+    return count / _GRID**2, _Surface(index, frame, wo)
+
+
+def sphere_frames(normal: Tensor, forward: Tensor) -> tuple[Tensor, Tensor]:
+    """Rows t, b, n (P, 3, 3) of the frames at unit normals (P, 3), and the direction `forward` (3,) in them (P, 3)."""
     tangent = _azimuthal(normal)
     frame = torch.stack((tangent, torch.linalg.cross(normal, tangent), normal), 1)
-    # The last component is n·ωo; taken from the picture plane it is never negative by rounding.
-    wo = torch.cat((frame[:, :2] @ forward, height), 1)
-    return count / _GRID**2, _Surface(index, frame, wo)
+    return frame, frame @ forward
 
 
 def _azimuthal(n: Tensor) -> Tensor:
