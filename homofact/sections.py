@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, SCHEMES
+from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, SCHEMES
 from homofact.errors import BadInput
 from homofact.methods.search import Search
 from homofact.methods.table import METHODS, made, made_each
@@ -51,7 +51,7 @@ class SourceSettings:
         panel=SOURCE,
     )
     count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, panel=SOURCE)
-    scheme: str = option("discs", "How they are drawn", choices=SCHEMES, panel=SOURCE)
+    scheme: str = option(DEFAULT_SCHEME, "How they are drawn", choices=SCHEMES, panel=SOURCE)
     subset: int = option(0, "Most samples that a fit is given, drawn by cells; 0 is all", least=0, panel=SOURCE)
 
     def __post_init__(self) -> None:

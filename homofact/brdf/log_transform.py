@@ -1,6 +1,6 @@
 """The log transform that turns a product of textures into a sum (McCool 2001; thesis eq. 1.9, 1.10).
 
-f̃ = log((f + εA)/A), A the mean of the training samples per channel, and back f = A(exp f̃ − ε), cut at
+f̃ = log((f + εA)/A), A the mean over the discs of the training samples per channel, and back f = A(exp f̃ − ε), cut at
 zero. The thesis leaves the −εA out to stay positive; with it the round trip is exact wherever the
 exponential exceeds ε, and the cut keeps the result non-negative all the same.
 """
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from homofact.brdf.pair_density import over_discs
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 
@@ -25,10 +26,13 @@ class LogTransform:
 
     @classmethod
     def of(cls, samples: Samples, epsilon: float) -> "LogTransform":
-        """A as the weighted mean of `samples`. Raises BadInput where ε ≤ 0 or a channel is zero throughout."""
+        """A as the mean of `samples` over the discs (`brdf.pair_density`), whatever scheme they were drawn by.
+
+        Raises BadInput where ε ≤ 0 or a channel is zero throughout.
+        """
         if not epsilon > 0:
             raise BadInput(f"epsilon: found {epsilon}, expected above 0")
-        weights = samples.weights[:, None]
+        weights = over_discs(samples)[:, None]
         mean = (samples.values * weights).sum(0) / weights.sum()
         if bool((mean <= 0).any()):
             name = samples.channels[int((mean <= 0).nonzero()[0])]

@@ -1,7 +1,8 @@
 """From a model to samples: pairs of directions drawn by a named scheme, and the model's values there.
 
-`discs` is the thesis's sampling, uniform where the texels are uniform; `cosine` weighs what a picture sees;
-`grid` is fixed and needs no seed.
+`lobe` draws half of the pairs in the discs and half where lobes are (`brdf.pair_density`): the default. `discs` is the
+thesis's sampling, uniform where the texels are uniform; `cosine` weighs what a picture sees; `grid` is fixed and needs
+no seed.
 """
 
 from typing import Protocol
@@ -9,12 +10,13 @@ from typing import Protocol
 import torch
 
 from homofact.brdf.names import DEFAULT_COUNT, SCHEMES
+from homofact.brdf.pair_density import RIM, draw_lobe
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_cosine_weighted, draw_in_discs, grid_of_pairs
 
-RADIUS_SQUARED = 0.98
+RADIUS_SQUARED = RIM
 
 
 class Drawable(Reflectance, Protocol):
@@ -51,6 +53,9 @@ def sample_model(
     if scheme == "discs":
         wi, wo = draw_in_discs(count, generator, radius_squared)
         facts |= {"seed": seed, "radius_squared": radius_squared}
+    elif scheme == "lobe":
+        wi, wo = draw_lobe(count, generator)
+        facts |= {"seed": seed}
     elif scheme == "cosine":
         wi, wo = draw_cosine_weighted(count, generator)
         facts |= {"seed": seed}

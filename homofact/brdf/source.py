@@ -13,7 +13,7 @@ from homofact.brdf.faults import evaluated_faults
 from homofact.brdf.formats import open_file
 from homofact.brdf.formats.reading import Drawing
 from homofact.brdf.materials import material
-from homofact.brdf.names import DEFAULT_COUNT, MATERIAL_PREFIX
+from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME, MATERIAL_PREFIX
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
@@ -73,7 +73,7 @@ class Source:
 
 
 def open_source(
-    text: str, *, channels: str = "rgb", count: int = DEFAULT_COUNT, scheme: str = "discs", seed: int = 0
+    text: str, *, channels: str = "rgb", count: int = DEFAULT_COUNT, scheme: str = DEFAULT_SCHEME, seed: int = 0
 ) -> Source:
     """The source that `text` names: material:NAME, or the path of a file whose content is sniffed.
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
     from homofact.methods.fitting import Fit, ProgressCallback
 
-REFINEMENTS = ("none", "linear")
+OBJECTIVES = ("both", "log", "energy")
 VALIDATIONS = ("rings", "random")
 EFFORTS = ("quick", "normal", "thorough")
 
@@ -32,8 +32,8 @@ class Search:
     on which one is searched; None leaves the choice to the fit. `search` refines projections: "gradient", "powell", or
     "nlopt-" and an nlopt algorithm's name. `validation` says how a mix and λ are judged on measurements that lie on
     rings of θ: by left-out "rings", or at "random", which rewards the faults of each ring. `effort` is how much is
-    searched, by name or as a number of equivalent inner evaluations, `budget` a guard in seconds. `refine` "linear" is
-    a last descent on the linear, cosine-weighted error.
+    searched, by name or as a number of equivalent inner evaluations, `budget` a guard in seconds. `objective` says
+    what is made small: squared logs ("log", the thesis's error), the divergence of flux ("energy"), or both.
     """
 
     name: ClassVar[str] = "search"
@@ -63,7 +63,9 @@ class Search:
         expected_instead=_expected_effort,
     )
     budget: float | None = shared.budget()
-    refine: str = option("none", "linear: a last descent on the linear, cosine-weighted error", choices=REFINEMENTS)
+    objective: str = option(
+        "both", "What is made small: log errors, errors of energy, or both", choices=OBJECTIVES
+    )
     # Measured data judged on 12² textures picks other mixes than on 16².
     search_size: int = shared.search_size(16)
     search_samples: int = shared.search_samples()

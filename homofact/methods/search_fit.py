@@ -17,9 +17,10 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.factor.confidence import with_deviations
+from homofact.factor.energy import Flux, keep_light
 from homofact.factor.factorization import Factorization
 from homofact.factor.objective import Objective
-from homofact.factor.refine import refine_linear
+
 from homofact.factor.search.gradient import Gradient
 from homofact.factor.search.minimize import Search as Minimizer
 from homofact.factor.search.minimize import minimize
@@ -82,12 +83,13 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     candidates = candidates_of(samples, settings)
     transform = transform_of(samples, settings)
     knows_azimuth = not all(is_isotropic(kind) for kinds in candidates for kind in kinds)
-    full, partitions = _prepare(samples, transform, settings, knows_azimuth)
-    coarse, coarse_partitions = full, partitions
+    full, flux, partitions = _prepare(samples, transform, settings, knows_azimuth)
+    judged = full if flux is None else replace(full, weights=flux.weights_of(full))
+    coarse, coarse_partitions = judged, partitions
     if 0 < settings.search_samples < full.logs.shape[0]:
         chosen = torch.randperm(full.logs.shape[0], generator=torch.Generator().manual_seed(settings.seed))
         chosen = chosen[: settings.search_samples].sort().values
-        coarse, coarse_partitions = full.select(chosen), tuple(p.select(chosen) for p in partitions)
+        coarse, coarse_partitions = judged.select(chosen), tuple(p.select(chosen) for p in partitions)
     search = search_named(settings.search)
 
     def tell(term: int, evaluations: int, best: float) -> None:
@@ -106,10 +108,10 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     account = Account(granted, deadline)
     outcome = StructureSearch(coarse, coarse_partitions, choices, account, tell).run(settings.textures, candidates)
     fine = Account(FINE_SHARE * granted, deadline)
-    outcome, smoothing = _finish(outcome, full, partitions, settings, search, fine)
+    outcome, smoothing = _finish(outcome, judged, partitions, settings, search, fine)
     projections = outcome.mix.projections
     shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
-    solved = solve_terms(full, projections, shapes, smoothing, settings.solver, settings.robust)
+    solved = solve_terms(judged, projections, shapes, smoothing, settings.solver, settings.robust)
     terms = solved.terms
     made = provenance_of(samples, settings) | {
         "smoothing": list(smoothing),
@@ -121,9 +123,8 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     notes = outcome.notes
     if outcome.status is Status.GUARD:
         notes += (f"the guard of {settings.budget:g} s ended the search: another run may end elsewhere",)
-    if settings.refine == "linear":
-        terms, account = refine_linear(full, terms, smoothing, transform)
-        made["refine"] = account
+    if flux is not None:
+        terms, made["light"] = keep_light(full, terms, smoothing, flux)
     if settings.confidence:
         terms = with_deviations(full, terms, smoothing)
     factorization = Factorization(terms, transform, samples.channels, made)
@@ -145,12 +146,16 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
 
 def _prepare(
     samples: Samples, transform: LogTransform, settings: Search, knows_azimuth: bool
-) -> tuple[LogSamples, tuple[Partition, ...]]:
-    """Log samples and how they are judged; with azimuth copies, one fold to a measurement, where kinds need them."""
+) -> tuple[LogSamples, Flux | None, tuple[Partition, ...]]:
+    """Log samples, their flux, and how they are judged; with azimuth copies where kinds need them.
+
+    Copies of one measurement are in one fold.
+    """
     partitions = partitions_of(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
     copied = at_azimuths(samples, settings, knows_azimuth)
     times = len(copied) // len(samples)
-    return LogSamples.of(copied, transform), tuple(partition.repeated(times) for partition in partitions)
+    flux = None if settings.objective == "log" else Flux.of(copied, transform, settings.objective)
+    return LogSamples.of(copied, transform), flux, tuple(partition.repeated(times) for partition in partitions)
 
 
 def _finish(

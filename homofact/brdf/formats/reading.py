@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from homofact.brdf.names import DEFAULT_COUNT
+from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 
@@ -12,7 +12,7 @@ class Drawing:
     """How samples are drawn from a reflectance that is defined everywhere: see `sampling.sample_model`."""
 
     count: int = DEFAULT_COUNT
-    scheme: str = "discs"
+    scheme: str = DEFAULT_SCHEME
     seed: int = 0
 
 

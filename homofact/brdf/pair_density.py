@@ -1,0 +1,132 @@
+"""How densely a scheme draws pairs of directions, per steradian of ωi and per steradian of ωo.
+
+Whoever integrates over drawn pairs divides by it: ∫∫ g dωi dωo ≈ mean of g/q. The schemes:
+
+* discs, grid: each direction uniform in the parabolic disc (du dv = dω/(1 + cosθ)²) out to the radius² `RIM`,
+  q = pd(ωi) pd(ωo) with pd(ω) = 1/(RIM π (1 + cosθ)²).
+* cosine: cosθi cosθo/π².
+* lobe: half of the pairs as in the discs; the others where lobes are, isotropically about the half vector h and the
+  difference vector d. With t uniform in [0, 1] the angle w sinh(t asinh(90°/w)) is uniform up to about w and uniform
+  in its logarithm beyond, so that every decade of a highlight has as many samples. `HIGHLIGHTS` of the pairs have such
+  a θh, from w = 0.05°, with θd uniform; `RETURNS` such a θd, from w = 0.5°, with θh uniform: retro-reflection. Pairs
+  under the horizon are drawn again. From dωi dωo = 4 cosθd dωh dωd
+
+      q = p(θh)/(2π sinθh) · p(θd)/(2π sinθd)/(4 cosθd) / (share of the pairs that are above the horizon).
+
+ε and A of a fit and the Cole error are of the discs, whatever the scheme: `over_discs` weighs samples for that.
+"""
+
+import math
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.samples import Samples
+from homofact.geometry.coordinates import rusinkiewicz_angles
+from homofact.geometry.directions import draw_in_discs, from_half_difference, from_spherical
+
+HIGHLIGHTS, RETURNS = 0.375, 0.125
+RIM = 0.98  # u² + v² of the thesis's discs: the last ring, where both directions graze, is cut
+HIGHLIGHT_WIDTH, RETURN_WIDTH = math.radians(0.05), math.radians(0.5)
+CELLS = (24, 12, 6)  # of (√θh, θd, φd)
+_RIGHT = math.pi / 2
+# Shares of the drawn pairs that lie above the horizon, by quadrature (tests/brdf/test_pair_density.py).
+_ABOVE = {HIGHLIGHT_WIDTH: 0.9122, RETURN_WIDTH: 0.8785}
+
+
+def scheme_of(samples: Samples) -> str | None:
+    """The scheme that the samples say they were drawn by; None for a measurement."""
+    return samples.provenance.get("sampling", {}).get("scheme")
+
+
+def density(scheme: str, wi: Tensor, wo: Tensor) -> Tensor:
+    """q (N,) in sr⁻² of pairs (N, 3) under a scheme of the module's head."""
+    cos_i, cos_o = wi[:, 2], wo[:, 2]
+    if scheme == "cosine":
+        return cos_i * cos_o / math.pi**2
+    discs = _in_disc(cos_i) * _in_disc(cos_o)
+    if scheme != "lobe":
+        return discs
+    theta_h, theta_d, _ = rusinkiewicz_angles(wi, wo)
+    return (
+        (1 - HIGHLIGHTS - RETURNS) * discs
+        + HIGHLIGHTS * _about(theta_h, theta_d, theta_d, HIGHLIGHT_WIDTH)
+        + RETURNS * _about(theta_d, theta_h, theta_d, RETURN_WIDTH)
+    )
+
+
+def draw_lobe(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """`count` pairs (wi, wo), (N, 3) each, of the scheme lobe."""
+    returns, highlights = round(RETURNS * count), round(HIGHLIGHTS * count)
+    parts = [
+        draw_in_discs(count - highlights - returns, generator, RIM),
+        _draw_about(highlights, HIGHLIGHT_WIDTH, generator, of_half=True),
+        _draw_about(returns, RETURN_WIDTH, generator, of_half=False),
+    ]
+    wi, wo = (torch.cat(directions) for directions in zip(*parts, strict=True))
+    order = torch.randperm(count, generator=generator)
+    return wi[order], wo[order]
+
+
+def solid_angles(samples: Samples) -> Tensor:
+    """What every sample stands for (N,), in sr² up to a common factor: its weight over the density of its drawing.
+
+    A measurement states no density. It is counted then: a cell of (√θh, θd, φd) is shared by the samples in it.
+    """
+    scheme = scheme_of(samples)
+    if scheme is not None:
+        return samples.weights / density(scheme, samples.wi, samples.wo).clamp_min(1e-12)
+    return samples.weights * _shares_of_cells(samples)
+
+
+def over_discs(samples: Samples) -> Tensor:
+    """Weights (N,) for means over the discs, whatever the scheme; those of a measurement are its own."""
+    scheme = scheme_of(samples)
+    if scheme in (None, "discs", "grid"):
+        return samples.weights
+    return samples.weights * density("discs", samples.wi, samples.wo) / density(str(scheme), samples.wi, samples.wo)
+
+
+def _in_disc(cosine: Tensor) -> Tensor:
+    inside = (1 - cosine) <= RIM * (1 + cosine)
+    return inside / (RIM * math.pi * (1 + cosine) ** 2)
+
+
+def _about(narrow: Tensor, wide: Tensor, theta_d: Tensor, width: float) -> Tensor:
+    """q of angles (N,): `narrow` even in its logarithm from `width`, `wide` uniform, azimuths uniform."""
+    even = 1 / (torch.sqrt(narrow**2 + width**2) * math.asinh(_RIGHT / width))
+    # Both sines and the cosine go to zero only where no sample falls.
+    per_half = even / (2 * math.pi * torch.sin(narrow).clamp_min(1e-9))
+    per_difference = 1 / (_RIGHT * 2 * math.pi * torch.sin(wide).clamp_min(1e-9))
+    return per_half * per_difference / (4 * torch.cos(theta_d).clamp_min(1e-9)) / _ABOVE[width]
+
+
+def _draw_about(count: int, width: float, generator: torch.Generator, *, of_half: bool) -> tuple[Tensor, Tensor]:
+    wi = wo = torch.zeros(0, 3, dtype=torch.float64, device="cpu")
+    while len(wi) < count:
+        uniform = torch.rand(count, 4, dtype=torch.float64, generator=generator)
+        narrow = width * torch.sinh(uniform[:, 0] * math.asinh(_RIGHT / width))
+        wide = uniform[:, 1] * _RIGHT
+        theta_h, theta_d = (narrow, wide) if of_half else (wide, narrow)
+        half = from_spherical(theta_h, 2 * math.pi * uniform[:, 2])
+        difference = from_spherical(theta_d, 2 * math.pi * uniform[:, 3])
+        one, other = from_half_difference(half, difference)
+        above = (one[:, 2] > 0) & (other[:, 2] > 0)
+        wi, wo = torch.cat((wi, one[above])), torch.cat((wo, other[above]))
+    return wi[:count], wo[:count]
+
+
+def _shares_of_cells(samples: Samples) -> Tensor:
+    """The solid angle of each sample's cell over the number of samples in it (N,)."""
+    theta_h, theta_d, phi_d = rusinkiewicz_angles(samples.wi, samples.wo)
+    steps = torch.tensor(CELLS, dtype=theta_h.dtype, device=theta_h.device)
+    place = torch.stack(((theta_h / _RIGHT).sqrt(), theta_d / _RIGHT, (phi_d / math.pi).remainder(1.0)), 1)
+    index = (place * steps).long().clamp_min(0).minimum((steps - 1).long())
+    cell = (index[:, 0] * CELLS[1] + index[:, 1]) * CELLS[2] + index[:, 2]
+    _, inverse, counts = torch.unique(cell, return_inverse=True, return_counts=True)
+    edge = index[:, :2].to(theta_h)
+    low_h, high_h = ((_RIGHT * (each / steps[0]) ** 2) for each in (edge[:, 0], edge[:, 0] + 1))
+    low_d, high_d = ((_RIGHT * each / steps[1]) for each in (edge[:, 1], edge[:, 1] + 1))
+    # ∫ 4 cosθd dωh dωd over the cell, up to the azimuths' factor.
+    solid = (torch.cos(low_h) - torch.cos(high_h)) * (torch.sin(high_d) ** 2 - torch.sin(low_d) ** 2)
+    return solid / counts[inverse].to(theta_h)
