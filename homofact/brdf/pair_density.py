@@ -13,7 +13,7 @@ Whoever integrates over drawn pairs divides by it: ∫∫ g dωi dωo ≈ mean o
 
       q = p(θh)/(2π sinθh) · p(θd)/(2π sinθd)/(4 cosθd) / (share of the pairs that are above the horizon).
 
-ε and A of a fit and the Cole error are of the discs, whatever the scheme: `over_discs` weighs samples for that.
+ε and A of a fit and the Cole error are of the discs, for pairs by lobes too: `over_discs` weighs them for that.
 """
 
 import math
@@ -76,15 +76,24 @@ def solid_angles(samples: Samples) -> Tensor:
     scheme = scheme_of(samples)
     if scheme is not None:
         return samples.weights / density(scheme, samples.wi, samples.wo).clamp_min(1e-12)
-    return samples.weights * _shares_of_cells(samples)
+    # Dense tables weigh their nodes by solid angle themselves.
+    return samples.weights * (1.0 if "weights" in samples.provenance else _shares_of_cells(samples))
 
 
 def over_discs(samples: Samples) -> Tensor:
-    """Weights (N,) for means over the discs, whatever the scheme; those of a measurement are its own."""
-    scheme = scheme_of(samples)
-    if scheme in (None, "discs", "grid"):
-        return samples.weights
-    return samples.weights * density("discs", samples.wi, samples.wo) / density(str(scheme), samples.wi, samples.wo)
+    """Weights (N,) for means over the discs of pairs that were drawn by lobes; all others count as they are."""
+    shares = disc_shares(samples)
+    return samples.weights if shares is None else samples.weights * shares
+
+
+def disc_shares(samples: Samples) -> Tensor | None:
+    """The discs' density over that of the scheme lobe (N,), at most 2; None for samples of any other scheme.
+
+    By cosine it has no bound, so those pairs count as they are; a measurement states no density.
+    """
+    if scheme_of(samples) != "lobe":
+        return None
+    return density("discs", samples.wi, samples.wo) / density("lobe", samples.wi, samples.wo)
 
 
 def _in_disc(cosine: Tensor) -> Tensor:

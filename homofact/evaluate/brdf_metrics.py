@@ -24,6 +24,7 @@ from torch import Tensor
 
 from homofact.brdf.faults import ALBEDO_DEGREES, albedo
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.pair_density import disc_shares, scheme_of, solid_angles
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import light_azimuths, reciprocity_of
@@ -72,7 +73,7 @@ class Judged:
     @cached_property
     def six(self) -> SixErrors:
         """The six metrics of the thesis."""
-        return six_errors(self.found, self.expected, self.transform)
+        return six_errors(self.found, self.expected, self.transform, disc_shares(self.samples))
 
     @cached_property
     def log_differences(self) -> Tensor:
@@ -89,7 +90,7 @@ def male(judged: Judged) -> float:
 def stated_density(samples: Samples) -> str:
     """In words, what a mean over samples is over, for `cosine_rms`."""
     scheme = samples.provenance.get("sampling", {}).get("scheme")
-    if scheme in ("discs", "grid", "cosine"):
+    if scheme in ("lobe", "discs", "grid", "cosine"):
         return f"uniform on both hemispheres, each sample over the density of its drawing ({scheme})"
     return "over the places of the measurement by its own weights, no density being stated"
 
@@ -97,6 +98,8 @@ def stated_density(samples: Samples) -> str:
 def uniform_weights(samples: Samples) -> Tensor:
     """What each sample counts (N,), sum 1, for a mean over both hemispheres as the module's head says."""
     weights = samples.weights.clone()
+    if scheme_of(samples) == "lobe":
+        weights = solid_angles(samples)
     scheme = samples.provenance.get("sampling", {}).get("scheme")
     for w in (samples.wi, samples.wo):
         if scheme in ("discs", "grid"):

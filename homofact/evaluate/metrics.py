@@ -1,6 +1,7 @@
 """The six error metrics of the thesis (4.3): absolute, squared and maximum, in log space and linear.
 
-Every mean is over samples and channels. The log-space ones compare f̃ = log((f + εA)/A) of both sides
+Every mean is over samples and channels, those of the scheme lobe weighted so that it is over the discs
+(`brdf.pair_density`), and the same number whatever the scheme. The log-space ones compare f̃ = log((f + εA)/A) of both sides
 with the ε and A of the fit, so ε is part of the number; log_mse is the Cole error. The linear ones are
 in sr⁻¹ (mse in sr⁻²), without the cosine.
 """
@@ -10,6 +11,7 @@ from dataclasses import asdict, dataclass
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.pair_density import disc_shares
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 
@@ -30,20 +32,26 @@ class SixErrors:
         return asdict(self)
 
 
-def six_errors(found: Tensor, expected: Tensor, transform: LogTransform) -> SixErrors:
-    """The metrics of values (N, C) in sr⁻¹ against the expected ones."""
+def six_errors(found: Tensor, expected: Tensor, transform: LogTransform, weights: Tensor | None = None) -> SixErrors:
+    """The metrics of values (N, C) in sr⁻¹ against the expected ones; means by weights (N,) where these are given."""
     linear = (found - expected).abs()
     logs = (transform.forward(found) - transform.forward(expected)).abs()
+
+    def mean(values: Tensor) -> float:
+        if weights is None:
+            return float(values.mean())
+        return float((values.mean(1) * weights).sum() / weights.sum())
+
     return SixErrors(
-        float((logs**2).mean()),
-        float(logs.mean()),
+        mean(logs**2),
+        mean(logs),
         float(logs.max()),
-        float((linear**2).mean()),
-        float(linear.mean()),
+        mean(linear**2),
+        mean(linear),
         float(linear.max()),
     )
 
 
 def measure(reflectance: Reflectance, samples: Samples, transform: LogTransform) -> SixErrors:
-    """The metrics of a reflectance on samples of the same channels."""
-    return six_errors(reflectance.evaluate(samples.wi, samples.wo), samples.values, transform)
+    """The metrics of a reflectance on samples of the same channels; of lobes the means are over the discs."""
+    return six_errors(reflectance.evaluate(samples.wi, samples.wo), samples.values, transform, disc_shares(samples))

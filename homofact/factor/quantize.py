@@ -35,6 +35,7 @@ from torch import Tensor
 
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
+from homofact.factor.energy import Flux
 from homofact.factor.factorization import Term, layout_of_terms
 from homofact.factor.fitted import Fitted, Grid
 from homofact.factor.gauge import null_space
@@ -91,7 +92,11 @@ def _solved(fitted: F, samples: Samples, storage: str) -> F:
     logs = LogSamples.of(samples, fitted.transform)
     found = fitted.provenance.get("smoothing", 1e-3)
     smoothing = tuple(found) if isinstance(found, list | tuple) else float(found)
-    solved_anew = not settings.get("robust", False) and settings.get("refine", "none") == "none"
+    objective = settings.get("objective", "log")
+    if objective != "log":
+        plain = replace(logs, weights=samples.weights)
+        logs = replace(plain, weights=Flux.of(samples, fitted.transform, objective).weights_of(plain))
+    solved_anew = not settings.get("robust", False) and objective == "log" and settings.get("refine", "none") == "none"
     terms = quantized_terms(logs, tuple(fitted.terms), smoothing, LEVELS[storage], solved_anew)
     texels, grids = [term.flat().texture for term in terms], [term.grid for term in terms]
     return fitted.with_textures(texels, grids, {"quantize": storage})
@@ -103,7 +108,7 @@ def quantized_terms(
     """The terms with the best texels of `levels` + 1 values a channel, and their grids.
 
     `solved_anew` takes y from these samples and the sampler's weights; else y are the terms' own texels, as it should
-    be where these are not the minimum of the plain problem (robust weights, a refined look).
+    be where these are not the minimum of the plain problem (robust weights, an objective of energy).
     """
     masks = tuple(term.mask for term in terms)
     projections = tuple(term.projection for term in terms)

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.pair_density import over_discs
 from homofact.brdf.samples import Samples
 from homofact.errors import Status
 from homofact.factor.factorization import Term, sum_of_terms
@@ -50,8 +51,8 @@ class LogSamples:
 
     @classmethod
     def of(cls, samples: Samples, transform: LogTransform) -> "LogSamples":
-        """The samples under `transform`."""
-        return cls(samples.wi, samples.wo, transform.forward(samples.values), samples.weights)
+        """The samples under `transform`, weighted for the Cole error: over the discs (`brdf.pair_density`)."""
+        return cls(samples.wi, samples.wo, transform.forward(samples.values), over_discs(samples))
 
     def select(self, index: Tensor) -> "LogSamples":
         """The samples at `index`, in that order."""

@@ -99,8 +99,8 @@ class Method(Protocol):
         ...
 
     @property
-    def reciprocal(self) -> bool:
-        """Whether f(ωi, ωo) = f(ωo, ωi) is enforced."""
+    def reciprocal(self) -> bool | None:
+        """Whether f(ωi, ωo) = f(ωo, ωi) is enforced; None where the data decide."""
         ...
 
     @property

@@ -40,7 +40,7 @@ ANISOTROPIC_CANDIDATES = (
     "in-out",
     "isotropic-half-diff",
 )
-WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01)
+WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01, 0.003)
 
 
 def coordinates_of(kind: str) -> str:

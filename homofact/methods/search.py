@@ -32,7 +32,8 @@ class Search:
     on which one is searched; None leaves the choice to the fit. `search` refines projections: "gradient", "powell", or
     "nlopt-" and an nlopt algorithm's name. `validation` says how a mix and λ are judged on measurements that lie on
     rings of θ: by left-out "rings", or at "random", which rewards the faults of each ring. `effort` is how much is
-    searched, by name or as a number of equivalent inner evaluations, `budget` a guard in seconds. `objective` says
+    searched, by name or as a number of equivalent inner evaluations, `budget` a guard in seconds. `reciprocal` None
+    gives reciprocity up where the data are clearly better met without. `objective` says
     what is made small: squared logs ("log", the thesis's error), the divergence of flux ("energy"), or both.
     """
 
@@ -45,7 +46,7 @@ class Search:
         None, "What textures are indexed by, one name for all or one each, joined by +", choices=KINDS, separators="+,",
         none="found from the data", metavar="A+B",
     )  # fmt: skip
-    reciprocal: bool = shared.reciprocal()
+    reciprocal: bool | None = option(None, "Enforce f(wi, wo) = f(wo, wi)", none="decided by the data")
     solver: str = shared.solver()
     smoothing: float | None = shared.smoothing(None)
     restarts: int = shared.restarts()
@@ -63,9 +64,7 @@ class Search:
         expected_instead=_expected_effort,
     )
     budget: float | None = shared.budget()
-    objective: str = option(
-        "both", "What is made small: log errors, errors of energy, or both", choices=OBJECTIVES
-    )
+    objective: str = option("both", "What is made small: log errors, errors of energy, or both", choices=OBJECTIVES)
     # Measured data judged on 12² textures picks other mixes than on 16².
     search_size: int = shared.search_size(16)
     search_samples: int = shared.search_samples()

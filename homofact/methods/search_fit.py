@@ -20,7 +20,6 @@ from homofact.factor.confidence import with_deviations
 from homofact.factor.energy import Flux, keep_light
 from homofact.factor.factorization import Factorization
 from homofact.factor.objective import Objective
-
 from homofact.factor.search.gradient import Gradient
 from homofact.factor.search.minimize import Search as Minimizer
 from homofact.factor.search.minimize import minimize
@@ -155,7 +154,11 @@ def _prepare(
     copied = at_azimuths(samples, settings, knows_azimuth)
     times = len(copied) // len(samples)
     flux = None if settings.objective == "log" else Flux.of(copied, transform, settings.objective)
-    return LogSamples.of(copied, transform), flux, tuple(partition.repeated(times) for partition in partitions)
+    logs = LogSamples.of(copied, transform)
+    if flux is not None:
+        # The log squares beside the flux are those of the pairs as drawn: lobes and discs alike.
+        logs = replace(logs, weights=copied.weights)
+    return logs, flux, tuple(partition.repeated(times) for partition in partitions)
 
 
 def _finish(
@@ -175,7 +178,10 @@ def _finish(
     if outcome.status in (Status.INTERRUPTED, Status.GUARD):
         return outcome, mix.smoothing
     coarse = coarse_size(settings)
-    smoothing = carried_smoothing(mix.smoothing, coarse, settings.size)
+    # More samples bear less smoothing.
+    fewer = min(1.0, settings.search_samples / len(full.logs)) if settings.search_samples > 0 else 1.0
+    carried = carried_smoothing(mix.smoothing, coarse, settings.size)
+    smoothing = carried if settings.smoothing is not None else tuple(fewer * value for value in carried)
     if any(map(is_searched, mix.kinds)):
         steps, size = 0, settings.size
         for size in (settings.size, coarse):

@@ -38,6 +38,7 @@ from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, rel
 from homofact.methods.validation import Partition
 
 FIRST_SMOOTHING = 1e-3
+FREE_WORTH = 0.97  # reciprocity is given up where that leaves less than this share of the validation error
 ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
 ROTATIONS = 20020801  # seeds the rotations that searches start from
 BEAM = 4  # fixed mixes that the next step goes on from
@@ -95,10 +96,13 @@ class Outcome:
 
 @dataclass(frozen=True)
 class StructureSettings:
-    """Texels along an axis, reciprocity and bound of every trial; random starts of searched kinds; λ where given."""
+    """Texels along an axis, reciprocity and bound of every trial; random starts of searched kinds; λ where given.
+
+    With `reciprocal` None trials are reciprocal until the best of them is met better by `FREE_WORTH` when freed.
+    """
 
     size: int
-    reciprocal: bool
+    reciprocal: bool | None
     bound: str
     restarts: int
     search: Search
@@ -120,11 +124,13 @@ class StructureSearch:
         """`progress` is called with (textures, evaluations, best validation error) after every group of trials."""
         self._samples, self._partitions, self._settings, self._progress = samples, partitions, settings, progress
         self._account = account
+        self._reciprocal = settings.reciprocal is not False
         # The same rotations whatever the seed: which are tried is no matter of luck.
         self._generator = torch.Generator().manual_seed(ROTATIONS)
         self._began = time.perf_counter()
         self._best = EMPTY
         self._trace: list[tuple[float, int, float]] = []
+        self._notes: list[str] = []
         self._banks: dict[tuple[Warp | None, float], FixedBank] = {}
 
     def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> Outcome:
@@ -133,7 +139,7 @@ class StructureSearch:
         Where a kind is given texture by texture, or only one, all textures are used.
         """
         pinned = all(len(kinds) == 1 for kinds in candidates)
-        notes: list[str] = []
+        notes = self._notes
         status = Status.CONVERGED
         try:
             if pinned:
@@ -171,11 +177,26 @@ class StructureSearch:
             self._offer(judged[0])
             if self._account.late:
                 return
+        if self._settings.reciprocal is None:
+            self._try_free()
         for _ in range(EXCHANGES):
             best = self._best
             self._exchange(kinds)
             if not self._best.error < ENOUGH * best.error or self._account.over:
                 break
+
+    def _try_free(self) -> None:
+        """The best mix without reciprocity, which is given up from here on where that is worth it."""
+        best = self._best
+        freed = replace(best, projections=tuple(replace(each, reciprocal=False) for each in best.projections))
+        (found,) = self._beside(self._polished, [freed])
+        if found.error < FREE_WORTH * best.error:
+            self._best, self._reciprocal = found, False
+            self._notes.append(
+                "not reciprocal: the data are met better without,"
+                f" validation error {found.error:.3g} instead of {best.error:.3g} (--reciprocal to enforce it)"
+            )
+            self._tell(len(found.kinds), found.error)
 
     def _run_pinned(self, kinds: tuple[str, ...]) -> None:
         """Textures of given kinds, one after another; the best of their starts and warps goes on."""
@@ -184,7 +205,7 @@ class StructureSearch:
         for count, kind in enumerate(kinds, 1):
             starts: list[Mix] = []
             for warp in self._warps(mix, kind):
-                alone = [make(kind, self._settings.reciprocal, warp, self._generator, self._settings.bound)]
+                alone = [make(kind, self._reciprocal, warp, self._generator, self._settings.bound)]
                 if is_searched(kind):
                     alone = self._searched_starts(kind, warp, self._settings.restarts)
                 starts += [mix.with_one_more(kind, projection) for projection in alone]
@@ -437,7 +458,7 @@ class StructureSearch:
             self._progress(textures, self._account.evaluations, error)
 
     def _make(self, kind: str, warp: Warp | None) -> Projection:
-        return make(kind, self._settings.reciprocal, warp, self._generator, self._settings.bound)
+        return make(kind, self._reciprocal, warp, self._generator, self._settings.bound)
 
     def _shapes(self, projections: tuple[Projection, ...], share: float = 1.0) -> tuple[tuple[int, int], ...]:
         size = max(2, round(share * self._settings.size))
