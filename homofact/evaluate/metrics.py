@@ -1,9 +1,8 @@
 """The six error metrics of the thesis (4.3): absolute, squared and maximum, in log space and linear.
 
 Every mean is over samples and channels, those of the scheme lobe weighted so that it is over the discs
-(`brdf.pair_density`), and the same number whatever the scheme. The log-space ones compare f̃ = log((f + εA)/A) of both sides
-with the ε and A of the fit, so ε is part of the number; log_mse is the Cole error. The linear ones are
-in sr⁻¹ (mse in sr⁻²), without the cosine.
+(`brdf.pair_density`). The log-space ones compare f̃ = log((f + εA)/A) of both sides with the ε and A of the fit, so ε
+is part of the number; log_mse is the Cole error. The linear ones are in sr⁻¹ (mse in sr⁻²), without the cosine.
 """
 
 from dataclasses import asdict, dataclass

@@ -15,27 +15,32 @@ Near the data ĝ − g − g (s − f̃) ≈ g (s − f̃)²/2: the same inner p
 
     μ wn + ½ mean_c pnc gnc,
 
-which a structure search can use as they are (`weights_of`). The exact J is then lowered by Newton steps with one matrix
-for all channels (`keep_light`): weights h = μ w + ½ max_c p max(ĝ, g), which bound its curvature where ĝ ≤ g, and
-targets s − ∇J/2h channel by channel. A step that does not lower J (with its smoothing) is halved.
+which a structure search can use as they are (`weights_of`). The exact J, with its smoothing, is then lowered by L-BFGS
+(`keep_light`) on texels turned by one matrix for all channels, the normal equations of the sample weights
+h = μ w + ½ max_c p max(ĝ, g), which bound J's curvature where ĝ ≤ g: one Cholesky factor, and a few dozen passes over
+the samples.
 """
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+import scipy.sparse
 import torch
 from torch import Tensor
 
-from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.log_transform import MOST, LogTransform
 from homofact.brdf.pair_density import solid_angles
 from homofact.brdf.samples import Samples
-from homofact.factor.factorization import Term, layout_of_terms, sum_of_terms
+from homofact.factor.factorization import Term, layout_of_terms
 from homofact.factor.textures import LogSamples, Smoothing, centred, inner_problem
 from homofact.geometry.coordinates import rusinkiewicz_angles
-from homofact.linear.solvers import solve
+from homofact.linear.normal import stencil_rows
 
 LOG_SHARE = {"both": 0.3, "energy": 0.01}
 LEAST_SINE = 0.05
-STEPS = 12
+STEPS = 25
 ENDS = 1e-4
 
 
@@ -64,52 +69,86 @@ class Flux:
 def keep_light(
     samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, flux: Flux
 ) -> tuple[tuple[Term, ...], dict[str, float]]:
-    """(terms at the minimum of J, {"before", "after": J, "steps"}); `samples` have their own weights, not J's."""
-    projections = tuple(term.projection for term in terms)
-    layout, masks = layout_of_terms(terms), tuple(term.mask for term in terms)
-    hold = flux.log_share * samples.weights
-    flow, given = flux.per_value, torch.exp(samples.logs)
-    # λ is in units of weight a texel, the weights those of the first look at the data.
-    unit = float((hold + 0.5 * (flow * given).mean(1)).sum())
-    problem = inner_problem(samples, projections, layout.shapes, smoothing, masks)
+    """(terms at the minimum of J, {"before", "after": J, "evaluations"}); `samples` have their own weights, not J's.
 
-    def value(trial: tuple[Term, ...], logs: Tensor) -> float:
-        off = logs - samples.logs
-        light = flow * (torch.exp(logs.clamp_max(80)) - given - given * off)
-        texels = torch.cat([torch.where(t.mask[..., None], t.texture, 0.0).reshape(-1, off.shape[1]) for t in trial])
-        rough = problem.penalty(texels) * unit / float(samples.weights.sum())
-        return float((hold[:, None] * off.square() + light).sum()) + rough
-
-    logs = sum_of_terms(terms, samples.wi, samples.wo)
-    first = best = value(terms, logs)
-    steps = 0
-    for steps in range(1, STEPS + 1):  # noqa: B007 (the count is reported)
-        found = torch.exp(logs.clamp_max(80))
-        weights = hold + 0.5 * (flow * torch.maximum(found, given)).amax(1)
-        slope = 2 * hold[:, None] * (logs - samples.logs) + flow * (found - given)
-        targets = logs - 0.5 * slope / weights.clamp_min(torch.finfo(weights.dtype).tiny)[:, None]
-        scale = unit / float(weights.sum())
-        own = replace(problem, weights=weights, targets=targets, smoothing=problem.smoothing * scale)
-        proposed = layout.split(solve(own).texels)
-        for halving in range(6):
-            trial = _blend(terms, proposed, 0.5**halving)
-            trial_logs = sum_of_terms(trial, samples.wi, samples.wo)
-            found_value = value(trial, trial_logs)
-            if found_value < best:
-                break
-        else:
-            break
-        gained = (best - found_value) / abs(best)
-        terms, logs, best = trial, trial_logs, found_value
-        if gained < ENDS:
-            break
-    return centred(terms), {"before": first, "after": best, "steps": float(steps)}
+    Works on the CPU; textures come back on their own device.
+    """
+    light = _Light(samples, terms, smoothing, flux)
+    start = light.start()
+    first, _ = light.evaluate(start)
+    result = scipy.optimize.minimize(
+        light.evaluate, start, jac=True, method="L-BFGS-B", options={"maxiter": STEPS, "ftol": ENDS, "gtol": 0.0}
+    )
+    if not result.fun < first:
+        return terms, {"before": first, "after": first, "evaluations": float(result.nfev)}
+    textures = light.textures(result.x)
+    moved = tuple(
+        replace(term, texture=torch.where(term.mask[..., None], texture.to(term.texture), term.texture))
+        for term, texture in zip(terms, textures, strict=True)
+    )
+    return centred(moved), {"before": first, "after": float(result.fun), "evaluations": float(result.nfev)}
 
 
-def _blend(terms: tuple[Term, ...], proposed: tuple[Tensor, ...], share: float) -> tuple[Term, ...]:
-    """Textures a share of the way to the proposed ones, filler texels untouched."""
-    blended = []
-    for term, texture in zip(terms, proposed, strict=True):
-        moved = term.texture + share * (texture - term.texture)
-        blended.append(Term(term.projection, torch.where(term.mask[..., None], moved, term.texture), term.mask))
-    return tuple(blended)
+class _Light:
+    """J over Σ w as a function of z = Uy, with UᵀU the curvature's bound at the start: a problem as round as can be."""
+
+    def __init__(self, samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, flux: Flux) -> None:
+        self._layout = layout_of_terms(terms)
+        masks = tuple(term.mask.cpu() for term in terms)
+        projections = tuple(term.projection for term in terms)
+        near = LogSamples(*(each.cpu() for each in (samples.wi, samples.wo, samples.logs, samples.weights)))
+        problem = inner_problem(near, projections, self._layout.shapes, smoothing, masks)
+        kept = self._kept = problem.kept.numpy()
+        numbers, values = stencil_rows(problem.coordinates, problem.lookups)
+        count, width = numbers.shape
+        rows = (values.numpy().ravel(), numbers.numpy().ravel(), np.arange(count + 1) * width)
+        self._texels = self._layout.join([term.texture.cpu() for term in terms]).numpy().copy()
+        # What filler texels add stays as it is.
+        everything = scipy.sparse.csr_matrix(rows, shape=(count, problem.unknowns))
+        self._rows = everything[:, kept]
+        self._rest = everything[:, ~kept] @ self._texels[~kept]
+        self._columns = self._rows.T.tocsr()
+        self._logs, self._given = near.logs.numpy(), np.exp(near.logs.numpy())
+        self._hold = (flux.log_share * near.weights).numpy()[:, None]
+        self._flow = flux.per_value.cpu().numpy()
+        self._total = float(near.weights.sum())
+        # λ is in units of weight a texel, the weights those of the first look at the data.
+        unit = float((self._hold + 0.5 * (self._flow * self._given).mean(1, keepdims=True)).sum())
+        scale = problem.penalty_scale.numpy()[kept] * (unit / self._total)
+        self._penalty = scipy.sparse.diags(scale[:, 0]) @ problem.roughness.sparse[kept][:, kept]
+        self._penalty += scipy.sparse.identity(int(kept.sum())) * (problem.ridge * unit / self._total)
+        found = np.exp(np.minimum(self._sums(self._texels[kept]), MOST))
+        weights = self._hold[:, 0] + 0.5 * (self._flow * np.maximum(found, self._given)).max(1)
+        bound = replace(problem, weights=torch.from_numpy(weights)).data.matrix.numpy()[kept][:, kept]
+        bound = bound + self._penalty.toarray()
+        # Texels that next to nothing holds may leave the matrix singular to working precision.
+        bound[np.diag_indices_from(bound)] += 1e-9 * np.trace(bound) / len(bound)
+        self._factor = scipy.linalg.cholesky(bound, lower=False, overwrite_a=True, check_finite=False)
+
+    def start(self) -> np.ndarray:
+        """z of the given texels."""
+        return (self._factor @ self._texels[self._kept]).ravel()
+
+    def evaluate(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """(J, its slope by z), over Σ w."""
+        texels = self._of(z)
+        logs = self._sums(texels)
+        off, found = logs - self._logs, np.exp(np.minimum(logs, MOST))
+        rough = self._penalty @ texels
+        value = (self._hold * off**2).sum() + (texels * rough).sum()
+        value += (self._flow * (found - self._given - self._given * off)).sum()
+        slope = 2 * rough + self._columns @ (2 * self._hold * off + self._flow * (found - self._given))
+        turned = scipy.linalg.solve_triangular(self._factor, slope, trans="T", check_finite=False)
+        return float(value) / self._total, turned.ravel() / self._total
+
+    def textures(self, z: np.ndarray) -> tuple[torch.Tensor, ...]:
+        """The textures (rows, columns, C) that z stands for."""
+        texels = self._texels.copy()
+        texels[self._kept] = self._of(z)
+        return self._layout.split(torch.from_numpy(texels))
+
+    def _of(self, z: np.ndarray) -> np.ndarray:
+        return scipy.linalg.solve_triangular(self._factor, z.reshape(len(self._factor), -1), check_finite=False)
+
+    def _sums(self, texels: np.ndarray) -> np.ndarray:
+        return self._rows @ texels + self._rest

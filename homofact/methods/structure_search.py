@@ -2,9 +2,9 @@
 
 One number of textures after another, up to as many as are asked for:
 
-* Fixed projections, exhaustively. For every warp all fixed candidates are accumulated together; each mix of them is a
-  block of that matrix (`folded.FixedBank`). Every mix is judged on textures of half the size, the better ones again at
-  the search's own size (successive halving by rule, so that neither luck nor the clock has a part in it).
+* Fixed projections, exhaustively. For every warp all fixed candidates are accumulated together on textures of half the
+  size; each mix of them is a block of that matrix (`folded.FixedBank`) and is judged there. The better ones are judged
+  again at the search's own size (successive halving by rule, so that neither luck nor the clock has a part in it).
 * Searched projections, from there. Starts are the best fixed mixes with their textures loosened (searched from where
   they are fixed), the best mix of one texture less with every other kind beside it, and rotations drawn once for all.
   All of them descend a few steps, the better half some more, and so on; the last few are judged like the fixed ones.
@@ -131,7 +131,7 @@ class StructureSearch:
         self._best = EMPTY
         self._trace: list[tuple[float, int, float]] = []
         self._notes: list[str] = []
-        self._banks: dict[tuple[Warp | None, float], FixedBank] = {}
+        self._banks: dict[Warp | None, FixedBank] = {}
 
     def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> Outcome:
         """Choose up to `textures` textures, of the kinds in candidates[j] for texture j (its last entry from there on).
@@ -239,7 +239,7 @@ class StructureSearch:
 
         def first_look(trial: tuple[tuple[int, ...], Warp | None]) -> tuple[float, Account]:
             account = self._account.beside()
-            folded = self._banks[trial[1], FIRST_LOOK].mix(trial[0])
+            folded = self._banks[trial[1]].mix(trial[0])
             return self._smoothed(folded, (smoothing,) * count, account, each=False)[1], account
 
         looks = self._beside(first_look, trials)
@@ -258,17 +258,15 @@ class StructureSearch:
         return mixes
 
     def _make_banks(self, fixed: tuple[str, ...], warps: list[Warp | None]) -> None:
-        """All fixed kinds accumulated together, warp by warp: at the search's size and for the first look."""
-        wanted = [(warp, share) for warp in warps for share in (FIRST_LOOK, 1.0) if (warp, share) not in self._banks]
+        """All fixed kinds accumulated together for the first look, warp by warp."""
+        wanted = [warp for warp in warps if warp not in self._banks]
 
-        def made(place: tuple[Warp | None, float]) -> tuple[FixedBank, Account]:
-            warp, share = place
-            size = max(2, round(share * self._settings.size))
+        def made(warp: Warp | None) -> tuple[FixedBank, Account]:
             projections = tuple(self._make(kind, warp) for kind in fixed)
-            shapes = tuple(texture_shape(projection, size) for projection in projections)
             account = self._account.beside()
             lookups = sum(projection.lookups for projection in projections)
             account.spend(cost_of_evaluation(self._samples.logs.shape[0], lookups, 0))
+            shapes = self._shapes(projections, FIRST_LOOK)
             return FixedBank.of(self._samples, self._partitions, projections, shapes), account
 
         self._banks.update(zip(wanted, self._beside(made, wanted), strict=True))
@@ -276,14 +274,13 @@ class StructureSearch:
     def _settled(
         self, fixed: tuple[str, ...], trial: tuple[tuple[int, ...], Warp | None], smoothing: float, each: bool
     ) -> tuple[Mix, Account]:
-        """A mix of the bank with all folds and one λ for all of its textures, or one for `each`."""
+        """A fixed mix at the search's own size, with one λ for all of its textures, or one for `each`."""
         account = self._account.beside()
         chosen, warp = trial
-        bank = self._banks[warp, 1.0]
-        folded = bank.mix(chosen)
-        found, error = self._smoothed(folded, (smoothing,) * len(chosen), account, each)
-        projections = tuple(bank.projections[j] for j in chosen)
-        return Mix(tuple(fixed[j] for j in chosen), projections, found, error), account
+        projections = tuple(self._banks[warp].projections[j] for j in chosen)
+        mix = Mix(tuple(fixed[j] for j in chosen), projections, (smoothing,) * len(chosen))
+        found, error = self._smoothed(self._folded(mix, account), mix.smoothing, account, each)
+        return replace(mix, smoothing=found, error=error), account
 
     def _smoothed(
         self, folded: Folded, start: tuple[float, ...], account: Account, each: bool
