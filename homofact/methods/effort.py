@@ -15,7 +15,7 @@ import time
 
 from homofact.errors import BadInput
 
-LEVELS = {"quick": 40.0, "normal": 200.0, "thorough": 1500.0}
+LEVELS = {"quick": 12.0, "normal": 50.0, "thorough": 400.0}
 _FIXED, _LOOKUP, _PAIR, _SQUARE, _CUBE = 2e-3, 1e-7, 8e-9, 5e-9, 1.2e-11
 
 
