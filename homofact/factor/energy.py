@@ -60,6 +60,11 @@ class Flux:
         scale = samples.weights.sum() / whole.clamp_min(torch.finfo(whole.dtype).tiny)
         return cls(each[:, None] * scale, LOG_SHARE[objective])
 
+    def with_none(self, count: int) -> "Flux":
+        """The flux with `count` more samples behind that carry none."""
+        none = self.per_value.new_zeros(count, self.per_value.shape[1])
+        return replace(self, per_value=torch.cat((self.per_value, none)))
+
     def weights_of(self, samples: LogSamples) -> Tensor:
         """The weights (N,) with which the log squares stand for J near the data; their sum is that of the samples'."""
         found = self.log_share * samples.weights + 0.5 * (self.per_value * torch.exp(samples.logs)).mean(1)

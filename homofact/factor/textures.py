@@ -54,6 +54,11 @@ class LogSamples:
         """The samples under `transform`, weighted for the Cole error: over the discs (`brdf.pair_density`)."""
         return cls(samples.wi, samples.wo, transform.forward(samples.values), over_discs(samples))
 
+    def with_more(self, more: "LogSamples") -> "LogSamples":
+        """These samples and `more` behind them."""
+        pairs = ((self.wi, more.wi), (self.wo, more.wo), (self.logs, more.logs), (self.weights, more.weights))
+        return LogSamples(*(torch.cat((one, other.to(one))) for one, other in pairs))
+
     def select(self, index: Tensor) -> "LogSamples":
         """The samples at `index`, in that order."""
         return LogSamples(self.wi[index], self.wo[index], self.logs[index], self.weights[index])

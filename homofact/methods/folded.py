@@ -61,7 +61,8 @@ class Folded:
 
         # The first partition's samples that are never left out are a piece too, so that its pieces add up to all.
         limited = [
-            torch.where(partition.folds < (most or len(samples.logs)), partition.folds, -1) for partition in partitions
+            torch.where(partition.folds < (most or len(samples.logs)), partition.folds, -1).clamp_min(-1)
+            for partition in partitions
         ]
         pieces = [
             (number, fold)

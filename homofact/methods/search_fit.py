@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import torch
 
+from homofact.brdf.beyond import beyond
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
@@ -41,7 +42,7 @@ from homofact.methods.folded import Folded
 from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, is_isotropic, is_searched
 from homofact.methods.search import Search
 from homofact.methods.structure_search import Mix, Outcome, StructureSearch, StructureSettings, rounded
-from homofact.methods.validation import Partition, partitions_of
+from homofact.methods.validation import BEYOND, Partition, partitions_of
 
 FOLDS = 4
 FINE_SHARE = 0.5  # of the search's effort, once more for refining and smoothing at full size
@@ -122,10 +123,11 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     notes = outcome.notes
     if outcome.status is Status.GUARD:
         notes += (f"the guard of {settings.budget:g} s ended the search: another run may end elsewhere",)
+    measured = full.select((partitions[0].folds != BEYOND).nonzero()[:, 0])
     if flux is not None:
         terms, made["light"] = keep_light(full, terms, smoothing, flux)
     if settings.confidence:
-        terms = with_deviations(full, terms, smoothing)
+        terms = with_deviations(measured, terms, smoothing)
     factorization = Factorization(terms, transform, samples.channels, made)
     return Fit(
         factorization,
@@ -134,7 +136,7 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
             iterations=len(outcome.trace),
             evaluations=outcome.evaluations,
             seconds=time.perf_counter() - began,
-            residual=float((residual(full, terms) ** 2).mean()),
+            residual=float((residual(measured, terms) ** 2).mean()),
             seed=settings.seed,
             trace=outcome.trace,
             notes=notes,
@@ -148,7 +150,8 @@ def _prepare(
 ) -> tuple[LogSamples, Flux | None, tuple[Partition, ...]]:
     """Log samples, their flux, and how they are judged; with azimuth copies where kinds need them.
 
-    Copies of one measurement are in one fold.
+    Copies of one measurement are in one fold. What lies beyond the measurement (`brdf.beyond`) comes last, carries no
+    flux and is never left out.
     """
     partitions = partitions_of(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
     copied = at_azimuths(samples, settings, knows_azimuth)
@@ -158,7 +161,12 @@ def _prepare(
     if flux is not None:
         # The log squares beside the flux are those of the pairs as drawn: lobes and discs alike.
         logs = replace(logs, weights=copied.weights)
-    return logs, flux, tuple(partition.repeated(times) for partition in partitions)
+    partitions = tuple(partition.repeated(times) for partition in partitions)
+    more = beyond(samples)
+    if more is None:
+        return logs, flux, partitions
+    flux = None if flux is None else flux.with_none(len(more))
+    return logs.with_more(LogSamples.of(more, transform)), flux, tuple(each.with_more(len(more)) for each in partitions)
 
 
 def _finish(

@@ -18,6 +18,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import ring_numbers
 
 RING_FOLDS = 3
+BEYOND = -2  # the fold of what no sample measures
 
 
 def random_folds(count: int, folds: int, seed: int) -> Tensor:
@@ -30,7 +31,7 @@ def random_folds(count: int, folds: int, seed: int) -> Tensor:
 
 @dataclass(frozen=True)
 class Partition:
-    """A partition of samples into folds (N,) int64, −1 for those never left out, and its share of the judgement."""
+    """A partition of samples into folds (N,) int64, below 0 for those never left out, and its share of the judgement."""
 
     folds: Tensor
     share: float
@@ -38,6 +39,10 @@ class Partition:
     def select(self, index: Tensor) -> "Partition":
         """The partition of the samples at `index`."""
         return Partition(self.folds[index], self.share)
+
+    def with_more(self, count: int) -> "Partition":
+        """The partition with `count` more samples that are beyond the measurement: never left out."""
+        return Partition(torch.cat((self.folds, self.folds.new_full((count,), BEYOND))), self.share)
 
     def repeated(self, times: int) -> "Partition":
         """The partition of `times` copies of all samples, one after another."""
