@@ -53,7 +53,7 @@ def test_every_file_has_its_values_and_its_settings() -> None:
 @pytest.mark.parametrize("name", VALUES)
 def test_it_evaluates_to_what_it_did(name: str) -> None:
     fitted: Any = homofact.load(place(name))
-    assert isinstance(fitted, Separable if name.startswith(("svd", "nmf")) else Factorization)
+    assert type(fitted) is (Separable if name.startswith(("svd", "nmf")) else Factorization)
     np.testing.assert_allclose(fitted.evaluate(*directions()), VALUES[name], rtol=1e-11, atol=0)
 
 
@@ -98,7 +98,8 @@ def test_the_commands_take_it(name: str, tmp_path: Path, monkeypatch: pytest.Mon
         assert (tmp_path / "sphere.png").is_file()
         return
     assert main(["export", place(name), "--to", str(out), "-q"]) == 0
-    np.testing.assert_allclose(homofact.load(str(out)).evaluate(*directions()), VALUES[name], rtol=1e-4, atol=1e-6)
+    again: Any = homofact.load(str(out))
+    np.testing.assert_allclose(again.evaluate(*directions()), VALUES[name], rtol=1e-4, atol=1e-6)
 
 
 def test_a_file_of_a_later_format_is_refused_by_name(tmp_path: Path) -> None:
