@@ -48,7 +48,7 @@ def blue(short: bool) -> str:
         test = sample_model(model, count=count, seed=2 * draw + 1).channel("G")
         for method in (
             McCool(epsilon=NOISE_FREE_EPSILON),
-            Search(textures=2, epsilon=NOISE_FREE_EPSILON, budget=5 if short else 30),
+            Search(textures=2, epsilon=NOISE_FREE_EPSILON, effort="quick" if short else "normal"),
         ):
             fit = method.fit(train)
             transform = fit.factorization.transform
@@ -77,7 +77,7 @@ def cornell(short: bool) -> str:
     for file in files[:1] if short else files:
         paint = file.stem
         source = open_source(str(file))
-        base = Search(epsilon=MEASURED_EPSILON, budget=5 if short else 30)
+        base = Search(epsilon=MEASURED_EPSILON, effort="quick" if short else "normal")
 
         def errors(settings: Method, source: Source = source) -> list[float]:
             return [fit_and_measure(source, replace(settings, seed=s)).held_out.log_mse for s in seeds]
@@ -113,7 +113,7 @@ def anisotropic(short: bool) -> str:
         mccool = fit_and_measure(source, McCool()).held_out.log_mse
         rows.append((name, "mccool", "wi · h", figure(mccool), 1, "", ""))
         for textures in (2,) if short else (2, 4):
-            row = fit_and_measure(source, Search(textures=textures, budget=5 if short else 40))
+            row = fit_and_measure(source, Search(textures=textures, effort="quick" if short else "normal"))
             kinds = " · ".join(term.projection.coordinates for term in row.factorization.terms)
             error = row.held_out.log_mse
             numbers = [figure(value) for value in (error, error / mccool, row.seconds_fit)]

@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from homofact.config import fit_options
 from homofact.files.atomic import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -54,6 +55,18 @@ def write(path: Path, text: str) -> None:
     """Write a file whole or not at all, its folder made where it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, text)
+
+
+def effort_of(text: str) -> str | float:
+    """An effort of `Search` as it is said on a command line: a level's name or a number of inner evaluations."""
+    declared = fit_options()["effort"]["search"]
+    return declared.checked(declared.from_text(text))
+
+
+def add_effort(parser: argparse.ArgumentParser, usual: str = "normal") -> None:
+    """Give a parser the option --effort."""
+    words = "how much is searched: quick, normal, thorough, or a number of inner evaluations (%(default)s)"
+    parser.add_argument("--effort", type=effort_of, default=usual, help=words)
 
 
 def parser_of(description: str | None) -> argparse.ArgumentParser:

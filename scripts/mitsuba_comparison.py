@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from conditions import data_folder, figure, markdown, parser_of, write
+from conditions import add_effort, data_folder, figure, markdown, parser_of, write
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -209,13 +209,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--textures", type=int, default=3, help="of the fit (%(default)s)")
     parser.add_argument("--projections", help="one name for all textures, or one each joined by + (the search chooses)")
     parser.add_argument("--texels", type=int, default=32, help="on a side of a texture (%(default)s)")
-    parser.add_argument("--budget", type=float, default=20.0, help="seconds of the search (%(default)s)")
+    add_effort(parser)
     parser.add_argument("--size", type=int, default=300, help="pixels per side (%(default)s)")
     parser.add_argument("--spp", type=int, default=512, help="samples a pixel (%(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)
     if chosen.short:
-        chosen.size, chosen.spp, chosen.budget, chosen.texels = 96, 8, 1.0, 8
+        chosen.size, chosen.spp, chosen.effort, chosen.texels = 96, 8, 1.0, 8
     try:
         return compare(chosen)
     except BadInput as error:
@@ -233,7 +233,7 @@ def compare(chosen: Any) -> int:
         settings = Search(
             textures=chosen.textures,
             size=chosen.texels,
-            budget=chosen.budget,
+            effort=chosen.effort,
             seed=chosen.seed,
             projections=chosen.projections.split("+") if chosen.projections else None,
         )

@@ -32,12 +32,14 @@ SIZES = ((2, 16), (5, 32))
 WAYS = ("as fitted", "each texel rounded", "solved for 8 bits")
 
 
-def errors(text: str, textures: int, size: int, seed: int, budget: float) -> dict[str, tuple[float, float, float]]:
+def errors(
+    text: str, textures: int, size: int, seed: int, effort: str | float
+) -> dict[str, tuple[float, float, float]]:
     """Cole errors on training and held-out samples, and how far the logarithms moved, of each of `WAYS`."""
     source = open_source(text, seed=seed)
     train = source.samples.split(HELD_OUT, seed)[0]
     held = held_out_samples(source, HELD_OUT, seed)
-    method = Search(textures=textures, size=size, epsilon=source.default_epsilon, budget=budget, seed=seed)
+    method = Search(textures=textures, size=size, epsilon=source.default_epsilon, effort=effort, seed=seed)
     fitted = method.fit(train).factorization
     assert isinstance(fitted, Factorization)
     fits = (
@@ -57,12 +59,12 @@ def errors(text: str, textures: int, size: int, seed: int, budget: float) -> dic
 
 
 def table(
-    texts: Sequence[str], sizes: Sequence[tuple[int, int]], seeds: Sequence[int], budget: float
+    texts: Sequence[str], sizes: Sequence[tuple[int, int]], seeds: Sequence[int], effort: str | float
 ) -> tuple[str, float]:
     """The table as Markdown, and the largest ratio of solved texels, mean over seeds."""
     rows, worst = [], 0.0
     for text, (textures, size) in product(texts, sizes):
-        found = [errors(text, textures, size, seed, budget) for seed in seeds]
+        found = [errors(text, textures, size, seed, effort) for seed in seeds]
         base = [mean(each[WAYS[0]][k] for each in found) for k in (0, 1)]
         for way in WAYS:
             values = [mean(each[way][k] for each in found) for k in (0, 1, 2)]
@@ -86,14 +88,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     texts = [MATERIAL, *(str(file) for file in files if file.stem == PAINT)]
     if len(texts) == 1:
         print("\n".join(line for line in missing if PAINT in line), file=sys.stderr)
-    repeats, budget = (1, 1.0) if options.short else (options.repeats, 10.0)
-    found, worst = table(texts, SIZES[:1] if options.short else SIZES, range(repeats), budget)
+    repeats, effort = (1, 1.0) if options.short else (options.repeats, "quick")
+    found, worst = table(texts, SIZES[:1] if options.short else SIZES, range(repeats), effort)
     text = "\n\n".join(
         [
             found,
             f"Most: {figure(worst)} times the fit in floating point; expected at most {figure(TARGET)}."
             + (" --short: a smoke test." if options.short else ""),
-            f"At most so many textures; {budget:g} s of search, mean of seeds 0 to {repeats - 1}. {machine()}",
+            f"At most so many textures; searched with effort {effort}, mean of seeds 0 to {repeats - 1}. {machine()}",
         ]
     )
     print(text)

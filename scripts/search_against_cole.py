@@ -1,6 +1,6 @@
 """A whole five-texture search on blue paint: the searched fit beside the procedure of the thesis.
 
-    python scripts/search_against_cole.py [--budgets 3 10 30] [--short]
+    python scripts/search_against_cole.py [--efforts quick normal] [--short]
 
 `cole` is configs/thesis.toml, green channel: full size, every sample, six restarts a term, QMR on the normal
 equations. That takes long, so its time is put together from two runs in this process. A complete run with Cholesky in
@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numba
-from conditions import ROOT, figure, markdown, parser_of, write
+from conditions import ROOT, effort_of, figure, markdown, parser_of, write
 
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
@@ -117,7 +117,7 @@ def extrapolate(evaluations: Sequence[int], part: Tally) -> tuple[list[Clocks], 
 def main(arguments: list[str] | None = None) -> int:
     """Print (and with --out write) the tables; returns the exit code."""
     parser = parser_of(__doc__)
-    parser.add_argument("--budgets", type=float, nargs="+", default=[3.0, 10.0, 30.0], help="seconds of the search")
+    parser.add_argument("--efforts", type=effort_of, nargs="+", default=["quick", "normal"], help="of the search")
     parser.add_argument("--measure", type=int, default=150, help="evaluations of the second term that are timed")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, help="a Markdown file to write as well")
@@ -127,7 +127,7 @@ def main(arguments: list[str] | None = None) -> int:
     assert isinstance(thesis, Cole)
     if chosen.short:
         thesis, count = replace(thesis, size=4, restarts=2, textures=3), 600
-        chosen.budgets, chosen.measure = chosen.budgets[:1], 20
+        chosen.efforts, chosen.measure = chosen.efforts[:1], 20
     load = os.getloadavg()[0]
     train, second = draw(count, chosen.seed), draw(count, chosen.seed + SECOND)
     small = draw(300, chosen.seed)
@@ -145,9 +145,9 @@ def main(arguments: list[str] | None = None) -> int:
     each, extrapolated = extrapolate(evaluations, part)
     print(f"cole with QMR: {extrapolated[0]:.0f} s, extrapolated", file=sys.stderr)
     for projections in (None, (thesis.coordinates,)):
-        for budget in chosen.budgets:
+        for effort in chosen.efforts:
             settings = Search(
-                budget=budget,
+                effort=effort,
                 projections=projections,
                 textures=thesis.textures,
                 size=thesis.size,
@@ -155,7 +155,7 @@ def main(arguments: list[str] | None = None) -> int:
                 epsilon=thesis.epsilon,
                 seed=chosen.seed,
             )
-            name = f"search, {'+'.join(projections or ('any kinds',))}, {budget:g} s"
+            name = f"search, {'+'.join(projections or ('any kinds',))}, {effort}"
             runs.append((name, *fit(train, settings)))
             print(f"{name}: {runs[-1][2][0]:.1f} s", file=sys.stderr)
 

@@ -1,6 +1,6 @@
 """How steady a fit is: noise in the data, the seed of the search, and the confidence that it states.
 
-    python scripts/stability_numbers.py [--only noise seeds confidence] [--budget 8] [--short]
+    python scripts/stability_numbers.py [--only noise seeds confidence] [--effort quick] [--short]
 
 Blue paint (`lafortune-blue-paint`), 16², ε = 1e-5.
 
@@ -16,7 +16,7 @@ import sys
 from dataclasses import replace
 
 import torch
-from conditions import figure, markdown, parser_of
+from conditions import add_effort, figure, markdown, parser_of
 
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
@@ -47,11 +47,11 @@ def solved_again(samples: Samples, terms: tuple[Term, ...], smoothing: tuple[flo
     return solve_terms(logs, tuple(term.projection for term in terms), shapes, smoothing, "cholesky").terms
 
 
-def noise(samples: Samples, budget: float, draws: int) -> None:
+def noise(samples: Samples, effort: str | float, draws: int) -> None:
     """How far 1% of noise moves the textures, at two and five."""
     rows = []
     for count in (2, 5):
-        fit = fit_search(noisy(samples, 0.01, 0), Search(textures=count, epsilon=EPSILON, budget=budget))
+        fit = fit_search(noisy(samples, 0.01, 0), Search(textures=count, epsilon=EPSILON, effort=effort))
         terms = tuple(fit.factorization.terms)
         smoothing = tuple(fit.factorization.provenance["smoothing"])
         again = [
@@ -72,23 +72,23 @@ def noise(samples: Samples, budget: float, draws: int) -> None:
     print(markdown(["textures", "texture", "projection", "RMS of the log", "RMS of the exponential"], rows))
 
 
-def seeds(samples: Samples, test: Samples, budget: float, count: int) -> None:
+def seeds(samples: Samples, test: Samples, effort: str | float, count: int) -> None:
     """Errors of five-texture searches over seeds."""
     errors = []
     for seed in range(count):
-        fit = fit_search(samples, Search(textures=5, epsilon=EPSILON, budget=budget, seed=seed)).factorization
+        fit = fit_search(samples, Search(textures=5, epsilon=EPSILON, effort=effort, seed=seed)).factorization
         errors.append(measure(fit, test, fit.transform).log_mse)
     ordered = sorted(errors)
-    print(f"\n## Five textures over {count} seeds, {budget:g} s each: log MSE on a second draw\n")
+    print(f"\n## Five textures over {count} seeds, effort {effort}: log MSE on a second draw\n")
     print(markdown(["best", "median", "worst", "worst / best (asked: 1.25)"], [[
         figure(ordered[0]), figure(ordered[len(ordered) // 2]), figure(ordered[-1]), figure(ordered[-1] / ordered[0])
     ]], 0))  # fmt: skip
 
 
-def confidence(samples: Samples, budget: float, draws: int) -> None:
+def confidence(samples: Samples, effort: str | float, draws: int) -> None:
     """The observed spread of every texel beside the stated one."""
     level = 0.05
-    fit = fit_search(noisy(samples, level, 0), Search(textures=2, epsilon=EPSILON, budget=budget))
+    fit = fit_search(noisy(samples, level, 0), Search(textures=2, epsilon=EPSILON, effort=effort))
     smoothing = tuple(fit.factorization.provenance["smoothing"])
     terms = tuple(fit.factorization.terms)
     again = [solved_again(noisy(samples, level, draw), terms, smoothing, fit.factorization) for draw in range(draws)]
@@ -119,19 +119,19 @@ def main(arguments: list[str] | None = None) -> int:
     """Print the parts asked for."""
     parser = parser_of(__doc__)
     parser.add_argument("--only", nargs="*", choices=PARTS, default=PARTS)
-    parser.add_argument("--budget", type=float, default=8.0)
+    add_effort(parser, "quick")
     options = parser.parse_args(arguments)
     count = 3000 if options.short else 45_000
-    budget = min(options.budget, 1.0) if options.short else options.budget
+    effort = 1.0 if options.short else options.effort
     model = material("lafortune-blue-paint").model
     samples, test = (sample_model(model, count, "discs", seed) for seed in (0, 1))
-    print(f"lafortune-blue-paint, {count} pairs, 16², ε = {EPSILON:g}, budget {budget:g} s; {machine()}")
+    print(f"lafortune-blue-paint, {count} pairs, 16², ε = {EPSILON:g}, effort {effort}; {machine()}")
     if "noise" in options.only:
-        noise(samples, budget, 3 if options.short else 10)
+        noise(samples, effort, 3 if options.short else 10)
     if "seeds" in options.only:
-        seeds(samples, test, budget, 2 if options.short else 20)
+        seeds(samples, test, effort, 2 if options.short else 20)
     if "confidence" in options.only:
-        confidence(samples, budget, 5 if options.short else 30)
+        confidence(samples, effort, 5 if options.short else 30)
     return 0
 
 

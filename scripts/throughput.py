@@ -120,9 +120,9 @@ def rates(ways: Sequence[Way], batches: Sequence[int], rounds: int, least: float
     return best
 
 
-def ways_of(source: Source, budget: float, steps: int) -> tuple[list[Way], str]:
+def ways_of(source: Source, effort: str | float, steps: int) -> tuple[list[Way], str]:
     """The ways on one source, and words on what was fitted."""
-    settings = Search(budget=budget, epsilon=source.default_epsilon)
+    settings = Search(effort=effort, epsilon=source.default_epsilon)
     row = fit_and_measure(source, settings, HELD_OUT)
     fitted = row.factorization
     assert isinstance(fitted, Factorization)
@@ -159,8 +159,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--data", type=Path)
     parser.add_argument("--out", type=Path)
     options = parser.parse_args(arguments)
-    batches, rounds, least, budget, steps = (
-        ((1 << 10, 1 << 12), 1, 0.002, 0.5, 200) if options.short else (BATCHES, 7, 0.05, 20.0, 20_000)
+    batches, rounds, least, effort, steps = (
+        ((1 << 10, 1 << 12), 1, 0.002, 1.0, 200) if options.short else (BATCHES, 7, 0.05, "normal", 20_000)
     )
     file = data_folder(options.data) / "rgl" / RGL
     if not file.is_file():
@@ -168,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parts = []
     for text in (str(file),) * file.is_file() + (MATERIAL,):
         source = open_source(text)
-        ways, words = ways_of(source, budget, steps)
+        ways, words = ways_of(source, effort, steps)
         best = rates(ways, batches, rounds, least)
         rows = [
             (

@@ -14,7 +14,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from conditions import figure, markdown, parser_of, write
+from conditions import add_effort, figure, markdown, parser_of, write
 from headless import chromium, first_frame, open_page, settled
 
 from homofact.brdf.source import open_source
@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = parser_of(__doc__)
     parser.add_argument("--material", default="lafortune-blue-paint")
     parser.add_argument("--loads", type=int, default=5, help="browsers started (%(default)s)")
-    parser.add_argument("--budget", type=float, default=20.0, help="seconds of the search (%(default)s)")
+    add_effort(parser)
     parser.add_argument("--page", type=Path, help="keep the page in this file")
     parser.add_argument("--out", type=Path, help="write the text too")
     try:
@@ -77,9 +77,9 @@ def main(arguments: list[str] | None = None) -> int:
 def measured(chosen: Any) -> str:
     """The text. Raises BadInput where a browser is missing."""
     size, count = (8, 2000) if chosen.short else (32, 45_000)
-    loads, budget = (1, 1.0) if chosen.short else (chosen.loads, chosen.budget)
+    loads, effort = (1, 1.0) if chosen.short else (chosen.loads, chosen.effort)
     source = open_source(f"material:{chosen.material}", count=count)
-    settings = Search(textures=len(KINDS), size=size, budget=budget, projections=KINDS)
+    settings = Search(textures=len(KINDS), size=size, effort=effort, projections=KINDS)
     row = fit_and_measure(source, settings)
     assert isinstance(row.factorization, Factorization)
     shape = (640, 480) if chosen.short else (1440, 900)

@@ -28,7 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "pictures" / "viewer.png")
     options = parser.parse_args(arguments)
     source = open_source("material:lafortune-blue-paint")
-    settings = Search(budget=1.0 if options.short else 20.0)
+    settings = Search(effort=1.0 if options.short else "normal")
     row = fit_and_measure(source, settings, HELD_OUT)
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "view.html"

@@ -148,13 +148,13 @@ def test_a_setting_that_the_method_does_not_have_is_named_with_those_that_have_i
         load_config(path).fit.method_alone()
     assert str(caught.value) == (
         f"{path}: fit.budget: mccool has no such setting, expected one of its own (projections, size, epsilon,"
-        " reciprocal, solver, smoothing, copies, mirrored, robust, confidence, quantize, seed); search has it"
+        " reciprocal, solver, smoothing, copies, mirrored, robust, confidence, quantize, seed); search and cole have it"
     )
     # Beside a method that has it, it is that one's; beside none, nobody's.
     found = load_config(path).fit.methods(["mccool", "search"])
     assert found == {"mccool": McCool(), "search": Search(budget=60.0)}
-    with pytest.raises(BadInput, match=r"fit\.budget: none of mccool, cole has such a setting, expected one of theirs"):
-        load_config(path).fit.methods(["mccool", "cole"])
+    with pytest.raises(BadInput, match=r"fit\.budget: none of mccool, svd has such a setting, expected one of theirs"):
+        load_config(path).fit.methods(["mccool", "svd"])
 
 
 def test_the_command_lines_setting_is_not_blamed_on_the_file(write) -> None:

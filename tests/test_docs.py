@@ -8,6 +8,9 @@ from typing import Any
 
 import pytest
 
+from homofact.factor.names import FIXED_AXES, KINDS
+from homofact.geometry.coordinates import COORDINATES
+
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = ("README.md", "docs/python.md")
 
@@ -28,3 +31,13 @@ def test_the_lines_of_a_document_run(name: str, tmp_path: Path, monkeypatch: pyt
         assert errors.low < errors.mean < errors.high
         assert (names["reopened"].known, names["page"].caution) == (True, "")
         assert os.path.getsize("held_out.html") == names["page"].size
+
+
+def test_the_table_of_projections_is_that_of_the_code() -> None:
+    rows = re.findall(r"^\| `([a-z-]+)` \|.*\| (`.*`) \|$", (ROOT / "docs/python.md").read_text(encoding="utf-8"), re.M)
+    told = {coordinates: set(re.findall(r"`([^`]+)`", listed)) for coordinates, listed in rows}
+    known: dict[str, set[str]] = {name: set() for name in COORDINATES}
+    for name, (coordinates, _) in FIXED_AXES.items():
+        known[coordinates].add(name)
+    assert told == known
+    assert set(KINDS) == {*FIXED_AXES, *(name for name, system in COORDINATES.items() if not system.periodic)}

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
 from rich.text import Text
 
 from homofact.cli import options as o
@@ -11,6 +12,7 @@ from homofact.cli.screen import Screen, say_ending, say_estimate, say_subset
 from homofact.cli.subject import check_source, open_subject, warmed_up
 from homofact.cli.tables import cost_table, error_table, metric_tables
 from homofact.cli.verdicts import brief_lines, refuse_findings
+from homofact.errors import Status
 
 if TYPE_CHECKING:
     from homofact.config import Config
@@ -24,7 +26,10 @@ def compare(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Fit several methods to the same samples and print their errors and costs."""
+    """Fit several methods to the same samples and print their errors and costs.
+
+    Ctrl-C ends it with what is compared by then, and exit code 130.
+    """
     check_source(settings)
     target = None if settings.compare.plot is None else Path(settings.compare.plot)
     if target is not None:
@@ -49,13 +54,24 @@ def compare(
         )
         say_estimate(screen, estimate)
         rows: dict[str, SeedRows] = {}
+        interrupted = False
         for label, fit in fits.items():
             bar.run(f"{label}, {about(estimate.seconds_left)} left", len(rows) * seeds, len(fits) * seeds)
-            rows[label] = fit_seeds(subject, fit, seeds, held_out, bar, subset)
+            try:
+                rows[label] = fit_seeds(subject, fit, seeds, held_out, bar, subset)
+            except KeyboardInterrupt:
+                if not rows:
+                    raise
+                interrupted = True
+                break
             for row in rows[label].rows:
                 estimate.finish(estimate.done, row.seconds_total - row.seconds_read)
                 if strict:
                     refuse_findings(row.verdict, label)
+            # The fit may have kept its best: a row, but the last one.
+            interrupted = rows[label].rows[-1].report.status is Status.INTERRUPTED
+            if interrupted:
+                break
         bar.stage("measuring")
         judge = Judge(subject, names)
         values = {
@@ -84,6 +100,9 @@ def compare(
         screen.note(f"The figure: {target}")
         answer["plot"] = str(target)
     screen.answer(answer)
+    if interrupted:
+        screen.note(f"homofact: interrupted, {len(rows)} of {len(fits)} methods are compared")
+        raise typer.Exit(130)
 
 
 def _means(measured: "list[dict[str, float | None]]") -> "dict[str, float | None]":

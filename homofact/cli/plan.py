@@ -11,8 +11,10 @@ from rich.text import Text
 from homofact.cli import options as o
 from homofact.cli.places import check_file, check_place
 from homofact.cli.screen import Screen
+from homofact.config import fit_options
 from homofact.errors import BadInput
 from homofact.evaluate.wording import figure
+from homofact.methods.search import Search
 
 if TYPE_CHECKING:
     from homofact.scene.plan.plan import MaterialPlan, ScenePlan
@@ -27,7 +29,14 @@ def plan(
     against: Annotated[
         str | None, typer.Option(metavar="NAME", help="Plan under this named lighting too, and compare the bills.")
     ] = None,
-    seconds: Annotated[float, typer.Option("--budget", help="Seconds that each search may take.")] = 2.5,
+    effort: Annotated[
+        str,
+        typer.Option(help="How much each search tries: quick, normal, thorough, or a number of inner evaluations."),
+    ] = "quick",
+    budget: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="A guard: ends each search, and the plan is then not reproducible."),
+    ] = None,
     count: Annotated[int, typer.Option(help="Pairs drawn from an analytic model.")] = 8000,
     force: Annotated[bool, typer.Option("--force", help="Replace a plan that is in the folder.")] = False,
     strict: Annotated[
@@ -39,8 +48,7 @@ def plan(
     """Find the cheapest representation of every material of a scene that meets its tolerance."""
     if plot is not None:
         check_file(plot, ".png", ".pdf", ".svg")
-    if not 0 < seconds < float("inf"):
-        raise BadInput(f"budget: found {seconds}, expected seconds above 0")
+    searched = Search(effort=fit_options()["effort"]["search"].from_text(effort), budget=budget)
     if count < 100:
         raise BadInput(f"count: found {count}, expected at least 100")
 
@@ -62,7 +70,7 @@ def plan(
     with screen.bar() as bar:
         bar.stage("warming up")
         warm_up()
-        options = FitOptions(budget=seconds, count=count, seed=asked.seed)
+        options = FitOptions(effort=searched.effort, budget=budget, count=count, seed=asked.seed)
         benches: dict[str, Bench] = {}
         found = plan_scene(asked, options, benches, bar.stage)
         other = None

@@ -12,7 +12,7 @@ from typing import Any
 
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
-from homofact.errors import BadInput, Report
+from homofact.errors import BadInput, Report, Status
 from homofact.evaluate.metrics import SixErrors, measure
 from homofact.evaluate.split import Split
 from homofact.evaluate.verdict import Verdict, judge
@@ -134,8 +134,13 @@ def compare(
 ) -> list[Row]:
     """A row for each of `methods`, in their order, all on the split that the first one's seed draws, or `split_seed`.
 
-    Raises BadInput as `fit_and_measure`.
+    An interrupted fit is the last, as it is in `fit_seeds`. Raises BadInput as `fit_and_measure`.
     """
     if split_seed is None and methods:
         split_seed = methods[0].seed
-    return [fit_and_measure(source, settings, held_out, progress, subset, split_seed) for settings in methods]
+    rows: list[Row] = []
+    for settings in methods:
+        rows.append(fit_and_measure(source, settings, held_out, progress, subset, split_seed))
+        if rows[-1].report.status is Status.INTERRUPTED:
+            break
+    return rows

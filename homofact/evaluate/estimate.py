@@ -37,13 +37,19 @@ def fit_seconds(settings: Method, samples: int) -> float:
     if isinstance(settings, Search):
         # Its own count of work is in units of one inner evaluation; refining takes about a quarter as much again.
         searched = 1.25 * units(settings.effort, textures) * _UNIT
-        return after + solve + (searched if settings.budget is None else min(searched, settings.budget))
+        return after + solve + _guarded(searched, settings)
     if isinstance(settings, Cole):
         searched = min(samples, settings.search_samples or samples)
         joint = settings.joint_terms or textures
         solved = sum(min(term, joint) for term in range(1, textures + 1))
-        return after + solve + _POWELL * settings.restarts * solved * (_EVALUATION + _SAMPLE_EVALUATED * searched)
+        seconds = _POWELL * settings.restarts * solved * (_EVALUATION + _SAMPLE_EVALUATED * searched)
+        return after + solve + _guarded(seconds, settings)
     return after + solve
+
+
+def _guarded(seconds: float, settings: Search | Cole) -> float:
+    """Seconds of a search, no more than its guard lets it take."""
+    return seconds if settings.budget is None else min(seconds, settings.budget)
 
 
 def training_count(source: Source, settings: Method, held_out: float, subset: int = 0) -> int:

@@ -145,8 +145,11 @@ def _renamed(kept: Mapping[str, Any], method: str) -> dict[str, Any]:
     renamed |= {"joint_terms": kept.get("together", 2), "refine": "linear" if kept.get("refine") == "looks" else "none"}
     if method == "search":
         renamed |= {"projections": pinned.split("+") if isinstance(pinned, str) else None}
-    elif isinstance(pinned, str):
-        renamed |= {"coordinates": pinned}
+    else:
+        # Every file has it, search alone obeyed it.
+        renamed.pop("budget", None)
+        if isinstance(pinned, str):
+            renamed |= {"coordinates": pinned}
     return renamed
 
 

@@ -31,6 +31,7 @@ class Cole:
     smoothing: float = shared.smoothing(shared.DEFAULT_SMOOTHING)
     joint_terms: int = option(2, "How many of the last textures are solved jointly; 0 is all", least=0)
     restarts: int = shared.restarts()
+    budget: float | None = shared.budget()
     search_size: int = shared.search_size(12)
     search_samples: int = shared.search_samples()
     copies: int = shared.copies()
@@ -51,7 +52,7 @@ class Cole:
             )
 
     def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
-        """Factor `samples`, the training samples as measured. An interrupt keeps the terms found so far."""
+        """Factor `samples`, the training samples as measured. An interrupt or the guard keeps what is found."""
         from homofact.methods.cole_fit import fit_cole
         from homofact.methods.fitting import with_whole_texels
 

@@ -206,8 +206,8 @@ CASES = {
         r"textures: mccool has no such setting, .*; search, cole, svd and nmf have it",
     ),
     "a guard for nobody": (
-        [PHONG, "--methods", "mccool,cole", "--budget", "2", *OUT],
-        r"budget: none of mccool, cole has such a setting, .*; search has it",
+        [PHONG, "--methods", "mccool,nmf", "--budget", "2", *OUT],
+        r"budget: none of mccool, nmf has such a setting, .*; search and cole have it",
     ),
     "a missing file": (["{file}.gone", *OUT], r"file\.txt\.gone: no such file"),
     "a file for a folder": ([PHONG, "--out", "{file}"], r"file\.txt: is a file, expected a folder"),

@@ -14,6 +14,7 @@ import torch
 
 import homofact
 import homofact.evaluate.compare
+import homofact.evaluate.seeds
 from homofact.cli.main import main
 from homofact.errors import SolverFailure, Status
 
@@ -230,6 +231,41 @@ def test_an_interrupted_fit_that_kept_its_best_is_written_and_said(
     assert ran.code == 0
     assert ran.err.splitlines() == [f"homofact: {Status.INTERRUPTED.remedy}", "homofact: cut short"]
     assert json.loads(ran.out)["status"] == "interrupted"
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_an_interrupt_ends_a_comparison_with_what_there_is(
+    kept: bool, run: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether the interrupted fit has something to show or not, it is the last."""
+    fitted: list[str] = []
+    measure = homofact.evaluate.seeds.fit_and_measure
+
+    def second_cut_short(source: Any, settings: Any, *more: Any) -> Any:
+        fitted.append(settings.name)
+        if len(fitted) == 2 and not kept:
+            raise KeyboardInterrupt
+        row = measure(source, settings, *more)
+        return row if len(fitted) < 2 else replace(row, report=replace(row.report, status=Status.INTERRUPTED))
+
+    monkeypatch.setattr(homofact.evaluate.seeds, "fit_and_measure", second_cut_short)
+    ran = run("compare", *SMALL, *SIZE, "--methods", "mccool,mccool:h+wi,svd", "--json")
+    assert ran.code == 130
+    labels = ["mccool", "mccool:h+wi"] if kept else ["mccool"]
+    assert [row["label"] for row in json.loads(ran.out)["rows"]] == labels
+    assert ran.err.splitlines()[-1] == f"homofact: interrupted, {len(labels)} of 3 methods are compared"
+    assert fitted == ["mccool", "mccool"]
+
+
+def test_an_interrupt_of_the_first_method_leaves_nothing(
+    run: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(homofact.evaluate.seeds, "fit_and_measure", interrupted)
+    ran = run("compare", *SMALL, *SIZE, "--methods", "mccool,svd")
+    assert ran == (130, "", "homofact: interrupted, nothing was written\n")
 
 
 @pytest.mark.parametrize("error", [RuntimeError("no"), SolverFailure("no")])

@@ -19,7 +19,8 @@ named = "sun"
 [tolerance]
 reflected = 0.25
 """
-QUICK = ["--budget", "0.1", "--count", "800"]
+# The guard: which rung is chosen does not hang on it here.
+QUICK = ["--effort", "10", "--budget", "0.1", "--count", "800"]
 
 
 @pytest.fixture
@@ -71,7 +72,9 @@ def test_a_scene_that_cannot_be_planned(scene: Path, tmp_path: Path, capsys: pyt
     assert "the shares add up to 0.95, expected 1" in capsys.readouterr().err
     assert main(["plan", str(scene), "--plot", "p.txt"]) == 2
     assert main(["plan", str(scene), "--budget", "0"]) == 2
-    assert "budget: found 0.0, expected seconds above 0" in capsys.readouterr().err
+    assert "budget: found 0.0, expected" in capsys.readouterr().err
+    assert main(["plan", str(scene), "--effort", "some"]) == 2
+    assert "effort: found 'some', expected quick, normal, thorough, or a number above 0" in capsys.readouterr().err
 
 
 def test_a_folder_with_something_else_is_left_alone(

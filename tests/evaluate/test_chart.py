@@ -27,7 +27,7 @@ from homofact.figures.log_axis import plain_number, round_ticks
 from homofact.methods.fitting import Method
 from homofact.methods.table import METHODS, made_each, settings_of_class
 
-FAST: dict[str, Any] = {"restarts": 1, "search_size": 3, "search_samples": 60, "budget": 0.5}
+FAST: dict[str, Any] = {"restarts": 1, "search_size": 3, "search_samples": 60, "effort": 20}
 
 
 def methods(*names: str, **more: Any) -> dict[str, Method]:

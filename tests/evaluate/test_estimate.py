@@ -12,7 +12,7 @@ from homofact.evaluate.estimate import TimeEstimate, about, fit_seconds, trainin
 from homofact.evaluate.split import Split
 from homofact.methods.cole import Cole
 from homofact.methods.fitting import at_azimuths
-from homofact.methods.table import METHODS, made_each, settings_of_class
+from homofact.methods.table import METHODS, made_each, methods_with, settings_of_class
 
 PAINT = str(Path(__file__).resolve().parents[2] / "data_synthetic" / "synthetic_cornell.brdf")
 COLE = Cole(textures=1, restarts=1, search_size=3, search_samples=60)
@@ -35,11 +35,18 @@ def test_more_of_anything_takes_longer(name: str) -> None:
 def test_the_chart_of_the_readme_is_about_five_minutes(tmp_path: Path) -> None:
     """It took 305 s on two cores."""
     paint = open_source("material:lafortune-blue-paint")
-    methods = made_each(("mccool", "cole", "search"), {"budget": 5.0})
+    methods = made_each(("mccool", "cole"), {}) | made_each(("search",), {"budget": 5.0})
     runs = plan(methods, (1, 2, 3), (8, 16), ("gradient",))
     found = estimate_charts([(paint, Ledger(tmp_path / "a.csv"))], runs)
     assert found.left == len(runs) == 14
     assert 305 / 2 < found.seconds_left < 305 * 2
+
+
+@pytest.mark.parametrize("name", methods_with("budget"))
+def test_a_guard_bounds_the_search(name: str) -> None:
+    free, guarded = METHODS[name](), METHODS[name](budget=1.0)
+    assert fit_seconds(guarded, 1000) < 2 < fit_seconds(free, 1000)
+    assert fit_seconds(replace(guarded, budget=1e6), 1000) == fit_seconds(free, 1000)
 
 
 @pytest.mark.parametrize("path", [PAINT, "material:blinn-phong-50"])

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+import homofact.evaluate.compare
 import homofact.evaluate.seeds
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput, Status
@@ -86,6 +87,15 @@ def test_an_interrupt_ends_it(source: Source, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(homofact.evaluate.seeds, "fit_and_measure", stopped)
     assert fit_seeds(source, COLE, 4).seeds == (3, 4)
+
+
+def test_an_interrupted_fit_is_the_last_of_a_comparison(source: Source, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*arguments: object) -> Row:
+        row = fit_and_measure(*arguments)  # type: ignore[arg-type]
+        return replace(row, report=replace(row.report, status=Status.INTERRUPTED))
+
+    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", stopped)
+    assert [row.settings.name for row in compare(source, [McCool(size=4), COLE])] == ["mccool"]
 
 
 def test_methods_are_compared_on_one_split(source: Source) -> None:

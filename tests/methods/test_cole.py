@@ -1,12 +1,15 @@
 """The fits against BRDFs that they can represent exactly, and the published order of methods."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 import torch
 from torch import Tensor
 
+from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput, Status
 from homofact.evaluate.metrics import measure
 from homofact.factor.projection import Projection
@@ -150,3 +153,25 @@ def test_settings_that_cannot_be_meant_are_refused(wrong: dict, message: str) ->
 def test_cole_knows_the_two_coordinates_of_the_thesis() -> None:
     with pytest.raises(BadInput, match="coordinates: found 'theta_h-theta_d', expected one of in-out, half-diff"):
         Cole(coordinates="theta_h-theta_d")
+
+
+def test_the_guard_keeps_what_is_found_by_then_and_says_so() -> None:
+    samples = sample_model(material("phong-10").model, 400)
+    method = Cole(textures=4, size=6, search_samples=200, search_size=6, epsilon=1e-5, budget=0.2)
+    found = method.fit(samples)
+    assert found.report.status is Status.GUARD
+    assert 1 <= len(found.factorization.terms) < 4
+    assert "guard of 0.2 s" in found.report.notes[0]
+    assert found.report.details["reproducible"] is False
+    assert found.factorization.provenance["reproducible"] is False
+
+
+def test_a_guard_that_does_not_strike_changes_no_bit() -> None:
+    samples = sample_model(material("phong-10").model, 200)
+    method = Cole(textures=1, size=4, search_samples=50, restarts=1, epsilon=1e-5)
+    free, guarded = (replace(method, budget=budget).fit(samples) for budget in (None, 1e6))
+    assert guarded.report.status is free.report.status is not Status.GUARD
+    assert guarded.report.details["reproducible"] is True
+    assert guarded.report.notes == ()
+    wi, wo = samples.wi, samples.wo
+    assert torch.equal(guarded.evaluate(wi, wo), free.evaluate(wi, wo))

@@ -13,12 +13,22 @@ from homofact.brdf.analytic import BlinnPhong, CookTorrance
 from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.sampling import Drawable, sample_model
 from homofact.brdf.source import Source
-from homofact.errors import BadInput, Report
+from homofact.errors import BadInput, Report, Status
 from homofact.factor.fitted import Fitted
+from homofact.methods.search import Search
 from homofact.render.light import DirectionalLight, EnvironmentMap
 from homofact.scene.harmonics import harmonics, quadrature
 from homofact.scene.lighting import NAMED, ORDER, Lighting, named_lighting
-from homofact.scene.plan.ladder import CONSTANT, LADDER, LAMBERT, Candidate, FitOptions, ladder
+from homofact.scene.plan.ladder import (
+    CONSTANT,
+    LADDER,
+    LAMBERT,
+    Candidate,
+    FitOptions,
+    fit_candidate,
+    ladder,
+    method_of,
+)
 from homofact.scene.plan.measure import Judge, pixel_normals
 from homofact.scene.plan.plan import Bench, MaterialPlan, fitted_by_method, plan_material, plan_scene
 from homofact.scene.plan.scene import Budget, Scene, SceneMaterial, Tolerance, read_scene
@@ -32,7 +42,7 @@ from homofact.scene.plan.theory import (
     terms_needed,
 )
 
-QUICK = FitOptions(budget=0.1, count=800)
+QUICK = FitOptions(effort=10, count=800)
 WHITE = Lambert((0.6, 0.3, 0.1))
 PAINT = CookTorrance((0.4, 0.2, 0.1), (1.0, 1.0, 1.0), roughness=0.15, reflectance=0.1)
 SCENE = """
@@ -220,6 +230,24 @@ def test_what_cannot_be_met_is_answered_with_the_best() -> None:
     assert found.choice is not None
     assert answers[found.choice].error == min(each.error for each in answers.values())
     assert found.fits <= 28 / 5 + 1
+
+
+def test_a_rung_is_fitted_by_the_effort_and_the_guard_asked_for() -> None:
+    rung = Candidate("search", 3, 16)
+    asked = method_of(rung, FitOptions(effort=7, budget=2.0, seed=4))
+    assert isinstance(asked, Search)
+    assert (asked.textures, asked.size, asked.effort, asked.budget, asked.seed) == (3, 16, 7, 2.0, 4)
+    usual = method_of(rung, FitOptions())
+    assert isinstance(usual, Search)
+    assert (usual.effort, usual.budget) == ("quick", None)
+
+
+def test_equal_seeds_give_equal_rungs() -> None:
+    source = Source("own", "material", sample_model(PAINT, 300), PAINT, 1e-5, 0.0)
+    first, second = (fit_candidate(Candidate("search", 1, 4), source, QUICK) for _ in range(2))
+    assert first.report.status is not Status.GUARD
+    wi, wo = source.samples.wi, source.samples.wo
+    assert torch.equal(first.evaluate(wi, wo), second.evaluate(wi, wo))
 
 
 def test_a_budget_is_kept_and_may_leave_nothing() -> None:

@@ -96,14 +96,14 @@ def test_cole_is_extrapolated_from_what_was_counted_and_timed(
     script: Callable[[str], ModuleType], capsys: pytest.CaptureFixture[str]
 ) -> None:
     module = script("search_against_cole")
-    assert module.main(["--short", "--budgets", "2"]) == 0
+    assert module.main(["--short", "--efforts", "20"]) == 0
     text = capsys.readouterr().out
     shown(text)
     fits, terms = tables(text)
     qmr, cholesky, free, pinned = fits
     assert qmr["fit"] == "cole, QMR (extrapolated)"
-    assert free["fit"] == "search, any kinds, 2 s"
-    assert pinned["fit"] == "search, half-diff, 2 s"
+    assert free["fit"] == "search, any kinds, 20.0"
+    assert pinned["fit"] == "search, half-diff, 20.0"
     evaluations = [int(row["evaluations"]) for row in terms]
     assert len(evaluations) == 3
     assert sum(evaluations) == int(qmr["evaluations"]) == int(cholesky["evaluations"])

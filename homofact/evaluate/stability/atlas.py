@@ -18,10 +18,10 @@ from homofact.methods.table import METHODS, method_class, settings_of_class
 
 # Small fits, so that hundreds of them take minutes. ε is that of measured data. A method takes what it has of these.
 BASE_SETTINGS: dict[str, Any] = {
-    "textures": 2, "size": 8, "epsilon": 1e-2, "restarts": 1, "budget": 0.6, "search_size": 5, "search_samples": 250,
+    "textures": 2, "size": 8, "epsilon": 1e-2, "restarts": 1, "effort": 10.0, "search_size": 5, "search_samples": 250,
     "copies": 2,
 }  # fmt: skip
-SHORT_SETTINGS = BASE_SETTINGS | {"budget": 0.05, "search_size": 4, "search_samples": 100}
+SHORT_SETTINGS = BASE_SETTINGS | {"effort": 1.0, "search_size": 4, "search_samples": 50}
 FULL, SHORT = Scale(), Scale(samples=600, clean=400)
 
 

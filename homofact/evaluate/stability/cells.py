@@ -91,7 +91,7 @@ def fit_row(source: Source, settings: Method) -> Row:
 def said_of(row: Row) -> dict[str, str]:
     """What a fit says of itself, a line by the name of each: its verdict's findings, and a status that is a warning.
 
-    A spent budget is none: every searched fit ends so.
+    A spent effort is none: every search of a small one ends so.
     """
     said = {finding.name: finding.line() for finding in row.verdict.findings}
     if row.report.status in (Status.FALLBACK, Status.INTERRUPTED):

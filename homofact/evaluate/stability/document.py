@@ -35,7 +35,7 @@ def _head(atlas: Atlas, link: str, where: str) -> str:
     settings, scale = atlas.plan.settings, atlas.plan.scale
     shared = (
         f"{settings['textures']} textures of\n{settings['size']}² texels, ε = {settings['epsilon']:g},"
-        f" at most {settings['budget']:g} s of search"
+        f" searches of {settings['effort']:g} inner evaluations"
     )
     tally = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
     base = "\n".join(

@@ -20,6 +20,8 @@ SEARCH_SIZES = (4, 8, 16, 32)
 SEARCH_TEXTURES = (1, 2, 3, 5)
 SVD_TERMS = (1, 2, 5)
 MCCOOL_TEXTURES = 2
+# Of the coarse search: a rung is asked for its error, and most are turned down, so each is to take seconds.
+SEARCHED_AT, SEARCHED_FROM = 8, 3000
 
 
 @dataclass(frozen=True, order=True)
@@ -55,9 +57,10 @@ class Candidate:
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How the rungs are fitted: seconds a search, samples drawn from a model, the part held out, the seed."""
+    """How the rungs are fitted: effort of a search, its guard in seconds, samples drawn from a model, part held out."""
 
-    budget: float = 2.5
+    effort: str | float = "quick"
+    budget: float | None = None
     count: int = 8000
     held_out: float = HELD_OUT
     seed: int = 0
@@ -83,7 +86,15 @@ def method_of(candidate: Candidate, options: FitOptions) -> Method:
         return McCool(size=candidate.size, seed=options.seed)
     if candidate.method == "svd":
         return Svd(textures=candidate.textures, size=candidate.size, seed=options.seed)
-    return Search(textures=candidate.textures, size=candidate.size, budget=options.budget, seed=options.seed)
+    return Search(
+        textures=candidate.textures,
+        size=candidate.size,
+        effort=options.effort,
+        budget=options.budget,
+        search_size=SEARCHED_AT,
+        search_samples=SEARCHED_FROM,
+        seed=options.seed,
+    )
 
 
 def fit_candidate(candidate: Candidate, source: Source, options: FitOptions) -> Fit:
