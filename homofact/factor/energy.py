@@ -143,7 +143,7 @@ class _Light:
         value = (self._hold * off**2).sum() + (texels * rough).sum()
         value += (self._flow * (found - self._given - self._given * off)).sum()
         slope = 2 * rough + self._columns @ (2 * self._hold * off + self._flow * (found - self._given))
-        turned = scipy.linalg.solve_triangular(self._factor, slope, trans="T", check_finite=False)
+        turned = scipy.linalg.solve_triangular(self._factor, slope, trans=1, check_finite=False)
         return float(value) / self._total, turned.ravel() / self._total
 
     def textures(self, z: np.ndarray) -> tuple[torch.Tensor, ...]:

@@ -9,24 +9,24 @@ samples alone.
 
 import math
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 
-from homofact.brdf.beyond import beyond
+from homofact.brdf.beyond import Beyond
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.factor.confidence import with_deviations
 from homofact.factor.energy import Flux, keep_light
-from homofact.factor.factorization import Factorization
+from homofact.factor.factorization import Factorization, Term
 from homofact.factor.objective import Objective
 from homofact.factor.search.gradient import Gradient
 from homofact.factor.search.minimize import Search as Minimizer
 from homofact.factor.search.minimize import minimize
 from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
-from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
+from homofact.factor.textures import LogSamples, Solved, residual, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
 from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve, units
 from homofact.methods.fitting import (
@@ -45,6 +45,7 @@ from homofact.methods.structure_search import Mix, Outcome, StructureSearch, Str
 from homofact.methods.validation import BEYOND, Partition, partitions_of
 
 FOLDS = 4
+ATTEMPTS = 3  # solves more where a fit exceeds what is known beyond its measurement
 FINE_SHARE = 0.5  # of the search's effort, once more for refining and smoothing at full size
 FINE_STEPS, MOST_FINE_STEPS = 10, 40  # iterations at full size: fewer are not worth having, most
 
@@ -83,11 +84,12 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     candidates = candidates_of(samples, settings)
     transform = transform_of(samples, settings)
     knows_azimuth = not all(is_isotropic(kind) for kinds in candidates for kind in kinds)
-    full, flux, partitions = _prepare(samples, transform, settings, knows_azimuth)
-    judged = full if flux is None else replace(full, weights=flux.weights_of(full))
+    beyond = Beyond(samples)
+    data = Data.of(samples, transform, settings, knows_azimuth).with_more(beyond.carried_on(), transform)
+    judged, partitions = data.judged, data.partitions
     coarse, coarse_partitions = judged, partitions
-    if 0 < settings.search_samples < full.logs.shape[0]:
-        chosen = torch.randperm(full.logs.shape[0], generator=torch.Generator().manual_seed(settings.seed))
+    if 0 < settings.search_samples < len(judged.logs):
+        chosen = torch.randperm(len(judged.logs), generator=torch.Generator().manual_seed(settings.seed))
         chosen = chosen[: settings.search_samples].sort().values
         coarse, coarse_partitions = judged.select(chosen), tuple(p.select(chosen) for p in partitions)
     search = search_named(settings.search)
@@ -109,10 +111,7 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     outcome = StructureSearch(coarse, coarse_partitions, choices, account, tell).run(settings.textures, candidates)
     fine = Account(FINE_SHARE * granted, deadline)
     outcome, smoothing = _finish(outcome, judged, partitions, settings, search, fine)
-    projections = outcome.mix.projections
-    shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
-    solved = solve_terms(judged, projections, shapes, smoothing, settings.solver, settings.robust)
-    terms = solved.terms
+    solved, terms, light = _solved(data, beyond, transform, outcome.mix, smoothing, settings)
     made = provenance_of(samples, settings) | {
         "smoothing": list(smoothing),
         "kinds": list(outcome.mix.kinds),
@@ -123,11 +122,10 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     notes = outcome.notes
     if outcome.status is Status.GUARD:
         notes += (f"the guard of {settings.budget:g} s ended the search: another run may end elsewhere",)
-    measured = full.select((partitions[0].folds != BEYOND).nonzero()[:, 0])
-    if flux is not None:
-        terms, made["light"] = keep_light(full, terms, smoothing, flux)
+    if light is not None:
+        made["light"] = light
     if settings.confidence:
-        terms = with_deviations(measured, terms, smoothing)
+        terms = with_deviations(data.measured, terms, smoothing)
     factorization = Factorization(terms, transform, samples.channels, made)
     return Fit(
         factorization,
@@ -136,7 +134,7 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
             iterations=len(outcome.trace),
             evaluations=outcome.evaluations,
             seconds=time.perf_counter() - began,
-            residual=float((residual(measured, terms) ** 2).mean()),
+            residual=float((residual(data.measured, terms) ** 2).mean()),
             seed=settings.seed,
             trace=outcome.trace,
             notes=notes,
@@ -145,28 +143,66 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     )
 
 
-def _prepare(
-    samples: Samples, transform: LogTransform, settings: Search, knows_azimuth: bool
-) -> tuple[LogSamples, Flux | None, tuple[Partition, ...]]:
-    """Log samples, their flux, and how they are judged; with azimuth copies where kinds need them.
+@dataclass(frozen=True)
+class Data:
+    """What a fit sees: log samples with their own weights, their flux (None where logs alone count), and how to judge.
 
-    Copies of one measurement are in one fold. What lies beyond the measurement (`brdf.beyond`) comes last, carries no
-    flux and is never left out.
+    Copies of one measurement are in one fold. What lies beyond the measurement comes last, carries no flux and is never
+    left out.
     """
-    partitions = partitions_of(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
-    copied = at_azimuths(samples, settings, knows_azimuth)
-    times = len(copied) // len(samples)
-    flux = None if settings.objective == "log" else Flux.of(copied, transform, settings.objective)
-    logs = LogSamples.of(copied, transform)
-    if flux is not None:
-        # The log squares beside the flux are those of the pairs as drawn: lobes and discs alike.
-        logs = replace(logs, weights=copied.weights)
-    partitions = tuple(partition.repeated(times) for partition in partitions)
-    more = beyond(samples)
-    if more is None:
-        return logs, flux, partitions
-    flux = None if flux is None else flux.with_none(len(more))
-    return logs.with_more(LogSamples.of(more, transform)), flux, tuple(each.with_more(len(more)) for each in partitions)
+
+    logs: LogSamples
+    flux: Flux | None
+    partitions: tuple[Partition, ...]
+
+    @classmethod
+    def of(cls, samples: Samples, transform: LogTransform, settings: Search, knows_azimuth: bool) -> "Data":
+        """The data of `samples`, with azimuth copies where kinds need them."""
+        partitions = partitions_of(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
+        copied = at_azimuths(samples, settings, knows_azimuth)
+        times = len(copied) // len(samples)
+        flux = None if settings.objective == "log" else Flux.of(copied, transform, settings.objective)
+        logs = LogSamples.of(copied, transform)
+        if flux is not None:
+            # The log squares beside the flux are those of the pairs as drawn: lobes and discs alike.
+            logs = replace(logs, weights=copied.weights)
+        return cls(logs, flux, tuple(partition.repeated(times) for partition in partitions))
+
+    def with_more(self, more: Samples | None, transform: LogTransform) -> "Data":
+        """With samples from beyond the measurement."""
+        if more is None:
+            return self
+        flux = None if self.flux is None else self.flux.with_none(len(more))
+        partitions = tuple(each.with_more(len(more)) for each in self.partitions)
+        return Data(self.logs.with_more(LogSamples.of(more, transform)), flux, partitions)
+
+    @property
+    def judged(self) -> LogSamples:
+        """The log samples with the weights that stand for the objective near the data."""
+        return self.logs if self.flux is None else replace(self.logs, weights=self.flux.weights_of(self.logs))
+
+    @property
+    def measured(self) -> LogSamples:
+        """Without what lies beyond the measurement."""
+        return self.logs.select((self.partitions[0].folds != BEYOND).nonzero()[:, 0])
+
+
+def _solved(
+    data: Data, beyond: Beyond, transform: LogTransform, mix: Mix, smoothing: tuple[float, ...], settings: Search
+) -> tuple[Solved, tuple[Term, ...], dict[str, float] | None]:
+    """(the linear solve, the terms, how the light was kept): solved again where they exceed what is known beyond."""
+    shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
+    attempt = 0
+    while True:
+        solved = solve_terms(data.judged, mix.projections, shapes, smoothing, settings.solver, settings.robust)
+        terms, light = solved.terms, None
+        if data.flux is not None:
+            terms, light = keep_light(data.logs, terms, smoothing, data.flux)
+        fit = Factorization(terms, transform, ("",) * len(transform.mean))
+        more = None if attempt == ATTEMPTS else beyond.exceeding(fit.evaluate, attempt)
+        if more is None:
+            return solved, terms, light
+        data, attempt = data.with_more(more, transform), attempt + 1
 
 
 def _finish(

@@ -31,7 +31,7 @@ def random_folds(count: int, folds: int, seed: int) -> Tensor:
 
 @dataclass(frozen=True)
 class Partition:
-    """A partition of samples into folds (N,) int64, below 0 for those never left out, and its share of the judgement."""
+    """A partition of samples into folds (N,) int64, below 0 where never left out, and its share of the judgement."""
 
     folds: Tensor
     share: float
