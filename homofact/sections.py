@@ -138,13 +138,18 @@ class RenderSettings:
     """How a sphere is drawn.
 
     `light` points to a directional light (any length), None is the light of the comparison pictures; `environment` is
-    a lat-long .hdr or .exr file that takes its place, `size` the picture's pixels per side, `file` where it goes.
+    a lat-long .hdr or .exr file that takes its place, `exposure` stops brighter than the automatic one, `tonemap` the
+    curve (`render.tonemap`), `size` the picture's pixels per side, `file` where it goes.
     """
 
     light: tuple[float, float, float] | None = option(
         None, "Towards a directional light: x right, y up, z to the viewer", metavar="X,Y,Z"
     )
     environment: str | None = option(None, "A lat-long map (.hdr or .exr) in its place", metavar="FILE.hdr")
+    exposure: float = option(
+        0.0, "Brighter than the automatic exposure by so many", unit="stops", least=-20, most=20, metavar="STOPS"
+    )
+    tonemap: str = option("filmic", "The curve from light to the picture", choices=("filmic", "srgb"))
     size: int = option(384, "Pixels per side", least=16, most=8192, unit="pixels")
     file: str | None = option(None, "The picture", flag="out", metavar="FILE.png")
 

@@ -26,7 +26,8 @@ from homofact.evaluate.image_metrics import psnr
 from homofact.geometry.directions import from_cosine
 from homofact.geometry.quadrature import hemisphere_nodes
 from homofact.render.light import DEFAULT_LIGHT
-from homofact.render.sphere import SphereImage, render_sphere, sphere_frames
+from homofact.render.sphere import SphereImage, render_sphere
+from homofact.render.surface import sphere_frames
 from homofact.render.tonemap import choose_exposure, displayed
 
 PIXELS, PLACES = 128, 160

@@ -25,9 +25,11 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.files.atomic import replace_file
+from homofact.render.filtered import draw_sphere
 from homofact.render.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap, Light
-from homofact.render.sphere import SphereImage, ToRgb, render_sphere
-from homofact.render.tonemap import choose_exposure, tonemap
+from homofact.render.sphere import SphereImage, render_sphere
+from homofact.render.surface import ToRgb
+from homofact.render.tonemap import choose_exposure, choose_middle, tonemap
 
 FLOOR = 0.01
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -39,11 +41,12 @@ _DPI, _GAP, _TEXT, _LINE = 100, 24, 10.0, 19
 
 
 class PictureReport(NamedTuple):
-    """What a picture was drawn with: exposure, clipped shares (source first), ± range of the colour bar."""
+    """What a picture was drawn with: exposure, clipped shares (source first), ± range of the colour bar, the curve."""
 
     exposure: float
     clipped: tuple[float, ...]
     difference_range: float | None
+    curve: str = "srgb"
 
 
 def relative_difference(fit: SphereImage, source: SphereImage, exposure: float) -> Tensor:
@@ -100,20 +103,22 @@ def sphere_picture(
     *,
     light: Light | Sequence[Light] = DEFAULT_LIGHT,
     exposure: float | None = None,
+    stops: float = 0.0,
+    curve: str = "srgb",
     size: int = 512,
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
-    samples: int = 256,
     seed: int = 0,
 ) -> PictureReport:
-    """One sphere as a PNG whose text chunk `Description` holds light, exposure and white point.
+    """One sphere as a PNG whose text chunk `Description` holds light, exposure, curve and white point.
 
-    Raises BadInput for what `render_sphere` refuses and a place that cannot be written.
+    `exposure` is a factor, else that of `choose_middle`; `stops` are powers of two on top of it. Raises BadInput for
+    what `draw_sphere` and `tonemap` refuse and a place that cannot be written.
     """
-    image = render_sphere(reflectance, light, size, view=view, to_rgb=to_rgb, samples=samples, seed=seed)
-    factor = choose_exposure(image) if exposure is None else exposure
-    shown = tonemap(image, factor)
-    report = PictureReport(factor, (shown.clipped,), None)
+    image = draw_sphere(reflectance, light, size, view=view, to_rgb=to_rgb, seed=seed)
+    factor = (choose_middle(image) if exposure is None else exposure) * 2**stops
+    shown = tonemap(image, factor, curve=curve)
+    report = PictureReport(factor, (shown.clipped,), None, curve)
     text = PngImagePlugin.PngInfo()
     text.add_text("Description", caption(light, report))
     picture = Image.fromarray(shown.pixels.numpy())
@@ -128,7 +133,7 @@ def caption(light: Light | Sequence[Light], report: PictureReport) -> str:
     return (
         f"Light: {'; '.join(each.describe() for each in lights)}. Exposure {report.exposure:.4g}"
         f"{' for all' if len(report.clipped) > 1 else ''}, linear sRGB, white point D65,"
-        f" sRGB curve. Pixels clipped to the gamut: {shares}."
+        f" {report.curve.replace('srgb', 'sRGB')} curve. Pixels clipped to the gamut: {shares}."
     )
 
 

@@ -10,6 +10,7 @@ solid angle, Δφ·Δcosθ, which makes drawing from the map and its density exa
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -103,7 +104,7 @@ class EnvironmentMap:
         row = (colatitude * rows).to(torch.int64).clamp(0, rows - 1)
         texel = row * columns + column
         level = self.radiance.reshape(-1, channels)
-        return level[texel], level.mean(1)[texel] / self._weights().sum()
+        return level[texel], self._means[texel] / self._running[-1]
 
     def draw(self, points: Tensor) -> Tensor:
         """Unit world directions (..., 3) of points (..., 2) of the unit square.
@@ -113,7 +114,7 @@ class EnvironmentMap:
         uniform in solid angle.
         """
         rows, columns, _ = self.radiance.shape
-        running = self._weights().cumsum(0)
+        running = self._running
         target = points[..., 0].contiguous() * running[-1]
         texel = torch.searchsorted(running, target, right=True).clamp_max(rows * columns - 1)
         below = torch.where(texel > 0, running[(texel - 1).clamp_min(0)], torch.zeros_like(target))
@@ -126,12 +127,18 @@ class EnvironmentMap:
         around = (1 - y**2).clamp_min(0).sqrt()
         return torch.stack((around * torch.sin(azimuth), y, -around * torch.cos(azimuth)), -1)
 
-    def _weights(self) -> Tensor:
-        """Mean radiance of the channels times solid angle of every texel, flat."""
+    @cached_property
+    def _means(self) -> Tensor:
+        """Mean radiance of the channels of every texel, flat."""
+        return self.radiance.mean(2).reshape(-1)
+
+    @cached_property
+    def _running(self) -> Tensor:
+        """The running sum of mean radiance times solid angle over the texels, flat."""
         rows, columns, _ = self.radiance.shape
         edges = torch.cos(torch.arange(rows + 1, dtype=torch.float64) * (torch.pi / rows))
         angle = (edges[:-1] - edges[1:]) * (2 * torch.pi / columns)
-        return (self.radiance.mean(2) * angle[:, None]).reshape(-1)
+        return (self._means.reshape(rows, columns) * angle[:, None]).reshape(-1).cumsum(0)
 
 
 Light = DirectionalLight | EnvironmentMap

@@ -24,10 +24,8 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.render.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap, Light
+from homofact.render.surface import Surface, ToRgb, seen_surface, shader
 
-ToRgb = Tensor | Callable[[Tensor], Tensor]
-RADIUS = 0.94
-_GRID = 8
 _HALF_EXPONENT = 200.0
 
 
@@ -36,14 +34,6 @@ class SphereImage(NamedTuple):
 
     radiance: Tensor
     coverage: Tensor
-
-
-class _Surface(NamedTuple):
-    """The P covered pixels: their flat indices, rows t, b, n of the frame in the world, and ωo in that frame."""
-
-    pixels: Tensor
-    frame: Tensor
-    wo: Tensor
 
 
 def render_sphere(
@@ -64,15 +54,13 @@ def render_sphere(
     `seed`; `batch` bounds the pairs of directions evaluated at a time. Raises BadInput for a size below
     8, fewer than 8 samples, channels that do not fit, and reflectances that are not finite.
     """
-    if size < 8:
-        raise BadInput(f"picture size: found {size}, expected at least 8 pixels")
     if samples < 8:
         raise BadInput(f"environment samples: found {samples}, expected at least 8")
-    coverage, surface = _surface(size, view)
+    coverage, surface = seen_surface(size, view)
     lights = [light] if isinstance(light, DirectionalLight | EnvironmentMap) else list(light)
     if not lights:
         raise BadInput("lights: found none, expected at least one")
-    shade = _shader(reflectance, to_rgb)
+    shade = shader(reflectance, to_rgb)
     channels = int(shade(surface.wo[:1], surface.wo[:1]).shape[1])
     for each in lights:
         levels = len(each.levels()) if isinstance(each, DirectionalLight) else int(each.radiance.shape[2])
@@ -89,78 +77,8 @@ def render_sphere(
     return SphereImage(radiance.reshape(size, size, channels), coverage)
 
 
-def _surface(size: int, view: tuple[float, float, float]) -> tuple[Tensor, _Surface]:
-    """Coverage (size, size) and the surface seen through each covered pixel."""
-    place = torch.tensor(view, dtype=torch.float64)
-    if tuple(place.shape) != (3,) or not bool(torch.isfinite(place).all()) or not bool(place.any()):
-        raise BadInput(f"view: found {view}, expected three finite numbers, not all 0")
-    forward = place / place.norm()
-    right = _azimuthal(forward)
-    axes = torch.stack((right, torch.linalg.cross(forward, right), forward))
-    fine = size * _GRID
-    ticks = ((torch.arange(fine, dtype=torch.float64) + 0.5) * (2 / fine) - 1) / RADIUS
-    x, y = torch.meshgrid(ticks, -ticks, indexing="xy")
-    hit = (x**2 + y**2 < 1).to(torch.float64)
-
-    def per_pixel(values: Tensor) -> Tensor:
-        return values.reshape(size, _GRID, size, _GRID).sum((1, 3))
-
-    count = per_pixel(hit)
-    index = (count.reshape(-1) > 0).nonzero()[:, 0]
-    covered = count.reshape(-1)[index]
-    centre = torch.stack([per_pixel(hit * p).reshape(-1)[index] / covered for p in (x, y)], 1)
-    height = (1 - (centre**2).sum(1, keepdim=True)).clamp_min(0).sqrt()
-    frame, wo = sphere_frames(torch.cat((centre, height), 1) @ axes, forward)
-    # The last component is n·ωo; taken from the picture plane it is never negative by rounding.
-    wo[:, 2:] = height
-    return count / _GRID**2, _Surface(index, frame, wo)
-
-
-def sphere_frames(normal: Tensor, forward: Tensor) -> tuple[Tensor, Tensor]:
-    """Rows t, b, n (P, 3, 3) of the frames at unit normals (P, 3), and the direction `forward` (3,) in them (P, 3)."""
-    tangent = _azimuthal(normal)
-    frame = torch.stack((tangent, torch.linalg.cross(normal, tangent), normal), 1)
-    return frame, frame @ forward
-
-
-def _azimuthal(n: Tensor) -> Tensor:
-    """norm(y × n) of unit vectors (..., 3); x at the poles, where there is none."""
-    across = torch.stack((n[..., 2], torch.zeros_like(n[..., 0]), -n[..., 0]), -1)
-    length = across.norm(dim=-1, keepdim=True)
-    x_axis = torch.zeros_like(n)
-    x_axis[..., 0] = 1
-    return torch.where(length > 1e-12, across / length.clamp_min(1e-12), x_axis)
-
-
-def _shader(reflectance: Reflectance, to_rgb: ToRgb | None) -> Callable[[Tensor, Tensor], Tensor]:
-    """f(wi, wo) in 1 or 3 channels, checked."""
-    count = len(reflectance.channels)
-    if to_rgb is None and count not in (1, 3):
-        raise BadInput(f"reflectance: found {count} channels, expected 1, 3 or a to_rgb conversion")
-    if isinstance(to_rgb, Tensor) and tuple(to_rgb.shape) != (3, count):
-        raise BadInput(f"to_rgb: found a matrix of shape {tuple(to_rgb.shape)}, expected (3, {count})")
-
-    def shade(wi: Tensor, wo: Tensor) -> Tensor:
-        values = reflectance.evaluate(wi, wo).to(torch.float64)
-        if isinstance(to_rgb, Tensor):
-            values = values @ to_rgb.to(values).T
-        elif to_rgb is not None:
-            values = to_rgb(values)
-        if not bool(torch.isfinite(values).all()):
-            row = int((~torch.isfinite(values)).any(1).nonzero()[0])
-            where = f"wi {_words(wi[row])}, wo {_words(wo[row])}"
-            raise BadInput(f"reflectance: not finite at {where}, expected finite values")
-        return values
-
-    return shade
-
-
-def _words(direction: Tensor) -> str:
-    return "(" + ", ".join(f"{float(c):.4f}" for c in direction) + ")"
-
-
 def _directional(
-    shade: Callable[[Tensor, Tensor], Tensor], light: DirectionalLight, surface: _Surface, batch: int
+    shade: Callable[[Tensor, Tensor], Tensor], light: DirectionalLight, surface: Surface, batch: int
 ) -> Tensor:
     """Radiance (P, C) under one directional light; 0 where it stands under the horizon."""
     wi = surface.frame @ light.unit()
@@ -176,7 +94,7 @@ def _directional(
 def _environment(
     shade: Callable[[Tensor, Tensor], Tensor],
     light: EnvironmentMap,
-    surface: _Surface,
+    surface: Surface,
     samples: int,
     seed: int,
     batch: int,

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 import torch
 
@@ -16,8 +17,10 @@ import homofact
 import homofact.evaluate.compare
 import homofact.evaluate.seeds
 from homofact.cli.main import main
+from homofact.containers.exr import write_exr
 from homofact.errors import SolverFailure, Status
 
+ROOT = Path(__file__).resolve().parents[2]
 METRICS = {"log_mse", "log_mae", "log_max", "mse", "mae", "max"}
 RECORD = {
     "source", "method", "textures", "size", "bytes", "fetches", "samples", "status", "evaluations", "seed",
@@ -187,6 +190,24 @@ def test_render_draws_a_result_under_another_light(run: Callable[..., Ran], resu
     assert all(each.startswith(b"\x89PNG") for each in pictures)
     assert pictures[0] != pictures[1]
     assert sorted(path.name for path in (tmp_path / "p").iterdir()) == ["a.png", "b.png"]
+
+
+def test_render_draws_a_source_in_an_environment_at_the_exposure_asked_for(
+    run: Callable[..., Ran], tmp_path: Path
+) -> None:
+    sky, picture = tmp_path / "sky.exr", tmp_path / "a.png"
+    write_exr(sky, np.full((8, 16, 3), (0.5, 0.6, 0.9), np.float32), "RGB")
+    command = ["render", "material:phong-30", "--environment", sky, "--size", "48", "--out", picture, "--json"]
+    plain, brighter, clipped = (
+        json.loads(run(*command, *more).out)
+        for more in ([], ["--exposure", "2"], ["--exposure", "8", "--tonemap", "srgb"])
+    )
+    assert plain["light"] == "environment sky.exr"
+    assert (plain["tonemap"], clipped["tonemap"]) == ("filmic", "srgb")
+    assert brighter["exposure"] == pytest.approx(4 * plain["exposure"])
+    assert (plain["clipped"], clipped["clipped"]) == (0, 1)
+    measured = ROOT / "data_synthetic" / "synthetic_cornell.brdf"
+    assert run("render", measured, "--size", "48", "--out", tmp_path / "b.png", "-q") == (0, "", "")
 
 
 def test_a_configuration_gives_what_the_command_line_does_not(run: Callable[..., Ran], tmp_path: Path) -> None:

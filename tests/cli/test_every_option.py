@@ -55,7 +55,7 @@ def another(key: str, declared: Declared) -> tuple[str, str]:
         number = default + 3 if default is not None else 3
         return str(number), str(number)
     if kind is float:
-        number = 0.3 if default is None else default / 2
+        number = default / 2 if default else 0.3
         return repr(number), repr(number)
     return "some.png", '"some.png"'
 
@@ -160,7 +160,8 @@ COMMANDS = {
     "source.subset": "compare", "evaluate.held_out": "terms", "compare.methods": "compare", "compare.plot": "compare",
     "compare.metrics": "compare", "chart.sources": "chart", "chart.methods": "chart", "chart.textures": "chart",
     "chart.sizes": "chart", "chart.searches": "chart", "output.folder": "factorize", "output.force": "convert",
-    "render.light": "render", "render.environment": "render", "render.size": "render", "render.file": "render",
+    "render.light": "render", "render.environment": "render", "render.exposure": "render", "render.tonemap": "render",
+    "render.size": "render", "render.file": "render",
     "fit.method": "factorize", "seed": "render",
 }  # fmt: skip
 EVERY = section_options() | {"seed": SEED}

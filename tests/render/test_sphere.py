@@ -7,7 +7,8 @@ import torch
 
 from homofact.errors import BadInput
 from homofact.render.light import DirectionalLight, EnvironmentMap
-from homofact.render.sphere import RADIUS, render_sphere
+from homofact.render.sphere import render_sphere
+from homofact.render.surface import RADIUS
 
 ALBEDO = torch.tensor([0.8, 0.5, 0.2], dtype=torch.float64)
 

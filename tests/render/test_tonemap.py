@@ -5,7 +5,7 @@ import torch
 
 from homofact.errors import BadInput
 from homofact.render.sphere import SphereImage
-from homofact.render.tonemap import choose_exposure, encode_srgb, tonemap
+from homofact.render.tonemap import choose_exposure, choose_middle, displayed, encode_srgb, tonemap
 
 
 def flat(level, channels=3, side=10, coverage=1.0):
@@ -65,3 +65,27 @@ def test_one_channel_is_grey():
 def test_bad_exposure(exposure):
     with pytest.raises(BadInput, match="exposure: found"):
         tonemap(flat(1), exposure)
+
+
+def test_middle_exposure_ignores_highlights_and_shadows():
+    image = flat(0.5)
+    image.radiance[0] = 1e4
+    image.radiance[1] = 0
+    assert choose_middle(image) == pytest.approx(0.18 / 0.5)
+    assert choose_exposure(image) < 1e-3
+    assert choose_middle(flat(0)) == 1
+    # Most of it unlit: what is lit decides.
+    image.radiance[1:8] = 0
+    assert choose_middle(image) == pytest.approx(0.18 / 0.5)
+
+
+def test_filmic_curve():
+    # Narkowicz's formula by hand at 0.18 and 1, and white from 7.24 on.
+    for level, expected in ((0.18, 0.2671), (1.0, 2.54 / 3.16), (7.25, 1.0), (1e6, 1.0), (0.0, 0.0), (-1.0, 0.0)):
+        shown = displayed(flat(level), 1.0, curve="filmic")
+        assert float(shown[0, 0, 0]) == pytest.approx(float(encode_srgb(torch.tensor(expected))), abs=2e-3)
+    assert tonemap(flat(7.0), 1.0, curve="filmic").clipped == 0
+    assert tonemap(flat(7.5), 1.0, curve="filmic").clipped == 1
+    assert tonemap(flat(-0.1), 1.0, curve="filmic").clipped == 1
+    with pytest.raises(BadInput, match="tonemap: found 'aces', expected one of srgb, filmic"):
+        tonemap(flat(1.0), 1.0, curve="aces")
