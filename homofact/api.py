@@ -13,6 +13,7 @@ from typing import Any
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
+from homofact.evaluate.appearance import appearance
 from homofact.evaluate.metrics import measure
 from homofact.evaluate.split import Split
 from homofact.evaluate.verdict import judge
@@ -59,7 +60,8 @@ def fit(
     found = method.fit(samples, progress)
     turned = samples.rotated_at_random(method.seed)
     errors = measure(found.factorization, turned, found.factorization.transform)
-    verdict = judge(found.factorization, found.report, method, samples, turned, (errors, errors))
+    seen = None if isinstance(source, Samples) else appearance(found.factorization, source)
+    verdict = judge(found.factorization, found.report, method, samples, turned, (errors, errors), seen)
     return replace(found, verdict=verdict)
 
 

@@ -209,7 +209,7 @@ def main(arguments: list[str] | None = None) -> int:
     rows: list[Row] = []
     samplings = {}
     for name in dict.fromkeys((*MATERIALS, *map(str, paints), *chosen.sources)):
-        source = open_source(name, count=count, seed=settings.seed)
+        source = open_source(name, count=count, scheme="discs", seed=settings.seed)
         samplings[source.name] = sampling_of(source, settings)
         rows += experiment(source, settings)
     chosen.out.mkdir(parents=True, exist_ok=True)

@@ -139,10 +139,12 @@ OLD: dict[str, Any] = {
 @pytest.mark.parametrize(
     ("old", "expected"),
     [
-        ({}, homofact.Search(budget=20.0)),
+        ({}, homofact.Search(budget=20.0, objective="log", reciprocal=True)),
         (
-            {"parameterization": "h+half-diff", "refine": "looks", "search_size": 0, "seed": 3},
-            homofact.Search(budget=20.0, projections=("h", "half-diff"), refine="linear", search_size=0, seed=3),
+            {"parameterization": "h+half-diff", "refine": "looks", "reciprocal": False, "search_size": 0, "seed": 3},
+            homofact.Search(
+                budget=20.0, projections=("h", "half-diff"), objective="log", reciprocal=False, search_size=0, seed=3
+            ),
         ),
         ({"method": "cole", "together": 0, "textures": 5}, homofact.Cole(joint_terms=0, textures=5)),
         (

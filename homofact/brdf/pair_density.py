@@ -128,7 +128,7 @@ def _draw_about(count: int, width: float, generator: torch.Generator, *, of_half
 def _shares_of_cells(samples: Samples) -> Tensor:
     """The solid angle of each sample's cell over the number of samples in it (N,)."""
     theta_h, theta_d, phi_d = rusinkiewicz_angles(samples.wi, samples.wo)
-    steps = torch.tensor(CELLS, dtype=theta_h.dtype, device=theta_h.device)
+    steps = theta_h.new_tensor(CELLS)
     place = torch.stack(((theta_h / _RIGHT).sqrt(), theta_d / _RIGHT, (phi_d / math.pi).remainder(1.0)), 1)
     index = (place * steps).long().clamp_min(0).minimum((steps - 1).long())
     cell = (index[:, 0] * CELLS[1] + index[:, 1]) * CELLS[2] + index[:, 2]

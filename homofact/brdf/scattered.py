@@ -9,6 +9,7 @@ range of the samples' logs, so that nothing is invented outside the measured ang
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -36,6 +37,8 @@ class Scattered:
     smoothing: float = 1e-3
     epsilon: float = 1e-2
     neighbours: int = 32
+
+    of_samples: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Refuse numbers out of range."""

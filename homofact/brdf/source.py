@@ -138,7 +138,7 @@ def made_of_samples(reflectance: Reflectance) -> bool:
     inner: Any = reflectance
     while hasattr(inner, "base"):
         inner = inner.base
-    return isinstance(inner, Scattered)
+    return getattr(inner, "of_samples", False)
 
 
 def describe(source: Source) -> dict[str, Any]:

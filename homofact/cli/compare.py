@@ -10,7 +10,7 @@ from homofact.cli import options as o
 from homofact.cli.places import check_file
 from homofact.cli.screen import Screen, say_ending, say_estimate, say_subset
 from homofact.cli.subject import check_source, open_subject, warmed_up
-from homofact.cli.tables import cost_table, error_table, metric_tables
+from homofact.cli.tables import appearance_tables, cost_table, error_table, metric_tables
 from homofact.cli.verdicts import brief_lines, refuse_findings
 from homofact.errors import Status
 
@@ -89,8 +89,9 @@ def compare(
             say_ending(screen, row.report, f"{label}{of_several}")
     records = {label: several.record() | {"metrics": values[label]} for label, several in rows.items()}
     say_subset(screen, next(iter(records.values())))
-    screen.show(error_table(records), *metric_tables(values), *(Text(each) for each in conditions), cost_table(records))
-    screen.show(*brief_lines({label: several.first.verdict for label, several in rows.items()}))
+    screen.show(error_table(records), *appearance_tables(records))
+    screen.show(*metric_tables(values), *(Text(each) for each in conditions), cost_table(records))
+    screen.show(*map(Text, brief_lines({label: several.first.verdict for label, several in rows.items()})))
     answer: dict[str, Any] = {
         "source": subject.name,
         "rows": [{"label": label, **each} for label, each in records.items()],

@@ -9,7 +9,7 @@ from homofact.cli import options as o
 from homofact.cli.places import check_folder
 from homofact.cli.screen import Screen, plain, say_ending, say_subset
 from homofact.cli.subject import check_source, open_subject, warmed_up
-from homofact.cli.tables import cost_table, error_table
+from homofact.cli.tables import appearance_tables, cost_table, error_table
 from homofact.cli.verdicts import refuse_findings, verdict_lines
 from homofact.errors import BadInput
 from homofact.evaluate.wording import figure
@@ -87,6 +87,7 @@ def factorize(
     if not quiet:
         screen.show(
             error_table(records),
+            *appearance_tables(records),
             cost_table(records),
             *(Text(line) for line in verdict_lines(row.verdict)),
             f"{folder}: factorization.npz, manifest.json, report.json, every texture as .exr and .png",

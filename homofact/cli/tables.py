@@ -41,6 +41,21 @@ def _deviation(spread: Mapping[str, float | None]) -> str:
     return "" if found is None else f"± {figure(found)}"
 
 
+def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
+    """What an eye would say of every labelled record, means of several seeds; none where no record has it."""
+    found = {label: record["appearance"] for label, record in records.items() if record["appearance"] is not None}
+    if not found:
+        return []
+    table = _table("Light, fit over source (albedo: worst angle and channel; rms relative, floor of a reciprocal fit)")
+    _column(table, "", left=True)
+    for name in ("albedo", "energy", "highlight", "rms", "floor", "lamp dB", "sky dB"):
+        _column(table, name)
+    names = ("albedo_worst", "energy_overall", "highlight", "rms", "floor", "psnr_light", "psnr_sky")
+    for label, each in found.items():
+        table.add_row(Text(label), *(figure(each[name]) for name in names))
+    return [table]
+
+
 def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     """What every labelled record's evaluation and fit cost, and how the fit ended; means of several seeds."""
     table = _table("Cost")

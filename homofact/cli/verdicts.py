@@ -7,7 +7,7 @@ from homofact.errors import BadInput
 from homofact.evaluate.wording import figure
 
 if TYPE_CHECKING:
-    from homofact.evaluate.verdict import Verdict
+    from homofact.evaluate.findings import Verdict
 
 
 def verdict_lines(verdict: "Verdict") -> list[str]:
@@ -18,6 +18,8 @@ def verdict_lines(verdict: "Verdict") -> list[str]:
     if verdict.condition is not None:
         figures.append(f"condition {verdict.condition:.0e}")
     figures += [f"albedo up to {figure(verdict.albedo)}", f"reciprocity error {verdict.reciprocity:.1%}"]
+    if verdict.highlight is not None:
+        figures.append(f"highlight {figure(verdict.highlight)} of the source's")
     word = "nothing found against this fit" if verdict.trusted else "not to be trusted as it is"
     return [f"Verdict: {word} ({', '.join(figures)})", *(f"  - {finding.line()}" for finding in verdict.findings)]
 

@@ -1,18 +1,22 @@
 """What an eye would say of a fit: where its light goes, and how far two pictures of it lie from the source's.
 
-The energy is `evaluate.energy`'s. The pictures are of a sphere, each at one exposure chosen from the source:
+The energy is `evaluate.energy`'s. The pictures are of a sphere, each pair at one exposure chosen from the source:
 
-* under a small lamp: `PIXELS`² under the default directional light;
+* under a small lamp: `PIXELS`² under the default directional light, as `compare.png` shows it;
 * under a sky made for the purpose, which no file holds: white from above, dark from below, a lamp 12° wide and a dimmer
   one behind. Each of `PLACES` normals, spread evenly over the disc that the sphere is seen as, is integrated by the
-  nodes of `geometry.quadrature` round the view's mirror direction, so that no noise hides a difference.
+  nodes of `geometry.quadrature` round the view's mirror direction, so that no noise hides a difference. Exposed for
+  the middle and under the filmic curve, since a gloss reflects lamps many times as bright as white.
 
-PSNR is of the pictures' sRGB values. A source that merely interpolates samples has no light of its own to be compared:
-there is no answer then.
+PSNR is of the pictures' encoded values. A source that merely interpolates samples has no light of its own to be
+compared: there is no answer then.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
+from statistics import fmean
 from typing import Any
 
 import torch
@@ -21,20 +25,43 @@ from torch import Tensor
 from homofact.brdf.channels import display_of
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import Source, made_of_samples
-from homofact.evaluate.energy import EnergyErrors, energy_errors
+from homofact.evaluate.energy import EnergyErrors, SourceLight
 from homofact.evaluate.image_metrics import psnr
 from homofact.geometry.directions import from_cosine
 from homofact.geometry.quadrature import hemisphere_nodes
 from homofact.render.light import DEFAULT_LIGHT
 from homofact.render.sphere import SphereImage, render_sphere
 from homofact.render.surface import sphere_frames
-from homofact.render.tonemap import choose_exposure, displayed
+from homofact.render.tonemap import choose_exposure, choose_middle, displayed
 
-PIXELS, PLACES = 128, 160
-_RINGS, _SPOKES = 32, 16
+PIXELS, PLACES = 128, 128
+_RINGS, _SPOKES = 32, 12
 _VIEW = (0.0, 0.0, 1.0)
 # World directions of the sky's lamps, their radiance, and κ of exp(κ (cos − 1)).
 _LAMPS = (((0.5, 0.6, 0.6245), 8.0, 120.0), ((-0.8, 0.3, -0.5196), 3.0, 20.0))
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The single numbers of an `Appearance`, by the names that they have there; None where there is none."""
+
+    albedo_worst: float | None = None
+    energy_overall: float | None = None
+    rms: float | None = None
+    floor: float | None = None
+    highlight: float | None = None
+    bright_half: float | None = None
+    psnr_light: float | None = None
+    psnr_sky: float | None = None
+
+
+FIGURES = tuple(each.name for each in fields(Figures))
+
+
+def mean_figures(several: Sequence[Figures]) -> Figures:
+    """The mean of each number, None where one of them has none."""
+    found = {name: [getattr(each, name) for each in several] for name in FIGURES}
+    return Figures(**{name: None if None in numbers else fmean(numbers) for name, numbers in found.items()})
 
 
 @dataclass(frozen=True)
@@ -45,28 +72,64 @@ class Appearance:
     psnr_light: float
     psnr_sky: float
 
+    @property
+    def figures(self) -> Figures:
+        """The single numbers; what is infinite is None."""
+        found = {name: getattr(self if name.startswith("psnr") else self.energy, name) for name in FIGURES}
+        return Figures(**{name: value if math.isfinite(value) else None for name, value in found.items()})
+
     def record(self) -> dict[str, Any]:
         """A JSON-able dictionary; what is infinite is None."""
-        both = {"psnr_light": self.psnr_light, "psnr_sky": self.psnr_sky}
-        return self.energy.record() | {name: value if math.isfinite(value) else None for name, value in both.items()}
+        return self.energy.record() | asdict(self.figures)
 
 
 def appearance(fit: Reflectance, source: Source) -> Appearance | None:
     """The figures of a fit against its source; None where the source is known at its samples alone.
 
-    Raises BadInput where their channels differ in number.
+    What is asked of the source is kept for the next fit of it. Raises BadInput where their channels differ in number.
     """
     if made_of_samples(source.reflectance):
         return None
-    energy = energy_errors(fit, source.reflectance, source.samples.isotropic)
-    return Appearance(energy, *sphere_psnr(fit, source.reflectance))
+    return _looks(_Same(source)).against(fit)
 
 
-def sphere_psnr(fit: Reflectance, source: Reflectance) -> tuple[float, float]:
-    """PSNR in dB (under the lamp, under the sky) of the module's head."""
-    to_rgb = display_of(source.channels)
-    lamp = [render_sphere(each, DEFAULT_LIGHT, PIXELS, to_rgb=to_rgb) for each in (source, fit)]
-    return _psnr(*lamp), _psnr(*(_under_the_sky(each, to_rgb) for each in (source, fit)))
+class _Looks:
+    """All that is asked of one source."""
+
+    def __init__(self, source: Source) -> None:
+        self.to_rgb = display_of(source.reflectance.channels)
+        self.light = SourceLight.of(source.reflectance, source.samples.isotropic)
+        self.pictures = self.draw(source.reflectance)
+
+    def draw(self, reflectance: Reflectance) -> tuple[SphereImage, SphereImage]:
+        """The sphere under the lamp, and under the sky."""
+        lamp = render_sphere(reflectance, DEFAULT_LIGHT, PIXELS, to_rgb=self.to_rgb)
+        return lamp, _under_the_sky(reflectance, self.to_rgb)
+
+    def against(self, fit: Reflectance) -> Appearance:
+        """The figures of a fit."""
+        energy = self.light.errors(fit)
+        (lamp, sky), (own_lamp, own_sky) = self.draw(fit), self.pictures
+        by_lamp = _psnr(own_lamp, lamp, choose_exposure(own_lamp), "srgb")
+        return Appearance(energy, by_lamp, _psnr(own_sky, sky, choose_middle(own_sky), "filmic"))
+
+
+@dataclass(frozen=True, eq=False)
+class _Same:
+    """A source as a key: the object, whatever it holds."""
+
+    source: Source
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.source is self.source
+
+    def __hash__(self) -> int:
+        return id(self.source)
+
+
+@lru_cache(maxsize=1)
+def _looks(key: _Same) -> _Looks:
+    return _Looks(key.source)
 
 
 def sky(directions: Tensor) -> Tensor:
@@ -97,6 +160,6 @@ def _under_the_sky(reflectance: Reflectance, to_rgb: Any) -> SphereImage:
     return SphereImage(radiance[None], torch.ones(1, PLACES, dtype=torch.float64))
 
 
-def _psnr(source: SphereImage, fit: SphereImage) -> float:
-    exposure = choose_exposure(source)
-    return psnr(displayed(source, exposure), displayed(fit, exposure), source.coverage > 0)
+def _psnr(source: SphereImage, fit: SphereImage, exposure: float, curve: str) -> float:
+    theirs, mine = (displayed(each, exposure, curve=curve) for each in (source, fit))
+    return psnr(theirs, mine, source.coverage > 0)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, HomofactError, Status
+from homofact.evaluate.appearance import Figures
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger, series_name
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.estimate import TimeEstimate, fit_seconds, training_count
@@ -114,6 +115,7 @@ def finished(run: Run, row: Row, held_out: float, wanted: Identity) -> ChartRow:
         seconds_total=row.seconds_total,
         held_out=row.held_out,
         train=row.train,
+        appearance=Figures() if row.appearance is None else row.appearance.figures,
         epsilon=row.factorization.transform.epsilon,
         seed=row.settings.seed,
         split_seed=row.split.seed,

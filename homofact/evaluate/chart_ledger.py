@@ -9,11 +9,13 @@ import csv
 import io
 import os
 import typing
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
+from homofact.evaluate.appearance import Figures
 from homofact.evaluate.metrics import SixErrors
 from homofact.files.atomic import write_text
 from homofact.version import __version__
@@ -41,7 +43,7 @@ class ChartRow:
     `textures_asked` may be more than `textures`, where the search found one more not worth having. Times in
     seconds, `bytes` of float32 texels, `held_out_part` the part of the samples; `seed` is the fit's, `split_seed` drew
     the held-out samples; `samples_sha256` and `settings` (all that the method reads) say what the line stands for.
-    The errors are in the units of `metrics`.
+    The errors are in the units of `metrics`; what has no `appearance` has empty cells there.
     """
 
     source: str
@@ -59,6 +61,7 @@ class ChartRow:
     seconds_total: float
     held_out: SixErrors = field(metadata={"prefix": "held_out_"})
     train: SixErrors = field(metadata={"prefix": "train_"})
+    appearance: Figures = field(metadata={"prefix": ""})
     epsilon: float
     seed: int
     split_seed: int
@@ -96,16 +99,24 @@ class ChartRow:
             "channels": self.channels.split(),
             "seconds": seconds,
             "error": {"train": self.train.record(), "held_out": self.held_out.record()},
+            "appearance": asdict(self.appearance),
         }
 
 
-def _columns() -> dict[str, tuple[str, str, type]]:
-    """Of the CSV: each column's field of `ChartRow`, its metric (empty for a plain field) and its type."""
+def _maybe(cell: str) -> float | None:
+    """A number that may be missing."""
+    return float(cell) if cell else None
+
+
+def _columns() -> dict[str, tuple[str, str, Callable[[str], Any]]]:
+    """Of the CSV: each column's field of `ChartRow`, its metric (empty for a plain field) and how its cell is read."""
     types = typing.get_type_hints(ChartRow)
-    columns: dict[str, tuple[str, str, type]] = {}
+    columns: dict[str, tuple[str, str, Callable[[str], Any]]] = {}
     for each in fields(ChartRow):
         if "prefix" in each.metadata:
-            columns |= {f"{each.metadata['prefix']}{of.name}": (each.name, of.name, float) for of in fields(SixErrors)}
+            inner = types[each.name]
+            kind = float if inner is SixErrors else _maybe
+            columns |= {f"{each.metadata['prefix']}{of.name}": (each.name, of.name, kind) for of in fields(inner)}
         else:
             columns[each.name] = (each.name, "", types[each.name])
     return columns
@@ -182,7 +193,8 @@ def _read(path: Path) -> list[ChartRow]:
                 plain.setdefault(name, {})[metric] = value
             else:
                 plain[name] = value
-        whole: dict[str, Any] = {k: SixErrors(**v) if isinstance(v, dict) else v for k, v in plain.items()}
+        types = typing.get_type_hints(ChartRow)
+        whole: dict[str, Any] = {k: types[k](**v) if isinstance(v, dict) else v for k, v in plain.items()}
         row = ChartRow(**whole)
         if row.version != __version__:
             raise BadInput(f"{path}, line {number}: found a result of homofact {row.version}, {remedy}")

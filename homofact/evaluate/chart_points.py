@@ -1,9 +1,10 @@
 """The points of a chart: the runs that differ in their seed alone are one, with the spread of what was measured."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
+from homofact.evaluate.appearance import mean_figures
 from homofact.evaluate.chart_ledger import ChartRow
 from homofact.evaluate.spread import Spread
 
@@ -78,6 +79,7 @@ class ChartPoint:
             "evaluations": Spread.of(row.evaluations for row in self.rows).mean,
             "seconds": {name: each["mean"] for name, each in seconds.items()},
             "error": {part: {name: each["mean"] for name, each in found.items()} for part, found in error.items()},
+            "appearance": asdict(mean_figures([row.appearance for row in self.rows])),
             "seeds": [row.seed for row in self.rows],
             "spread": {"error": error, "seconds": seconds},
         }

@@ -13,9 +13,11 @@ from typing import Any
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, Report, Status
+from homofact.evaluate.appearance import Appearance, appearance
+from homofact.evaluate.findings import Verdict
 from homofact.evaluate.metrics import SixErrors, measure
 from homofact.evaluate.split import Split
-from homofact.evaluate.verdict import Verdict, judge
+from homofact.evaluate.verdict import judge
 from homofact.factor.fitted import Fitted
 from homofact.methods.fitting import Method, ProgressCallback
 
@@ -24,7 +26,10 @@ HELD_OUT = 0.2
 
 @dataclass(frozen=True)
 class Row:
-    """One method on one split of a source: the fit, its settings and its errors on training and held-out samples."""
+    """One method on one split of a source: the fit, its settings and its errors on training and held-out samples.
+
+    `appearance` is what an eye would say of it, None where the source is known at its samples alone.
+    """
 
     source: str
     split: Split
@@ -38,6 +43,7 @@ class Row:
     seconds_fit: float
     seconds_total: float
     verdict: Verdict
+    appearance: Appearance | None = None
 
     def record(self) -> dict[str, Any]:
         """The JSON form of the row (times in seconds, sizes in bytes as float32 texels).
@@ -62,6 +68,7 @@ class Row:
             "seconds": {"read": self.seconds_read, "fit": self.seconds_fit, "total": self.seconds_total},
             "verdict": self.verdict.record(),
             "error": {"train": self.train.record(), "held_out": self.held_out.record()},
+            "appearance": None if self.appearance is None else self.appearance.record(),
         }
 
 
@@ -107,7 +114,8 @@ def fit_split(source: Source, split: Split, settings: Method, progress: Progress
     turned = train.rotated_at_random(split.seed)
     errors = tuple(measure(factorization, samples, factorization.transform) for samples in (turned, test))
     total = source.seconds_read + time.perf_counter() - began
-    verdict = judge(factorization, fitted.report, settings, train, test, (errors[0], errors[1]))
+    seen = appearance(factorization, source)
+    verdict = judge(factorization, fitted.report, settings, train, test, (errors[0], errors[1]), seen)
     return Row(
         source.name,
         split,
@@ -121,6 +129,7 @@ def fit_split(source: Source, split: Split, settings: Method, progress: Progress
         seconds_fit,
         total,
         verdict,
+        seen,
     )
 
 

@@ -17,7 +17,7 @@ and at `LEVELS` Gauss nodes in sin²θi for what is integrated over both, ⟨g�
   has its own, since the brightest values of most materials stand at grazing angles, where nobody looks for a highlight.
 
 Lit from one azimuth where the material is isotropic, else the mean over `brdf.symmetry.light_azimuths`. The nodes are
-good to 0.2% for isotropic peaks down to slopes of 0.001, to 1% for a peak thirty times wider one way than the other.
+good to 0.3% for isotropic peaks down to slopes of 0.001, to 1% for a peak thirty times wider one way than the other.
 """
 
 import math
@@ -34,10 +34,11 @@ from homofact.geometry.directions import from_spherical
 from homofact.geometry.quadrature import disc_nodes, hemisphere_nodes
 
 ALBEDO_DEGREES = (5.0, 20.0, 40.0, 60.0, 75.0)
-LEVELS = 12
+LEVELS = 10
 HIGHLIGHT, BRIGHT_HALF = 0.01, 0.5
 # (rings, spokes): an anisotropic peak turns with φh, and is lit from several azimuths.
-_ISOTROPIC, _ANISOTROPIC = (128, 64), (64, 160)
+_ISOTROPIC, _ANISOTROPIC = (112, 56), (64, 160)
+_FIRST = len(ALBEDO_DEGREES)
 _CHUNK = 1 << 16
 
 
@@ -92,50 +93,82 @@ class EnergyErrors:
         return {name: _finite(value) for name, value in (asdict(self) | derived).items()}
 
 
+@dataclass(frozen=True)
+class SourceLight:
+    """What is asked of a source, once for any number of fits.
+
+    `azimuths` are those that it is lit from, `nodes` the (rings, spokes) of its directions. Over (azimuth, θi, node),
+    θi of `ALBEDO_DEGREES` first: `cosine` cosθo times solid angle, `values` (..., C) f. `floor` as in `EnergyErrors`.
+    """
+
+    azimuths: tuple[float, ...]
+    nodes: tuple[int, int]
+    cosine: Tensor
+    values: Tensor
+    floor: float
+
+    @classmethod
+    def of(cls, source: Reflectance, isotropic: bool) -> "SourceLight":
+        """What `source` says of itself; `isotropic` says whether one azimuth of the light tells all."""
+        azimuths, nodes = light_azimuths(isotropic), _ISOTROPIC if isotropic else _ANISOTROPIC
+        wi, wo, cosine = _pairs(azimuths, nodes)
+        values = _values(source, wi, wo)
+        weight, own = _levels(cosine), values[:, _FIRST:]
+        back = (each[:, _FIRST:] for each in (wo, wi))
+        miss = (_values(source, *back) - own) / 2
+        floor = math.sqrt(_ratio(_mean_square(weight, miss), _mean_square(weight, own), same=0.0))
+        return cls(azimuths, nodes, cosine, values, floor)
+
+    def errors(self, fit: Reflectance) -> EnergyErrors:
+        """The figures of a fit. Raises BadInput where its channels differ in number."""
+        if len(fit.channels) != self.values.shape[-1]:
+            raise BadInput(f"fit: found {len(fit.channels)} channels, expected the source's {self.values.shape[-1]}")
+        both = self.values, _values(fit, *_pairs(self.azimuths, self.nodes)[:2])
+        source_albedo, fit_albedo = ((self.cosine[..., None] * f).sum(2).mean(0)[:_FIRST] for f in both)
+        weight = _levels(self.cosine)
+        own, mine = (f[:, _FIRST:] for f in both)
+        energy = [(weight[..., None] * f).sum((0, 1, 2)).tolist() for f in (mine, own)]
+        return EnergyErrors(
+            degrees=ALBEDO_DEGREES,
+            source_albedo=_rows(source_albedo),
+            fit_albedo=_rows(fit_albedo),
+            energy=tuple(_ratio(a, b) for a, b in zip(*energy, strict=True)),
+            energy_overall=_ratio(sum(energy[0]), sum(energy[1])),
+            rms=math.sqrt(_ratio(_mean_square(weight, mine - own), _mean_square(weight, own), same=0.0)),
+            floor=self.floor,
+            highlight=_brightest(weight, mine, own, HIGHLIGHT),
+            bright_half=_brightest(weight, mine, own, BRIGHT_HALF),
+        )
+
+
 def energy_errors(fit: Reflectance, source: Reflectance, isotropic: bool) -> EnergyErrors:
     """The figures of `fit` against `source`, both to be asked at any pair of directions.
 
     `isotropic` says whether one azimuth of the light tells all. Raises BadInput where their channels differ in number.
     """
-    if len(fit.channels) != len(source.channels):
-        raise BadInput(f"fit: found {len(fit.channels)} channels, expected the source's {len(source.channels)}")
-    azimuths = light_azimuths(isotropic)
-    rings, spokes = _ISOTROPIC if isotropic else _ANISOTROPIC
-    levels, shares = disc_nodes(LEVELS)
-    theta = torch.cat((torch.tensor(ALBEDO_DEGREES, dtype=torch.float64).deg2rad(), levels))
-    lit = torch.cat([from_spherical(theta, torch.full_like(theta, azimuth)) for azimuth in azimuths])
-    found, solid = hemisphere_nodes(lit, rings, spokes)
-    wi, wo = lit[:, None].expand_as(found).reshape(-1, 3), found.reshape(-1, 3)
-    shape = (len(azimuths), len(theta), found.shape[1])
-    cosine = (solid * found[..., 2]).reshape(shape)
-    own, mine = (_values(each, wi, wo).reshape(*shape, -1) for each in (source, fit))
-    source_albedo, fit_albedo = ((cosine[..., None] * f).sum(2).mean(0) for f in (own, mine))
+    return SourceLight.of(source, isotropic).errors(fit)
 
-    # From here on the levels alone, each node with its share of ⟨1⟩.
-    first = len(ALBEDO_DEGREES)
-    weight = cosine[:, first:] * (shares / len(azimuths))[:, None]
-    own, mine = own[:, first:], mine[:, first:]
-    back = (each.reshape(*shape, 3)[:, first:].reshape(-1, 3) for each in (wo, wi))
-    swapped = _values(source, *back).reshape(own.shape)
-    energy = [(weight[..., None] * f).sum((0, 1, 2)) for f in (mine, own)]
-    power = _mean_square(weight, own)
-    return EnergyErrors(
-        degrees=ALBEDO_DEGREES,
-        source_albedo=_rows(source_albedo[:first]),
-        fit_albedo=_rows(fit_albedo[:first]),
-        energy=tuple(_ratio(a, b) for a, b in zip(*(each.tolist() for each in energy), strict=True)),
-        energy_overall=_ratio(float(energy[0].sum()), float(energy[1].sum())),
-        rms=math.sqrt(_ratio(_mean_square(weight, mine - own), power, same=0.0)),
-        floor=math.sqrt(_ratio(_mean_square(weight, (swapped - own) / 2), power, same=0.0)),
-        highlight=_brightest(weight, mine, own, HIGHLIGHT),
-        bright_half=_brightest(weight, mine, own, BRIGHT_HALF),
-    )
+
+def _pairs(azimuths: tuple[float, ...], nodes: tuple[int, int]) -> tuple[Tensor, Tensor, Tensor]:
+    """(ωi, ωo) (A, K, M, 3), cosθo times solid angle (A, K, M); θi of `ALBEDO_DEGREES` before those of the levels."""
+    degrees = torch.tensor(ALBEDO_DEGREES, dtype=torch.float64)
+    theta = torch.cat((degrees.deg2rad(), disc_nodes(LEVELS)[0]))
+    lit = torch.stack([from_spherical(theta, torch.full_like(theta, azimuth)) for azimuth in azimuths])
+    found, solid = hemisphere_nodes(lit.reshape(-1, 3), *nodes)
+    wo = found.reshape(*lit.shape[:2], -1, 3)
+    return lit[:, :, None].expand_as(wo), wo, solid.reshape(wo.shape[:3]) * wo[..., 2]
+
+
+def _levels(cosine: Tensor) -> Tensor:
+    """The weight of each node of the levels in ⟨g⟩, (A, LEVELS, M)."""
+    return cosine[:, _FIRST:] * (disc_nodes(LEVELS)[1] / len(cosine))[:, None]
 
 
 def _values(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:
-    """f (N, C), in pieces that bound the memory."""
-    pairs = zip(wi.split(_CHUNK), wo.split(_CHUNK), strict=True)
-    return torch.cat([reflectance.evaluate(one, two).to(torch.float64) for one, two in pairs])
+    """f (..., C) of directions (..., 3), in pieces that bound the memory."""
+    pairs = zip(wi.reshape(-1, 3).split(_CHUNK), wo.reshape(-1, 3).split(_CHUNK), strict=True)
+    values = torch.cat([reflectance.evaluate(one, two).to(torch.float64) for one, two in pairs])
+    return values.reshape(*wi.shape[:-1], -1)
 
 
 def _mean_square(weight: Tensor, values: Tensor) -> float:

@@ -142,8 +142,10 @@ def _renamed(kept: Mapping[str, Any], method: str) -> dict[str, Any]:
     """The settings of version 0.1.0 by their names of today; what took a method's usual value is left to it."""
     pinned = kept.get("parameterization")
     renamed = {name: value for name, value in kept.items() if value is not None and value != []}
-    renamed |= {"joint_terms": kept.get("together", 2), "refine": "linear" if kept.get("refine") == "looks" else "none"}
+    renamed |= {"joint_terms": kept.get("together", 2)}
     if method == "search":
+        # Logs alone were made small then, and their fits were reciprocal unless told otherwise.
+        renamed |= {"objective": "log", "reciprocal": kept.get("reciprocal", True)}
         renamed |= {"projections": pinned.split("+") if isinstance(pinned, str) else None}
     else:
         # Every file has it, search alone obeyed it.

@@ -7,11 +7,12 @@ The split keeps its own seed, so all fits have the same training samples and are
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, Status
+from homofact.evaluate.appearance import mean_figures
 from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.metrics import SixErrors
 from homofact.evaluate.spread import Spread
@@ -91,10 +92,20 @@ class SeedRows:
                 part: {name: each["mean"] for name, each in spreads.items()}
                 for part, spreads in spread["error"].items()
             },
+            "appearance": self._appearance(),
             "seeds": list(self.seeds),
             "spread": spread,
             "rows": records,
         }
+
+    def _appearance(self) -> dict[str, Any] | None:
+        """That of the first fit, with means of the single numbers."""
+        own = self.first.appearance
+        if own is None:
+            return None
+        return own.record() | asdict(
+            mean_figures([row.appearance.figures for row in self.rows if row.appearance is not None])
+        )
 
 
 def fit_seeds(

@@ -56,7 +56,7 @@ class Flux:
         """The flux of `samples` under an objective, "both" or "energy"."""
         _, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
         each = solid_angles(samples) * samples.wi[:, 2] * samples.wo[:, 2] / torch.sin(theta_d).clamp_min(LEAST_SINE)
-        whole = (each[:, None] * samples.values / transform.mean).sum(0)
+        whole = (each[:, None] * samples.values / transform.mean.to(each)).sum(0)
         scale = samples.weights.sum() / whole.clamp_min(torch.finfo(whole.dtype).tiny)
         return cls(each[:, None] * scale, LOG_SHARE[objective])
 

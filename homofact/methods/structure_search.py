@@ -47,6 +47,7 @@ DESCENTS = 0.625  # of the search's texture size: what a tournament's projection
 FINALISTS = 3  # mixes that are polished and judged in full at the end of a tournament
 FIRST_STEPS, LAST_STEPS = 6, 24  # iterations of the first and the last round of descents
 LOOKS = 4  # starts that are looked at for every one that may descend
+ASIDE = 1e-3  # of a quaternion's length: how far beside its projections a descent starts
 POLISH = 40  # iterations of the winner's last descent
 EXCHANGES = 3  # rounds of exchange at most
 ALL_WARPS_UP_TO = 2  # textures: mixes of one more are looked at with the two best warps, of more with the best
@@ -162,6 +163,7 @@ class StructureSearch:
         fixed = tuple(kind for kind in kinds if not is_searched(kind))
         searched = tuple(kind for kind in kinds if is_searched(kind))
         levels: list[Mix] = []
+        judged: list[Mix] = []
         whole = self._account.left
         # A system's cost grows with the cube of its texels: later textures get more of the account.
         weights = [(count + 1) ** 2 for count in range(textures)]
@@ -178,18 +180,24 @@ class StructureSearch:
             if self._account.late:
                 return
         if self._settings.reciprocal is None:
-            self._try_free()
+            self._try_free(judged[:FINALISTS])
         for _ in range(EXCHANGES):
             best = self._best
             self._exchange(kinds)
             if not self._best.error < ENOUGH * best.error or self._account.over:
                 break
 
-    def _try_free(self) -> None:
-        """The best mix without reciprocity, which is given up from here on where that is worth it."""
+    def _try_free(self, largest: list[Mix]) -> None:
+        """The best mix, and the best of the `largest`, without reciprocity: given up from here on where it is worth it.
+
+        Which textures tell light from viewer cannot be seen before.
+        """
         best = self._best
-        freed = replace(best, projections=tuple(replace(each, reciprocal=False) for each in best.projections))
-        (found,) = self._beside(self._polished, [freed])
+        freed = [
+            replace(mix, projections=tuple(replace(each, reciprocal=False) for each in mix.projections))
+            for mix in [best, *(mix for mix in largest if mix.kinds != best.kinds)]
+        ]
+        found = min(self._beside(self._polished, freed), key=lambda mix: mix.error)
         if found.error < FREE_WORTH * best.error:
             self._best, self._reciprocal = found, False
             self._notes.append(
@@ -399,8 +407,9 @@ class StructureSearch:
             self._samples, mix.projections, self._shapes(mix.projections, share), smoothing, self._settings.bound
         )
         left = max(account.deadline - time.perf_counter(), 1e-3)
+        start = aside(objective.start())
         vector, report = minimize(
-            self._settings.search.limited(steps), objective, objective.start(), seconds=left, seed=self._settings.seed
+            self._settings.search.limited(steps), objective, start, seconds=left, seed=self._settings.seed
         )
         account.spend(report.evaluations * self._cost(mix, share), report.evaluations)
         if report.status is Status.INTERRUPTED:
@@ -460,6 +469,15 @@ class StructureSearch:
     def _shapes(self, projections: tuple[Projection, ...], share: float = 1.0) -> tuple[tuple[int, int], ...]:
         size = max(2, round(share * self._settings.size))
         return tuple(texture_shape(projection, size) for projection in projections)
+
+
+def aside(vector: Tensor) -> Tensor:
+    """The vector (V,) a little beside, always in the same direction.
+
+    On a fixed projection symmetry makes slopes zero. What is left of them is rounding, which differs between machines,
+    and a descent that starts there would grow it.
+    """
+    return vector + ASIDE * torch.sin(1 + torch.arange(len(vector), dtype=vector.dtype, device=vector.device))
 
 
 def rounded(vector: Tensor) -> Tensor:

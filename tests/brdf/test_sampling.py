@@ -54,7 +54,7 @@ def test_anisotropy_is_carried_over() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"scheme": "disc"}, "sampling scheme: found 'disc', expected one of discs, cosine, grid"),
+        ({"scheme": "disc"}, "sampling scheme: found 'disc', expected one of lobe, discs, cosine, grid"),
         ({"count": 0}, "sample count: found 0, expected at least 1"),
         ({"radius_squared": 0.0}, "radius squared: found 0.0"),
         ({"radius_squared": 1.1}, "radius squared: found 1.1"),

@@ -106,4 +106,4 @@ def test_description_of_a_material() -> None:
     assert facts["material"]["model"] == "Ward"
     assert facts["material"]["parameters"]["alpha_y"] == 0.13
     assert facts["wavelengths_nm"] is None
-    assert facts["sampling"]["scheme"] == "discs"
+    assert facts["sampling"]["scheme"] == "lobe"

@@ -180,6 +180,25 @@ def test_one_channel_of_a_source_is_that_column(run: Callable[..., Ran], tmp_pat
     assert homofact.load(str(out / "factorization.npz")).channels == ("G",)
 
 
+def test_light_stands_in_report_table_and_verdict(run: Callable[..., Ran], tmp_path: Path) -> None:
+    out = tmp_path / "o"
+    ran = run("factorize", *SMALL, *SIZE, "--method", "mccool", "--out", out)
+    assert "Light, fit over source" in ran.out
+    report = json.loads((out / "report.json").read_text())
+    found, verdict = report["appearance"], report["verdict"]
+    assert (verdict["albedo_ratio"], verdict["highlight"]) == (found["albedo_worst"], found["highlight"])
+    assert "highlight" in {each["name"] for each in verdict["findings"]}
+    assert "of the source's light" in ran.out
+    assert len(found["albedo_ratio"]) == len(found["degrees"]) == 5
+    # A measurement is known at its samples alone: nothing is made up.
+    measured = ["compare", ROOT / "data_synthetic" / "synthetic_cornell.brdf", *SIZE, "--methods", "mccool"]
+    ran = run(*measured, "--json")
+    row = json.loads(ran.out)["rows"][0]
+    assert row["appearance"] is None
+    assert row["verdict"]["highlight"] is None
+    assert "Light, fit over source" not in run(*measured).out
+
+
 def test_render_draws_a_result_under_another_light(run: Callable[..., Ran], result: Path, tmp_path: Path) -> None:
     ran = run("render", result, "--light", "-1,0.5,1", "--size", "48", "--out", tmp_path / "p" / "a.png", "--json")
     assert (ran.code, ran.err) == (0, "")

@@ -37,7 +37,7 @@ def test_all_metrics_read_in_80_columns(monkeypatch: pytest.MonkeyPatch, capsys:
     assert "…" not in out
     assert out.count("ciede2000") == 2  # six methods in two tables
     assert "white point D65" in out
-    assert "each sample over the density of its drawing (discs)" in " ".join(out.split())
+    assert "each sample over the density of its drawing (lobe)" in " ".join(out.split())
 
 
 def test_json_has_a_metrics_object_a_row(capsys: pytest.CaptureFixture[str]) -> None:

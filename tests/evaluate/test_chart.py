@@ -3,7 +3,7 @@
 import csv
 import random
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import homofact.evaluate.chart
+from homofact.brdf.scattered import Scattered
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput, Status
+from homofact.evaluate.appearance import FIGURES, Figures
 from homofact.evaluate.chart import Run, plan, run_chart
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger
 from homofact.evaluate.chart_points import ChartPoint, points_of, reference
@@ -237,13 +239,29 @@ def spoiled(text: str, how: str) -> str:
     return ""
 
 
+def test_what_an_eye_would_say_stands_in_the_csv(source: Source, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    (row,) = run_chart(source, plan(methods("mccool"), (1,), (3,), ("gradient",)), Ledger(path))
+    assert row.appearance.albedo_worst is not None
+    assert row.record()["appearance"]["floor"] == 0
+    header, line = csv.reader(path.read_text().splitlines())
+    cells = dict(zip(header, line, strict=True))
+    assert {name: float(cells[name]) for name in FIGURES} == asdict(row.appearance)
+    # A source of samples alone has empty cells, which come back as they were.
+    alone = replace(source, reflectance=Scattered(source.samples))
+    (other,) = run_chart(alone, plan(methods("mccool"), (1,), (3,), ("gradient",)), Ledger(tmp_path / "b.csv"))
+    assert other.appearance == Figures()
+    found = Ledger(tmp_path / "b.csv").find(Identity(*(getattr(other, each.name) for each in fields(Identity))))
+    assert found == other
+
+
 @pytest.mark.parametrize(
     ("how", "expected"),
     [
         ("version", r"line 2: found a result of homofact 0\.0\.7, expected a new folder, or --force"),
         ("columns", r"found other columns than those of homofact .*expected a new folder, or --force"),
         ("cell", r"line 2: textures_asked is '.*', expected a new folder"),
-        ("short", r"line 2: found \d+ cells of 36, expected a new folder"),
+        ("short", r"line 2: found \d+ cells of 44, expected a new folder"),
         ("empty", r"found other columns"),
     ],
 )

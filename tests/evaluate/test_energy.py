@@ -194,6 +194,6 @@ def test_a_measured_gloss_is_resolved(real_data: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(energy, "_ISOTROPIC", (300, 96))
     finer = energy_errors(blunt, source, isotropic=True)
     for one, two in zip(usual.source_albedo, finer.source_albedo, strict=True):
-        assert one == pytest.approx(two, rel=2e-3)
-    assert usual.energy_overall == pytest.approx(finer.energy_overall, rel=2e-3)
+        assert one == pytest.approx(two, rel=3e-3)
+    assert usual.energy_overall == pytest.approx(finer.energy_overall, rel=3e-3)
     assert usual.rms == pytest.approx(finer.rms, rel=1e-2)

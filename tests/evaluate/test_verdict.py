@@ -11,7 +11,7 @@ from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
 from homofact.errors import Status
 from homofact.evaluate.compare import fit_and_measure
-from homofact.evaluate.verdict import Verdict
+from homofact.evaluate.findings import Verdict
 from homofact.methods.fitting import Method
 from homofact.methods.mccool import McCool
 from homofact.methods.svd import Svd
@@ -37,8 +37,11 @@ def noise_like(samples: Samples, seed: int = 1) -> torch.Tensor:
 
 
 def test_a_good_fit_has_nothing_found_against_it_and_all_its_figures() -> None:
-    verdict = verdict_on(drawn())
+    verdict = verdict_on(drawn("blinn-phong-50"), name="blinn-phong-50")
     assert verdict.trusted
+    assert verdict.highlight == pytest.approx(1, abs=0.1)
+    assert verdict.albedo_ratio == pytest.approx(1, abs=0.1)
+    assert verdict.floor == 0
     assert verdict.explained > 0.98
     assert verdict.peak == pytest.approx(1, abs=0.1)
     assert verdict.condition is not None

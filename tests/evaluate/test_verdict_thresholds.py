@@ -14,8 +14,11 @@ from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import Report, Status
+from homofact.evaluate.appearance import Appearance
+from homofact.evaluate.energy import EnergyErrors
+from homofact.evaluate.findings import Verdict
 from homofact.evaluate.metrics import SixErrors
-from homofact.evaluate.verdict import Verdict, judge
+from homofact.evaluate.verdict import judge
 from homofact.methods.search import Search
 
 MODEL = material("phong-10").model
@@ -52,12 +55,14 @@ def verdict(
     test: Samples = TEST,
     log_mse: tuple[float, float] = (1e-4, 1e-4),
     status: Status = Status.DIRECT,
+    seen: Appearance | None = None,
+    settings: Search = Search(reciprocal=False),  # noqa: B008
     **details: Any,
 ) -> Verdict:
     report = Report(status, 0, 0, 0.0, 0.0, 0, details=details)
     pair = (errors(log_mse[0]), errors(log_mse[1]))
     whole: Any = fitted or Altered()
-    return judge(whole, report, Search(reciprocal=False), train, test, pair)
+    return judge(whole, report, settings, train, test, pair, seen)
 
 
 def names(found: Verdict) -> set[str]:
@@ -184,6 +189,59 @@ def test_few_samples_far_off_are_outliers_and_many_are_none() -> None:
     assert "outliers" in names(verdict(train=spoilt(50)))
     assert "outliers" not in names(verdict(train=spoilt(10)))
     assert "outliers" not in names(verdict(train=noisy(0.01)))
+
+
+def seen(albedo: float = 1.0, highlight: float = 1.0, floor: float = 0.0) -> Appearance:
+    """An appearance of one angle and two channels, the second of them reflecting `albedo` of the source's light."""
+    light = EnergyErrors((5.0,), ((0.5, 0.5),), ((0.5, 0.5 * albedo),), (1.0, 1.0), 1.0, 0.1, floor, highlight, 1.0)
+    return Appearance(light, 30.0, 30.0)
+
+
+@pytest.mark.parametrize("name", ["albedo", "highlight"])
+@pytest.mark.parametrize(("ratio", "found"), [(0.89, True), (0.91, False), (1.09, False), (1.11, True), (0.0, True)])
+def test_light_that_is_not_the_sources(name: str, ratio: float, found: bool) -> None:
+    one = verdict(seen=seen(**{name: ratio}))
+    assert names(one) == ({name} if found else set())
+    assert {"albedo": one.albedo_ratio, "highlight": one.highlight}[name] == pytest.approx(ratio)
+    if found:
+        words = one.findings[0].line()
+        assert f"{ratio:.3g} of the source's light, expected 1 within 10%: " in words
+        assert len(words.partition(": ")[2]) > 20
+
+
+def test_light_is_not_judged_where_the_source_cannot_be_asked() -> None:
+    one = verdict()
+    assert (one.albedo_ratio, one.highlight, one.floor) == (None, None, None)
+
+
+def test_energy_that_is_made_at_grazing_angles_alone() -> None:
+    limit = math.cos(math.radians(80))
+
+    def grazing(values: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
+        return torch.where(wi[:, 2:] < limit, 4 * values, values)
+
+    one = verdict(Altered(grazing))
+    assert one.albedo > 1.02 > verdict().albedo
+    assert "energy" in names(one)
+
+
+def test_the_sources_own_floor_stands_beside_what_it_bounds() -> None:
+    reciprocal = Search(reciprocal=True)
+    words = "no reciprocal fit comes nearer to this source than 12% RMS"
+    found = {each.name: each for each in verdict(seen=seen(floor=0.12), settings=reciprocal).findings}
+    assert set(found) == {"reciprocity"}
+    assert "the source's two orders of directions differ by 24% RMS" in found["reciprocity"].found
+    assert words in found["reciprocity"].found
+    assert names(verdict(seen=seen(floor=0.04), settings=reciprocal)) == set()
+    # A fit that follows such a source is not blamed for not being reciprocal either.
+    crooked = Altered(lambda values, wi, wo: values * torch.where(wi[:, 2:] > wo[:, 2:], 1.5, 1.0))
+    assert "reciprocity" in names(verdict(crooked))
+    assert "reciprocity" not in names(verdict(crooked, seen=seen(floor=0.12)))
+    # What is not explained may be what no reciprocal fit could.
+    flat = Altered(lambda values, *_: values.mean(0).expand_as(values))
+    for floor, said in ((0.12, True), (0.005, False)):
+        one = next(each for each in verdict(flat, seen=seen(floor=floor)).findings if each.name == "explained")
+        assert (" RMS)" in one.found) is said
 
 
 @pytest.mark.parametrize(("power", "found"), [(0.05, False), (0.5, True)])

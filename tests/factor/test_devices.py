@@ -11,11 +11,11 @@ from homofact.brdf.analytic import Ward
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.factor.confidence import with_deviations
+from homofact.factor.energy import Flux, keep_light
 from homofact.factor.factorization import Factorization
 from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.factor.quantize import quantized_terms
-from homofact.factor.refine import refine_linear
 from homofact.factor.textures import LogSamples, inner_problem, solve_terms
 from homofact.geometry.directions import draw_in_discs
 from homofact.geometry.rotation import Rotation
@@ -121,14 +121,14 @@ def test_the_masked_solve_and_what_comes_of_it(robust: bool, there: Samples) -> 
     )
 
 
-def test_refining_and_quantizing(there: Samples) -> None:
+def test_keeping_the_light_and_quantizing(there: Samples) -> None:
     found = []
     for samples in (HERE, there):
         logs, transform = logs_of(samples), LogTransform.of(samples, 1e-3)
         solved = solve_terms(logs, PROJECTIONS[:2], SHAPES[:2], 1e-2, "cholesky")
-        terms, account = refine_linear(logs, solved.terms, 1e-2, transform)
+        terms, account = keep_light(logs, solved.terms, 1e-2, Flux.of(samples, transform, "both"))
         rounded = quantized_terms(logs, terms, 1e-2, 255)
-        found.append((account["cosine_mse_after"], rounded))
+        found.append((account["after"], rounded))
     assert found[1][0] == pytest.approx(found[0][0], rel=1e-5)
     for one, two in zip(found[0][1], found[1][1], strict=True):
         # Rounding may tip at a half.

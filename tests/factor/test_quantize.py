@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import homofact
-from homofact.brdf.source import Source
+from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
 from homofact.evaluate.metrics import measure
 from homofact.factor.factorization import Factorization
@@ -31,7 +31,7 @@ def steps_of(factorization: Factorization) -> list[torch.Tensor]:
 
 @pytest.fixture(scope="module")
 def paint() -> tuple[Source, Factorization]:
-    source = homofact.read("material:lafortune-blue-paint", count=6000)
+    source = open_source("material:lafortune-blue-paint", count=6000, scheme="discs")
     fitted = homofact.fit(source, homofact.McCool(size=12)).factorization
     assert isinstance(fitted, Factorization)
     return source, fitted
@@ -119,7 +119,7 @@ def test_a_fit_may_ask_for_it_by_its_settings(paint) -> None:
 def test_a_refined_fit_keeps_its_own_texels_as_the_target(paint) -> None:
     source, fitted = paint
     moved = replace(fitted, terms=tuple(replace(t, texture=t.texture + 0.3) for t in fitted.terms))
-    moved = replace(moved, provenance=moved.provenance | {"settings": {"refine": "linear"}})
+    moved = replace(moved, provenance=moved.provenance | {"settings": {"objective": "both"}})
     wi, wo = source.samples.wi, source.samples.wo
     off = quantize(moved, source.samples, "png16").evaluate_log(wi, wo) - moved.evaluate_log(wi, wo)
     assert float(off.abs().max()) < 0.01

@@ -1,13 +1,17 @@
 """The searched fit: kinds it must recognise, its limits, its notes, its refinement."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 import torch
 from torch import Tensor
 
+from homofact.brdf.analytic import Ward
 from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput, Status
+from homofact.evaluate.energy import energy_errors
 from homofact.evaluate.metrics import measure
 from homofact.factor.names import FIXED_PROJECTIONS, KINDS
 from homofact.factor.projection import Projection, Warp, fixed_projection
@@ -119,24 +123,39 @@ def test_fewer_samples_than_texels_is_a_fit_of_smoothing() -> None:
         fit_search(_draw(_lobe, 7), Search())
 
 
-def test_refining_for_looks_lowers_the_linear_error_and_stays_positive() -> None:
-    samples = _draw(_lobe_and_edge)
-    common: dict[str, Any] = {"textures": 1, "projections": ("theta_h-theta_d",), **FAST, "size": 5}
-    plain = fit_search(samples, Search(**common))
-    refined = fit_search(samples, Search(**common, refine="linear"))
-    account = refined.factorization.provenance["refine"]
-    assert account["cosine_mse_after"] < 0.9 * account["cosine_mse_before"]
-    assert account["log_mse_before"] == pytest.approx(plain.report.residual)
-
-    def cosine_mse(fit) -> float:
-        difference = fit.factorization.evaluate(samples.wi, samples.wo) - samples.values
-        return float((samples.wi[:, 2:] * difference).square().mean())
-
-    assert cosine_mse(refined) == pytest.approx(account["cosine_mse_after"], rel=1e-3)
-    assert cosine_mse(plain) == pytest.approx(account["cosine_mse_before"], rel=1e-3)
-    assert refined.report.residual == pytest.approx(account["log_mse_after"], rel=1e-6)
+def test_the_objective_decides_what_is_small_and_energy_keeps_the_light() -> None:
+    gloss = Ward((0.05, 0.05), (0.4, 0.4), alpha_x=0.02, alpha_y=0.02, channels=("R", "G"))
+    samples = sample_model(gloss, 4000, "lobe", seed=1)
+    common: dict[str, Any] = {"textures": 1, "projections": ("theta_h-theta_d",), "effort": 20.0, "size": 10}
+    found = {name: fit_search(samples, Search(**common, objective=name)) for name in ("log", "both", "energy")}
+    energy = {name: energy_errors(fit.factorization, gloss, True).energy_overall for name, fit in found.items()}
+    assert abs(energy["both"] - 1) < 0.02 < 0.1 < abs(energy["log"] - 1)
+    assert abs(energy["energy"] - 1) < 0.02
+    logs = {
+        name: measure(fit.factorization, samples, fit.factorization.transform).log_mse for name, fit in found.items()
+    }
+    assert logs["log"] < logs["both"] < logs["energy"]
+    assert "light" not in found["log"].report.details
     wi, wo = draw_in_discs(5000, torch.Generator().manual_seed(3))
-    assert float(refined.factorization.evaluate(wi, wo).min()) >= 0
+    assert all(float(fit.factorization.evaluate(wi, wo).min()) >= 0 for fit in found.values())
+
+
+def test_reciprocity_is_given_up_where_the_data_are_not_reciprocal_and_kept_where_they_are() -> None:
+    samples = sample_model(
+        Ward((0.1, 0.1), (0.2, 0.2), alpha_x=0.3, alpha_y=0.3, channels=("R", "G")), 3000, "lobe", seed=2
+    )
+    one_way = replace(samples, values=samples.values * (0.2 + samples.wi[:, 2:]))
+    common: dict[str, Any] = {"textures": 2, "effort": 60.0, "size": 8}
+    kept, free, forced = (
+        fit_search(each, Search(**common, reciprocal=reciprocal))
+        for each, reciprocal in ((samples, None), (one_way, None), (one_way, True))
+    )
+    assert [[term.projection.reciprocal for term in fit.factorization.terms] for fit in (kept, forced)] == [
+        [True] * len(kept.factorization.terms), [True] * len(forced.factorization.terms)
+    ]  # fmt: skip
+    assert not any(term.projection.reciprocal for term in free.factorization.terms)
+    assert any("not reciprocal: the data are met better without" in note for note in free.report.notes)
+    assert free.report.details["validation_error"] < 0.5 * forced.report.details["validation_error"]
 
 
 @pytest.mark.parametrize("kind", KINDS)

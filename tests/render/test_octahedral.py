@@ -10,7 +10,7 @@ import torch
 from homofact.render.light import EnvironmentMap
 from homofact.render.octahedral import Pyramid, fetch
 
-PLAIN: Any = fetch.py_func  # type: ignore[attr-defined]
+PLAIN: Any = fetch.py_func
 AXES = torch.eye(3, dtype=torch.float64)
 
 

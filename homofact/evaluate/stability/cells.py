@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any
+from typing import Any, ClassVar
 
 from torch import Tensor
 
@@ -207,6 +207,7 @@ class _Nothing:
     channels: tuple[str, ...]
     nbytes: int = 0
     fetches: int = 0
+    of_samples: ClassVar[bool] = True
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """Nobody asks: a cell is judged on samples."""

@@ -1,0 +1,68 @@
+"""What is asked of a fit beyond its measurement."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from homofact.brdf.analytic import Ward
+from homofact.brdf.beyond import EXCESS, Beyond
+from homofact.brdf.pair_density import draw_lobe
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import sample_model
+from homofact.geometry.directions import from_spherical
+from homofact.methods.search import Search
+
+GLOSS = Ward((0.05, 0.1), (0.1, 0.2), alpha_x=0.15, alpha_y=0.15, channels=("R", "G"))
+
+
+def goniometer(most: float) -> Samples:
+    """Rings of a measurement up to `most` degrees."""
+    theta_i, theta_o, phi = torch.meshgrid(
+        torch.arange(0, most + 1, 10.0), torch.arange(0, most + 1, 7.5), torch.arange(0, 181, 15.0), indexing="ij"
+    )
+    angles = [(each.reshape(-1) * math.pi / 180).double() for each in (theta_i, theta_o, phi)]
+    wi, wo = from_spherical(angles[0], torch.zeros_like(angles[0])), from_spherical(angles[1], angles[2])
+    return Samples.make(wi, wo, GLOSS.evaluate(wi, wo), channels=("R", "G"), isotropic=True)
+
+
+def test_what_is_not_measured_is_carried_on_at_little_weight() -> None:
+    samples = goniometer(60)
+    more = Beyond(samples).carried_on()
+    assert more is not None
+    grazing = torch.minimum(more.wi[:, 2], more.wo[:, 2]) < math.cos(math.radians(60.5))
+    assert float(grazing.double().mean()) > 0.75
+    assert float(more.values.max()) <= float(samples.values.max())
+    assert {tuple(row) for row in more.values.tolist()} <= {tuple(row) for row in samples.values.tolist()}
+    assert 0 < float(more.weights.sum()) < 0.01 * float(samples.weights.sum())
+
+
+@pytest.mark.parametrize("scheme", ["discs", "lobe", "cosine", "grid"])
+def test_a_drawn_source_has_nothing_beyond(scheme: str) -> None:
+    beyond = Beyond(sample_model(GLOSS, 500, scheme, seed=0))
+    assert beyond.carried_on() is None
+    assert beyond.exceeding(lambda wi, wo: torch.full((len(wi), 2), 1e9), 0) is None
+
+
+def test_only_what_exceeds_its_neighbours_is_named() -> None:
+    samples = goniometer(60)
+    beyond = Beyond(samples)
+    assert beyond.exceeding(lambda wi, wo: torch.zeros(len(wi), 2), 0) is None
+    largest = samples.values.amax(0)
+    runaway = beyond.exceeding(lambda wi, wo: (2 * EXCESS * largest).expand(len(wi), 2), 0)
+    assert runaway is not None
+    assert float(runaway.weights.min()) == pytest.approx(float(samples.weights.mean()))
+    assert bool((runaway.values <= largest).all())
+    again = beyond.exceeding(lambda wi, wo: (2 * EXCESS * largest).expand(len(wi), 2), 1)
+    assert again is not None
+    assert not torch.equal(again.wi[:10], runaway.wi[:10])
+
+
+def test_a_fit_of_a_measurement_does_not_blow_up_beyond_it() -> None:
+    samples = goniometer(60)
+    fit = Search(textures=2, size=12, effort=60.0, epsilon=1e-3).fit(samples).factorization
+    wi, wo = draw_lobe(50_000, torch.Generator().manual_seed(5))
+    assert float((fit.evaluate(wi, wo) / samples.values.amax(0)).max()) < 1.5 * EXCESS
+    turned = replace(samples.rotated_at_random(1), all_azimuths=False)
+    assert Beyond(turned).carried_on() is not None

@@ -1,0 +1,85 @@
+"""The objective that keeps the light: its slope, its minimum, and what it does to a highlight narrower than a texel."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.optimize import check_grad
+
+from homofact.brdf.analytic import Ward
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import sample_model
+from homofact.factor.energy import Flux, _Light, keep_light
+from homofact.factor.factorization import Term, sum_of_terms
+from homofact.factor.projection import Warp, fixed_projection
+from homofact.factor.textures import LogSamples, solve_terms
+
+GLOSS = Ward((0.05, 0.1), (0.3, 0.1), alpha_x=0.03, alpha_y=0.03, channels=("R", "G"))
+PROJECTIONS = (fixed_projection("theta_h-theta_d", True, Warp(0.3)), fixed_projection("theta_i", True))
+SHAPES = ((6, 6), (1, 6))
+
+
+@pytest.fixture(scope="module")
+def solved() -> tuple[Samples, LogSamples, Flux, tuple[Term, ...]]:
+    samples = sample_model(GLOSS, 3000, "lobe", seed=1)
+    transform = LogTransform.of(samples, 1e-2)
+    logs = LogSamples.of(samples, transform)
+    return (
+        samples,
+        logs,
+        Flux.of(samples, transform, "both"),
+        solve_terms(logs, PROJECTIONS, SHAPES, 1e-3, "cholesky").terms,
+    )
+
+
+def light_of(samples: LogSamples, flux: Flux, terms: tuple[Term, ...]) -> np.ndarray:
+    """Σ p (ĝ − g)/Σ p g of each channel."""
+    found = torch.exp(sum_of_terms(terms, samples.wi, samples.wo))
+    given = torch.exp(samples.logs)
+    return ((flux.per_value * (found - given)).sum(0) / (flux.per_value * given).sum(0)).numpy()
+
+
+def test_flux_is_normalised_channel_by_channel(solved) -> None:
+    samples, logs, flux, _ = solved
+    transform = LogTransform.of(samples, 1e-2)
+    sums = (flux.per_value * samples.values / transform.mean).sum(0)
+    assert torch.allclose(sums, logs.weights.new_full((2,), 3000.0))
+    assert float(flux.weights_of(logs).sum()) == pytest.approx(float(logs.weights.sum()))
+
+
+def test_the_slope_is_that_of_the_value(solved) -> None:
+    _, logs, flux, terms = solved
+    light = _Light(logs, terms, 1e-3, flux)
+    start = light.start() + 0.1 * np.random.default_rng(0).normal(size=len(light.start()))
+    error = check_grad(lambda z: light.evaluate(z)[0], lambda z: light.evaluate(z)[1], start, epsilon=1e-6)
+    assert error < 1e-4 * np.linalg.norm(light.evaluate(start)[1])
+
+
+def test_the_light_that_logs_lose_comes_back(solved) -> None:
+    _, logs, flux, terms = solved
+    kept, account = keep_light(logs, terms, 1e-3, flux)
+    assert account["after"] < 0.8 * account["before"]
+    assert np.abs(light_of(logs, flux, terms)).max() > 0.05
+    assert np.abs(light_of(logs, flux, kept)).max() < 0.01
+    # At the minimum neither a step further nor a step back is better.
+    light = _Light(logs, kept, 1e-3, flux)
+    value, slope = light.evaluate(light.start())
+    assert light.evaluate(light.start() - 1e-3 * slope)[0] > value - 1e-3 * account["after"]
+
+
+def test_an_exact_fit_stays(solved) -> None:
+    _, logs, flux, terms = solved
+    exact = LogSamples(logs.wi, logs.wo, sum_of_terms(terms, logs.wi, logs.wo), logs.weights)
+    again, _ = keep_light(exact, terms, 0.0, flux)
+    moved = sum_of_terms(again, logs.wi, logs.wo) - exact.logs
+    assert float(moved.abs().max()) < 0.02
+
+
+def test_filler_texels_stay(solved) -> None:
+    _, logs, flux, terms = solved
+    half = tuple(Term(t.projection, t.texture, t.mask & (torch.arange(t.mask.shape[1]) < 4)) for t in terms)
+    kept, _ = keep_light(logs, half, 1e-3, flux)
+    for one, other in zip(half, kept, strict=True):
+        off = (other.texture - one.texture)[~one.mask]
+        # The gauge may move a whole texture by a constant.
+        assert float((off - off.mean(0)).abs().max()) < 1e-9
