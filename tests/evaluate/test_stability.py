@@ -13,6 +13,7 @@ from PIL import Image
 from torch import Tensor
 
 from homofact.brdf.samples import Samples
+from homofact.brdf.scattered import Scattered
 from homofact.brdf.source import Source
 from homofact.cli.main import main
 from homofact.errors import BadInput, SolverFailure, Status
@@ -237,7 +238,7 @@ def test_a_warning_makes_a_wrong_fit_a_degraded_one() -> None:
 
 def problem_of(problem: Problem) -> tuple[Source, Method]:
     # A stress has no source to evaluate, only samples.
-    source = Source("atlas", problem.kind, problem.samples, None, 1e-2, 0.0)  # pyright: ignore[reportArgumentType]
+    source = Source("atlas", problem.kind, problem.samples, Scattered(problem.samples), 1e-2, 0.0)
     return source, McCool(size=8, epsilon=1e-2, copies=2)
 
 
