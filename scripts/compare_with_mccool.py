@@ -70,7 +70,7 @@ def record(row: Row, sampling: str) -> dict[str, Any]:
         "source": row.source,
         "method": row.settings.name,
         "coordinates": row.settings.coordinates if isinstance(row.settings, Cole) else "wi,h,wo",
-        "reciprocal": int(row.settings.reciprocal),
+        "reciprocal": int(row.settings.reciprocal is not False),
         "textures": facts["textures"],
         "size": row.settings.size,
         "fetches": facts["fetches"],
@@ -107,7 +107,7 @@ def errors_of(rows: Sequence[Row], part: str) -> Errors:
         Key(
             row.source,
             row.settings.coordinates if isinstance(row.settings, Cole) else MCCOOL,
-            row.settings.reciprocal,
+            row.settings.reciprocal is not False,
             len(row.factorization.terms),
         ): getattr(row, part).log_mse
         for row in rows

@@ -128,14 +128,12 @@ def _draw_about(count: int, width: float, generator: torch.Generator, *, of_half
 def _shares_of_cells(samples: Samples) -> Tensor:
     """The solid angle of each sample's cell over the number of samples in it (N,)."""
     theta_h, theta_d, phi_d = rusinkiewicz_angles(samples.wi, samples.wo)
-    steps = theta_h.new_tensor(CELLS)
-    place = torch.stack(((theta_h / _RIGHT).sqrt(), theta_d / _RIGHT, (phi_d / math.pi).remainder(1.0)), 1)
-    index = (place * steps).long().clamp_min(0).minimum((steps - 1).long())
-    cell = (index[:, 0] * CELLS[1] + index[:, 1]) * CELLS[2] + index[:, 2]
+    place = ((theta_h / _RIGHT).sqrt(), theta_d / _RIGHT, (phi_d / math.pi).remainder(1.0))
+    index = [(each * steps).long().clamp(0, steps - 1) for each, steps in zip(place, CELLS, strict=True)]
+    cell = (index[0] * CELLS[1] + index[1]) * CELLS[2] + index[2]
     _, inverse, counts = torch.unique(cell, return_inverse=True, return_counts=True)
-    edge = index[:, :2].to(theta_h)
-    low_h, high_h = ((_RIGHT * (each / steps[0]) ** 2) for each in (edge[:, 0], edge[:, 0] + 1))
-    low_d, high_d = ((_RIGHT * each / steps[1]) for each in (edge[:, 1], edge[:, 1] + 1))
+    low_h, high_h = (_RIGHT * ((index[0].to(theta_h) + edge) / CELLS[0]) ** 2 for edge in (0, 1))
+    low_d, high_d = (_RIGHT * (index[1].to(theta_h) + edge) / CELLS[1] for edge in (0, 1))
     # ∫ 4 cosθd dωh dωd over the cell, up to the azimuths' factor.
     solid = (torch.cos(low_h) - torch.cos(high_h)) * (torch.sin(high_d) ** 2 - torch.sin(low_d) ** 2)
     return solid / counts[inverse].to(theta_h)

@@ -135,7 +135,8 @@ def accumulate_lower(
     ranges = _ranges(coordinates.shape[0], entries * entries)
     halves = np.zeros((len(ranges), unknowns, unknowns))
     rest = in_parallel(lambda place: _accumulate(*arrays, weighting, halves[place], *ranges[place]), range(len(ranges)))
-    return halves, sum(part[0] for part in rest), sum(part[1] for part in rest)
+    rhs, energy = (np.sum([part[number] for part in rest], axis=0) for number in (0, 1))
+    return halves, rhs, energy
 
 
 def _ranges(count: int, cost: int) -> list[tuple[int, int]]:

@@ -38,7 +38,7 @@ from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, rel
 from homofact.methods.validation import Partition
 
 FIRST_SMOOTHING = 1e-3
-FREE_WORTH = 0.97  # reciprocity is given up where that leaves less than this share of the validation error
+FREE_WORTH = 0.9  # reciprocity is given up where that leaves less than this share of the validation error
 ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
 ROTATIONS = 20020801  # seeds the rotations that searches start from
 BEAM = 4  # fixed mixes that the next step goes on from
@@ -481,13 +481,13 @@ def aside(vector: Tensor) -> Tensor:
 
 
 def rounded(vector: Tensor) -> Tensor:
-    """Quaternions (V,) of unit length on a grid of 2⁻²⁰.
+    """Quaternions (V,) of unit length on a grid of 2⁻¹⁴.
 
     Rounding differs between processors in the last bits, and a descent magnifies that. Cut off after every descent, it
     does not grow from one to the next, so that other machines end in the same projections.
     """
     quaternions = vector.reshape(-1, 4)
-    return torch.round(quaternions / quaternions.norm(dim=1, keepdim=True) * 2**20).reshape(-1) / 2**20
+    return torch.round(quaternions / quaternions.norm(dim=1, keepdim=True) * 2**14).reshape(-1) / 2**14
 
 
 def _movable(mix: Mix) -> bool:

@@ -19,10 +19,12 @@ VALUES = {name: array for name, array in np.load(OLD / "values.npz").items() if 
 FILES = sorted(name for name in VALUES if not name.startswith("folder_"))
 SEARCHED: dict[str, Any] = {"size": 4, "epsilon": 0.01, "restarts": 1, "search_size": 4, "search_samples": 300}
 # What each file is read as: the method with what the old settings are called today.
+# What 0.1.0 did without being told.
+LOGS: dict[str, Any] = {"textures": 2, "budget": 1.0, "objective": "log", "reciprocal": True}
 METHODS: dict[str, Any] = {
-    "search": homofact.Search(textures=2, budget=1.0, **SEARCHED),
-    "search_half_diff": homofact.Search(textures=2, budget=1.0, projections=("half-diff",), **SEARCHED),
-    "search_anisotropic": homofact.Search(textures=2, budget=1.0, projections=("in-out", "h"), **SEARCHED),
+    "search": homofact.Search(**LOGS, **SEARCHED),
+    "search_half_diff": homofact.Search(projections=("half-diff",), **LOGS, **SEARCHED),
+    "search_anisotropic": homofact.Search(projections=("in-out", "h"), **LOGS, **SEARCHED),
     "cole": homofact.Cole(textures=2, confidence=True, **SEARCHED),
     "cole_in_out": homofact.Cole(textures=1, coordinates="in-out", bound="cube", **SEARCHED),
     "mccool": homofact.McCool(size=4, epsilon=0.01),
