@@ -14,6 +14,7 @@ from torch import Tensor
 import homofact
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.source import open_source
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform, from_spherical
@@ -67,7 +68,7 @@ def saved_fits(folder: Path) -> dict[str, Path]:
     """Saved factorizations by name: two searched textures, a lobe, an anisotropic one, a lobe as narrow as any."""
     # Cole's search has no budget of seconds: the same textures on a busy machine.
     paint = homofact.fit(
-        homofact.read("material:lafortune-blue-paint", count=5000),
+        open_source("material:lafortune-blue-paint", count=5000, scheme="discs"),
         homofact.Cole(textures=2, size=12, restarts=1, search_size=4, search_samples=300),
     )
     phong = homofact.fit(homofact.read("material:phong-30", count=5000), homofact.McCool(projections=("h", "theta_d")))
