@@ -162,7 +162,9 @@ def solve_terms(
         solution = solve(problem, solver)
         if abs(taken - before) < ROBUST_ENDS:
             break
-    matrix, _ = problem.normal()
+    condition = solution.condition
+    if condition is None:
+        condition = condition_estimate(problem.normal()[0])
     data = problem.data.matrix.diagonal()[kept]
     terms = tuple(
         Term(projection, filled(texture, mask, projection.axes), mask)
@@ -171,7 +173,7 @@ def solve_terms(
     return Solved(
         centred(terms),
         solution.status,
-        condition_estimate(matrix),
+        condition,
         determined_share(data, float(samples.weights.mean())),
         taken,
     )

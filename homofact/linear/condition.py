@@ -19,6 +19,13 @@ def condition_estimate(matrix: Tensor) -> float:
     return 1 / float(reciprocal) if reciprocal > 0 else float("inf")
 
 
+def condition_of_factor(lower: np.ndarray, norm: float) -> float:
+    """As `condition_estimate`, from the matrix's 1-norm and its Cholesky factor in a row-major lower triangle."""
+    (estimate,) = scipy.linalg.get_lapack_funcs(("pocon",), (lower,))
+    reciprocal, _ = estimate(lower.T, norm, uplo="U")
+    return 1 / float(reciprocal) if reciprocal > 0 else float("inf")
+
+
 def determined_share(data: Tensor, weight: float) -> float:
     """Share of unknowns that samples hold, and not smoothing alone.
 

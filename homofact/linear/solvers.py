@@ -21,6 +21,7 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput, SolverFailure, Status
+from homofact.linear.condition import condition_of_factor
 from homofact.linear.definite import solve_lower
 from homofact.linear.least_squares import LeastSquares, minimum_norm
 from homofact.linear.names import SOLVER_NAMES
@@ -31,16 +32,27 @@ BLOCK = 4096
 
 @dataclass(frozen=True)
 class Solution:
-    """Texels (T, C), 0 where masked; how the solve ended; its iterations, summed over channels."""
+    """Texels (T, C), 0 where masked; how the solve ended; its iterations, summed over channels.
+
+    `condition` is the system's 1-norm condition number where a factor of it was at hand.
+    """
 
     texels: Tensor
     status: Status
     iterations: int
+    condition: float | None = None
 
 
 def cholesky(problem: LeastSquares) -> Solution:
     """Dense Cholesky of the normal equations; minimum-norm fallback, status FALLBACK, where it breaks down."""
-    solution, status = solve_definite(*problem.normal())
+    matrix, rhs = problem.normal()
+    if matrix.device.type == "cpu":
+        factor = matrix.numpy().copy()
+        solution = solve_lower(factor, rhs.numpy())
+        if solution is not None:
+            condition = condition_of_factor(factor, float(np.abs(matrix.numpy()).sum(0).max()))
+            return Solution(problem.expand(torch.from_numpy(solution)), Status.DIRECT, 0, condition)
+    solution, status = solve_definite(matrix, rhs)
     return Solution(problem.expand(solution), status, 0)
 
 

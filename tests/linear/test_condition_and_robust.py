@@ -6,7 +6,8 @@ import pytest
 import torch
 from scipy.stats import norm
 
-from homofact.linear.condition import condition_estimate, determined_share
+from homofact.linear.condition import condition_estimate, condition_of_factor, determined_share
+from homofact.linear.definite import solve_lower
 from homofact.linear.robust import TUNING, huber_weights, scale_of
 
 
@@ -67,3 +68,12 @@ def test_a_far_residual_pulls_as_one_at_the_limit() -> None:
     residuals = torch.cat((gaussian(20_001, 0.5), torch.tensor([[5.0], [-50.0]], dtype=torch.float64)))
     weights = huber_weights(residuals)
     assert (weights[-2:] * residuals[-2:, 0]).tolist() == pytest.approx([1.345 * 0.5, -1.345 * 0.5], rel=2e-3)
+
+
+def test_a_factor_at_hand_gives_the_same_condition() -> None:
+    rows = torch.randn(40, 30, dtype=torch.float64, generator=torch.Generator().manual_seed(3))
+    matrix = rows.T @ rows
+    factor = matrix.numpy().copy()
+    assert solve_lower(factor, torch.ones(30, 1, dtype=torch.float64).numpy()) is not None
+    found = condition_of_factor(factor, float(matrix.abs().sum(0).max()))
+    assert found == pytest.approx(condition_estimate(matrix), rel=1e-9)

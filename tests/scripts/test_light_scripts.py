@@ -1,0 +1,46 @@
+"""The programs behind the figures of light and of seeds, in their short forms."""
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def script(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    return importlib.import_module
+
+
+def test_seeds_are_told_apart(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
+    out = tmp_path / "seeds.md"
+    assert script("seeds").main(["--short", "--data", str(tmp_path), "--out", str(out)]) == 0
+    text = out.read_text(encoding="utf-8")
+    assert "a smoke test" in text
+    cells = [cell.strip() for cell in text.strip().splitlines()[-1].strip("|").split("|")]
+    assert cells[:2] == ["lafortune-blue-paint", "1"]
+    best, middle, worst, ratio = (float(cell) for cell in cells[2:6])
+    assert 0 < best <= middle <= worst
+    assert ratio == pytest.approx(worst / best, abs=0.01)
+
+
+def test_missing_measurements_are_named_and_the_light_of_a_row_is_its_own(
+    script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = script("kept_light")
+    assert module.main(["--short", "--data", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert said.err.count("skipped") == len(module.RGL) + 1
+    assert "| material |" not in said.out
+    row = module.fitted("paint", "material:lafortune-blue-paint", 1, 4, 5.0, False, 400)
+    older = module.fitted("paint", "material:lafortune-blue-paint", 1, 4, 5.0, True, 400)
+    assert older.reciprocal
+    assert row.energy != older.energy
+    table = module.summary([row, older])
+    assert "off by, 2 materials" in table
+    assert module.ranked([1.0, 3.0, 2.0]) == (2.0, 3.0, 3.0)
+    assert module.ranked([1.0, 3.0, 2.0], low=True) == (2.0, 1.0, 1.0)
