@@ -32,6 +32,13 @@ NETWORKS = Path("nbrdf") / "merl_nbrdf_weights.npz"
 # Also where STEP leaves them out: metals, whose highlight is narrower than most.
 NAMED = ("chrome", "steel", "tungsten-carbide", "nickel", "alum-bronze", "gold-metallic-paint")
 
+INTRODUCTION = (
+    "Made by `python scripts/kept_light.py`. A row is a fit: its energy, its directional albedo at 5 to 75° (the worst"
+    " channel and the worst mean of channels), the flux of the brightest 1% and of the brighter half, each over the"
+    " source's; the RMS relative to the source, weighted by both cosines, and the floor of a reciprocal fit; the PSNR"
+    " of a sphere under a sky; the Cole error of other pairs in the discs; the seconds of the fit."
+)
+
 
 @dataclass(frozen=True)
 class Row:
@@ -142,10 +149,7 @@ def main(arguments: list[str] | None = None) -> int:
     )  # fmt: skip
     parts = [
         "# How much light fits of gloss keep",
-        "Made by `python scripts/kept_light.py`. A row is a fit: its energy, its directional albedo at 5 to 75° (the worst"
-        " channel and the worst mean of channels), the flux of the brightest 1% and of the brighter half, each over the"
-        " source's; the RMS relative to the source, weighted by both cosines, and the floor of a reciprocal fit; the PSNR"
-        " of a sphere under a sky; the Cole error of other pairs in the discs; the seconds of the fit.",
+        INTRODUCTION,
         f"{'Settings of 0.1.0' if options.before else 'Default settings'}, effort {effort}, {count} pairs, seed 0, ε of"
         f" the source; fit over source, 1 is right. {machine()}",
     ]
