@@ -25,7 +25,7 @@ Drawn = Annotated[
 _FEW = 64  # samples of a model, which nothing here looks at
 
 
-@o.configured("render", "seed")
+@o.configured("render")
 def render(
     settings: "Config",
     result: Drawn,
@@ -70,7 +70,6 @@ def render(
             curve=settings.render.tonemap,
             size=settings.render.size,
             to_rgb=display_of(drawn.channels),
-            seed=settings.seed,
         )
     if not quiet:
         screen.show(f"The picture: {target}", caption(lit, report))
@@ -83,7 +82,6 @@ def render(
             "exposure": report.exposure,
             "tonemap": report.curve,
             "clipped": report.clipped[0],
-            "seed": settings.seed,
         }
     )
 

@@ -108,14 +108,13 @@ def sphere_picture(
     size: int = 512,
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
-    seed: int = 0,
 ) -> PictureReport:
     """One sphere as a PNG whose text chunk `Description` holds light, exposure, curve and white point.
 
     `exposure` is a factor, else that of `choose_middle`; `stops` are powers of two on top of it. Raises BadInput for
     what `draw_sphere` and `tonemap` refuse and a place that cannot be written.
     """
-    image = draw_sphere(reflectance, light, size, view=view, to_rgb=to_rgb, seed=seed)
+    image = draw_sphere(reflectance, light, size, view=view, to_rgb=to_rgb)
     factor = (choose_middle(image) if exposure is None else exposure) * 2**stops
     shown = tonemap(image, factor, curve=curve)
     report = PictureReport(factor, (shown.clipped,), None, curve)

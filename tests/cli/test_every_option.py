@@ -162,7 +162,7 @@ COMMANDS = {
     "chart.sizes": "chart", "chart.searches": "chart", "output.folder": "factorize", "output.force": "convert",
     "render.light": "render", "render.environment": "render", "render.exposure": "render", "render.tonemap": "render",
     "render.size": "render", "render.file": "render",
-    "fit.method": "factorize", "seed": "render",
+    "fit.method": "factorize", "seed": "factorize",
 }  # fmt: skip
 EVERY = section_options() | {"seed": SEED}
 
