@@ -5,8 +5,8 @@ the same: texels that few samples hold swing freely, and their exponential may b
 drawn everywhere (the scheme lobe), and those that graze more than any sample does, or lie farther from all of them than
 `FAR` times the usual distance between neighbours, are given the value of the nearest one. They weigh little: `SHARE` of
 all samples' weight together, enough where nothing else is known and next to nothing elsewhere. A finished fit is held
-against a denser draw; where it is more than `EXCESS` times the largest of the nearest values all the same, these pairs
-are added and it is solved again.
+against a denser draw; where it is more than `EXCESS` times the largest sample all the same, these pairs are added and
+it is solved again. (Holding it to the nearest samples took the highlight from measured places too.)
 
 Distance is in (√θh, θd, φd), each from 0 to 1, for isotropic samples (φd folded to a quarter turn; it counts by sinθd,
 since it means nothing where θd is 0), else in the parabolic discs of both directions.
@@ -28,7 +28,7 @@ from homofact.geometry.coordinates import coordinate_system
 COUNT, SHARE = 6000, 0.003
 CHECKED = 60_000  # pairs at which a fit is held against what it may not exceed
 FAR, LEAST_FAR = 3.0, 0.08
-NEIGHBOURS, EXCESS = 16, 1.2  # nearest samples, and what a fit may be of the largest of them where nothing is measured
+EXCESS, MOST = 1.2, 0.05  # what a fit may be of the largest sample; the weight that holds it there
 _SEED = 20261122
 
 
@@ -49,43 +49,35 @@ class Beyond:
         """Pairs that are not measured, with the values of the nearest samples; None where there are none."""
         if self._known is None:
             return None
-        drawn, far, near = self._drawn(COUNT, _SEED, 1)
-        values = self._samples.values[near[:, 0]]
+        drawn, far, nearest = self._drawn(COUNT, _SEED)
+        values = self._samples.values[nearest]
         weight = SHARE * self._samples.weights.sum() / COUNT
         return self._made(drawn, far, values, weight.expand(COUNT))
 
     def exceeding(self, evaluate: Callable[[Tensor, Tensor], Tensor], attempt: int) -> Samples | None:
-        """Where a fit is more than `EXCESS` times what it may be, with that value; None where it keeps to it.
+        """Where a fit is more than `EXCESS` times the largest sample, channel by channel; None where it is nowhere.
 
-        Where nothing is measured it may be the largest of the `NEIGHBOURS` nearest samples, elsewhere of all samples,
-        channel by channel. They weigh `SHARE` of all samples together, those that are
-        brighter than every sample as much as one. `attempt` counts the calls: other pairs are drawn in
-        each.
+        With that largest value, each pair at the weight of a sample but all of them at no more than `MOST` of the
+        samples' weight. `attempt` counts the calls: other pairs are drawn in each.
         """
         if self._known is None:
             return None
-        drawn, far, near = self._drawn(CHECKED, _SEED + 1 + attempt, min(NEIGHBOURS, len(self._samples)))
-        values = self._samples.values
-        most = torch.where(far[:, None], values[near].amax(1), values.amax(0))
-        found = evaluate(drawn.wi, drawn.wo).to(most)
-        wrong = ((found > EXCESS * most) & (most > 0)).any(1)
-        weights = self._samples.weights
-        least = min(float(weights.mean()), SHARE * float(weights.sum()) / max(int(wrong.sum()), 1))
-        # What is brighter than all that was measured counts as much as a sample: nothing else stops a runaway texel.
-        runaway = (found > EXCESS * values.amax(0)).any(1)
-        return self._made(drawn, wrong, torch.minimum(found, most), torch.where(runaway, weights.mean(), least))
+        drawn, _, _ = self._drawn(CHECKED, _SEED + 1 + attempt)
+        largest, weights = self._samples.values.amax(0), self._samples.weights
+        found = evaluate(drawn.wi, drawn.wo).to(largest)
+        runaway = ((found > EXCESS * largest) & (largest > 0)).any(1)
+        each = min(float(weights.mean()), MOST * float(weights.sum()) / max(int(runaway.sum()), 1))
+        return self._made(drawn, runaway, torch.minimum(found, largest), torch.full_like(found[:, 0], each))
 
-    def _drawn(self, count: int, seed: int, neighbours: int) -> tuple[Samples, Tensor, Tensor]:
-        """(drawn pairs, which of them are not measured (N,), the nearest samples of each (N, K))."""
+    def _drawn(self, count: int, seed: int) -> tuple[Samples, Tensor, Tensor]:
+        """(drawn pairs, which of them are not measured (N,), the nearest sample of each (N,))."""
         assert self._known is not None
         wi, wo = (w.to(self._samples.wi) for w in draw_lobe(count, torch.Generator().manual_seed(seed)))
         values = self._samples.values[:1].expand(count, -1)
         drawn = replace(self._samples, wi=wi, wo=wo, values=values, weights=torch.ones_like(wi[:, 0]))
-        distance, near = self._known.query(_place(drawn), k=neighbours)
-        # One neighbour comes without an axis of its own.
-        distance, near = (np.asarray(each).reshape(count, -1) for each in (distance, near))
-        far = torch.from_numpy(distance[:, 0] > self._far).to(wi.device) | (_least_cosine(drawn) < self._grazing)
-        return drawn, far, torch.from_numpy(near).to(wi.device)
+        distance, nearest = (np.asarray(each) for each in self._known.query(_place(drawn)))
+        far = torch.from_numpy(distance > self._far).to(wi.device) | (_least_cosine(drawn) < self._grazing)
+        return drawn, far, torch.from_numpy(nearest).to(wi.device)
 
     def _made(self, drawn: Samples, chosen: Tensor, values: Tensor, weights: Tensor) -> Samples | None:
         if not bool(chosen.any()):
