@@ -180,31 +180,36 @@ class StructureSearch:
             if self._account.late:
                 return
         if self._settings.reciprocal is None:
-            self._try_free(judged[:FINALISTS])
+            self._try_free(judged[:FINALISTS], fixed, levels)
         for _ in range(EXCHANGES):
             best = self._best
             self._exchange(kinds)
             if not self._best.error < ENOUGH * best.error or self._account.over:
                 break
 
-    def _try_free(self, largest: list[Mix]) -> None:
-        """The best mix, and the best of the `largest`, without reciprocity: given up from here on where it is worth it.
+    def _try_free(self, largest: list[Mix], fixed: tuple[str, ...], levels: list[Mix]) -> None:
+        """The best mixes without reciprocity: given up from here on where it is worth it.
 
-        Which textures tell light from viewer cannot be seen before.
+        The best mix and the `largest` freed, and fixed mixes chosen anew, since reciprocal ones do not show which
+        textures tell light from viewer.
         """
-        best = self._best
+        best, banks = self._best, self._banks
+        self._reciprocal, self._banks = False, {}
+        anew = self._fixed_mixes(fixed, len(levels), levels)[:1]
         freed = [
             replace(mix, projections=tuple(replace(each, reciprocal=False) for each in mix.projections))
             for mix in [best, *(mix for mix in largest if mix.kinds != best.kinds)]
-        ]
+        ] + [_loose(mix) or mix for mix in anew]
         found = min(self._beside(self._polished, freed), key=lambda mix: mix.error)
         if found.error < FREE_WORTH * best.error:
-            self._best, self._reciprocal = found, False
+            self._best = found
             self._notes.append(
                 "not reciprocal: the data are met better without,"
                 f" validation error {found.error:.3g} instead of {best.error:.3g} (--reciprocal to enforce it)"
             )
             self._tell(len(found.kinds), found.error)
+        else:
+            self._reciprocal, self._banks = True, banks
 
     def _run_pinned(self, kinds: tuple[str, ...]) -> None:
         """Textures of given kinds, one after another; the best of their starts and warps goes on."""
