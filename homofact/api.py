@@ -10,6 +10,7 @@ same = homofact.load("paint.npz")
 from dataclasses import replace
 from typing import Any
 
+from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
@@ -24,12 +25,14 @@ from homofact.methods.search import Search
 from homofact.methods.table import made
 
 
-def read(source: str, *, channels: str = "rgb", count: int = 45_000, seed: int = 0) -> Source:
-    """Read a measurement (content sniffed) or draw `count` pairs of "material:NAME".
+def read(
+    source: str, *, channels: str = "rgb", count: int = DEFAULT_COUNT, scheme: str = DEFAULT_SCHEME, seed: int = 0
+) -> Source:
+    """Read a measurement (content sniffed) or draw `count` pairs of "material:NAME" by a `scheme`.
 
     The result has `.samples` and `.reflectance`. Raises BadInput for what cannot be read.
     """
-    return open_source(source, channels=channels, count=count, seed=seed)
+    return open_source(source, channels=channels, count=count, scheme=scheme, seed=seed)
 
 
 def fit(

@@ -49,8 +49,11 @@ class Beyond:
         """Pairs that are not measured, with the values of the nearest samples; None where there are none."""
         if self._known is None:
             return None
-        drawn, far, nearest = self._drawn(COUNT, _SEED)
-        values = self._samples.values[nearest]
+        drawn = self._drawn(COUNT, _SEED)
+        distance, nearest = (np.asarray(each) for each in self._known.query(_place(drawn)))
+        grazing = _least_cosine(drawn) < self._grazing
+        far = grazing | torch.from_numpy(distance > self._far).to(grazing.device)
+        values = self._samples.values[torch.from_numpy(nearest).to(grazing.device)]
         weight = SHARE * self._samples.weights.sum() / COUNT
         return self._made(drawn, far, values, weight.expand(COUNT))
 
@@ -62,22 +65,18 @@ class Beyond:
         """
         if self._known is None:
             return None
-        drawn, _, _ = self._drawn(CHECKED, _SEED + 1 + attempt)
+        drawn = self._drawn(CHECKED, _SEED + 1 + attempt)
         largest, weights = self._samples.values.amax(0), self._samples.weights
         found = evaluate(drawn.wi, drawn.wo).to(largest)
         runaway = ((found > EXCESS * largest) & (largest > 0)).any(1)
         each = min(float(weights.mean()), MOST * float(weights.sum()) / max(int(runaway.sum()), 1))
         return self._made(drawn, runaway, torch.minimum(found, largest), torch.full_like(found[:, 0], each))
 
-    def _drawn(self, count: int, seed: int) -> tuple[Samples, Tensor, Tensor]:
-        """(drawn pairs, which of them are not measured (N,), the nearest sample of each (N,))."""
-        assert self._known is not None
+    def _drawn(self, count: int, seed: int) -> Samples:
+        """Pairs drawn everywhere, of weight 1; their values are not theirs yet."""
         wi, wo = (w.to(self._samples.wi) for w in draw_lobe(count, torch.Generator().manual_seed(seed)))
         values = self._samples.values[:1].expand(count, -1)
-        drawn = replace(self._samples, wi=wi, wo=wo, values=values, weights=torch.ones_like(wi[:, 0]))
-        distance, nearest = (np.asarray(each) for each in self._known.query(_place(drawn)))
-        far = torch.from_numpy(distance > self._far).to(wi.device) | (_least_cosine(drawn) < self._grazing)
-        return drawn, far, torch.from_numpy(nearest).to(wi.device)
+        return replace(self._samples, wi=wi, wo=wo, values=values, weights=torch.ones_like(wi[:, 0]))
 
     def _made(self, drawn: Samples, chosen: Tensor, values: Tensor, weights: Tensor) -> Samples | None:
         if not bool(chosen.any()):

@@ -2,14 +2,14 @@
 
 Whoever integrates over drawn pairs divides by it: ∫∫ g dωi dωo ≈ mean of g/q. The schemes:
 
-* discs, grid: each direction uniform in the parabolic disc (du dv = dω/(1 + cosθ)²) out to the radius² `RIM`,
-  q = pd(ωi) pd(ωo) with pd(ω) = 1/(RIM π (1 + cosθ)²).
+* discs, grid: each direction uniform in the parabolic disc (du dv = dω/(1 + cosθ)²), q = pd(ωi) pd(ωo) with
+  pd(ω) = 1/(π (1 + cosθ)²). A cut rim, as the thesis's at the radius² `RIM`, makes it larger by a constant.
 * cosine: cosθi cosθo/π².
-* lobe: half of the pairs as in the discs; the others where lobes are, isotropically about the half vector h and the
-  difference vector d. With t uniform in [0, 1] the angle w sinh(t asinh(90°/w)) is uniform up to about w and uniform
-  in its logarithm beyond, so that every decade of a highlight has as many samples. `HIGHLIGHTS` of the pairs have such
-  a θh, from w = 0.05°, with θd uniform; `RETURNS` such a θd, from w = 0.5°, with θh uniform: retro-reflection. Pairs
-  under the horizon are drawn again. From dωi dωo = 4 cosθd dωh dωd
+* lobe: half of the pairs as in the discs out to `RIM`; the others where lobes are, isotropically about the half
+  vector h and the difference vector d. With t uniform in [0, 1] the angle w sinh(t asinh(90°/w)) is uniform up to about
+  w and uniform in its logarithm beyond, so that every decade of a highlight has as many samples. `HIGHLIGHTS` of the
+  pairs have such a θh, from w = 0.05°, with θd uniform; `RETURNS` such a θd, from w = 0.5°, with θh uniform:
+  retro-reflection. Pairs under the horizon are drawn again. From dωi dωo = 4 cosθd dωh dωd
 
       q = p(θh)/(2π sinθh) · p(θd)/(2π sinθd)/(4 cosθd) / (share of the pairs that are above the horizon).
 
@@ -44,12 +44,11 @@ def density(scheme: str, wi: Tensor, wo: Tensor) -> Tensor:
     cos_i, cos_o = wi[:, 2], wo[:, 2]
     if scheme == "cosine":
         return cos_i * cos_o / math.pi**2
-    discs = _in_disc(cos_i) * _in_disc(cos_o)
     if scheme != "lobe":
-        return discs
+        return 1 / (math.pi * (1 + cos_i) * (1 + cos_o)) ** 2
     theta_h, theta_d, _ = rusinkiewicz_angles(wi, wo)
     return (
-        (1 - HIGHLIGHTS - RETURNS) * discs
+        (1 - HIGHLIGHTS - RETURNS) * _within_rim(cos_i) * _within_rim(cos_o)
         + HIGHLIGHTS * _about(theta_h, theta_d, theta_d, HIGHLIGHT_WIDTH)
         + RETURNS * _about(theta_d, theta_h, theta_d, RETURN_WIDTH)
     )
@@ -75,7 +74,9 @@ def solid_angles(samples: Samples) -> Tensor:
     """
     scheme = scheme_of(samples)
     if scheme is not None:
-        return samples.weights / density(scheme, samples.wi, samples.wo).clamp_min(1e-12)
+        found = density(scheme, samples.wi, samples.wo)
+        # By cosine the density is 0 at the horizon, and a pair there of no account for what carries a cosine.
+        return torch.where(found > 0, samples.weights / found, 0.0)
     # Dense tables weigh their nodes by solid angle themselves.
     return samples.weights * (1.0 if "weights" in samples.provenance else _shares_of_cells(samples))
 
@@ -93,10 +94,12 @@ def disc_shares(samples: Samples) -> Tensor | None:
     """
     if scheme_of(samples) != "lobe":
         return None
-    return density("discs", samples.wi, samples.wo) / density("lobe", samples.wi, samples.wo)
+    discs = _within_rim(samples.wi[:, 2]) * _within_rim(samples.wo[:, 2])
+    return discs / density("lobe", samples.wi, samples.wo)
 
 
-def _in_disc(cosine: Tensor) -> Tensor:
+def _within_rim(cosine: Tensor) -> Tensor:
+    """The density of one direction, uniform in the disc out to `RIM`."""
     inside = (1 - cosine) <= RIM * (1 + cosine)
     return inside / (RIM * math.pi * (1 + cosine) ** 2)
 

@@ -1,7 +1,7 @@
 """A reflectance made of scattered samples, so that a measurement can be drawn and compared like a model.
 
 Radial basis functions (thin plates, r² log r with a linear part) interpolate log(f/A + ε), A the mean of the
-samples per channel: for isotropic samples over (√θh, θd, φd), the root giving the peak room and φd folded to
+samples per channel: for isotropic samples over (√θh, θd, φd), the root spreading the peak and φd folded to
 [0, π/2]; for anisotropic ones over the parabolic coordinates of both directions. Up to `GLOBAL_LIMIT` samples
 make one smooth surface, more are interpolated from the nearest `neighbours`. The result stays within the
 range of the samples' logs, so that nothing is invented outside the measured angles.

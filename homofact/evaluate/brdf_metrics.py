@@ -89,24 +89,15 @@ def male(judged: Judged) -> float:
 
 def stated_density(samples: Samples) -> str:
     """In words, what a mean over samples is over, for `cosine_rms`."""
-    scheme = samples.provenance.get("sampling", {}).get("scheme")
-    if scheme in ("lobe", "discs", "grid", "cosine"):
+    scheme = scheme_of(samples)
+    if scheme is not None:
         return f"uniform on both hemispheres, each sample over the density of its drawing ({scheme})"
     return "over the places of the measurement by its own weights, no density being stated"
 
 
 def uniform_weights(samples: Samples) -> Tensor:
     """What each sample counts (N,), sum 1, for a mean over both hemispheres as the module's head says."""
-    weights = samples.weights.clone()
-    if scheme_of(samples) == "lobe":
-        weights = solid_angles(samples)
-    scheme = samples.provenance.get("sampling", {}).get("scheme")
-    for w in (samples.wi, samples.wo):
-        if scheme in ("discs", "grid"):
-            weights = weights * (1 + w[:, 2]) ** 2
-        elif scheme == "cosine":
-            # At the horizon the density is 0, and a sample there of no account for what carries a cosine.
-            weights = torch.where(w[:, 2] > 0, weights / w[:, 2].clamp_min(1e-9), 0.0)
+    weights = samples.weights if scheme_of(samples) is None else solid_angles(samples)
     return weights / weights.sum()
 
 

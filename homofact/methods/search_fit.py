@@ -40,8 +40,9 @@ from homofact.methods.fitting import (
 )
 from homofact.methods.folded import Folded
 from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, is_isotropic, is_searched
+from homofact.methods.mix import Mix
 from homofact.methods.search import Search
-from homofact.methods.structure_search import Mix, Outcome, StructureSearch, StructureSettings, rounded
+from homofact.methods.structure_search import Outcome, StructureSearch, StructureSettings, rounded
 from homofact.methods.validation import BEYOND, Partition, partitions_of
 
 FOLDS = 4

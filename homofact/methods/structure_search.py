@@ -35,9 +35,9 @@ from homofact.linear.threads import in_parallel
 from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve
 from homofact.methods.folded import FixedBank, Folded
 from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, relatives, takes_warp
+from homofact.methods.mix import EMPTY, FIRST_SMOOTHING, Mix, is_movable, scale_of, with_all_loose
 from homofact.methods.validation import Partition
 
-FIRST_SMOOTHING = 1e-3
 FREE_WORTH = 0.9  # reciprocity is given up where that leaves less than this share of the validation error
 ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
 ROTATIONS = 20020801  # seeds the rotations that searches start from
@@ -51,37 +51,6 @@ ASIDE = 1e-3  # of a quaternion's length: how far beside its projections a desce
 POLISH = 40  # iterations of the winner's last descent
 EXCHANGES = 3  # rounds of exchange at most
 ALL_WARPS_UP_TO = 2  # textures: mixes of one more are looked at with the two best warps, of more with the best
-
-
-@dataclass(frozen=True)
-class Mix:
-    """Chosen projections with their kinds, the λ of every texture, and their validation error."""
-
-    kinds: tuple[str, ...]
-    projections: tuple[Projection, ...]
-    smoothing: tuple[float, ...]
-    error: float = math.inf
-
-    @property
-    def warp(self) -> Warp | None:
-        """The stretch of the half vector that its textures share."""
-        return next((p.warp for p in self.projections if p.warp is not None), None)
-
-    def with_one_more(self, kind: str, projection: Projection) -> "Mix":
-        """The mix with one more texture, its λ that of the last one; not judged yet."""
-        last = self.smoothing[-1] if self.smoothing else FIRST_SMOOTHING
-        return Mix((*self.kinds, kind), (*self.projections, projection), (*self.smoothing, last))
-
-    def without(self, place: int) -> "Mix":
-        """The mix without one texture; not judged yet."""
-
-        def rest(values: tuple) -> tuple:
-            return (*values[:place], *values[place + 1 :])
-
-        return Mix(rest(self.kinds), rest(self.projections), rest(self.smoothing))
-
-
-EMPTY = Mix((), (), ())
 
 
 @dataclass(frozen=True)
@@ -199,7 +168,7 @@ class StructureSearch:
         freed = [
             replace(mix, projections=tuple(replace(each, reciprocal=False) for each in mix.projections))
             for mix in [best, *(mix for mix in largest if mix.kinds != best.kinds)]
-        ] + [_loose(mix) or mix for mix in anew]
+        ] + [with_all_loose(mix) or mix for mix in anew]
         found = min(self._beside(self._polished, freed), key=lambda mix: mix.error)
         if found.error < FREE_WORTH * best.error:
             self._best = found
@@ -239,7 +208,7 @@ class StructureSearch:
         warps: list[Warp | None] = [None, *(Warp(width) for width in WARP_WIDTHS)]
         if count > ALL_WARPS_UP_TO:
             warps = self._best_warps[: 2 if count == ALL_WARPS_UP_TO + 1 else 1]
-        smoothing = _scale_of(levels[-1].smoothing) if levels else FIRST_SMOOTHING
+        smoothing = scale_of(levels[-1].smoothing) if levels else FIRST_SMOOTHING
         trials: list[tuple[tuple[int, ...], Warp | None]] = []
         for warp in warps:
             for chosen in combinations(range(len(fixed)), count):
@@ -264,7 +233,7 @@ class StructureSearch:
             self._best_warps = list(dict.fromkeys(chosen[place][1] for place in order))[:2]
         mixes = sorted(found, key=lambda mix: mix.error)[:BEAM]
         if count > 1:
-            scale = _scale_of(mixes[0].smoothing)
+            scale = scale_of(mixes[0].smoothing)
             mixes[:1] = self._beside(lambda trial: self._settled(fixed, trial, scale, each=True), [chosen[order[0]]])
             mixes.sort(key=lambda mix: mix.error)
         self._tell(count, mixes[0].error)
@@ -317,7 +286,7 @@ class StructureSearch:
 
     def _starts(self, judged: list[Mix], before: Mix, fixed: tuple[str, ...], searched: tuple[str, ...]) -> list[Mix]:
         """What the searched projections of one more texture start from, the likeliest first."""
-        starts = [loose for mix in judged for loose in [_loose(mix)] if loose is not None]
+        starts = [loose for mix in judged for loose in [with_all_loose(mix)] if loose is not None]
         warp = before.warp if before.kinds else (judged[0].warp if judged else None)
         movable = any(projection.rotation is not None for projection in before.projections)
         for kind in fixed if movable else ():
@@ -344,10 +313,10 @@ class StructureSearch:
         """
         if not starts:
             return []
-        searched = [mix for mix in starts if _movable(mix)]
-        rest = [mix for mix in starts if not _movable(mix)]
+        searched = [mix for mix in starts if is_movable(mix)]
+        rest = [mix for mix in starts if not is_movable(mix)]
         # Where projections have moved into place there is less for λ to smooth over.
-        scale = 0.1 * _scale_of(starts[0].smoothing)
+        scale = 0.1 * scale_of(starts[0].smoothing)
         steps, spare = FIRST_STEPS, until - self._account.spent
         if searched:
             # A round costs about as much as the one before it, half of the starts with twice the steps; of the rest a
@@ -376,9 +345,9 @@ class StructureSearch:
         """The mix with λ texture by texture, after a longer descent with these; judged there."""
         account = self._account.beside()
         folded = self._folded(mix, account)
-        smoothing, error = self._smoothed(folded, (_scale_of(mix.smoothing),) * len(mix.kinds), account, each=True)
+        smoothing, error = self._smoothed(folded, (scale_of(mix.smoothing),) * len(mix.kinds), account, each=True)
         mix = replace(mix, smoothing=smoothing, error=error)
-        if not _movable(mix):
+        if not is_movable(mix):
             return mix, account
         (_, moved), more = self._descended(mix, None, POLISH, 1.0)
         account.add(more)
@@ -493,24 +462,3 @@ def rounded(vector: Tensor) -> Tensor:
     """
     quaternions = vector.reshape(-1, 4)
     return torch.round(quaternions / quaternions.norm(dim=1, keepdim=True) * 2**14).reshape(-1) / 2**14
-
-
-def _movable(mix: Mix) -> bool:
-    """Whether some projection of the mix has a rotation to search."""
-    return any(projection.rotation is not None for projection in mix.projections)
-
-
-def _loose(mix: Mix) -> Mix | None:
-    """The mix with every texture that can be searched from where it is fixed; None where there is none."""
-    kinds, projections = [], []
-    for kind, projection in zip(mix.kinds, mix.projections, strict=True):
-        loose = None if is_searched(kind) else loosened(projection)
-        kinds.append(kind if loose is None else loose.coordinates)
-        projections.append(projection if loose is None else loose)
-    found = Mix(tuple(kinds), tuple(projections), mix.smoothing)
-    return found if found.kinds != mix.kinds else None
-
-
-def _scale_of(smoothing: tuple[float, ...]) -> float:
-    """One λ for all textures: the geometric mean, at the whole decade below."""
-    return 10.0 ** math.floor(sum(math.log10(value) for value in smoothing) / len(smoothing) + 1e-9)

@@ -57,7 +57,7 @@ def test_a_and_the_cole_error_do_not_depend_on_the_scheme() -> None:
     assert torch.equal(over_discs(discs), discs.weights)
 
 
-@pytest.mark.parametrize("scheme", ["discs", "lobe", "cosine"])
+@pytest.mark.parametrize("scheme", ["discs", "grid", "lobe", "cosine"])
 def test_solid_angles_give_the_energy(scheme: str) -> None:
     broad = Ward((0.1, 0.1), (0.2, 0.2), alpha_x=0.3, alpha_y=0.3, channels=("R", "G"))
     samples = sample_model(broad, 100_000, scheme, seed=1)

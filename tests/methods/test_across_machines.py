@@ -77,19 +77,21 @@ def there(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 @pytest.mark.parametrize("name", FITS)
-def test_another_machine_finds_the_same_projections(
-    name: str, here: dict[str, Any], there: dict[str, Any], request: pytest.FixtureRequest
-) -> None:
+def test_another_machine_finds_the_same_projections(name: str, here: dict[str, Any], there: dict[str, Any]) -> None:
     mine, theirs = here[name], there[name]
     assert mine["kinds"] == theirs["kinds"]
     for one, other in zip(mine["matrices"], theirs["matrices"], strict=True):
         assert torch.allclose(torch.tensor(one), torch.tensor(other), rtol=0, atol=1e-9)
 
 
-def test_the_kernels_differ(here: dict[str, Any], there: dict[str, Any]) -> None:
+def test_the_kernels_differ_and_their_textures_hardly(here: dict[str, Any], there: dict[str, Any]) -> None:
     """Else nothing was compared."""
-    if all(here[name]["textures"] == there[name]["textures"] for name in FITS):
+    different = [name for name in FITS if here[name]["textures"] != there[name]["textures"]]
+    if not different:
         pytest.skip("this processor has these kernels for its own")
+    for name in different:
+        for one, other in zip(here[name]["textures"], there[name]["textures"], strict=True):
+            assert torch.allclose(torch.tensor(one), torch.tensor(other), rtol=1e-3, atol=1e-3)
 
 
 if __name__ == "__main__":
