@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import scipy.sparse
 import torch
 from torch import Tensor
 
@@ -43,7 +44,7 @@ def planted(
             lookups.append(Lookup(0, matrix / matrix.abs().sum(1, keepdim=True), shape, offset))
         offset += shape[0] * shape[1]
     texels = torch.randn(offset, channels, dtype=torch.float64, generator=generator)
-    rough = Roughness(torch.block_diag(*(laplacian(torch.ones(shape, dtype=torch.bool)) for shape in shapes)))
+    rough = Roughness(blocks(*(laplacian(torch.ones(shape, dtype=torch.bool)) for shape in shapes)))
     weights = torch.rand(samples, dtype=torch.float64, generator=generator) + 0.5
     empty = LeastSquares(
         coordinates,
@@ -57,6 +58,16 @@ def planted(
     targets = dense_rows(empty) @ texels
     problem = LeastSquares(coordinates, tuple(lookups), targets, weights, empty.kept, empty.roughness, smoothing)
     return Problem(name, problem, targets)
+
+
+def blocks(*matrices: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
+    """Sparse matrices along the diagonal of one."""
+    return scipy.sparse.csr_matrix(scipy.sparse.block_diag(matrices))
+
+
+def dense(matrix: scipy.sparse.csr_matrix) -> Tensor:
+    """A sparse matrix written out."""
+    return torch.from_numpy(matrix.toarray())
 
 
 def dense_rows(problem: LeastSquares) -> Tensor:
@@ -94,9 +105,7 @@ def twice(case: Problem) -> Problem:
         problem,
         lookups=(*problem.lookups, replace(problem.lookups[0], offset=problem.unknowns)),
         kept=torch.cat((problem.kept, torch.ones(count, dtype=torch.bool))),
-        roughness=Roughness(
-            torch.block_diag(problem.roughness.rows, laplacian(torch.ones(rows, columns, dtype=torch.bool)))
-        ),
+        roughness=Roughness(blocks(problem.roughness.rows, laplacian(torch.ones(rows, columns, dtype=torch.bool)))),
     )
     return Problem("the same texture twice", doubled, case.values, singular=True)
 

@@ -120,12 +120,13 @@ class _Light:
         # λ is in units of weight a texel, the weights those of the first look at the data.
         unit = float((self._hold + 0.5 * (self._flow * self._given).mean(1, keepdims=True)).sum())
         scale = problem.penalty_scale.numpy()[kept] * (unit / self._total)
-        self._penalty = scipy.sparse.diags(scale[:, 0]) @ problem.roughness.sparse[kept][:, kept]
+        self._penalty = scipy.sparse.diags(scale[:, 0]) @ problem.roughness.gram[kept][:, kept]
         self._penalty += scipy.sparse.identity(int(kept.sum())) * (problem.ridge * unit / self._total)
         found = np.exp(np.minimum(self._sums(self._texels[kept]), MOST))
         weights = self._hold[:, 0] + 0.5 * (self._flow * np.maximum(found, self._given)).max(1)
-        bound = replace(problem, weights=torch.from_numpy(weights)).data.matrix.numpy()[kept][:, kept]
-        bound = bound + self._penalty.toarray()
+        bound = replace(problem, weights=torch.from_numpy(weights)).data.matrix.numpy()[np.ix_(kept, kept)]
+        penalty = self._penalty.tocoo()
+        bound[penalty.row, penalty.col] += penalty.data
         # Texels that next to nothing holds may leave the matrix singular to working precision.
         bound[np.diag_indices_from(bound)] += 1e-9 * np.trace(bound) / len(bound)
         self._factor = scipy.linalg.cholesky(bound, lower=False, overwrite_a=True, check_finite=False)

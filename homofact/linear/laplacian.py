@@ -12,45 +12,50 @@ n y − Σ y of the line, which costs nothing where they are equal, as a functio
 binds the more the more texels share the place.
 """
 
-import torch
+import numpy as np
+import scipy.sparse
 from torch import Tensor
 
 from homofact.linear.layout import CLAMPED, Axes, Axis
 
 
-def laplacian(mask: Tensor, axes: Axes = CLAMPED) -> Tensor:
-    """The rows (T, T), dense float64, of a texture with T = rows × columns texels.
+def laplacian(mask: Tensor, axes: Axes = CLAMPED) -> scipy.sparse.csr_matrix:
+    """The rows (T, T), sparse float64 on the CPU, of a texture with T = rows × columns texels.
 
-    Rows and columns of texels outside `mask` (rows, columns) are zero; `axes` are the kinds of its axes.
+    Rows and columns of texels outside `mask` (rows, columns) are empty; `axes` are the kinds of its axes.
     """
     rows, columns = mask.shape
     count = rows * columns
-    # Many small steps: on the CPU, wherever the mask is.
-    inside = mask.reshape(-1).cpu()
-    number = torch.arange(count, device="cpu").reshape(rows, columns)
-    result = torch.zeros(count, count, dtype=torch.float64, device="cpu")
+    inside = mask.reshape(-1).cpu().numpy()
+    number = np.arange(count).reshape(rows, columns)
+    entries: list[tuple[np.ndarray, np.ndarray, float]] = []
     for own, other, lines in ((axes[1], axes[0], number.T), (axes[0], axes[1], number)):
         # `lines` (texels along this axis, texels along the other).
-        before, centre, after = lines.roll(1, 0), lines, lines.roll(-1, 0)
+        before, centre, after = np.roll(lines, 1, 0), lines, np.roll(lines, -1, 0)
         if own is not Axis.PERIODIC:
             before, centre, after = before[1:-1], centre[1:-1], after[1:-1]
         if other is Axis.POLAR:
             before, centre, after = before[:, 1:], centre[:, 1:], after[:, 1:]
             pole = lines[:, 0][inside[lines[:, 0]]]
-            result[pole[:, None], pole] -= 1
-            result[pole, pole] += len(pole)
-        before, centre, after = before.flatten(), centre.flatten(), after.flatten()
+            if len(pole) > 1:
+                entries.append((np.repeat(pole, len(pole)), np.tile(pole, len(pole)), -1.0))
+                entries.append((pole, pole, float(len(pole))))
         kept = inside[centre] & inside[before] & inside[after]
         c = centre[kept]
-        result[c, c] += 2
-        result[c, before[kept]] -= 1
-        result[c, after[kept]] -= 1
-    for texel in (inside & (result.abs().sum(0) == 0)).nonzero().flatten().tolist():
-        near = [each for each in _around(texel, rows, columns, axes) if bool(inside[each])]
+        entries += [(c, c, 2.0), (c, before[kept], -1.0), (c, after[kept], -1.0)]
+    held = np.zeros(count, dtype=bool)
+    for _, texels, _ in entries:
+        held[texels] = True
+    for texel in np.flatnonzero(inside & ~held).tolist():
+        near = [each for each in _around(texel, rows, columns, axes) if inside[each]]
         if near:
-            result[texel, texel] = len(near)
-            result[texel, near] = -1.0
-    return result.to(mask.device)
+            alone = np.full(len(near), texel)
+            entries += [(alone[:1], alone[:1], float(len(near))), (alone, np.asarray(near), -1.0)]
+    where = tuple(np.concatenate([entry[place] for entry in entries]) for place in (0, 1))
+    values = np.concatenate([np.full(len(texels), value) for texels, _, value in entries])
+    result = scipy.sparse.csr_matrix((values, where), shape=(count, count))
+    result.eliminate_zeros()
+    return result
 
 
 def _around(texel: int, rows: int, columns: int, axes: Axes) -> list[int]:

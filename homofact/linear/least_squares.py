@@ -31,28 +31,27 @@ RELATIVE_RIDGE = 1e-9
 
 @dataclass(frozen=True)
 class Roughness:
-    """Smoothing rows L (T, T) of all textures, with LᵀL made once for all problems that share them."""
+    """Smoothing rows L (T, T) of all textures, sparse, with LᵀL made once for all problems that share them."""
 
-    rows: Tensor
+    rows: scipy.sparse.csr_matrix
 
     @classmethod
     def of(cls, layout: TexelLayout, masks: tuple[Tensor, ...]) -> "Roughness":
         """The Laplacian rows of all textures inside their masks (rows, columns)."""
         each = [laplacian(mask, axes) for mask, axes in zip(masks, layout.axes, strict=True)]
-        return cls(torch.block_diag(*each))
+        return cls(scipy.sparse.csr_matrix(scipy.sparse.block_diag(each)))
 
     @cached_property
-    def gram(self) -> Tensor:
-        """LᵀL (T, T)."""
-        if self.rows.device.type != "cpu":
-            return self.rows.T @ self.rows
-        return torch.from_numpy(self.sparse.toarray())
+    def gram(self) -> scipy.sparse.csr_matrix:
+        """LᵀL (T, T): a dozen entries a row."""
+        return scipy.sparse.csr_matrix(self.rows.T @ self.rows)
 
     @cached_property
-    def sparse(self) -> scipy.sparse.csr_matrix:
-        """The same on the CPU, sparse: a dozen entries a row."""
-        rows = scipy.sparse.csr_matrix(_array(self.rows))
-        return scipy.sparse.csr_matrix(rows.T @ rows)
+    def places(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Row and column numbers (E,) and values (E,) of LᵀL's entries."""
+        gram = self.gram.tocoo()
+        row, column = (torch.from_numpy(each.astype(np.int64)) for each in (gram.row, gram.col))
+        return row, column, torch.from_numpy(gram.data)
 
 
 @dataclass(frozen=True)
@@ -106,17 +105,14 @@ class LeastSquares:
 
     def penalty(self, texels: Tensor) -> float:
         """λ'|Ly|² + δ|y|² of texels (T, C), summed over channels."""
-        scale = self.penalty_scale
-        if texels.device.type == "cpu":
-            rough = (texels * (scale * torch.from_numpy(self.roughness.sparse @ texels.numpy()))).sum()
-        else:
-            rough = (texels * (scale * (self.roughness.gram @ texels))).sum()
-        return float(rough) + self.ridge * float(texels.square().sum())
+        rough = torch.from_numpy(self.roughness.gram @ _array(texels)).to(texels)
+        return float((texels * self.penalty_scale * rough).sum()) + self.ridge * float(texels.square().sum())
 
     def normal(self) -> tuple[Tensor, Tensor]:
         """(BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
         kept = self.kept
-        matrix = _penalised(self.data.matrix, self.roughness, self.penalty_scale, self.ridge)
+        matrix = self.data.matrix.clone()
+        add_penalty(matrix, self.roughness, self.penalty_scale, self.ridge)
         if self.gauge is not None:
             matrix.addmm_(self.gauge, self.gauge.T, alpha=self.gauge_scale)
         if bool(kept.all()):
@@ -134,7 +130,7 @@ class LeastSquares:
         )
         design.sum_duplicates()
         kept = np.flatnonzero(_array(self.kept))
-        smooth = scipy.sparse.csr_matrix(_array(self.penalty_scale.sqrt() * self.roughness.rows))
+        smooth = scipy.sparse.diags(_array(self.penalty_scale.sqrt()).ravel()) @ self.roughness.rows
         identity = scipy.sparse.identity(self.unknowns, format="csr") * np.sqrt(self.ridge)
         gauge = np.zeros((0, self.unknowns)) if self.gauge is None else _array(self.gauge).T * np.sqrt(self.gauge_scale)
         held = scipy.sparse.csr_matrix(gauge)
@@ -178,14 +174,15 @@ def solve_penalised(
     rhs = data.rhs if without is None else data.rhs - without.rhs
     if data.matrix.device.type == "cpu":
         part = np.zeros((0, 0)) if without is None else without.matrix.numpy()
-        gram = roughness.sparse
+        gram = roughness.gram
         weights = scale.numpy().ravel()
         sparse = (gram.indptr, gram.indices, gram.data)
         lower = penalised_lower(data.matrix.numpy(), part, -1.0, *sparse, weights, ridge)
         solution = solve_lower(lower, rhs.numpy())
         if solution is not None:
             return torch.from_numpy(solution)
-    matrix = _penalised(data.matrix if without is None else data.matrix - without.matrix, roughness, scale, ridge)
+    matrix = data.matrix.clone() if without is None else data.matrix - without.matrix
+    add_penalty(matrix, roughness, scale, ridge)
     factor, info = torch.linalg.cholesky_ex(matrix)
     return minimum_norm(matrix, rhs) if int(info) else torch.cholesky_solve(rhs, factor)
 
@@ -200,7 +197,7 @@ def minimum(problem: LeastSquares) -> tuple[Tensor, float]:
         triangles, rhs, energy = accumulate_lower(
             problem.coordinates, problem.lookups, problem.targets, problem.weights, problem.unknowns
         )
-        gram, scale = problem.roughness.sparse, problem.penalty_scale.numpy().ravel()
+        gram, scale = problem.roughness.gram, problem.penalty_scale.numpy().ravel()
         rest = triangles[1] if len(triangles) > 1 else np.zeros((0, 0))
         lower = penalised_lower(triangles[0], rest, 1.0, gram.indptr, gram.indices, gram.data, scale, problem.ridge)
         solution = solve_lower(lower, rhs)
@@ -209,6 +206,14 @@ def minimum(problem: LeastSquares) -> tuple[Tensor, float]:
     data = problem.data
     texels = solve_penalised(data, problem.roughness, problem.smoothing, len(problem.lookups))
     return texels, max(float(data.energy.sum() - (texels * data.rhs).sum()), 0.0)
+
+
+def add_penalty(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float) -> None:
+    """Add λ'LᵀL + δI to `matrix` (T, T) in place, with λ' (T, 1)."""
+    # L is block diagonal and λ' constant within a block, so diag(λ') LᵀL is symmetric.
+    row, column, values = (each.to(matrix.device) for each in roughness.places)
+    matrix[row, column] += scale[row, 0] * values
+    matrix.diagonal().add_(ridge)
 
 
 def minimum_norm(matrix: Tensor, rhs: Tensor) -> Tensor:
@@ -228,13 +233,6 @@ def _penalty_scale(smoothing: float | Tensor, like: Tensor, weight: float, kept:
     """λ' (T, 1) = λ · Σw/K, K of the T unknowns being kept; float64 on the device of `like`."""
     each = smoothing.to(like) if isinstance(smoothing, Tensor) else like.new_full((), smoothing)
     return each.expand(len(kept))[:, None] * (weight / float(kept.sum()))
-
-
-def _penalised(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float) -> Tensor:
-    # L is block diagonal and λ' constant within a block, so diag(λ') LᵀL is symmetric.
-    result = torch.addcmul(matrix, scale, roughness.gram)
-    result.diagonal().add_(ridge)
-    return result
 
 
 def _ridge(weight: float, lookups: int, unknowns: int) -> float:

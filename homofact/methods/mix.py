@@ -1,7 +1,7 @@
 """A mix: which kinds of textures, their projections, λs and validation error."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from homofact.factor.projection import Projection, Warp
 from homofact.methods.kinds import is_searched, loosened
@@ -43,6 +43,11 @@ EMPTY = Mix((), (), ())
 def is_movable(mix: Mix) -> bool:
     """Whether some projection of the mix has a rotation to search."""
     return any(projection.rotation is not None for projection in mix.projections)
+
+
+def freed(mix: Mix) -> Mix:
+    """The mix with projections that may tell light from viewer; its error is that of before."""
+    return replace(mix, projections=tuple(replace(each, reciprocal=False) for each in mix.projections))
 
 
 def with_all_loose(mix: Mix) -> Mix | None:

@@ -4,7 +4,8 @@ One number of textures after another, up to as many as are asked for:
 
 * Fixed projections, exhaustively. For every warp all fixed candidates are accumulated together on textures of half the
   size; each mix of them is a block of that matrix (`folded.FixedBank`) and is judged there. The better ones are judged
-  again at the search's own size (successive halving by rule, so that neither luck nor the clock has a part in it).
+  again at the search's own size (successive halving by rule, so that neither luck nor the clock has a part in it). With
+  two and three textures they also decide about reciprocity.
 * Searched projections, from there. Starts are the best fixed mixes with their textures loosened (searched from where
   they are fixed), the best mix of one texture less with every other kind beside it, and rotations drawn once for all.
   All of them descend a few steps, the better half some more, and so on; the last few are judged like the fixed ones.
@@ -35,10 +36,11 @@ from homofact.linear.threads import in_parallel
 from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve
 from homofact.methods.folded import FixedBank, Folded
 from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, relatives, takes_warp
-from homofact.methods.mix import EMPTY, FIRST_SMOOTHING, Mix, is_movable, scale_of, with_all_loose
+from homofact.methods.mix import EMPTY, FIRST_SMOOTHING, Mix, freed, is_movable, scale_of, with_all_loose
 from homofact.methods.validation import Partition
 
-FREE_WORTH = 0.9  # reciprocity is given up where that leaves less than this share of the validation error
+FREE_WORTH = 0.95  # reciprocity is given up where that leaves fixed mixes less than this share of their error
+DECIDING = (2, 3)  # textures of the mixes that decide about reciprocity
 ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
 ROTATIONS = 20020801  # seeds the rotations that searches start from
 BEAM = 4  # fixed mixes that the next step goes on from
@@ -68,7 +70,7 @@ class Outcome:
 class StructureSettings:
     """Texels along an axis, reciprocity and bound of every trial; random starts of searched kinds; λ where given.
 
-    With `reciprocal` None trials are reciprocal until the best of them is met better by `FREE_WORTH` when freed.
+    With `reciprocal` None trials are reciprocal until fixed mixes meet the data better by `FREE_WORTH` without.
     """
 
     size: int
@@ -102,6 +104,7 @@ class StructureSearch:
         self._trace: list[tuple[float, int, float]] = []
         self._notes: list[str] = []
         self._banks: dict[Warp | None, FixedBank] = {}
+        self._best_warps: list[Warp | None] = []
 
     def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> Outcome:
         """Choose up to `textures` textures, of the kinds in candidates[j] for texture j (its last entry from there on).
@@ -139,6 +142,8 @@ class StructureSearch:
         for count in range(1, textures + 1):
             until = whole * 0.7 * sum(weights[:count]) / sum(weights)
             judged = self._fixed_mixes(fixed, count, levels)
+            if self._settings.reciprocal is None and self._reciprocal and count in (DECIDING if textures > 1 else (1,)):
+                judged, levels = self._decided(judged, fixed, levels)
             if (searched and count > 1) or not judged:
                 before = levels[-1] if levels else EMPTY
                 starts = self._starts(judged, before, fixed, searched)
@@ -148,37 +153,33 @@ class StructureSearch:
             self._offer(judged[0])
             if self._account.late:
                 return
-        if self._settings.reciprocal is None:
-            self._try_free(judged[:FINALISTS], fixed, levels)
-        for _ in range(EXCHANGES):
+        # Of two textures every fixed pair has been judged, and every kind has been tried beside the best single one.
+        for _ in range(EXCHANGES if textures > 2 or not self._account.over else 0):
             best = self._best
             self._exchange(kinds)
             if not self._best.error < ENOUGH * best.error or self._account.over:
                 break
 
-    def _try_free(self, largest: list[Mix], fixed: tuple[str, ...], levels: list[Mix]) -> None:
-        """The best mixes without reciprocity: given up from here on where it is worth it.
+    def _decided(self, judged: list[Mix], fixed: tuple[str, ...], levels: list[Mix]) -> tuple[list[Mix], list[Mix]]:
+        """(fixed mixes, best mixes of fewer textures) to go on from: without reciprocity where that is worth it.
 
-        The best mix and the `largest` freed, and fixed mixes chosen anew, since reciprocal ones do not show which
-        textures tell light from viewer.
+        Fixed mixes show it as well as searched ones, and before anything has been spent on these. Those without
+        reciprocity are chosen anew: reciprocal ones do not show which textures tell light from viewer.
         """
-        best, banks = self._best, self._banks
+        if not judged:
+            return judged, levels
+        banks, warps = self._banks, self._best_warps
         self._reciprocal, self._banks = False, {}
-        anew = self._fixed_mixes(fixed, len(levels), levels)[:1]
-        freed = [
-            replace(mix, projections=tuple(replace(each, reciprocal=False) for each in mix.projections))
-            for mix in [best, *(mix for mix in largest if mix.kinds != best.kinds)]
-        ] + [with_all_loose(mix) or mix for mix in anew]
-        found = min(self._beside(self._polished, freed), key=lambda mix: mix.error)
-        if found.error < FREE_WORTH * best.error:
-            self._best = found
-            self._notes.append(
-                "not reciprocal: the data are met better without,"
-                f" validation error {found.error:.3g} instead of {best.error:.3g} (--reciprocal to enforce it)"
-            )
-            self._tell(len(found.kinds), found.error)
-        else:
-            self._reciprocal, self._banks = True, banks
+        anew = self._fixed_mixes(fixed, len(levels) + 1, levels, again=True)
+        if not anew[0].error < FREE_WORTH * judged[0].error:
+            self._reciprocal, self._banks, self._best_warps = True, banks, warps
+            return judged, levels
+        self._best = freed(self._best)
+        self._notes.append(
+            f"not reciprocal: {len(levels) + 1} fixed textures meet the data better without,"
+            f" validation error {anew[0].error:.3g} instead of {judged[0].error:.3g} (--reciprocal to enforce it)"
+        )
+        return anew, [freed(mix) for mix in levels]
 
     def _run_pinned(self, kinds: tuple[str, ...]) -> None:
         """Textures of given kinds, one after another; the best of their starts and warps goes on."""
@@ -203,11 +204,14 @@ class StructureSearch:
 
     # Fixed projections.
 
-    def _fixed_mixes(self, fixed: tuple[str, ...], count: int, levels: list[Mix]) -> list[Mix]:
-        """The best mixes of `count` fixed kinds over all warps, judged in full; none where there are too few kinds."""
+    def _fixed_mixes(self, fixed: tuple[str, ...], count: int, levels: list[Mix], again: bool = False) -> list[Mix]:
+        """The best mixes of `count` fixed kinds, judged in full; none where there are too few kinds.
+
+        Over all warps, or `again` and for many textures over the best.
+        """
         warps: list[Warp | None] = [None, *(Warp(width) for width in WARP_WIDTHS)]
-        if count > ALL_WARPS_UP_TO:
-            warps = self._best_warps[: 2 if count == ALL_WARPS_UP_TO + 1 else 1]
+        if count > ALL_WARPS_UP_TO or again:
+            warps = self._best_warps[: 2 if count <= ALL_WARPS_UP_TO + 1 else 1]
         smoothing = scale_of(levels[-1].smoothing) if levels else FIRST_SMOOTHING
         trials: list[tuple[tuple[int, ...], Warp | None]] = []
         for warp in warps:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from problems import CATALOGUE, SINGULAR, Problem, dense_rows, planted
+from problems import CATALOGUE, SINGULAR, Problem, dense, dense_rows, planted
 from torch import Tensor
 
 from homofact.errors import Status
@@ -28,7 +28,7 @@ def dense_minimum(problem: LeastSquares) -> Tensor:
     """Texels (T, C) by the definition: all rows written out, the shortest of the least squares."""
     rows = dense_rows(problem) * problem.weights.sqrt()[:, None]
     ridge = torch.eye(problem.unknowns, dtype=torch.float64) * problem.ridge**0.5
-    stacked = torch.cat((rows, problem.roughness.rows * problem.penalty_scale**0.5, ridge))[:, problem.kept]
+    stacked = torch.cat((rows, dense(problem.roughness.rows) * problem.penalty_scale**0.5, ridge))[:, problem.kept]
     right = torch.zeros(len(stacked), problem.targets.shape[1], dtype=torch.float64)
     right[: len(rows)] = problem.targets * problem.weights.sqrt()[:, None]
     result = torch.zeros(problem.unknowns, right.shape[1], dtype=torch.float64)
@@ -130,9 +130,9 @@ def test_the_gauge_is_the_smallest_texels(solver: str) -> None:
 @EVERY
 def test_the_problem_is_left_alone_and_the_answer_is_the_same_again(solver: str) -> None:
     problem = noisy(planted("twice"))
-    before = [x.clone() for x in (problem.coordinates, problem.targets, problem.weights, problem.roughness.rows)]
+    before = [x.clone() for x in (problem.coordinates, problem.targets, problem.weights, dense(problem.roughness.rows))]
     first, second = solve(problem, solver), solve(replace(problem), solver)
     assert torch.equal(first.texels, second.texels)
     assert (first.status, first.iterations) == (second.status, second.iterations)
-    after = (problem.coordinates, problem.targets, problem.weights, problem.roughness.rows)
+    after = (problem.coordinates, problem.targets, problem.weights, dense(problem.roughness.rows))
     assert all(torch.equal(one, other) for one, other in zip(before, after, strict=True))

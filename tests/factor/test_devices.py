@@ -81,7 +81,7 @@ def test_accumulation_and_laplacian(there: Samples) -> None:
     assert torch.allclose(back(found.rhs), expected.rhs)
     mask = torch.rand(7, 6, generator=torch.Generator().manual_seed(0)) > 0.3
     axes = PROJECTIONS[0].axes
-    assert torch.equal(back(laplacian(moved(mask), axes)), laplacian(mask, axes))
+    assert (laplacian(moved(mask), axes) != laplacian(mask, axes)).nnz == 0
 
 
 def test_the_objective_and_its_gradient(there: Samples) -> None:

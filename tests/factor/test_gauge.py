@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from problems import dense
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
@@ -99,7 +100,7 @@ def test_the_basis_is_the_null_space_of_samples_and_smoothing(name: str) -> None
     basis = null_space(projections, masks)
     numbers, values = stencil_rows(problem.coordinates, problem.lookups)
     design = torch.zeros(len(numbers), problem.unknowns, dtype=torch.float64).scatter_add_(1, numbers, values)
-    null = null_of(torch.cat((design, problem.roughness.rows * 10)))
+    null = null_of(torch.cat((design, dense(problem.roughness.rows) * 10)))
     assert basis.shape[1] == null.shape[1]
     assert torch.allclose(basis.T @ basis, torch.eye(basis.shape[1], dtype=torch.float64), atol=1e-10)
     # The same space, not only the same dimension.
