@@ -230,7 +230,7 @@ class StructureSearch:
 
         looks = self._beside(first_look, trials)
         order = sorted(range(len(trials)), key=lambda place: looks[place])
-        chosen = [trials[place] for place in order[: max(BEAM + 2, len(trials) // 10)]]
+        chosen = [trials[place] for place in order[: max(BEAM + 2, len(trials) // 20)]]
         found = self._beside(lambda trial: self._settled(fixed, trial, smoothing, each=False), chosen)
         order = sorted(range(len(chosen)), key=lambda place: found[place].error)
         if count <= ALL_WARPS_UP_TO:
