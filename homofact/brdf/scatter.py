@@ -40,12 +40,7 @@ def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
     some = samples.subset(MOST_SAMPLES, seed)
     if len(some) < 2 * NEIGHBOURS:
         return None
-    if samples.isotropic:
-        theta_i, theta_o, turn = angles_of_pairs(some.wi, some.wo).unbind(1)
-        # In arc length, so that near the normal an azimuth counts for little.
-        place = torch.stack((theta_i, theta_o, turn * torch.sin((theta_i + theta_o) / 2)), 1).numpy()
-    else:
-        place = torch.cat((some.wi, some.wo), 1).numpy()
+    place = places_of(some).numpy()
     mean = some.values.mean(0).clamp_min(1e-300)
     linear = (some.values / mean).numpy()
     logs = LogTransform(0.01, mean).forward(some.values).numpy()
@@ -58,6 +53,18 @@ def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
     brightness = linear[chosen].mean(1)
     dark = residuals[brightness <= np.quantile(brightness, 0.25), channels:]
     return Scatter(float(relative.max()), float((_NORMAL_MAD * np.median(np.abs(dark), 0)).max()))
+
+
+def places_of(samples: Samples) -> torch.Tensor:
+    """Where pairs of directions stand for a search of neighbours, (N, 3) of an isotropic material, else (N, 6).
+
+    In radians: θi, θo and the arc that |Δφ| is at their mean angle, so that near the normal an azimuth counts for
+    little.
+    """
+    if not samples.isotropic:
+        return torch.cat((samples.wi, samples.wo), 1)
+    theta_i, theta_o, turn = angles_of_pairs(samples.wi, samples.wo).unbind(1)
+    return torch.stack((theta_i, theta_o, turn * torch.sin((theta_i + theta_o) / 2)), 1)
 
 
 def _left_out(place: np.ndarray, values: np.ndarray) -> np.ndarray:

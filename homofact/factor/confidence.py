@@ -1,9 +1,9 @@
 """How far each texel would move were the measurement repeated: a standard deviation from the normal matrix.
 
-The texels are linear in the log samples, y = C H⁻¹ BᵀW f̃, with H = BᵀWB + λ'LᵀL + δI + μZZᵀ and C the gathering of
-constants in the first texture. With independent errors of variance σ²/w in the log samples
+The texels are linear in the log samples, y = H⁻¹ BᵀW f̃, with H = BᵀWB + λ'LᵀL + δI + μZZᵀ; the gauge Z leaves every
+texture but the first without a constant. With independent errors of variance σ²/w in the log samples
 
-    cov y = σ² D G Dᵀ,     D = C H⁻¹,  G = BᵀWB,
+    cov y = σ² H⁻¹ G H⁻¹,     G = BᵀWB,
 
 a channel at a time. σ² is the weighted sum of squared residuals over Σw − tr(H⁻¹G), the residual degrees of freedom.
 What the textures cannot follow counts as noise there, so on clean data the deviation says how much the fit does not
@@ -43,20 +43,6 @@ def with_deviations(samples: LogSamples, terms: tuple[Term, ...], smoothing: Smo
     freedom = float(samples.weights.sum()) - float((inverse * data).sum())
     squares = (samples.weights[:, None] * errors**2).sum(0)
     variance = squares / max(freedom, np.finfo(float).tiny)
-    moved = _centred_rows(inverse, terms, layout.owners(kept.device)[kept])
-    spread = ((moved @ data) * moved).sum(1).clamp_min(0).sqrt()
+    spread = ((inverse @ data) * inverse).sum(1).clamp_min(0).sqrt()
     textures = layout.split(problem.expand(spread[:, None] * variance.sqrt()))
     return tuple(replace(term, deviation=own) for term, own in zip(terms, textures, strict=True))
-
-
-def _centred_rows(inverse: Tensor, terms: tuple[Term, ...], owners: Tensor) -> Tensor:
-    """C H⁻¹: rows of all textures but the first less their mean, which the first takes by the lookups' ratio.
-
-    `owners` (K,) says whose texel each row is.
-    """
-    result = inverse.clone()
-    for j, term in enumerate(terms[1:], 1):
-        mean = inverse[owners == j].mean(0)
-        result[owners == j] -= mean
-        result[owners == 0] += mean * (term.projection.lookups / terms[0].projection.lookups)
-    return result

@@ -1,5 +1,6 @@
 """Scatter: the noise put in comes out, and a smooth BRDF has next to none."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -8,7 +9,7 @@ import torch
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.brdf.scatter import local_scatter
+from homofact.brdf.scatter import local_scatter, places_of
 from homofact.brdf.source import MEASURED_EPSILON, measured_epsilon
 
 
@@ -87,3 +88,12 @@ def test_the_floor_is_that_of_the_darkest_quarter() -> None:
     scatter = local_scatter(some)
     assert scatter is not None
     assert scatter.floor < 0.02
+
+
+@pytest.mark.parametrize("theta", [0.01, 0.3, 1.2])
+def test_an_azimuth_counts_as_the_arc_it_moves_a_direction_by(theta: float) -> None:
+    phi = torch.tensor([1.0, 1.02]).double()
+    wi = torch.tensor([[math.sin(theta), 0.0, math.cos(theta)]]).double().expand(2, 3)
+    wo = torch.stack((phi.cos() * math.sin(theta), phi.sin() * math.sin(theta), wi[:, 2]), 1)
+    places = places_of(Samples.make(wi, wo, torch.ones(2, 1), channels=("Y",), isotropic=True))
+    assert float((places[1] - places[0]).norm()) == pytest.approx(float((wo[1] - wo[0]).norm()), rel=1e-3)

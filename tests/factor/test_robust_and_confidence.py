@@ -11,9 +11,10 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
 from homofact.factor.confidence import with_deviations
-from homofact.factor.factorization import Factorization, Term
+from homofact.factor.factorization import Factorization, Term, layout_of_terms
+from homofact.factor.gauge import gauge_rows
 from homofact.factor.projection import fixed_projection
-from homofact.factor.textures import LogSamples, domain_mask, solve_terms
+from homofact.factor.textures import LogSamples, centred, domain_mask, inner_problem, solve_terms
 from homofact.methods.cole import Cole
 from homofact.methods.mccool import McCool
 from homofact.methods.mccool_fit import fit_mccool
@@ -89,6 +90,35 @@ def test_the_predicted_deviation_is_the_observed_spread() -> None:
         # It tells good texels from bad ones, too.
         assert float(torch.corrcoef(torch.stack((observed[:, 0], expected[:, 0])))[0, 1]) > 0.8
         assert not bool(term.deviation[~term.mask].any())
+
+
+def test_the_deviation_is_that_of_texels_whose_constants_are_gathered_in_the_first() -> None:
+    """σ √diag(C H⁻¹ G H⁻¹ Cᵀ) with C taken from `centred` itself, unit texel by unit texel: the gauge makes it 1."""
+    projections = (fixed_projection("wi", True), fixed_projection("h", True))
+    assert [projection.lookups for projection in projections] == [2, 1]
+    samples = sample_model(material("phong-10").model, 1500, "discs", 0)
+    logs = with_noise(LogSamples.of(samples, LogTransform.of(samples, 1e-2)), 0.1, 3)
+    terms = solve_terms(logs, projections, ((4, 4), (5, 5)), 1e-2, "cholesky").terms
+    masks = tuple(term.mask for term in terms)
+    problem = inner_problem(logs, projections, ((4, 4), (5, 5)), 1e-2, masks)
+    problem = replace(problem, gauge=gauge_rows(projections, masks))
+    kept = problem.kept
+    data = problem.data.matrix[kept][:, kept]
+    inverse = torch.linalg.inv(problem.normal()[0])
+    layout = layout_of_terms(terms)
+
+    def gathered(column: torch.Tensor) -> torch.Tensor:
+        textures = layout.split(problem.expand(column[:, None]))
+        moved = centred(tuple(replace(term, texture=own) for term, own in zip(terms, textures, strict=True)))
+        return layout.join([term.texture for term in moved])[kept, 0]
+
+    turned = torch.stack([gathered(column) for column in inverse.T], 1)
+    freedom = float(logs.weights.sum()) - float((inverse * data).sum())
+    errors = logs.logs - Factorization(terms, _UNIT, samples.channels).evaluate_log(logs.wi, logs.wo)
+    variance = (logs.weights[:, None] * errors**2).sum(0) / freedom
+    expected = (turned @ data @ turned.T).diagonal()[:, None].sqrt() * variance.sqrt()
+    found = layout.join([term.deviation for term in with_deviations(logs, terms, 1e-2) if term.deviation is not None])
+    assert torch.allclose(found[kept], expected, rtol=1e-6)
 
 
 def test_a_fit_leaves_deviations_that_are_saved_and_read_back(tmp_path) -> None:
