@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numba
 import torch
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
@@ -81,8 +82,14 @@ class _Mode(TorchDispatchMode):
 @contextmanager
 def elsewhere() -> Iterator[None]:
     """While it lasts, constructors with `device=DEVICE` make tensors with values."""
-    with _Mode():
-        yield
+    # A mode holds for one thread: other threads would make tensors of nothing.
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        with _Mode():
+            yield
+    finally:
+        numba.set_num_threads(threads)
 
 
 def moved(tensor: Tensor) -> Tensor:

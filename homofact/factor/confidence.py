@@ -16,7 +16,6 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 import torch
-from torch import Tensor
 
 from homofact.factor.factorization import Term, layout_of_terms
 from homofact.factor.gauge import gauge_rows

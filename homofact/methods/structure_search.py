@@ -46,8 +46,9 @@ ROTATIONS = 20020801  # seeds the rotations that searches start from
 BEAM = 4  # fixed mixes that the next step goes on from
 FIRST_LOOK = 0.5  # of the search's texture size: what all fixed mixes are first looked at with
 DESCENTS = 0.625  # of the search's texture size: what a tournament's projections descend with
-FINALISTS = 3  # mixes that are polished and judged in full at the end of a tournament
+FINALISTS = 3  # mixes that are judged in full at the end of a tournament; the best of them is polished
 FIRST_STEPS, LAST_STEPS = 6, 24  # iterations of the first and the last round of descents
+LEAST_PLACES = 6  # starts that descend in a tournament, whatever is left of the account
 LOOKS = 4  # starts that are looked at for every one that may descend
 ASIDE = 1e-3  # of a quaternion's length: how far beside its projections a descent starts
 POLISH = 40  # iterations of the winner's last descent
@@ -312,8 +313,8 @@ class StructureSearch:
     def _tournament(self, starts: list[Mix], until: float) -> list[Mix]:
         """The best few of `starts`, best first: all descend a few steps, the better half some more, and so on.
 
-        As many of the starts take part as can be paid for with `until` units spent in all, at least two; descents are
-        compared with one λ for all.
+        As many of the starts take part as can be paid for with `until` units spent in all, at least `LEAST_PLACES`;
+        descents are compared with one λ for all.
         """
         if not starts:
             return []
@@ -326,7 +327,7 @@ class StructureSearch:
             # A round costs about as much as the one before it, half of the starts with twice the steps; of the rest a
             # third is for looking at more starts than can descend, and a third for judging.
             each = max(self._cost(mix, DESCENTS) for mix in searched) * (1 + FIRST_STEPS)
-            places = max(2, int(spare / (3 * each)))
+            places = max(LEAST_PLACES, int(spare / (3 * each)))
             searched = searched[: LOOKS * places]
             if len(searched) > places:
                 looks = self._beside(lambda mix: self._looked(mix, scale), searched)
@@ -340,10 +341,10 @@ class StructureSearch:
                 break
             searched = searched[: max(2, math.ceil(len(searched) / 2))]
             steps *= 2
-        mixes = self._beside(self._polished, searched[:FINALISTS])
-        mixes += self._beside(lambda mix: self._judge(mix, scale), rest[:BEAM])
-        mixes.sort(key=lambda mix: mix.error)
-        return mixes
+        mixes = self._beside(lambda mix: self._judge(mix, scale), [*searched[:FINALISTS], *rest[:BEAM]])
+        best = min(mixes, key=lambda mix: mix.error)
+        rest = [mix for mix in mixes if mix is not best]
+        return sorted((*self._beside(self._polished, [best]), *rest), key=lambda mix: mix.error)
 
     def _polished(self, mix: Mix) -> tuple[Mix, Account]:
         """The mix with λ texture by texture, after a longer descent with these; judged there."""
