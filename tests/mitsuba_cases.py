@@ -21,7 +21,14 @@ from homofact.geometry.directions import draw_uniform, from_spherical
 from homofact.render import mitsuba_bsdf
 
 RGB = ("R", "G", "B")
-COORDINATES = {"in-out": 4, "half-diff": 4, "isotropic-half-diff": 3, "isotropic-in-out": 3}
+COORDINATES = {
+    "in-out": 4,
+    "half-diff": 4,
+    "isotropic-half-diff": 3,
+    "isotropic-in-out": 3,
+    "isotropic-angles": 3,
+    "isotropic-half-tilt": 3,
+}
 
 
 def variant(name: str, register: bool = True) -> Any:

@@ -40,6 +40,8 @@ CASES = {
     "searched half-diff": factorization(searched("half-diff", 2)),
     "searched isotropic half-diff": factorization(searched("isotropic-half-diff", 3)),
     "searched isotropic in-out": factorization(searched("isotropic-in-out", 4)),
+    "searched isotropic angles": factorization(searched("isotropic-angles", 11)),
+    "searched, warped isotropic half-tilt": factorization(searched("isotropic-half-tilt", 12, Warp(0.03))),
     "searched in-out, not reciprocal": factorization(searched("in-out", 1, reciprocal=False)),
     "warped half-diff": factorization(searched("half-diff", 5, Warp(0.05))),
     "warped isotropic half-diff": factorization(searched("isotropic-half-diff", 6, Warp(0.03))),

@@ -31,11 +31,14 @@ CONVENTIONS = {
         "half-diff": "x = (parabolic h, parabolic d)",
         "isotropic-half-diff": "x = (theta_h, theta_d, phi_d) * 4/pi - 1, in radians; theta_h the angle of h"
         " from the normal, theta_d of wi from h, phi_d = atan2(|h.x wi.y - h.y wi.x|, |wi.z - (h.wi) h.z|)",
+        "isotropic-half-tilt": "x = (theta_h * 4/pi - 1, theta_d * 4/pi - 1, 2 |wi.z - wo.z| - 1), in radians",
         "half-angles": "x = (theta_h * 4/pi - 1, phi_h / pi), in radians; phi_h = atan2(h.y, h.x), 0 where both are",
+        "isotropic-angles": "x = (theta_i, theta_o, theta_d) * 4/pi - 1, in radians",
         "isotropic-in-out": "x = (2 theta_i, 2 theta_o, |phi_i - phi_o| in [0, pi]) * 2/pi - 1, in radians",
     },
     "warp": "where a width w is given, r -> asinh(r/w)/asinh(1/w) before the matrix, with r the length of"
-    " parabolic h (half-diff; its direction is kept) or theta_h/(pi/2) (isotropic-half-diff, half-angles)",
+    " parabolic h (half-diff; its direction is kept) or theta_h/(pi/2) (isotropic-half-diff, isotropic-half-tilt,"
+    " half-angles)",
     "projection": "(u, v) = matrix x in [-1, 1]^2; a conjugate matrix, where there is one, is a second lookup"
     " of the same texture (reciprocity)",
     "texels": "column = (u + 1)/2 (columns - 1), row = (v + 1)/2 (rows - 1), clamped, bilinear between texel"

@@ -36,6 +36,7 @@ _LETTERS = {
 }  # fmt: skip
 _SPACES = {
     "in-out": "ωi, ωo", "half-diff": "h, d", "isotropic-half-diff": "θh, θd, φd", "isotropic-in-out": "θi, θo, Δφ",
+    "isotropic-angles": "θi, θo, θd", "isotropic-half-tilt": "θh, θd, |cosθi − cosθo|", "tilt": "|cosθi − cosθo|",
     "half-angles": "θh, φh",
 }  # fmt: skip
 

@@ -16,7 +16,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.geometry.coordinates import Scales
 
 # The axes that do not change when both directions are turned about the normal.
-_ISOTROPIC = {"theta_i", "theta_o", "theta_h", "theta_d", "phi_d", "delta_phi"}
+_ISOTROPIC = {"theta_i", "theta_o", "theta_h", "theta_d", "phi_d", "delta_phi", "tilt"}
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ With s = ωi + ωo and e = ωi − ωo (so s·e = 0, |s|² + |e|² = 4, h = s/|s
     θd            = atan2(|e|, |s|), half the angle between ωi and ωo
     φd            = atan2(|s.x e.y − s.y e.x|, |e.z| |s|)
     φh            = atan2(s.y, s.x)
+    tilt          = |e.z| = |cosθi − cosθo| = 2 sinθh sinθd cosφd
 
 that of φd from across = (h × ωi).z = (s × e).z/(2|s|) and along = ωi.z − cosθd h.z = e.z/2. For the frame of Kautz and
 McCool, r = norm(t − (t·h)h) and q = |(s.y, s.z)| = |s| |t − (t·h)h|:
@@ -110,6 +111,8 @@ def coordinates_of(used: frozenset[str]) -> Coordinates:
         sides = [{"theta_i": wi, "theta_o": wo}[axis] for axis in arcs]
         sines = call("sqrt", vector(*(call("dot", w.xy, w.xy) for w in sides)))
         axes |= _packed("theta", call("atan2", sines, vector(*(w.z for w in sides))), arcs, statements)
+    if "tilt" in used:
+        axes["tilt"] = call("abs", wi.z - wo.z)
     across = call("abs", wi.x * wo.y - wi.y * wo.x)
     if {"phi_d", "delta_phi"} <= used:
         statements.append(Let("across", across, "|(wi x wo).z|, half of |(s x e).z|"))

@@ -13,6 +13,11 @@ reciprocity (φd ~ φd + π) and left-right symmetry (φd ~ −φd) to [0, π/2]
 reciprocal by itself. Here φd is Rusinkiewicz's, measured in the frame turned with h (so that it does
 not depend on the azimuth), not in the Kautz-McCool frame of half-diff, which is fixed to the tangent.
 
+φd is undefined where h is the normal or ωi and ωo are one, Δφ where one of them is the normal, and what hangs on them
+has a star there. With θh and θd the tilt |cosθi − cosθo| says what φd says, with θi and θo the angle θd what Δφ says,
+and both are continuous on the sphere: isotropic half-tilt, reciprocal by itself like isotropic half-diff, and isotropic
+angles, those between ωi, ωo and the normal.
+
 Half-angles are θh, with the same scale, and φh, the azimuth of h from the tangent, for materials whose highlight knows
 the tangent. φh/π runs once round from −1 to +1, which are one place: a periodic axis. A matrix row may take it as it
 is, but not mixed with another axis, for a mix would jump there; so this system has fixed projections only. Swapping
@@ -34,7 +39,15 @@ from homofact.errors import BadInput
 from homofact.geometry.axes import coordinates_of, stretched
 from homofact.geometry.expression import Expression, Let, variable
 from homofact.geometry.interpret import TORCH, interpret, value_of
-from homofact.geometry.names import HALF_ANGLES, HALF_DIFF, IN_OUT, ISOTROPIC_HALF_DIFF, ISOTROPIC_IN_OUT
+from homofact.geometry.names import (
+    HALF_ANGLES,
+    HALF_DIFF,
+    IN_OUT,
+    ISOTROPIC_ANGLES,
+    ISOTROPIC_HALF_DIFF,
+    ISOTROPIC_HALF_TILT,
+    ISOTROPIC_IN_OUT,
+)
 
 Scales = tuple[tuple[float, float], ...]
 
@@ -112,6 +125,22 @@ COORDINATES = {
             (_ANGLE, _ANGLE, _TURN),
             "box",
             ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
+            True,
+        ),
+        CoordinateSystem(
+            ISOTROPIC_ANGLES,
+            ("theta_i", "theta_o", "theta_d"),
+            (_ANGLE,) * 3,
+            "box",
+            ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
+            True,
+        ),
+        CoordinateSystem(
+            ISOTROPIC_HALF_TILT,
+            ("theta_h", "theta_d", "tilt"),
+            (_ANGLE, _ANGLE, (2.0, -1.0)),
+            "box",
+            ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
             True,
         ),
         CoordinateSystem(

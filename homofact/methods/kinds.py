@@ -3,8 +3,8 @@
 A kind is a fixed projection ("theta_h-theta_d", "h" …) or the name of coordinates without a periodic axis, on which the
 projection is then searched: a mix of axes, which would jump where a periodic one closes. Symmetry first: for an
 isotropic material only coordinates that do not know the azimuth are candidates, since a 4D one would spend its texels
-on learning that turning changes nothing. An anisotropic material may use both: one texture for its lobe, another for
-what does not turn with it.
+on learning that turning changes nothing, and of these only such as are continuous on the sphere. An anisotropic
+material may use both: one texture for its lobe, another for what does not turn with it.
 """
 
 import torch
@@ -19,26 +19,26 @@ from homofact.geometry.rotation import Rotation
 ISOTROPIC_CANDIDATES = (
     "theta_h-theta_d",
     "theta_i-theta_o",
-    "theta_d-phi_d",
-    "theta_h-phi_d",
-    "theta_i-delta_phi",
+    "theta_d-tilt",
+    "theta_h-tilt",
+    "theta_i-theta_d",
     "theta_i",
     "theta_d",
-    "isotropic-half-diff",
-    "isotropic-in-out",
+    "isotropic-half-tilt",
+    "isotropic-angles",
 )
 ANISOTROPIC_CANDIDATES = (
     "h",
     "theta_h-phi_h",
     "theta_h-theta_d",
     "theta_i-theta_o",
-    "theta_i-delta_phi",
+    "theta_i-theta_d",
     "wi",
     "d",
     "half-diff",
-    "isotropic-in-out",
+    "isotropic-angles",
     "in-out",
-    "isotropic-half-diff",
+    "isotropic-half-tilt",
 )
 WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01, 0.003)
 

@@ -31,6 +31,8 @@ def terms():
         (Projection.from_rotation("half-diff", pair, False), (4, 4)),
         (Projection.from_rotation("isotropic-half-diff", single, True, warp=Warp(0.2)), (5, 5)),
         (Projection.from_rotation("isotropic-in-out", single, True), (7, 7)),
+        (Projection.from_rotation("isotropic-half-tilt", single, True, warp=Warp(0.2)), (5, 4)),
+        (Projection.from_rotation("isotropic-angles", single, True), (6, 5)),
         (fixed_projection("h", True), (8, 8)),
         (fixed_projection("theta_d", True), (1, 8)),
     )
@@ -94,6 +96,16 @@ def coordinates(name, wi, wo):
         vector, scale = formula.split(") ")
         found = value_of(vector + ",)", **dict(zip(("theta_h", "theta_d", "phi_d"), angles, strict=True)))
         return value_of("y " + scale, y=np.array(found))
+    if name == "isotropic-half-tilt":
+        (formula,) = words(r"^x = (\(.+\)), in radians", "coordinates", name)
+        lean = "2*" + str(abs(wi[2] - wo[2]))
+        angles = {"theta_h": math.acos(h[2]), "theta_d": math.acos(min(1.0, h @ wi))}
+        return np.array(value_of(formula.replace("2 |wi.z - wo.z|", lean), **angles))
+    if name == "isotropic-angles":
+        (formula,) = words(r"^x = (\(.+?\) .+?), in radians", "coordinates", name)
+        vector, scale = formula.split(") ")
+        angles = {"theta_i": math.acos(wi[2]), "theta_o": math.acos(wo[2]), "theta_d": math.acos(min(1.0, h @ wi))}
+        return value_of("y " + scale, y=np.array(value_of(vector + ",)", **angles)))
     assert name == "isotropic-in-out"
     turn = abs(math.atan2(wi[1], wi[0]) - math.atan2(wo[1], wo[0]))
     turn = min(turn, 2 * math.pi - turn)
@@ -105,7 +117,7 @@ def coordinates(name, wi, wo):
 
 def warped(name, width, x):
     (formula,) = words(r"r -> (.+?) before", "warp")
-    (angle,) = words(r"or (\S+) \(isotropic-half-diff, half-angles\)", "warp")
+    (angle,) = words(r"or (\S+) \(isotropic-half-diff, isotropic-half-tilt, half-angles\)", "warp")
 
     def stretch(r):
         return value_of(formula, r=r, w=width)
@@ -174,7 +186,7 @@ def test_quaternions_scale_and_mask(tmp_path, fitted):
     np.testing.assert_allclose(matrix, rebuilt.matrix.numpy(), atol=1e-6)
     assert pair["left"] == fitted.terms[0].projection.rotation.quaternions[0].tolist()
     assert said["textures"][3]["projection"]["rotation"]["kind"] == "single"
-    assert said["textures"][5]["projection"]["rotation"] is None
+    assert said["textures"][7]["projection"]["rotation"] is None
     assert said["textures"][2]["projection"]["conjugate_matrix"] is None
     scale = np.array(said["textures"][0]["projection"]["scale"])
     rows = matrix / scale[:, None]
@@ -200,7 +212,7 @@ def test_single_channel_is_called_y(tmp_path):
 
 
 def test_bad_input(tmp_path, fitted):
-    with pytest.raises(BadInput, match="files of 1 textures, expected 7"):
+    with pytest.raises(BadInput, match="files of 1 textures, expected 9"):
         manifest(fitted, [{}])
     for bad in ({"x": math.nan}, {"x": torch.ones(1)}):
         with pytest.raises(BadInput, match="not JSON"):

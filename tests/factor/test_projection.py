@@ -46,7 +46,7 @@ def test_the_conjugate_swaps_the_directions(coordinates: str) -> None:
     there, back = projection.place(wi, wo), projection.place(wo, wi)
     assert torch.allclose(there[0], back[-1], atol=1e-9)
     assert torch.allclose(there[-1], back[0], atol=1e-9)
-    assert projection.lookups == (1 if coordinates == "isotropic-half-diff" else 2)
+    assert projection.lookups == (1 if coordinates in ("isotropic-half-diff", "isotropic-half-tilt") else 2)
 
 
 def test_thesis_conjugate_matrices() -> None:

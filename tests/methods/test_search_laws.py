@@ -68,7 +68,7 @@ def test_refinement_at_full_size_lowers_the_training_error() -> None:
     logs = sum(1.5 * torch.cos(5 * uv[:, 0] + 0.5) * torch.sin(4 * uv[:, 1] + 0.3) for uv in planted.place(wi, wo))
     assert isinstance(logs, Tensor)
     samples = samples_of(logs, wi, wo)
-    common = {"textures": 1, "projections": ("isotropic-half-diff",), "restarts": 3, "smoothing": SMOOTHING}
+    common = {"textures": 1, "projections": ("isotropic-half-tilt",), "restarts": 3, "smoothing": SMOOTHING}
     fine = fit(samples, size=16, search_size=5, search_samples=300, **common)
     coarse = fit(samples, size=5, search_size=5, search_samples=300, **common)
     observed = LogSamples.of(samples, coarse.factorization.transform)
