@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     "evaluate",
     "fit",
     "seed",
-    but=("source.path", "source.subset", "fit.method", "fit.textures", "fit.size", "fit.search"),
+    but=("source.path", "source.subset", "fit.method", "fit.textures", "fit.size", "fit.bytes", "fit.search"),
 )
 def chart(
     settings: "Config",

@@ -7,7 +7,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from homofact.evaluate.wording import figure
+from homofact.evaluate.wording import figure, shapes
 
 METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")
 
@@ -67,7 +67,7 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
         seconds = record["seconds"]
         table.add_row(
             Text(label),
-            f"{record['textures']} × {record['size']}²",
+            shapes(record["shapes"]),
             *(str(record[name]) for name in ("bytes", "fetches")),
             f"{record['evaluations']:.0f}",
             f"{seconds['fit']:.3g}",

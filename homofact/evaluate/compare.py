@@ -45,6 +45,11 @@ class Row:
     verdict: Verdict
     appearance: Appearance | None = None
 
+    @property
+    def spends_bytes(self) -> bool:
+        """Whether the sizes of its textures were found, not given."""
+        return getattr(self.settings, "bytes", None) is not None
+
     def record(self) -> dict[str, Any]:
         """The JSON form of the row (times in seconds, sizes in bytes as float32 texels).
 
@@ -54,7 +59,8 @@ class Row:
             "source": self.source,
             "method": self.settings.name,
             "textures": len(self.factorization.terms),
-            "size": self.settings.size,
+            "size": None if self.spends_bytes else self.settings.size,
+            "shapes": [list(texture.size) for texture in self.factorization.textures],
             "bytes": self.factorization.nbytes,
             "fetches": self.factorization.fetches,
             "samples": self.samples,

@@ -28,6 +28,8 @@ _UNIT = 7e-3  # of `methods.effort`
 def fit_seconds(settings: Method, samples: int) -> float:
     """Modelled seconds of a fit to `samples` samples, azimuth copies included, with its errors and verdict."""
     size, textures = settings.size, textures_of(settings)
+    if isinstance(settings, Search) and settings.bytes is not None:
+        size = math.isqrt(max(settings.bytes // (12 * textures), 1))
     after = _ALWAYS + _SAMPLE_MEASURED * samples
     if settings.name == "svd":
         return after + 0.9 * (size / 16) ** 3.3

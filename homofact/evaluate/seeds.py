@@ -85,6 +85,7 @@ class SeedRows:
         }
         return own | {
             **{name: max(record[name] for record in records) for name in ("textures", "bytes", "fetches")},
+            "shapes": max(records, key=lambda record: record["bytes"])["shapes"],
             "status": ", ".join(dict.fromkeys(str(record["status"]) for record in records)),
             "evaluations": self.evaluations.mean,
             "seconds": own["seconds"] | {name: each.mean for name, each in self.seconds.items()},

@@ -1,5 +1,18 @@
 """How numbers are written for people, in tables, captions and pages alike."""
 
+from collections.abc import Sequence
+
+
+def shapes(sizes: Sequence[Sequence[int]]) -> str:
+    """Textures by their (rows, columns): "2 × 16²", or rows × columns of each where they differ.
+
+    One of a single row counts as a square one of its length.
+    """
+    sides = {max(size) for size in sizes if min(size) in (1, max(size))}
+    if len(sides) == 1 and all(min(size) in (1, max(size)) for size in sizes):
+        return f"{len(sizes)} × {sides.pop()}²"
+    return " + ".join(f"{rows}×{columns}" for rows, columns in sizes)
+
 
 def figure(value: float | None) -> str:
     """Three significant digits in at most eight characters."""

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from homofact.evaluate.compare import Row
 from homofact.evaluate.seeds import SeedRows
+from homofact.evaluate.wording import shapes
 from homofact.figures.log_axis import log_x
 from homofact.files.atomic import replace_file
 
@@ -67,6 +68,5 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row | SeedRows]) -> N
 
 
 def _name(several: SeedRows) -> str:
-    counts = [len(row.factorization.terms) for row in several.rows]
-    textures = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)}–{max(counts)}"
-    return f"{several.first.settings.name}, {textures} × {several.first.settings.size}²"
+    found = dict.fromkeys(shapes([texture.size for texture in row.factorization.textures]) for row in several.rows)
+    return f"{several.first.settings.name}, {' or '.join(found)}"

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 OBJECTIVES = ("both", "log", "energy")
 VALIDATIONS = ("rings", "random")
+MOST_TEXTURES = 3  # that a number of bytes is spent on, unless `textures` is more
 EFFORTS = ("quick", "normal", "thorough")
 
 
@@ -34,7 +35,8 @@ class Search:
     rings of θ: by left-out "rings", or at "random", which rewards the faults of each ring. `effort` is how much is
     searched, by name or as a number of equivalent inner evaluations, `budget` a guard in seconds. `reciprocal` None
     gives reciprocity up where the data are clearly better met without. `objective` says
-    what is made small: squared logs ("log", the thesis's error), the divergence of flux ("energy"), or both.
+    what is made small: squared logs ("log", the thesis's error), the divergence of flux ("energy"), or both. `bytes`
+    stands instead of `size`: textures are as large as fit, their shapes chosen by cross-validation.
     """
 
     name: ClassVar[str] = "search"
@@ -45,6 +47,12 @@ class Search:
     projections: tuple[str, ...] | None = option(
         None, "What textures are indexed by, one name for all or one each, joined by +", choices=KINDS, separators="+,",
         none="found from the data", metavar="A+B",
+    )  # fmt: skip
+    bytes: int | None = option(
+        None,
+        "Bytes of all textures as float32, instead of --size: how many textures (up to 3 or --textures) and their rows"
+        " and columns are found from the data",
+        above=0, none="by --textures and --size",
     )  # fmt: skip
     reciprocal: bool | None = option(None, "Enforce f(wi, wo) = f(wo, wi)", none="decided by the data")
     solver: str = shared.solver()
@@ -83,6 +91,13 @@ class Search:
             raise BadInput(
                 f"projections: found {len(self.projections)} for {self.textures} textures, expected one, or one each"
             )
+        if self.bytes is not None and self.projections is not None:
+            raise BadInput("bytes: found it beside projections, expected one of them: the search chooses the mix")
+
+    @property
+    def most_textures(self) -> int:
+        """How many textures at most: `textures`, or of so many bytes at least three."""
+        return self.textures if self.bytes is None else max(self.textures, MOST_TEXTURES)
 
     def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
         """Factor `samples`, the training samples as measured. Raises BadInput where they are too few."""

@@ -27,6 +27,7 @@ from homofact.factor.search.minimize import minimize
 from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.textures import LogSamples, Solved, residual, solve_terms, texture_shape
+from homofact.linear.layout import Shape
 from homofact.linear.threads import one_thread
 from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve, units
 from homofact.methods.fitting import (
@@ -42,6 +43,7 @@ from homofact.methods.folded import Folded
 from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, is_isotropic, is_searched
 from homofact.methods.mix import Mix
 from homofact.methods.search import Search
+from homofact.methods.shapes import SmoothingFor, best_within, texels_in
 from homofact.methods.structure_search import Outcome, StructureSearch, StructureSettings, rounded
 from homofact.methods.validation import BEYOND, Partition, partitions_of
 
@@ -79,7 +81,9 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     """
     began = time.perf_counter()
     deadline = math.inf if settings.budget is None else began + settings.budget
-    granted = units(settings.effort, settings.textures)
+    textures = settings.most_textures
+    granted = units(settings.effort, textures)
+    texels = None if settings.bytes is None else texels_in(settings.bytes, samples.values.shape[1])
     if len(samples) < 2 * FOLDS:
         raise BadInput(f"samples: found {len(samples)}, expected at least {2 * FOLDS} for a searched fit")
     candidates = candidates_of(samples, settings)
@@ -97,10 +101,13 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
 
     def tell(term: int, evaluations: int, best: float) -> None:
         if progress is not None:
-            progress(Progress(term, settings.textures, 1, 1, evaluations, best))
+            progress(Progress(term, textures, 1, 1, evaluations, best))
 
+    coarse_side = coarse_size(settings)
+    if texels is not None:
+        coarse_side = min(settings.search_size or texels, max(2, math.isqrt(texels // 2)))
     choices = StructureSettings(
-        coarse_size(settings),
+        coarse_side,
         settings.reciprocal,
         settings.bound,
         settings.restarts,
@@ -109,13 +116,22 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
         settings.seed,
     )
     account = Account(granted, deadline)
-    outcome = StructureSearch(coarse, coarse_partitions, choices, account, tell).run(settings.textures, candidates)
+    outcome = StructureSearch(coarse, coarse_partitions, choices, account, tell).run(textures, candidates)
+    # More samples bear less smoothing.
+    fewer = min(1.0, settings.search_samples / len(judged.logs)) if settings.search_samples > 0 else 1.0
+    smoothing_for = SmoothingFor(coarse_side, fewer, settings.smoothing)
     fine = Account(FINE_SHARE * granted, deadline)
-    outcome, smoothing = _finish(outcome, judged, partitions, settings, search, fine)
-    solved, terms, light = _solved(data, beyond, transform, outcome.mix, smoothing, settings)
+    if texels is None:
+        shapes = tuple(texture_shape(projection, settings.size) for projection in outcome.mix.projections)
+    else:
+        spent = best_within(texels, outcome.levels, judged, partitions, smoothing_for, Account(granted, deadline))
+        outcome, shapes = replace(outcome, mix=spent.mix), spent.shapes
+    outcome, smoothing = _finish(outcome, judged, partitions, settings, search, fine, shapes, smoothing_for)
+    solved, terms, light = _solved(data, beyond, transform, outcome.mix, smoothing, settings, shapes)
     made = provenance_of(samples, settings) | {
         "smoothing": list(smoothing),
         "kinds": list(outcome.mix.kinds),
+        "shapes": [list(shape) for shape in shapes],
         "validation_error": outcome.mix.error,
         "effort": {"granted": granted, "search": account.spent, "fine": fine.spent},
         "reproducible": outcome.status not in (Status.GUARD, Status.INTERRUPTED),
@@ -189,10 +205,15 @@ class Data:
 
 
 def _solved(
-    data: Data, beyond: Beyond, transform: LogTransform, mix: Mix, smoothing: tuple[float, ...], settings: Search
+    data: Data,
+    beyond: Beyond,
+    transform: LogTransform,
+    mix: Mix,
+    smoothing: tuple[float, ...],
+    settings: Search,
+    shapes: tuple[Shape, ...],
 ) -> tuple[Solved, tuple[Term, ...], dict[str, float] | None]:
     """(the linear solve, the terms, how the light was kept): solved again where they exceed what is known beyond."""
-    shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
     attempt = 0
     while True:
         solved = solve_terms(data.judged, mix.projections, shapes, smoothing, settings.solver, settings.robust)
@@ -213,6 +234,8 @@ def _finish(
     settings: Search,
     search: Minimizer,
     account: Account,
+    shapes: tuple[Shape, ...],
+    smoothing_for: SmoothingFor,
 ) -> tuple[Outcome, tuple[float, ...]]:
     """Searched projections refined on all samples, then λ at full size; as much of both as `account` grants.
 
@@ -222,21 +245,15 @@ def _finish(
     mix = outcome.mix
     if outcome.status in (Status.INTERRUPTED, Status.GUARD):
         return outcome, mix.smoothing
-    coarse = coarse_size(settings)
-    # More samples bear less smoothing.
-    fewer = min(1.0, settings.search_samples / len(full.logs)) if settings.search_samples > 0 else 1.0
-    carried = carried_smoothing(mix.smoothing, coarse, settings.size)
-    smoothing = carried if settings.smoothing is not None else tuple(fewer * value for value in carried)
+    smoothing = smoothing_for(mix, shapes)
     if any(map(is_searched, mix.kinds)):
-        steps, size = 0, settings.size
-        for size in (settings.size, coarse):
-            cost = _cost(full, mix, size)
-            steps = int(0.5 * account.left / cost)
-            if steps >= FINE_STEPS:
-                break
-        shapes = tuple(texture_shape(projection, size) for projection in mix.projections)
-        own = smoothing if size == settings.size else mix.smoothing
-        objective = Objective(full, mix.projections, shapes, own, settings.bound)
+        coarse = tuple(texture_shape(projection, smoothing_for.coarse) for projection in mix.projections)
+        cost = _cost(full, mix, shapes)
+        steps, own, used = int(0.5 * account.left / cost), smoothing, shapes
+        if steps < FINE_STEPS:
+            cost = _cost(full, mix, coarse)
+            steps, own, used = int(0.5 * account.left / cost), mix.smoothing, coarse
+        objective = Objective(full, mix.projections, used, own, settings.bound)
         left = max(account.deadline - time.perf_counter(), 1e-3)
         limited = search.limited(min(max(steps, 1), MOST_FINE_STEPS))
         vector, report = minimize(limited, objective, objective.start(), seconds=left, seed=settings.seed)
@@ -246,13 +263,12 @@ def _finish(
             notes = ("interrupted while refining",) if report.status is Status.INTERRUPTED else ()
             return replace(outcome, mix=mix, status=report.status, notes=(*outcome.notes, *notes)), smoothing
     if settings.smoothing is None:
-        shapes = tuple(texture_shape(projection, settings.size) for projection in mix.projections)
         texels = sum(rows * columns for rows, columns in shapes)
         # Every λ is asked about at least twice: with all folds where that can be paid for, else with one.
         solves = 2 * len(smoothing) * sum(int(partition.folds.max()) + 1 for partition in partitions)
         folds = None if solves * cost_of_solve(texels) < account.left else 1
         folded = Folded.of(full, partitions, mix.projections, shapes, folds)
-        account.spend(_cost(full, mix, settings.size))
+        account.spend(_cost(full, mix, shapes))
         smoothing, error = folded.best_smoothing(smoothing, account, 1)
         if folds is None:
             smoothing, error = folded.best_each(smoothing, account, 1)
@@ -261,16 +277,7 @@ def _finish(
     return replace(outcome, mix=mix, status=status, evaluations=outcome.evaluations + account.evaluations), smoothing
 
 
-def _cost(samples: LogSamples, mix: Mix, size: int) -> float:
-    """Units of one evaluation of a mix on these samples with textures of this size."""
-    texels = sum(rows * columns for rows, columns in (texture_shape(each, size) for each in mix.projections))
+def _cost(samples: LogSamples, mix: Mix, shapes: tuple[Shape, ...]) -> float:
+    """Units of one evaluation of a mix on these samples with textures of these shapes."""
+    texels = sum(rows * columns for rows, columns in shapes)
     return cost_of_evaluation(len(samples.logs), sum(projection.lookups for projection in mix.projections), texels)
-
-
-def carried_smoothing(smoothing: tuple[float, ...], coarse: int, fine: int) -> tuple[float, ...]:
-    """λs found on textures of one size, for another.
-
-    Second differences of a smooth function fall with the square of the texels' distance h, and λ is weighed by samples
-    a texel: λ Σw h² Σ (h² y″)² is the same penalty on the function where λ h⁴ is the same.
-    """
-    return tuple(value * (fine / coarse) ** 4 for value in smoothing)

@@ -58,13 +58,17 @@ ALL_WARPS_UP_TO = 2  # textures: mixes of one more are looked at with the two be
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a search found, how it ended, and what it cost; `notes` are for the user."""
+    """What a search found, how it ended, and what it cost; `notes` are for the user.
+
+    `levels` are the best mixes of one texture, of two, and so on, with that of the best's number last exchanged.
+    """
 
     mix: Mix
     status: Status
     evaluations: int
     trace: tuple[tuple[float, int, float], ...]
     notes: tuple[str, ...]
+    levels: tuple[Mix, ...]
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,7 @@ class StructureSearch:
         self._notes: list[str] = []
         self._banks: dict[Warp | None, FixedBank] = {}
         self._best_warps: list[Warp | None] = []
+        self._levels: list[Mix] = []
 
     def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> Outcome:
         """Choose up to `textures` textures, of the kinds in candidates[j] for texture j (its last entry from there on).
@@ -130,27 +135,27 @@ class StructureSearch:
             notes.append(f"interrupted: the best mix so far has {len(self._best.kinds)} of {textures} textures")
         if self._account.late and status is Status.CONVERGED:
             status = Status.GUARD
-        return Outcome(self._best, status, self._account.evaluations, tuple(self._trace), tuple(notes))
+        levels = tuple(self._best if len(each.kinds) == len(self._best.kinds) else each for each in self._levels)
+        return Outcome(self._best, status, self._account.evaluations, tuple(self._trace), tuple(notes), levels)
 
     def _run_free(self, textures: int, kinds: tuple[str, ...]) -> None:
         fixed = tuple(kind for kind in kinds if not is_searched(kind))
         searched = tuple(kind for kind in kinds if is_searched(kind))
-        levels: list[Mix] = []
         judged: list[Mix] = []
         whole = self._account.left
         # A system's cost grows with the cube of its texels: later textures get more of the account.
         weights = [(count + 1) ** 2 for count in range(textures)]
         for count in range(1, textures + 1):
             until = whole * 0.7 * sum(weights[:count]) / sum(weights)
-            judged = self._fixed_mixes(fixed, count, levels)
+            judged = self._fixed_mixes(fixed, count)
             if self._settings.reciprocal is None and self._reciprocal and count in (DECIDING if textures > 1 else (1,)):
-                judged, levels = self._decided(judged, fixed, levels)
+                judged = self._decided(judged, fixed)
             if (searched and count > 1) or not judged:
-                before = levels[-1] if levels else EMPTY
+                before = self._levels[-1] if self._levels else EMPTY
                 starts = self._starts(judged, before, fixed, searched)
                 judged += self._tournament(starts, until)
             judged.sort(key=lambda mix: mix.error)
-            levels.append(judged[0])
+            self._levels.append(judged[0])
             self._offer(judged[0])
             if self._account.late:
                 return
@@ -161,26 +166,28 @@ class StructureSearch:
             if not self._best.error < ENOUGH * best.error or self._account.over:
                 break
 
-    def _decided(self, judged: list[Mix], fixed: tuple[str, ...], levels: list[Mix]) -> tuple[list[Mix], list[Mix]]:
-        """(fixed mixes, best mixes of fewer textures) to go on from: without reciprocity where that is worth it.
+    def _decided(self, judged: list[Mix], fixed: tuple[str, ...]) -> list[Mix]:
+        """The fixed mixes to go on from: without reciprocity where that is worth it.
 
         Fixed mixes show it as well as searched ones, and before anything has been spent on these. Those without
         reciprocity are chosen anew: reciprocal ones do not show which textures tell light from viewer.
         """
         if not judged:
-            return judged, levels
+            return judged
         banks, warps = self._banks, self._best_warps
         self._reciprocal, self._banks = False, {}
-        anew = self._fixed_mixes(fixed, len(levels) + 1, levels, again=True)
+        count = len(self._levels) + 1
+        anew = self._fixed_mixes(fixed, count, again=True)
         if not anew[0].error < FREE_WORTH * judged[0].error:
             self._reciprocal, self._banks, self._best_warps = True, banks, warps
-            return judged, levels
+            return judged
         self._best = freed(self._best)
         self._notes.append(
-            f"not reciprocal: {len(levels) + 1} fixed textures meet the data better without,"
+            f"not reciprocal: {count} fixed textures meet the data better without,"
             f" validation error {anew[0].error:.3g} instead of {judged[0].error:.3g} (--reciprocal to enforce it)"
         )
-        return anew, [freed(mix) for mix in levels]
+        self._levels = [freed(mix) for mix in self._levels]
+        return anew
 
     def _run_pinned(self, kinds: tuple[str, ...]) -> None:
         """Textures of given kinds, one after another; the best of their starts and warps goes on."""
@@ -205,7 +212,7 @@ class StructureSearch:
 
     # Fixed projections.
 
-    def _fixed_mixes(self, fixed: tuple[str, ...], count: int, levels: list[Mix], again: bool = False) -> list[Mix]:
+    def _fixed_mixes(self, fixed: tuple[str, ...], count: int, again: bool = False) -> list[Mix]:
         """The best mixes of `count` fixed kinds, judged in full; none where there are too few kinds.
 
         Over all warps, or `again` and for many textures over the best.
@@ -213,7 +220,7 @@ class StructureSearch:
         warps: list[Warp | None] = [None, *(Warp(width) for width in WARP_WIDTHS)]
         if count > ALL_WARPS_UP_TO or again:
             warps = self._best_warps[: 2 if count <= ALL_WARPS_UP_TO + 1 else 1]
-        smoothing = scale_of(levels[-1].smoothing) if levels else FIRST_SMOOTHING
+        smoothing = scale_of(self._levels[-1].smoothing) if self._levels else FIRST_SMOOTHING
         trials: list[tuple[tuple[int, ...], Warp | None]] = []
         for warp in warps:
             for chosen in combinations(range(len(fixed)), count):

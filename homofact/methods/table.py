@@ -72,6 +72,8 @@ def textures_of(method: "Method") -> int:
     """How many textures, or terms, a method is asked for."""
     if isinstance(method, McCool):
         return len(method.projections)
+    if isinstance(method, Search):
+        return method.most_textures
     return getattr(method, "textures")  # noqa: B009 (no protocol has it)
 
 

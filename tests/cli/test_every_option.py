@@ -200,7 +200,7 @@ def test_the_help_has_every_option_of_the_methods_with_whose_it_is_and_its_defau
     for command in ("factorize", "compare", "chart"):
         own = {each.name: each.help for each in get_command(app).commands[command].params}  # type: ignore[attr-defined]
         for name, by_method in fit_options().items():
-            if command == "chart" and name in ("textures", "size", "search"):
+            if command == "chart" and name in ("textures", "size", "bytes", "search"):
                 continue
             said = own[f"fit_{name}"]
             whose = "all methods" if len(by_method) == len(METHODS) else next(iter(by_method))

@@ -299,7 +299,7 @@ def test_a_record_has_what_a_comparison_has(source: Source, tmp_path: Path) -> N
     row = run_chart(source, runs, Ledger(tmp_path / "a.csv"))[0]
     theirs = fit_and_measure(source, runs[0].settings).record()
     mine = row.record()
-    assert set(theirs) - set(mine) == {"mean", "split", "subset", "verdict"}
+    assert set(theirs) - set(mine) == {"mean", "shapes", "split", "subset", "verdict"}
     assert set(mine["seconds"]) == set(theirs["seconds"])
     assert mine["error"] == theirs["error"]
     assert (mine["method"], mine["search"], mine["held_out_part"]) == ("search", "gradient", 0.2)

@@ -1,0 +1,178 @@
+"""How many textures, and texels along each of their axes, a number of bytes is best spent on.
+
+A search of mixes gives the best mix of one texture, of two, and so on. Each of them is given textures that share the
+texels evenly, and is judged at that size by cross-validation; one more texture has to earn its fetch. Then, texture by
+texture, the texels are laid out longer along one axis than along the other, and more of them are given to one texture
+than to the rest, as long as the left-out error falls.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from homofact.errors import BadInput
+from homofact.factor.projection import Projection
+from homofact.factor.textures import LogSamples
+from homofact.linear.layout import Axis, Shape
+from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve
+from homofact.methods.folded import Folded
+from homofact.methods.mix import Mix
+from homofact.methods.validation import Partition
+
+WORTH_A_FETCH = 0.97  # one more texture is taken where it leaves less than this share of the error
+WORTH_A_MOVE = 0.995  # and another layout where it leaves less than this
+ASPECTS = (2.0, 0.5)  # columns over rows, times this at a move
+SHARES = (1.5,)  # a texture's share of the texels, times this
+_LEAST, _STRETCH = 2, 16.0
+
+
+def texels_in(nbytes: int, channels: int) -> int:
+    """Texels of float32 that fit into so many bytes. Raises BadInput for fewer than a 2 × 2 texture's."""
+    texels = nbytes // (4 * channels)
+    if texels < _LEAST**2:
+        raise BadInput(
+            f"bytes: found {nbytes}, expected at least {16 * channels}: a 2 × 2 texture of {channels} channels"
+        )
+    return texels
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Shares of the texels and columns over rows, one number a texture each."""
+
+    shares: tuple[float, ...]
+    aspects: tuple[float, ...]
+
+    @classmethod
+    def even(cls, count: int) -> "Layout":
+        """Square textures of one size."""
+        return cls((1.0,) * count, (1.0,) * count)
+
+    def shapes(self, projections: tuple[Projection, ...], texels: int) -> tuple[Shape, ...]:
+        """(rows, columns) of each texture: the largest that together read no more than `texels`.
+
+        A texture of one row is as long as a square one of its share would be wide; the line that a periodic axis
+        repeats is counted.
+        """
+        low, high = 0.0, float(texels) ** 2
+        for _ in range(80):
+            middle = (low + high) / 2
+            shapes = self._scaled(projections, middle)
+            low, high = (middle, high) if stored(projections, shapes) <= texels else (low, middle)
+        return self._scaled(projections, low)
+
+    def moved(self) -> Iterator["Layout"]:
+        """The layouts a step away from this one, texture by texture."""
+        for j in range(len(self.shares)):
+            for factor in ASPECTS:
+                aspect = self.aspects[j] * factor
+                if 1 / _STRETCH <= aspect <= _STRETCH:
+                    yield replace(self, aspects=(*self.aspects[:j], aspect, *self.aspects[j + 1 :]))
+            for factor in SHARES if len(self.shares) > 1 else ():
+                yield replace(self, shares=(*self.shares[:j], self.shares[j] * factor, *self.shares[j + 1 :]))
+
+    def _scaled(self, projections: tuple[Projection, ...], unit: float) -> tuple[Shape, ...]:
+        whole = sum(self.shares)
+        found = []
+        for projection, share, aspect in zip(projections, self.shares, self.aspects, strict=True):
+            side = math.sqrt(unit * share / whole)
+            columns = max(_LEAST, int(side * math.sqrt(aspect) + 1e-9))
+            flat = bool((projection.matrix[1] == 0).all())
+            found.append((1, max(_LEAST, int(side))) if flat else (max(_LEAST, int(side / math.sqrt(aspect))), columns))
+        return tuple(found)
+
+
+def stored(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> int:
+    """Texels that textures of these shapes are stored with: a periodic axis repeats a line."""
+    total = 0
+    for projection, (rows, columns) in zip(projections, shapes, strict=True):
+        across, along = (int(axis is Axis.PERIODIC) for axis in projection.axes)
+        total += (rows + across) * (columns + along)
+    return total
+
+
+class SmoothingFor:
+    """λ of a mix on textures of other shapes than it was found with, and on more samples."""
+
+    def __init__(self, coarse: int, fewer: float, given: float | None) -> None:
+        """λ was found, unless it was `given`, on textures of `coarse`² and a share `fewer` of the samples."""
+        self.coarse, self._fewer, self._given = coarse, fewer, given
+
+    def __call__(self, mix: Mix, shapes: tuple[Shape, ...]) -> tuple[float, ...]:
+        """Second differences of a smooth function fall with the square of the texels' distance h.
+
+        λ is weighed by samples a texel: λ Σw h² Σ (h² y″)² is the same penalty on the function where λ h⁴ is the same.
+        """
+        fewer = self._fewer if self._given is None else 1.0
+        return tuple(
+            fewer * value * (side_of(shape) / self.coarse) ** 4
+            for value, shape in zip(mix.smoothing, shapes, strict=True)
+        )
+
+
+def side_of(shape: Shape) -> float:
+    """The side of a square texture with as many texels, or the length of one with a single row."""
+    rows, columns = shape
+    return float(columns) if rows == 1 else math.sqrt(rows * columns)
+
+
+@dataclass(frozen=True)
+class Spent:
+    """What a number of bytes was spent on: a mix, its shapes, and the left-out error by number of textures."""
+
+    mix: Mix
+    shapes: tuple[Shape, ...]
+    errors: tuple[float, ...]
+
+
+def best_within(
+    texels: int,
+    mixes: tuple[Mix, ...],
+    samples: LogSamples,
+    partitions: tuple[Partition, ...],
+    smoothing_for: SmoothingFor,
+    account: Account,
+) -> Spent:
+    """The mix and the shapes that leave the least error on one left-out fold of each partition.
+
+    `mixes` have one texture, two, and so on. No layout is tried once the account is spent. Raises BadInput where not
+    even a 2 × 2 texture for each texture of the smallest mix fits.
+    """
+    found: list[tuple[float, Mix, Layout]] = []
+    for mix in mixes:
+        layout = Layout.even(len(mix.kinds))
+        if stored(mix.projections, layout.shapes(mix.projections, texels)) <= texels:
+            error = _judged(mix, layout.shapes(mix.projections, texels), samples, partitions, smoothing_for, account)
+            found.append((error, mix, layout))
+    if not found:
+        raise BadInput(f"bytes: found {texels} texels, expected enough for a texture of 2 × 2 each")
+    lowest, mix, layout = found[0]
+    for error, more, even in found[1:]:
+        if error < WORTH_A_FETCH * lowest:
+            lowest, mix, layout = error, more, even
+    improved = True
+    while improved and not account.over:
+        improved = False
+        for trial in layout.moved():
+            shapes = trial.shapes(mix.projections, texels)
+            if account.over or stored(mix.projections, shapes) > texels:
+                continue
+            error = _judged(mix, shapes, samples, partitions, smoothing_for, account)
+            if error < WORTH_A_MOVE * lowest:
+                lowest, layout, improved = error, trial, True
+    return Spent(mix, layout.shapes(mix.projections, texels), tuple(error for error, _, _ in found))
+
+
+def _judged(
+    mix: Mix,
+    shapes: tuple[Shape, ...],
+    samples: LogSamples,
+    partitions: tuple[Partition, ...],
+    smoothing_for: SmoothingFor,
+    account: Account,
+) -> float:
+    folded = Folded.of(samples, partitions, mix.projections, shapes, 1)
+    lookups = sum(projection.lookups for projection in mix.projections)
+    account.spend(cost_of_evaluation(len(samples.logs), lookups, folded.unknowns))
+    account.spend(folded.solves(1) * cost_of_solve(folded.unknowns))
+    return folded.error(smoothing_for(mix, shapes), 1)

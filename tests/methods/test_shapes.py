@@ -1,0 +1,108 @@
+"""A byte budget: never more than it, spent where it lowers the left-out error, and bad ones refused."""
+
+import math
+from typing import Any
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import Tensor
+
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import draw_in_discs
+from homofact.cli.main import main
+from homofact.errors import BadInput
+from homofact.evaluate.metrics import measure
+from homofact.evaluate.wording import shapes as words
+from homofact.factor.projection import fixed_projection
+from homofact.methods.search import Search
+from homofact.methods.search_fit import fit_search
+from homofact.methods.shapes import Layout, stored, texels_in
+
+FAST: dict[str, Any] = {"effort": 40.0, "epsilon": 1e-3}
+NAMES = ("theta_h-theta_d", "theta_h", "theta_h-phi_h", "theta_i-theta_o")
+
+
+def drawn(function, count: int = 4000, seed: int = 0) -> Samples:
+    wi, wo = draw_in_discs(count, torch.Generator().manual_seed(seed))
+    return Samples.make(wi, wo, function(wi, wo), channels=("Y",), isotropic=True)
+
+
+def along_one_angle(wi: Tensor, wo: Tensor) -> Tensor:
+    """Much happens along θh, next to nothing along θd."""
+    h = wi + wo
+    h = h / h.norm(dim=1, keepdim=True)
+    theta = torch.acos(h[:, 2:].clamp(-1, 1))
+    return torch.exp(torch.sin(9 * theta) + 0.1 * (h * wi).sum(1, keepdim=True))
+
+
+@given(
+    texels=st.integers(60, 5000),
+    shares=st.lists(st.floats(0.5, 4), min_size=4, max_size=4),
+    aspects=st.lists(st.floats(1 / 16, 16), min_size=4, max_size=4),
+    names=st.lists(st.sampled_from(NAMES), min_size=1, max_size=4),
+)
+def test_no_layout_stores_more_than_it_may_and_none_wastes_a_line_of_every_texture(
+    texels: int, shares: list[float], aspects: list[float], names: list[str]
+) -> None:
+    projections = tuple(fixed_projection(name, True) for name in names)
+    shapes = Layout(tuple(shares[: len(names)]), tuple(aspects[: len(names)])).shapes(projections, texels)
+    smallest = all(min(shape) <= 2 for shape in shapes)
+    assert stored(projections, shapes) <= texels or smallest
+    grown = tuple((rows + (rows > 1), columns + 1) for rows, columns in shapes)
+    assert stored(projections, grown) > texels
+
+
+def test_a_layout_keeps_its_aspect_and_its_shares() -> None:
+    projections = tuple(fixed_projection(name, True) for name in ("theta_h-theta_d", "theta_i-theta_o"))
+    assert Layout.even(2).shapes(projections, 512) == ((16, 16), (16, 16))
+    assert Layout((1.0, 1.0), (4.0, 0.25)).shapes(projections, 512) == ((8, 32), (32, 8))
+    assert Layout((3.0, 1.0), (1.0, 1.0)).shapes(projections, 400) == ((17, 17), (10, 10))
+    round_one = (fixed_projection("theta_h-phi_h", True),)
+    ((rows, columns),) = Layout.even(1).shapes(round_one, 272)
+    # φh goes round, so that one line more is stored.
+    assert stored(round_one, ((rows, columns),)) == rows * columns + columns <= 272
+
+
+def test_texels_lie_along_the_angle_on_which_something_happens() -> None:
+    samples, test = drawn(along_one_angle), drawn(along_one_angle, seed=1)
+    spent = fit_search(samples, Search(bytes=4 * 144, **FAST))
+    square = fit_search(samples, Search(textures=1, size=12, **FAST))
+    assert spent.factorization.nbytes <= 4 * 144
+    errors = [measure(fit.factorization, test, fit.factorization.transform).log_mse for fit in (spent, square)]
+    assert errors[0] < 0.5 * errors[1]
+    name = spent.factorization.terms[0].projection.name
+    rows, columns = spent.report.details["shapes"][0]
+    assert name != "theta_h-theta_d" or columns >= 2 * rows
+
+
+def test_a_texture_that_earns_nothing_is_not_stored() -> None:
+    fit = fit_search(drawn(along_one_angle), Search(bytes=4 * 200, **FAST))
+    assert len(fit.factorization.terms) < 3
+    assert (
+        fit_search(drawn(along_one_angle), Search(bytes=4 * 200, **FAST)).report.details["shapes"]
+        == (fit.report.details["shapes"])
+    )
+
+
+def test_bad_budgets(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(BadInput, match="bytes: found 47, expected at least 48: a 2 × 2 texture of 3 channels"):
+        texels_in(47, 3)
+    with pytest.raises(BadInput, match="bytes: found 0"):
+        Search(bytes=0)
+    with pytest.raises(BadInput, match="bytes: found it beside projections, expected one of them"):
+        Search(bytes=6144, textures=1, projections=("h",))
+    assert main(["factorize", "material:phong-10", "--bytes", "10", "--count", "200", "--out", "/nowhere/x"]) == 2
+    assert main(["factorize", "material:phong-10", "--bytes", "6144", "--method", "mccool"]) == 2
+    assert "bytes" in capsys.readouterr().err
+
+
+def test_shapes_in_words() -> None:
+    assert words([[16, 16], [16, 16]]) == "2 × 16²"
+    assert words([[1, 16], [16, 16]]) == "2 × 16²"
+    assert words([[8, 32], [16, 16]]) == "8×32 + 16×16"
+    assert Search(bytes=6144).most_textures == 3
+    assert Search(bytes=6144, textures=4).most_textures == 4
+    assert Search().most_textures == 2
+    assert math.isclose(texels_in(6144, 3), 512)
