@@ -33,7 +33,7 @@ def test_the_lamp_is_as_wide_as_it_says() -> None:
     towards = [(math.sin(math.radians(angle)), math.cos(math.radians(angle)), 0.0) for angle in (0, 8, 12, 180)]
     level, _ = lamp.look_up(torch.tensor(towards, dtype=torch.float64))
     # π sin²α L = E.
-    assert level[:2, 0].tolist() == pytest.approx([1 / (math.pi * math.sin(math.radians(10.0)) ** 2)] * 2, rel=0.02)
+    assert level[:2, 0].tolist() == pytest.approx([1 / (math.pi * math.sin(math.radians(10.0)) ** 2)] * 2, rel=0.06)
     assert level[2:, 0].tolist() == [0, 0]
 
 
