@@ -32,6 +32,7 @@ class _Part:
         self._beyond = None if samples is None else Beyond(samples)
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """1 or 0 (N, 1) for pairs of directions (N, 3); 0 below the horizon."""
         above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
         if self._beyond is not None:
             above &= self._beyond.measured(wi, wo)

@@ -1,6 +1,7 @@
 """A page of pictures laid out in whole pixels, so that nothing is resampled, and of text that is broken to fit."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -81,5 +82,5 @@ class Page:
         return self._widths[text, bold]
 
 
-def _font(bold: bool) -> dict[str, object]:
+def _font(bold: bool) -> dict[str, Any]:
     return {"fontsize": _POINTS, "weight": "bold" if bold else "normal", "parse_math": False}

@@ -28,7 +28,9 @@ class Wrong:
 
     def __init__(self, source):
         self.source, self.channels = source, source.channels
-        self.beyond = Beyond(interpolated_samples(source))
+        samples = interpolated_samples(source)
+        assert samples is not None
+        self.beyond = Beyond(samples)
 
     def evaluate(self, wi, wo):
         values = self.source.evaluate(wi, wo)

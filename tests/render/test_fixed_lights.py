@@ -54,4 +54,4 @@ def test_a_draft_is_the_picture_within_a_percent() -> None:
 )
 def test_impossible_lamps_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(BadInput, match=r"^lamp: "):
-        lamp_map(**wrong)  # type: ignore[arg-type]
+        lamp_map(**wrong)
