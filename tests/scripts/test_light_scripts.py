@@ -1,7 +1,6 @@
 """The programs behind the figures of light and of seeds, in their short forms."""
 
 import importlib
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -61,10 +60,5 @@ def test_the_gallery_has_a_sheet_and_a_line_a_material(
     assert "| [phong-10](#phong-10) |" in text
     assert "![phong-10: source, fit, differences](pictures/gallery-phong-10.png)" in text
     assert str(tmp_path) not in text
-    picture = Image.open(page.parent / "pictures" / "gallery-phong-10.png")
-    assert picture.width > 400
-    scattered = tmp_path / "cornell"
-    scattered.mkdir()
-    shutil.copy(ROOT / "data_synthetic" / "synthetic_cornell.brdf", scattered / "garnet_red.brdf")
-    assert module.main(["--short", "--data", str(tmp_path), "--out", str(page)]) == 0
-    assert "known at its samples alone" in page.read_text(encoding="utf-8")
+    with Image.open(page.parent / "pictures" / "gallery-phong-10.png") as picture:
+        assert picture.width > 400
