@@ -45,15 +45,19 @@ class Beyond:
             self._far = max(LEAST_FAR, FAR * float(np.median(usual)))
             self._grazing = float(_least_cosine(samples).min()) - 1e-3
 
+    def measured(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Whether pairs of directions (N, 3) lie within what was measured (N,): true everywhere for drawn samples."""
+        if self._known is None:
+            return torch.ones(len(wi), dtype=torch.bool, device=wi.device)
+        return ~self._far_from(self._known, self._at(wi.to(self._samples.wi), wo.to(self._samples.wo)))[0].to(wi.device)
+
     def carried_on(self) -> Samples | None:
         """Pairs that are not measured, with the values of the nearest samples; None where there are none."""
         if self._known is None:
             return None
         drawn = self._drawn(COUNT, _SEED)
-        distance, nearest = (np.asarray(each) for each in self._known.query(_place(drawn)))
-        grazing = _least_cosine(drawn) < self._grazing
-        far = grazing | torch.from_numpy(distance > self._far).to(grazing.device)
-        values = self._samples.values[torch.from_numpy(nearest).to(grazing.device)]
+        far, nearest = self._far_from(self._known, drawn)
+        values = self._samples.values[nearest]
         weight = SHARE * self._samples.weights.sum() / COUNT
         return self._made(drawn, far, values, weight.expand(COUNT))
 
@@ -74,9 +78,18 @@ class Beyond:
 
     def _drawn(self, count: int, seed: int) -> Samples:
         """Pairs drawn everywhere, of weight 1; their values are not theirs yet."""
-        wi, wo = (w.to(self._samples.wi) for w in draw_lobe(count, torch.Generator().manual_seed(seed)))
-        values = self._samples.values[:1].expand(count, -1)
+        return self._at(*(w.to(self._samples.wi) for w in draw_lobe(count, torch.Generator().manual_seed(seed))))
+
+    def _at(self, wi: Tensor, wo: Tensor) -> Samples:
+        values = self._samples.values[:1].expand(len(wi), -1)
         return replace(self._samples, wi=wi, wo=wo, values=values, weights=torch.ones_like(wi[:, 0]))
+
+    def _far_from(self, known: KDTree, pairs: Samples) -> tuple[Tensor, Tensor]:
+        """(whether each of `pairs` is not measured, the number of the sample nearest to it), (N,) each."""
+        distance, nearest = (np.asarray(each) for each in known.query(_place(pairs)))
+        grazing = _least_cosine(pairs) < self._grazing
+        far = grazing | torch.from_numpy(distance > self._far).to(grazing.device)
+        return far, torch.from_numpy(nearest).to(grazing.device)
 
     def _made(self, drawn: Samples, chosen: Tensor, values: Tensor, weights: Tensor) -> Samples | None:
         if not bool(chosen.any()):

@@ -135,10 +135,19 @@ def made_of_samples(reflectance: Reflectance) -> bool:
 
     What it says between and beyond them is then a guess of ours, not of the source.
     """
-    inner: Any = reflectance
-    while hasattr(inner, "base"):
-        inner = inner.base
-    return getattr(inner, "of_samples", False)
+    return getattr(_inmost(reflectance), "of_samples", False)
+
+
+def interpolated_samples(reflectance: Reflectance) -> Samples | None:
+    """The samples that it interpolates, looking through luminance and single channels; None where it does not."""
+    inner = _inmost(reflectance)
+    return inner.samples if isinstance(inner, Scattered) else None
+
+
+def _inmost(reflectance: Any) -> Any:
+    while hasattr(reflectance, "base"):
+        reflectance = reflectance.base
+    return reflectance
 
 
 def describe(source: Source) -> dict[str, Any]:

@@ -59,4 +59,4 @@ def _draw(picture: Path, subject: "Source") -> dict[str, Any]:
         measured=subject.samples if subject.kind == "measurement" else None,
         to_rgb=display_of(subject.samples.channels),
     )
-    return {"plot": {"file": str(picture), "exposure": report.exposure, "clipped": report.clipped[0]}}
+    return {"plot": {"file": str(picture), "exposure": report.exposure, "clipped": report.clipped}}

@@ -46,7 +46,7 @@ def render(
     from homofact.brdf.channels import display_of
     from homofact.brdf.source import open_source
     from homofact.export.result import open_result
-    from homofact.figures.compare_picture import caption, sphere_picture
+    from homofact.figures.sphere_picture import caption, sphere_picture
     from homofact.render.environment import read_environment
     from homofact.render.light import DEFAULT_LIGHT, DirectionalLight
 
@@ -81,7 +81,7 @@ def render(
             "light": lit.describe(),
             "exposure": report.exposure,
             "tonemap": report.curve,
-            "clipped": report.clipped[0],
+            "clipped": report.clipped,
         }
     )
 

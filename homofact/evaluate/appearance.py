@@ -3,10 +3,10 @@
 The energy is `evaluate.energy`'s. The pictures are of a sphere, each pair at one exposure chosen from the source:
 
 * under a small lamp: `PIXELS`² under the default directional light, as `compare.png` shows it;
-* under a sky made for the purpose, which no file holds: white from above, dark from below, a lamp 12° wide and a dimmer
-  one behind. Each of `PLACES` normals, spread evenly over the disc that the sphere is seen as, is integrated by the
-  nodes of `geometry.quadrature` round the view's mirror direction, so that no noise hides a difference. Exposed for
-  the middle and under the filmic curve, since a gloss reflects lamps many times as bright as white.
+* under the sky of `render.fixed_lights`. Each of `PLACES` normals, spread evenly over the disc that the sphere is seen
+  as, is integrated by the nodes of `geometry.quadrature` round the view's mirror direction, so that no noise hides a
+  difference. Exposed for the middle and under the filmic curve, since a gloss reflects lamps many times as bright as
+  white.
 
 PSNR is of the pictures' encoded values. A source that merely interpolates samples has no light of its own to be
 compared: there is no answer then.
@@ -29,6 +29,7 @@ from homofact.evaluate.energy import EnergyErrors, SourceLight
 from homofact.evaluate.image_metrics import psnr
 from homofact.geometry.directions import from_cosine
 from homofact.geometry.quadrature import hemisphere_nodes
+from homofact.render.fixed_lights import sky
 from homofact.render.light import DEFAULT_LIGHT
 from homofact.render.sphere import SphereImage, render_sphere
 from homofact.render.surface import sphere_frames
@@ -37,8 +38,6 @@ from homofact.render.tonemap import choose_exposure, choose_middle, displayed
 PIXELS, PLACES = 128, 128
 _RINGS, _SPOKES = 32, 12
 _VIEW = (0.0, 0.0, 1.0)
-# World directions of the sky's lamps, their radiance, and κ of exp(κ (cos − 1)).
-_LAMPS = (((0.5, 0.6, 0.6245), 8.0, 120.0), ((-0.8, 0.3, -0.5196), 3.0, 20.0))
 
 
 @dataclass(frozen=True)
@@ -130,15 +129,6 @@ class _Same:
 @lru_cache(maxsize=1)
 def _looks(key: _Same) -> _Looks:
     return _Looks(key.source)
-
-
-def sky(directions: Tensor) -> Tensor:
-    """Radiance (...) of the fixed sky from unit world directions (..., 3), y up."""
-    height = directions[..., 1]
-    level = 0.08 + 0.92 * torch.sigmoid(8 * height)
-    for place, radiance, width in _LAMPS:
-        level = level + radiance * torch.exp(width * (directions @ directions.new_tensor(place) - 1))
-    return level
 
 
 def _under_the_sky(reflectance: Reflectance, to_rgb: Any) -> SphereImage:

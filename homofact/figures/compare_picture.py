@@ -1,59 +1,81 @@
-"""Pictures for people: a source beside its fits on a lit sphere, their differences, and the numbers.
+"""Pictures for people: a source beside its fits on spheres under three lights, their differences, and the numbers.
 
-All spheres share one light and one exposure, chosen from the source. A difference is signed and relative:
-(fit − source)/(source + 1% of white) in luminance (Rec. 709 weights), white being the radiance that the
-exposure shows as 1; the 1% keeps pixels that are black in the picture from dominating it. Every sphere is
-drawn pixel for pixel, so nothing is resampled.
+The lights are a point light, a round lamp of the same direction and irradiance, and a sky (`render.fixed_lights`). The
+spheres of a light share one exposure, chosen from the source: under the two lamps the 99th percentile is at 0.9 of
+white, under the sky the middle at 0.18 below the filmic curve.
+
+A difference is signed and relative: (fit − source)/(source + `FLOOR` of white) in luminance (Rec. 709 weights), white
+being the radiance that the exposure shows as 1; the floor keeps pixels that are nearly black in the picture from
+dominating it. Every difference has its own scale, which is written under it: the smallest round one that holds 98% of
+the pixels. So the errors of a good fit are seen beside those of a bad one; it is the scales that tell them apart.
+
+Where the source interpolates samples, pixels that show more than was measured (`figures.measured_range`) are hatched:
+in source and differences over grey, in the fit over its picture. They count in no scale.
 """
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
-from PIL import Image, PngImagePlugin
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.source import interpolated_samples
 from homofact.errors import BadInput
+from homofact.figures.measured_range import beyond_the_measurement
+from homofact.figures.page import LINE, Page
+from homofact.figures.sphere_picture import curve_in_words
 from homofact.files.atomic import replace_file
-from homofact.render.filtered import draw_sphere
-from homofact.render.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap, Light
+from homofact.render.filtered import FilteredMaterial, Surroundings
+from homofact.render.fixed_lights import LAMP_RADIUS, lamp_map, sky_map
+from homofact.render.light import DEFAULT_LIGHT
+from homofact.render.lobe_patches import DRAFT
 from homofact.render.sphere import SphereImage, render_sphere
 from homofact.render.surface import ToRgb
 from homofact.render.tonemap import choose_exposure, choose_middle, tonemap
 
-FLOOR = 0.01
+FLOOR = 0.05
+_BLACK = 1e-4  # of white: a fortieth of the darkest code value that is not 0
+LIGHTS = ("point light", f"round lamp {2 * LAMP_RADIUS:g}° wide", "sky")
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
-_RANGES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+_RANGES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 # Diverging, told apart under all common colour deficiencies; unlit pixels and the surroundings are grey.
 _MAP = "RdBu_r"
-_UNLIT = (0.55, 0.55, 0.55)
-_DPI, _GAP, _TEXT, _LINE = 100, 24, 10.0, 19
+_UNLIT, _HATCH, _GROUND = (0.55, 0.55, 0.55), (0.82, 0.82, 0.82), (0.35, 0.35, 0.35)
+_GAP, _LEAST, _BAR, _PERIOD = 16, 150, 8, 8
 
 
-class PictureReport(NamedTuple):
-    """What a picture was drawn with: exposure, clipped shares (source first), ± range of the colour bar, the curve."""
+class LightReport(NamedTuple):
+    """How one row was drawn: light, exposure, curve, and what it shows.
 
+    `clipped` are the shares of pixels clipped to the gamut, source first; `scales` the ± of each fit's differences;
+    `beyond` is the share of the lit pixels that show more than was measured, None where the source does not interpolate
+    samples.
+    """
+
+    light: str
     exposure: float
+    curve: str
     clipped: tuple[float, ...]
-    difference_range: float | None
-    curve: str = "srgb"
+    scales: tuple[float, ...]
+    beyond: float | None
+
+
+class _Row(NamedTuple):
+    report: LightReport
+    shown: list[np.ndarray]
+    differences: list[np.ndarray]
 
 
 def relative_difference(fit: SphereImage, source: SphereImage, exposure: float) -> Tensor:
-    """Signed relative luminance difference (H, W), as in the module's head; NaN where both are black."""
+    """Signed relative luminance difference (H, W), as in the module's head; NaN where both are black in the picture."""
     ours, theirs = _luminance(fit.radiance), _luminance(source.radiance)
     difference = (ours - theirs) / (theirs + FLOOR / exposure)
-    black = (source.coverage == 0) | ((ours == 0) & (theirs == 0))
+    black = (source.coverage == 0) | (torch.maximum(ours, theirs) * exposure < _BLACK)
     return torch.where(black, torch.full_like(difference, torch.nan), difference)
 
 
@@ -62,77 +84,106 @@ def compare_picture(
     source: tuple[str, Reflectance],
     fits: Sequence[tuple[str, Reflectance, Sequence[str]]],
     *,
-    light: Light | Sequence[Light] = DEFAULT_LIGHT,
-    exposure: float | None = None,
-    size: int = 256,
-    view: tuple[float, float, float] = (0.0, 0.0, 1.0),
+    size: int = 160,
     to_rgb: ToRgb | None = None,
-    samples: int = 256,
-    seed: int = 0,
     notes: Sequence[str] = (),
-) -> PictureReport:
+) -> tuple[LightReport, ...]:
     """Draw `source` (title, reflectance) and `fits` (title, reflectance, caption lines) into a PNG at `path`.
 
-    `notes` are lines under the source. `to_rgb`, `view`, `samples` and `seed` are `render_sphere`'s.
-    Raises BadInput for no fits, what `render_sphere` refuses, and a place that cannot be written.
+    `notes` are lines under the source, `size` the pixels of a sphere's side; `to_rgb` is `render_sphere`'s. Returns a
+    report for each of `LIGHTS`. Raises BadInput for no fits, what `render_sphere` refuses, and a place that cannot be
+    written.
     """
     if not fits:
         raise BadInput("comparison picture: found no fits, expected at least one")
-    titles = [source[0], *(title for title, _, _ in fits)]
-    images = [
-        render_sphere(each, light, size, view=view, to_rgb=to_rgb, samples=samples, seed=seed)
-        for each in (source[1], *(fit for _, fit, _ in fits))
-    ]
-    factor = choose_exposure(images[0]) if exposure is None else exposure
-    shown = [tonemap(image, factor) for image in images]
-    differences = [relative_difference(image, images[0], factor).numpy() for image in images[1:]]
-    reach = _reach(differences)
-    clipped = tuple(each.clipped for each in shown)
-    page = _Page(max(size, 250), len(images))
-    captions = [list(notes), *([*lines] for _, _, lines in fits)]
-    report = PictureReport(factor, clipped, reach)
-    footer = caption(light, report)
-    page.draw(titles, [each.pixels.numpy() for each in shown], differences, reach, captions, footer, size)
+    rows = _rows([source[1], *(fit for _, fit, _ in fits)], size, to_rgb)
+    panel = max(size, _LEAST)
+    page = Page(_GAP + (1 + 2 * len(fits)) * (panel + _GAP), _GAP)
+    lefts, pair = [_GAP + column * (panel + _GAP) for column in range(1 + 2 * len(fits))], 2 * panel + _GAP
+    heads = [(source[0], lefts[0], panel), *((fit[0], left, pair) for fit, left in zip(fits, lefts[1::2], strict=True))]
+    below = max(page.text(title, left, _GAP // 2, width, bold=True) for title, left, width in heads)
+    for row in rows:
+        top = page.text(_words(row.report), _GAP, below + 6, page.width - 2 * _GAP) + 4
+        for left, pixels in zip([lefts[0], *lefts[1::2]], row.shown, strict=True):
+            page.picture(pixels, left, top)
+        for left, difference, scale in zip(lefts[2::2], row.differences, row.report.scales, strict=True):
+            page.picture(difference, left, top)
+            bar = colormaps[_MAP](np.linspace(0, 1, size))[None, :, :3].repeat(_BAR, 0)
+            under = page.picture(bar, left, top + size + 4)
+            below = page.text(f"−{scale * 100:.3g}% to +{scale * 100:.3g}%", left, under + 1, panel)
+    samples = interpolated_samples(source[1])
+    notes = [*notes, *([] if samples is None else [f"Interpolated from {len(samples):,} samples"])]
+    captions = [(notes, lefts[0], panel), *((fit[2], left, pair) for fit, left in zip(fits, lefts[1::2], strict=True))]
+    ends = [below + 8]
+    for lines, left, width in captions:
+        end = below + 8
+        for line in lines:
+            end = page.text(line, left, end, width)
+        ends.append(end)
+    end = max(ends) + 6
+    if samples is not None:
+        swatch = _hatched(np.full((LINE - 4, 2 * LINE, 3), _GROUND), np.ones((LINE - 4, 2 * LINE), dtype=bool))
+        page.picture(swatch, _GAP, end + 2)
+        words = "beyond the measurement: most light there falls from directions not measured with this view"
+        end = page.text(words, _GAP + 2 * LINE + 8, end, page.width - 3 * _GAP - 2 * LINE)
+    page.text(
+        f"Right of each fit, on a scale of its own: (fit − source) / (source + {FLOOR:.0%} of white) in luminance; red"
+        " is too bright, grey is unlit. Linear sRGB, white point D65.",
+        _GAP,
+        end,
+        page.width - 2 * _GAP,
+    )
     replace_file(path, page.save)
-    return report
+    return tuple(row.report for row in rows)
 
 
-def sphere_picture(
-    path: str | os.PathLike[str],
-    reflectance: Reflectance,
-    *,
-    light: Light | Sequence[Light] = DEFAULT_LIGHT,
-    exposure: float | None = None,
-    stops: float = 0.0,
-    curve: str = "srgb",
-    size: int = 512,
-    view: tuple[float, float, float] = (0.0, 0.0, 1.0),
-    to_rgb: ToRgb | None = None,
-) -> PictureReport:
-    """One sphere as a PNG whose text chunk `Description` holds light, exposure, curve and white point.
-
-    `exposure` is a factor, else that of `choose_middle`; `stops` are powers of two on top of it. Raises BadInput for
-    what `draw_sphere` and `tonemap` refuse and a place that cannot be written.
-    """
-    image = draw_sphere(reflectance, light, size, view=view, to_rgb=to_rgb)
-    factor = (choose_middle(image) if exposure is None else exposure) * 2**stops
-    shown = tonemap(image, factor, curve=curve)
-    report = PictureReport(factor, (shown.clipped,), None, curve)
-    text = PngImagePlugin.PngInfo()
-    text.add_text("Description", caption(light, report))
-    picture = Image.fromarray(shown.pixels.numpy())
-    replace_file(path, lambda beside: picture.save(beside, format="PNG", pnginfo=text))
-    return report
+def _rows(reflectances: Sequence[Reflectance], size: int, to_rgb: ToRgb | None) -> list[_Row]:
+    """What is drawn under each light, source first."""
+    surroundings = [Surroundings.of(light, size, fineness=DRAFT) for light in (lamp_map(), sky_map())]
+    asked = [FilteredMaterial.of(each, to_rgb=to_rgb, fineness=DRAFT) for each in reflectances]
+    images = [
+        [render_sphere(each, DEFAULT_LIGHT, size, to_rgb=to_rgb) for each in reflectances],
+        *([each.under(light) for each in asked] for light in surroundings),
+    ]
+    marks = beyond_the_measurement(reflectances[0], [DEFAULT_LIGHT, *surroundings], size)
+    return [
+        _row(light, pictures, None if marks is None else marks[number].numpy())
+        for number, (light, pictures) in enumerate(zip(LIGHTS, images, strict=True))
+    ]
 
 
-def caption(light: Light | Sequence[Light], report: PictureReport) -> str:
-    """The line that states light, exposure, white point and the share of clipped pixels."""
-    lights = [light] if isinstance(light, DirectionalLight | EnvironmentMap) else light
+def _row(light: str, images: list[SphereImage], beyond: np.ndarray | None) -> _Row:
+    """Pictures and differences under one light, as they are shown."""
+    is_sky = light == LIGHTS[2]
+    exposure = (choose_middle if is_sky else choose_exposure)(images[0])
+    curve = "filmic" if is_sky else "srgb"
+    toned = [tonemap(image, exposure, curve=curve) for image in images]
+    shown = [each.pixels.numpy() / 255 for each in toned]
+    differences = [relative_difference(image, images[0], exposure).numpy() for image in images[1:]]
+    lit = np.isfinite(differences).any(0)
+    known = lit if beyond is None else lit & ~beyond
+    sizes = [np.abs(each[known & np.isfinite(each)]) for each in differences]
+    scales = tuple(_reach(each) for each in sizes)
+    coloured = [_coloured(*each) for each in zip(differences, scales, strict=True)]
+    if beyond is not None:
+        ground = np.broadcast_to(np.array(_GROUND), shown[0].shape)
+        shown = [
+            _hatched(np.where(beyond[..., None], ground, shown[0]), beyond),
+            *(_hatched(each, beyond) for each in shown[1:]),
+        ]
+        coloured = [_hatched(np.where(beyond[..., None], ground, each), beyond) for each in coloured]
+    share = None if beyond is None else float(beyond[lit].mean()) if lit.any() else 0.0
+    clipped = tuple(each.clipped for each in toned)
+    return _Row(LightReport(light, exposure, curve, clipped, scales, share), shown, coloured)
+
+
+def _words(report: LightReport) -> str:
+    """The line above a row."""
     shares = ", ".join(f"{share:.1%}" for share in report.clipped)
+    known = "" if report.beyond is None else f", unmeasured {report.beyond:.0%}"
     return (
-        f"Light: {'; '.join(each.describe() for each in lights)}. Exposure {report.exposure:.4g}"
-        f"{' for all' if len(report.clipped) > 1 else ''}, linear sRGB, white point D65,"
-        f" {report.curve.replace('srgb', 'sRGB')} curve. Pixels clipped to the gamut: {shares}."
+        f"{report.light[0].upper()}{report.light[1:]}: exposure {report.exposure:.3g}, {curve_in_words(report.curve)}"
+        f" curve, clipped {shares}{known}"
     )
 
 
@@ -142,116 +193,20 @@ def _luminance(radiance: Tensor) -> Tensor:
     return radiance @ torch.tensor(_LUMINANCE, dtype=radiance.dtype)
 
 
-def _reach(differences: Sequence[np.ndarray]) -> float:
-    """The smallest round range that holds 98% of the pixels of every difference."""
-    sizes = [np.abs(each[np.isfinite(each)]) for each in differences]
-    largest = max((float(np.quantile(each, 0.98)) for each in sizes if each.size), default=0.0)
-    return next((each for each in _RANGES if each >= largest), _RANGES[-1])
-
-
-class _Page:
-    """A figure laid out in whole pixels from the top: titles, spheres, differences, captions, footer."""
-
-    def __init__(self, panel: int, columns: int) -> None:
-        """An empty page for `columns` panels of `panel` pixels."""
-        self.panel, self.columns = panel, columns
-        self.width = columns * (panel + _GAP) + _GAP
-        self.figure = Figure(figsize=(1, 1), dpi=_DPI, facecolor="white")
-        self.canvas = FigureCanvasAgg(self.figure)
-
-    def draw(
-        self,
-        titles: Sequence[str],
-        pictures: Sequence[np.ndarray],
-        differences: Sequence[np.ndarray],
-        reach: float,
-        captions: Sequence[Sequence[str]],
-        footer: str,
-        size: int,
-    ) -> None:
-        """Fill the page; its height follows from the text."""
-        heads = [self._wrap(title, self.panel, bold=True) for title in titles]
-        below = [[part for line in lines for part in self._wrap(line, self.panel)] for lines in captions]
-        feet = self._wrap(footer, self.width - 2 * _GAP)
-        top = _GAP // 2 + _LINE * max(map(len, heads))
-        under = top + size + 10
-        text = under + size + 8
-        # The source's column has the colour bar where the others have a difference.
-        label = self._wrap(f"Right: (fit − source) / (source + {FLOOR:.0%} of white), luminance", self.panel)
-        notes = under + _LINE * (len(label) + 1) + 40
-        foot = max(text + _LINE * max(map(len, below[1:])), notes + _LINE * len(below[0])) + 14
-        height = foot + _LINE * len(feet) + _GAP // 2
-        self.figure.set_size_inches(self.width / _DPI, height / _DPI)
-        self.height = height
-        for column, (head, picture) in enumerate(zip(heads, pictures, strict=True)):
-            left = _GAP + column * (self.panel + _GAP)
-            self._lines(head, left, top - _LINE * len(head) - 3, bold=True)
-            self._image(picture, left, top, size)
-        for column, difference in enumerate(differences, 1):
-            left = _GAP + column * (self.panel + _GAP)
-            self._image(_coloured(difference, reach), left, under, size)
-            self._lines(below[column], left, text)
-        self._lines(label, _GAP, under)
-        self._bar(_GAP + 14, under + _LINE * len(label) + 8, reach)
-        self._lines(below[0], _GAP, notes)
-        self._lines(feet, _GAP, foot)
-
-    def save(self, path: Path) -> None:
-        """Write the page as a PNG."""
-        self.figure.savefig(path, format="png", dpi=_DPI)
-
-    def _image(self, pixels: np.ndarray, left: float, top: float, size: int) -> None:
-        axes = self._axes(left, top, size, size)
-        axes.imshow(pixels, interpolation="none", aspect="auto")
-        axes.set_axis_off()
-
-    def _axes(self, left: float, top: float, width: float, height: float) -> Axes:
-        bottom = self.height - top - height
-        return self.figure.add_axes((left / self.width, bottom / self.height, width / self.width, height / self.height))
-
-    def _lines(self, lines: Sequence[str], left: float, top: float, bold: bool = False) -> None:
-        x, weight = left / self.width, "bold" if bold else "normal"
-        for number, line in enumerate(lines):
-            y = 1 - (top + (number + 0.5) * _LINE) / self.height
-            self.figure.text(x, y, line, fontsize=_TEXT, weight=weight, va="center", parse_math=False)
-
-    def _bar(self, left: float, top: float, reach: float) -> None:
-        axes = self._axes(left, top, self.panel - 28, 16)
-        bar = self.figure.colorbar(
-            ScalarMappable(Normalize(-reach, reach), colormaps[_MAP]), cax=axes, orientation="horizontal"
-        )
-        ticks = (-reach, -reach / 2, 0.0, reach / 2, reach)
-        bar.set_ticks(ticks, labels=["0" if t == 0 else f"{t * 100:+.3g}%".replace("-", "−") for t in ticks])
-        axes.tick_params(labelsize=_TEXT - 1)
-
-    def _wrap(self, text: str, width: float, bold: bool = False) -> list[str]:
-        """`text` broken at spaces into lines that fit `width` pixels; a longer word is broken anywhere."""
-        lines, line = [], ""
-        for word in text.split():
-            while word:
-                candidate = f"{line} {word}" if line else word
-                if self._extent(candidate, bold) <= width:
-                    line, word = candidate, ""
-                elif line:
-                    lines.append(line)
-                    line = ""
-                else:
-                    cut = len(word) - 1
-                    while cut > 1 and self._extent(word[:cut], bold) > width:
-                        cut -= 1
-                    lines.append(word[:cut])
-                    word = word[cut:]
-        return [*lines, line] if line else lines
-
-    def _extent(self, text: str, bold: bool) -> float:
-        weight = "bold" if bold else "normal"
-        drawn = self.figure.text(0, 0, text, fontsize=_TEXT, weight=weight, parse_math=False)
-        extent = drawn.get_window_extent(self.canvas.get_renderer()).width
-        drawn.remove()
-        return extent
+def _reach(sizes: np.ndarray) -> float:
+    """The smallest round range that holds 98% of the pixels."""
+    most = float(np.quantile(sizes, 0.98)) if sizes.size else 0.0
+    return next((each for each in _RANGES if each >= most), _RANGES[-1])
 
 
 def _coloured(difference: np.ndarray, reach: float) -> np.ndarray:
-    """A difference in the colours of the bar, (H, W, 3) in [0, 1]; grey where it is NaN."""
+    """A difference in the colours of its bar, (H, W, 3) in [0, 1]; grey where it is NaN."""
     colours = colormaps[_MAP](Normalize(-reach, reach, clip=True)(np.nan_to_num(difference)))[..., :3]
     return np.where(np.isfinite(difference)[..., None], colours, _UNLIT)
+
+
+def _hatched(pixels: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """(H, W, 3) in [0, 1] with light lines of 45° where (H, W) says."""
+    y, x = np.indices(where.shape)
+    lines = where & ((x + y) % _PERIOD < 2)
+    return np.where(lines[..., None], _HATCH, pixels)

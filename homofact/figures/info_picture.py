@@ -22,7 +22,7 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import LUMINANCE
-from homofact.figures.compare_picture import PictureReport, caption
+from homofact.figures.sphere_picture import PictureReport, caption
 from homofact.files.atomic import replace_file
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import from_half_difference, from_spherical
@@ -74,7 +74,7 @@ def info_picture(
     image = render_sphere(reflectance, size=_PIXELS, to_rgb=to_rgb)
     exposure = choose_exposure(image)
     shown = tonemap(image, exposure)
-    report = PictureReport(exposure, (shown.clipped,), None)
+    report = PictureReport(exposure, shown.clipped)
     figure = Figure(figsize=(13, 4.9), dpi=100, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(name, weight="bold", parse_math=False)

@@ -4,11 +4,11 @@ The view is from far away and the tangents follow the sphere, so that the radian
 and, of what is anisotropic, on the azimuth round the view. Light directions are counted from the half vector h as in
 `geometry.quadrature`, and split by a smooth window m(θh), 1 up to 3° and 0 beyond 10° (`lobe_patches.WINDOW`):
 
-* the lobe, f m: patches in rings round h = n, fine at the centre. Each holds the flux ∫ f cosθi m dωi of its part, from
-  several values a patch, at some normals, linear between. At every pixel a patch reads the environment once, averaged
-  over somewhat more than its own solid angle (`render.octahedral`);
-* the rest, f (1 − m), which is smooth: the environment as lamps, of `_CELLS` a side where it is dark to where it is
-  bright, summed at all θo levels × `_AZIMUTHS` normals; cubic round the sphere's axis, linear between levels.
+* the lobe, (f − b) m, b the least f where the window ends: patches in rings round h = n, fine at the centre. Each holds
+  the flux ∫ (f − b) cosθi m dωi of its part, from several values a patch, at some normals, linear between. At every
+  pixel a patch reads the environment once, averaged over somewhat more than its own solid angle (`render.octahedral`);
+* the rest, f (1 − m) + b m, which is smooth: the environment as lamps, of `cells` a side where it is dark to where it
+  is bright, summed at all θo levels × `azimuths` normals; cubic round the sphere's axis, linear between levels.
 
 What is lost is detail of f (1 − m) under some degrees, such as a narrow peak on the way back, a little sharpness of
 reflections at grazing angles, where patches are long and their averages round; and peaks several times narrower one way
@@ -17,20 +17,30 @@ than the other fan out a little.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numba
 import numpy as np
 import torch
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.source import made_of_samples
 from homofact.brdf.symmetry import find_symmetry
 from homofact.render.light import EnvironmentMap, Light
-from homofact.render.lobe_patches import ANISOTROPIC, ISOTROPIC, STEEPEST, Material, lobe_of, rest_of, turns_of
+from homofact.render.lobe_patches import (
+    FULL,
+    STEEPEST,
+    Fineness,
+    Lobe,
+    Material,
+    base_of,
+    lobe_of,
+    rest_of,
+    turns_of,
+)
 from homofact.render.octahedral import Pyramid, fetch
 from homofact.render.sphere import SphereImage, render_sphere
-from homofact.render.surface import ToRgb, seen_surface, shader
-
-_CELLS, _AZIMUTHS = (32, 128), 192
+from homofact.render.surface import ToRgb, seen_surface, shader, view_axes
 
 
 def draw_sphere(
@@ -61,28 +71,94 @@ def render_filtered(
     too (`brdf.symmetry` finds out), and two million of any other. Raises BadInput for channels that do not fit, and
     reflectances that are not finite.
     """
-    coverage, surface = seen_surface(size, view)
-    shade = shader(reflectance, to_rgb)
-    symmetry = find_symmetry(reflectance)
-    grid = ISOTROPIC if symmetry.isotropic else ANISOTROPIC
-    material = Material(shade, grid, turns_of(grid, surface.axes), symmetry.isotropic and symmetry.mirrored)
-    pyramid = Pyramid.of(light, surface.axes)
-    lobe, table = lobe_of(material), rest_of(material)
-    lamps = pyramid.lamps(*_CELLS)
-    coarse = _summed(table, grid.angles().numpy(), *lamps, 0)
-    if grid.turns > 1:
-        # Normals between those asked: linear in what the material does there.
-        part = (np.arange(_AZIMUTHS) * grid.turns / _AZIMUTHS % 1)[:, None]
-        coarse = (1 - part) * coarse + part * _summed(table, grid.angles().numpy(), *lamps, 1)
-    rest = _finer(coarse)
-    normal = surface.frame[:, 2] @ surface.axes.T
-    place = (torch.acos(surface.wo[:, 2].clamp(-1, 1)) / (STEEPEST / (grid.levels - 1))).numpy()
-    azimuth = torch.atan2(normal[:, 1], normal[:, 0]).numpy()
-    found = torch.from_numpy(_gathered(place, azimuth, *lobe, rest, pyramid.texels, pyramid.starts, pyramid.sides))
-    channels = max(int(shade(surface.wo[:1], surface.wo[:1]).shape[1]), int(light.radiance.shape[2]))
-    radiance = torch.zeros(size * size, channels, dtype=torch.float64)
-    radiance[surface.pixels] = found[:, :channels]
-    return SphereImage(radiance.reshape(size, size, channels), coverage)
+    return FilteredMaterial.of(reflectance, view=view, to_rgb=to_rgb).under(Surroundings.of(light, size, view))
+
+
+class Surroundings(NamedTuple):
+    """All that pictures of one size from one view need of an environment: the same for every material.
+
+    `light` holds the environment itself; `places` (P,) and `azimuths` (P,) are θo and the azimuth round the view of the
+    normals of the covered pixels, `pixels` (P,) where they are; `lamps` (directions and lights, (K, 3) each) stand for
+    the whole environment.
+    """
+
+    light: EnvironmentMap
+    coverage: torch.Tensor
+    pixels: torch.Tensor
+    places: np.ndarray
+    azimuths: np.ndarray
+    pyramid: Pyramid
+    lamps: tuple[np.ndarray, np.ndarray]
+
+    @classmethod
+    def of(
+        cls,
+        light: EnvironmentMap,
+        size: int,
+        view: tuple[float, float, float] = (0.0, 0.0, 1.0),
+        fineness: Fineness = FULL,
+    ) -> "Surroundings":
+        """`light` for pictures of size × size pixels. Raises BadInput for a size below 8 and a view of length 0."""
+        coverage, surface = seen_surface(size, view)
+        pyramid = Pyramid.of(light, surface.axes)
+        normal = surface.frame[:, 2] @ surface.axes.T
+        return cls(
+            light,
+            coverage,
+            surface.pixels,
+            torch.acos(surface.wo[:, 2].clamp(-1, 1)).numpy(),
+            torch.atan2(normal[:, 1], normal[:, 0]).numpy(),
+            pyramid,
+            pyramid.lamps(*fineness.cells),
+        )
+
+
+class FilteredMaterial(NamedTuple):
+    """All that pictures of a material from one view need of it, under whatever surroundings: it is asked but once.
+
+    `around` is at how many azimuths the rest's light is summed; `channels` are the picture's, 1 or 3.
+    """
+
+    lobe: Lobe
+    rest: np.ndarray
+    around: int
+    channels: int
+
+    @classmethod
+    def of(
+        cls,
+        reflectance: Reflectance,
+        *,
+        view: tuple[float, float, float] = (0.0, 0.0, 1.0),
+        to_rgb: ToRgb | None = None,
+        fineness: Fineness = FULL,
+    ) -> "FilteredMaterial":
+        """Ask a material on the grids of `fineness`. Raises BadInput as `render_filtered`."""
+        axes, shade = view_axes(view), shader(reflectance, to_rgb)
+        symmetry = find_symmetry(reflectance)
+        grid = fineness.of_samples if made_of_samples(reflectance) else fineness.isotropic
+        grid = grid if symmetry.isotropic else fineness.anisotropic
+        material = Material(shade, grid, turns_of(grid, axes), symmetry.isotropic and symmetry.mirrored)
+        base = base_of(material)
+        channels = int(shade(axes[2:], axes[2:]).shape[1])
+        return cls(lobe_of(material, base), rest_of(material, base), fineness.azimuths, channels)
+
+    def under(self, surroundings: Surroundings) -> SphereImage:
+        """The sphere in `surroundings` of the same view."""
+        turns, levels = self.rest.shape[:2]
+        theta = np.linspace(0, STEEPEST, levels)
+        coarse = _summed(self.rest, theta, *surroundings.lamps, self.around, 0)
+        if turns > 1:
+            # Normals between those asked: linear in what the material does there.
+            part = (np.arange(self.around) * turns / self.around % 1)[:, None]
+            coarse = (1 - part) * coarse + part * _summed(self.rest, theta, *surroundings.lamps, self.around, 1)
+        place, pyramid = surroundings.places / theta[1], surroundings.pyramid
+        light = pyramid.texels, pyramid.starts, pyramid.sides
+        found = _gathered(place, surroundings.azimuths, *self.lobe, _finer(coarse), *light)
+        channels = max(self.channels, int(surroundings.light.radiance.shape[2]))
+        radiance = torch.zeros(surroundings.coverage.numel(), channels, dtype=torch.float64)
+        radiance[surroundings.pixels] = torch.from_numpy(found)[:, :channels]
+        return SphereImage(radiance.reshape(*surroundings.coverage.shape, channels), surroundings.coverage)
 
 
 def _finer(coarse: np.ndarray) -> np.ndarray:
@@ -96,19 +172,19 @@ def _finer(coarse: np.ndarray) -> np.ndarray:
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def _summed(table, theta, places, lights, behind):  # pragma: no cover (compiled)
+def _summed(table, theta, places, lights, azimuths, behind):  # pragma: no cover (compiled)
     """Σ over lamps (K, 3) at `places` (K, 3) of the table's values, at all levels × azimuths: (L, azimuths, 3).
 
     The table's turn is the last one before an azimuth, or so many `behind` it.
     """
     turns, levels, rings, spokes, _ = table.shape
-    found = np.zeros((levels, _AZIMUTHS, 3))
+    found = np.zeros((levels, azimuths, 3))
     for level in range(levels):
         sine, cosine = math.sin(theta[level]), math.cos(theta[level])
-        for azimuth in range(_AZIMUTHS):
-            turn = 2 * math.pi * azimuth / _AZIMUTHS
+        for azimuth in range(azimuths):
+            turn = 2 * math.pi * azimuth / azimuths
             ex, ey = math.cos(turn), math.sin(turn)
-            own = (azimuth * turns // _AZIMUTHS + behind) % turns
+            own = (azimuth * turns // azimuths + behind) % turns
             red = green = blue = 0.0
             for lamp in range(len(places)):
                 a = ex * places[lamp, 0] + ey * places[lamp, 1]

@@ -41,8 +41,7 @@ class Pyramid(NamedTuple):
         side = 1 << math.ceil(math.log2(len(level) * 4))
         side = min(max(side, _SMALLEST), _LARGEST)
         weight = _solid(side)
-        directions = (_directions(2 * side) @ axes).numpy()
-        level = _resampled(level.contiguous().numpy(), light.turn, directions)
+        level = _resampled(level.contiguous().numpy(), light.turn, axes.numpy(), side)
         solid, levels = weight, [level]
         while len(levels[-1]) > _LAST:
             half = len(levels[-1]) // 2
@@ -111,14 +110,19 @@ def _rimmed(level: np.ndarray) -> np.ndarray:
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def _resampled(radiance, turn, directions):  # pragma: no cover (compiled)
-    """Means (N, N, 3) of a map's texels, laid out as in `render.light`, at each 2 × 2 of `directions` (2N, 2N, 3)."""
+def _resampled(radiance, turn, axes, side):  # pragma: no cover (compiled)
+    """Means (N, N, 3) of a map's texels, laid out as in `render.light`, at 2 × 2 places of each of the N² texels."""
     rows, columns, _ = radiance.shape
-    side = len(directions) // 2
     found = np.zeros((side, side, 3))
     for j in range(2 * side):
         for i in range(2 * side):
-            x, y, z = directions[j, i]
+            u, v = (i + 0.5) / side - 1, (j + 0.5) / side - 1
+            w = 1 - abs(u) - abs(v)
+            if w < 0:
+                u, v = math.copysign(1 - abs(v), u), math.copysign(1 - abs(u), v)
+            x = u * axes[0, 0] + v * axes[1, 0] + w * axes[2, 0]
+            y = u * axes[0, 1] + v * axes[1, 1] + w * axes[2, 1]
+            z = u * axes[0, 2] + v * axes[1, 2] + w * axes[2, 2]
             around = (math.atan2(x, -z) + turn) / (2 * math.pi) + 0.5
             column = min(int((around - math.floor(around)) * columns), columns - 1)
             row = min(int(math.atan2(math.sqrt(x * x + z * z), y) * (rows / math.pi)), rows - 1)

@@ -33,29 +33,43 @@ def seen_surface(size: int, view: tuple[float, float, float]) -> tuple[Tensor, S
     """Coverage (size, size) and the surface seen through each covered pixel. Raises BadInput for bad numbers."""
     if size < 8:
         raise BadInput(f"picture size: found {size}, expected at least 8 pixels")
+    axes = view_axes(view)
+    forward = axes[2]
+    coverage, index, centre = _covered(size)
+    height = (1 - (centre**2).sum(1, keepdim=True)).clamp_min(0).sqrt()
+    frame, wo = sphere_frames(torch.cat((centre, height), 1) @ axes, forward)
+    # The last component is n·ωo; taken from the picture plane it is never negative by rounding.
+    wo[:, 2:] = height
+    return coverage, Surface(index, frame, wo, axes)
+
+
+def view_axes(view: tuple[float, float, float]) -> Tensor:
+    """The picture's right and up and the direction to the viewer (3, 3), world; BadInput for bad numbers."""
     place = torch.tensor(view, dtype=torch.float64)
     if tuple(place.shape) != (3,) or not bool(torch.isfinite(place).all()) or not bool(place.any()):
         raise BadInput(f"view: found {view}, expected three finite numbers, not all 0")
     forward = place / place.norm()
     right = _azimuthal(forward)
-    axes = torch.stack((right, torch.linalg.cross(forward, right), forward))
-    fine = size * _GRID
-    ticks = ((torch.arange(fine, dtype=torch.float64) + 0.5) * (2 / fine) - 1) / RADIUS
-    x, y = torch.meshgrid(ticks, -ticks, indexing="xy")
-    hit = (x**2 + y**2 < 1).to(torch.float64)
+    return torch.stack((right, torch.linalg.cross(forward, right), forward))
 
-    def per_pixel(values: Tensor) -> Tensor:
-        return values.reshape(size, _GRID, size, _GRID).sum((1, 3))
 
-    count = per_pixel(hit)
-    index = (count.reshape(-1) > 0).nonzero()[:, 0]
-    covered = count.reshape(-1)[index]
-    centre = torch.stack([per_pixel(hit * p).reshape(-1)[index] / covered for p in (x, y)], 1)
-    height = (1 - (centre**2).sum(1, keepdim=True)).clamp_min(0).sqrt()
-    frame, wo = sphere_frames(torch.cat((centre, height), 1) @ axes, forward)
-    # The last component is n·ωo; taken from the picture plane it is never negative by rounding.
-    wo[:, 2:] = height
-    return count / _GRID**2, Surface(index, frame, wo, axes)
+def _covered(size: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Coverage (size, size); flat indices (P,) of what is covered, and the centres (P, 2) of the covered parts."""
+    step = 2 / (size * RADIUS)
+    ticks = (torch.arange(size, dtype=torch.float64) + 0.5) * step - 1 / RADIUS
+    y, x = torch.meshgrid(-ticks, ticks, indexing="ij")
+    centre, distance = torch.stack((x, y), -1).reshape(-1, 2), torch.hypot(x, y).reshape(-1)
+    coverage = (distance < 1).to(torch.float64)
+    # Pixels that the rim may cross are asked at every one of their points.
+    rim = ((distance - 1).abs() < step).nonzero()[:, 0]
+    inner = ((torch.arange(_GRID, dtype=torch.float64) + 0.5) / _GRID - 0.5) * step
+    points = centre[rim, None] + torch.cartesian_prod(inner, inner)
+    hit = ((points**2).sum(2) < 1).to(torch.float64)
+    count = hit.sum(1)
+    coverage[rim] = count / _GRID**2
+    centre[rim] = (points * hit[..., None]).sum(1) / count[:, None].clamp_min(1)
+    index = (coverage > 0).nonzero()[:, 0]
+    return coverage.reshape(size, size), index, centre[index]
 
 
 def sphere_frames(normal: Tensor, forward: Tensor) -> tuple[Tensor, Tensor]:

@@ -38,6 +38,17 @@ def test_what_is_not_measured_is_carried_on_at_little_weight() -> None:
     assert 0 < float(more.weights.sum()) < 0.01 * float(samples.weights.sum())
 
 
+def test_what_is_measured_is_told_pair_by_pair() -> None:
+    samples = goniometer(60)
+    beyond = Beyond(samples)
+    assert bool(beyond.measured(samples.wi, samples.wo).all())
+    angles = torch.tensor([[33.0, 42.0], [58.0, 30.0], [70.0, 30.0], [30.0, 70.0]], dtype=torch.float64) * math.pi / 180
+    wi, wo = (from_spherical(angles[:, k], torch.full((4,), 0.3 * k, dtype=torch.float64)) for k in (0, 1))
+    assert beyond.measured(wi, wo).tolist() == [True, True, False, False]
+    drawn = Beyond(sample_model(GLOSS, 500, "lobe", seed=0))
+    assert drawn.measured(wi, wo).tolist() == [True] * 4
+
+
 @pytest.mark.parametrize("scheme", ["discs", "lobe", "cosine", "grid"])
 def test_a_drawn_source_has_nothing_beyond(scheme: str) -> None:
     beyond = Beyond(sample_model(GLOSS, 500, scheme, seed=0))

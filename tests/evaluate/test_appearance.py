@@ -12,23 +12,13 @@ from homofact.brdf.analytic.common import AnalyticModel
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source, open_source
-from homofact.evaluate.appearance import FIGURES, Appearance, Figures, appearance, mean_figures, sky
+from homofact.evaluate.appearance import FIGURES, Appearance, Figures, appearance, mean_figures
 from homofact.evaluate.image_metrics import psnr
-from homofact.render.light import EnvironmentMap
+from homofact.render.fixed_lights import sky_map
 from homofact.render.sphere import render_sphere
 from homofact.render.tonemap import choose_middle, displayed
 
 SYNTHETIC = Path(__file__).parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
-
-
-def sky_map(rows: int = 128) -> EnvironmentMap:
-    """The sky at the centres of a lat-long map's texels, laid out as `render.light` says."""
-    theta = (torch.arange(rows, dtype=torch.float64) + 0.5) * (math.pi / rows)
-    phi = ((torch.arange(2 * rows, dtype=torch.float64) + 0.5) / (2 * rows) - 0.5) * (2 * math.pi)
-    theta, phi = torch.meshgrid(theta, phi, indexing="ij")
-    sine = torch.sin(theta)
-    directions = torch.stack((sine * torch.sin(phi), torch.cos(theta), -sine * torch.cos(phi)), -1)
-    return EnvironmentMap(sky(directions)[..., None])
 
 
 def looks(fit: AnalyticModel, model: AnalyticModel) -> Appearance:
@@ -62,7 +52,7 @@ def test_more_fault_is_less_psnr() -> None:
 @pytest.mark.parametrize("name", ["cook-torrance-plastic", "ward-brushed"])
 def test_psnr_under_the_sky_is_that_of_a_rendered_picture(name: str) -> None:
     source, fit = material(name).model, Lambert((0.3, 0.2, 0.15))
-    theirs, mine = (render_sphere(each, sky_map(), 48, samples=512) for each in (source, fit))
+    theirs, mine = (render_sphere(each, sky_map(128), 48, samples=512) for each in (source, fit))
     exposure = choose_middle(theirs)
     shown = [displayed(each, exposure, curve="filmic") for each in (theirs, mine)]
     expected = psnr(shown[0], shown[1], theirs.coverage == 1)

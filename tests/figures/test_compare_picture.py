@@ -1,14 +1,40 @@
 """Comparison pictures: what the numbers in them mean, that text stays inside, and that files are whole."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
+from matplotlib import colormaps
 from PIL import Image
 
+from homofact.brdf.beyond import Beyond
+from homofact.brdf.channels import display_of
+from homofact.brdf.source import interpolated_samples, open_source
 from homofact.errors import BadInput
-from homofact.figures.compare_picture import compare_picture, relative_difference, sphere_picture
+from homofact.figures.compare_picture import LIGHTS, _coloured, _reach, compare_picture, relative_difference
+from homofact.figures.sphere_picture import sphere_picture
 from homofact.files.atomic import replace_file
 from homofact.render.sphere import SphereImage, render_sphere
+
+SYNTHETIC = Path(__file__).parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
+
+
+class Wrong:
+    """A source that runs away beyond its measurement."""
+
+    nbytes = 12
+    fetches = 0
+
+    def __init__(self, source):
+        self.source, self.channels = source, source.channels
+        samples = interpolated_samples(source)
+        assert samples is not None
+        self.beyond = Beyond(samples)
+
+    def evaluate(self, wi, wo):
+        values = self.source.evaluate(wi, wo)
+        return torch.where(self.beyond.measured(wi, wo)[:, None], values, values + 1000.0)
 
 
 class Grey:
@@ -23,36 +49,62 @@ class Grey:
         return torch.full((wi.shape[0], 3), self.albedo / torch.pi, dtype=torch.float64)
 
 
-def test_difference_is_relative_with_one_percent_of_white():
-    source = SphereImage(torch.full((1, 2, 3), 0.5).double(), torch.ones(1, 2).double())
-    fit = SphereImage(torch.full((1, 2, 3), 0.6).double(), torch.ones(1, 2).double())
+def test_difference_is_relative_with_a_twentieth_of_white():
+    source = SphereImage(torch.full((1, 3, 3), 0.5).double(), torch.ones(1, 3).double())
+    fit = SphereImage(torch.full((1, 3, 3), 0.6).double(), torch.ones(1, 3).double())
     source.radiance[0, 1], fit.radiance[0, 1] = 0, 0
+    source.radiance[0, 2], fit.radiance[0, 2] = 1e-5, 4e-5
     difference = relative_difference(fit, source, 2.0)
-    # White is 1/2, its hundredth 0.005.
-    assert float(difference[0, 0]) == pytest.approx(0.1 / 0.505)
-    assert bool(difference[0, 1].isnan())
+    # White is 1/2, its twentieth 0.025.
+    assert float(difference[0, 0]) == pytest.approx(0.1 / 0.525)
+    # Nothing is left in the picture of the others.
+    assert difference[0, 1:].isnan().all()
 
 
-def test_picture_shows_every_sphere_pixel_for_pixel(tmp_path):
+def test_picture_shows_every_sphere_pixel_for_pixel_and_no_panel_is_empty(tmp_path):
     path = tmp_path / "compare.png"
     fits = [("too bright", Grey(0.55), ["a caption", "another"]), ("the same", Grey(0.5), [])]
-    report = compare_picture(path, ("source", Grey(0.5)), fits, size=64)
-    assert report.difference_range == 0.1
-    assert report.clipped[0] == 0
-    assert len(report.clipped) == 3
+    reports = compare_picture(path, ("source", Grey(0.5)), fits, size=64)
+    assert [report.light for report in reports] == list(LIGHTS)
+    # A tenth too bright is at most 9.5% of source and floor, on the smallest scale that holds it.
+    assert [report.scales for report in reports] == [(0.1, 0.005)] * 3
+    assert [len(report.clipped) for report in reports] == [3] * 3
+    assert reports[0].clipped[0] == 0
     page = np.asarray(Image.open(path).convert("RGB")).astype(int)
-    # Panels are at least 250 wide with 24 between; the page holds three.
-    assert page.shape[1] == 3 * 274 + 24
-    # The title is one line and the first sphere starts 12 + 19 pixels from the top.
-    centre = page[31 + 32, 24 + 32], page[31 + 32, 24 + 2 * 274 + 32]
-    np.testing.assert_array_equal(centre[0], centre[1])
-    brighter = page[31 + 32, 24 + 274 + 32]
-    assert (brighter > centre[0]).all()
-    # Below: red for too bright, near white for no difference.
-    red, white = page[31 + 74 + 32, 24 + 274 + 32], page[31 + 74 + 32, 24 + 2 * 274 + 32]
-    assert red[0] > red[2] + 60
-    assert white.min() > 235
+    # Panels are at least 150 wide with 16 between: source, and twice a fit and its difference.
+    assert page.shape[1] == 5 * 166 + 16
+    # A title, then for each light a line of words, the spheres, a bar, a line with its scale.
+    top = 8 + 18
+    for _ in LIGHTS:
+        top += 6 + 18 + 4
+        source, bright, red, same, white = (page[top : top + 64, 16 + k * 166 : 16 + k * 166 + 64] for k in range(5))
+        np.testing.assert_array_equal(source, same)
+        assert (bright[24, 40] > source[24, 40]).all()
+        assert red[24, 40, 0] > red[24, 40, 2] + 60
+        assert white[24, 40].min() > 235
+        for panel in (source, bright, red, same, white):
+            assert len(np.unique(panel.reshape(-1, 3), axis=0)) > 1
+        bar = page[top + 64 + 4 + 2, 16 + 2 * 166 : 16 + 2 * 166 + 64]
+        assert bar[0, 2] > bar[0, 0]
+        assert bar[-1, 0] > bar[-1, 2]
+        top += 64 + 4 + 8 + 1 + 18
     assert [entry.name for entry in tmp_path.iterdir()] == ["compare.png"]
+
+
+def test_the_scale_that_is_stated_is_the_one_that_is_drawn():
+    difference = np.array([[-0.3, -0.1, 0.0, 0.05, 0.1, np.nan]])
+    drawn = _coloured(difference, 0.1)[0]
+    colours = colormaps["RdBu_r"]
+    for value, found in zip((0.0, 0.0, 0.5, 0.75, 1.0), drawn, strict=False):
+        np.testing.assert_allclose(found, colours(value)[:3], atol=0.01)
+    assert len(set(drawn[5])) == 1
+    # 98% of the pixels are within the smallest round scale that holds them, whatever the others are.
+    sizes = np.full(1000, 0.013)
+    sizes[:15] = 50.0
+    assert _reach(sizes) == 0.02
+    sizes[:25] = 50.0
+    assert _reach(sizes) == 10.0
+    assert _reach(np.zeros(0)) == 0.005
 
 
 def test_long_words_stay_on_the_page(tmp_path):
@@ -71,13 +123,32 @@ def test_long_words_stay_on_the_page(tmp_path):
     assert (border == 255).all()
 
 
-def test_the_exposure_is_the_sources_or_the_given(tmp_path):
+def test_the_exposure_is_the_sources(tmp_path):
     first = compare_picture(tmp_path / "a.png", ("s", Grey(0.5)), [("f", Grey(0.1), [])], size=32)
     other = compare_picture(tmp_path / "b.png", ("s", Grey(0.5)), [("f", Grey(0.9), [])], size=32)
-    assert first.exposure == other.exposure
-    assert other.clipped[1] > 0.3
-    given = compare_picture(tmp_path / "c.png", ("s", Grey(0.5)), [("f", Grey(0.1), [])], size=32, exposure=0.25)
-    assert given.exposure == 0.25
+    assert [each.exposure for each in first] == [each.exposure for each in other]
+    assert other[0].clipped[1] > 0.3
+
+
+@pytest.mark.parametrize("channels", ["rgb", "luminance", "spectral"])
+def test_what_was_not_measured_is_hatched_and_counts_in_no_scale(tmp_path, channels):
+    samples = open_source(str(SYNTHETIC), channels=channels)
+    fit, size = Wrong(samples.reflectance), 48
+    reports = compare_picture(
+        tmp_path / "c.png",
+        ("paint", samples.reflectance),
+        [("fit", fit, [])],
+        size=size,
+        to_rgb=display_of(samples.reflectance.channels),
+    )
+    assert all(report.beyond is not None and 0.01 < report.beyond < 0.5 for report in reports)
+    # The fit is wrong by thousands where nothing was measured, and there alone.
+    assert reports[0].scales == (0.005,)
+    page = np.asarray(Image.open(tmp_path / "c.png").convert("RGB")).astype(int)
+    grey = (np.ptp(page, axis=2) == 0) & (abs(page[..., 0] - 89) <= 1)
+    assert grey[:, :200].sum() > 50
+    model = compare_picture(tmp_path / "d.png", ("model", Grey(0.5)), [("fit", Grey(0.5), [])], size=32)
+    assert [report.beyond for report in model] == [None] * 3
 
 
 def test_sphere_picture_is_the_tone_mapped_render_and_says_how(tmp_path):
@@ -89,7 +160,7 @@ def test_sphere_picture_is_the_tone_mapped_render_and_says_how(tmp_path):
     words = picture.info["Description"]
     for part in ("Exposure 1", "D65", "directional light"):
         assert part in words
-    assert report.difference_range is None
+    assert report.clipped == 0
 
 
 def test_no_fits_and_no_place(tmp_path):

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -44,3 +45,20 @@ def test_missing_measurements_are_named_and_the_light_of_a_row_is_its_own(
     assert "off by, 2 materials" in table
     assert module.ranked([1.0, 3.0, 2.0]) == (2.0, 3.0, 3.0)
     assert module.ranked([1.0, 3.0, 2.0], low=True) == (2.0, 1.0, 1.0)
+
+
+def test_the_gallery_has_a_sheet_and_a_line_a_material(
+    script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = script("gallery")
+    page = tmp_path / "page" / "gallery.md"
+    assert module.main(["--short", "--data", str(tmp_path), "--out", str(page)]) == 0
+    count = len(module.PAINTS) + len(module.SAMPLED) + len(module.SURROGATES)
+    assert capsys.readouterr().err.count("skipped") == count
+    text = page.read_text(encoding="utf-8")
+    assert "a smoke test" in text
+    assert "| [phong-10](#phong-10) |" in text
+    assert "![phong-10: source, fit, differences](pictures/gallery-phong-10.png)" in text
+    assert str(tmp_path) not in text
+    with Image.open(page.parent / "pictures" / "gallery-phong-10.png") as picture:
+        assert picture.width > 400

@@ -1,0 +1,86 @@
+"""A page of pictures laid out in whole pixels, so that nothing is resampled, and of text that is broken to fit."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+LINE = 18  # pixels a line of text takes
+_DPI, _POINTS = 100, 9.5
+
+
+class Page:
+    """Pictures and lines of text at places in pixels from the top left; as high as what was put on it."""
+
+    def __init__(self, width: int, margin: int) -> None:
+        """An empty white page, `width` pixels wide, with a `margin` below whatever is lowest."""
+        self.width, self.height, self._margin = width, 0, margin
+        self._pictures: list[tuple[np.ndarray, int, int]] = []
+        self._texts: list[tuple[str, int, float, bool]] = []
+        self._figure = Figure(figsize=(1, 1), dpi=_DPI, facecolor="white")
+        self._canvas = FigureCanvasAgg(self._figure)
+        self._widths: dict[tuple[str, bool], float] = {}
+
+    def picture(self, pixels: np.ndarray, left: int, top: int) -> int:
+        """Put (H, W, 3) of uint8, or of floats in [0, 1], there; returns where it ends below."""
+        if pixels.dtype != np.uint8:
+            pixels = (pixels * 255).round().astype(np.uint8)
+        self._pictures.append((pixels, left, top))
+        return self._reach(top + len(pixels))
+
+    def text(self, text: str, left: int, top: int, width: int, bold: bool = False) -> int:
+        """Write a paragraph into `width` pixels, broken at spaces; returns where it ends below."""
+        lines = self.wrapped(text, width, bold)
+        for number, line in enumerate(lines):
+            self._texts.append((line, left, top + (number + 0.5) * LINE, bold))
+        return self._reach(top + LINE * len(lines))
+
+    def wrapped(self, text: str, width: int, bold: bool = False) -> list[str]:
+        """`text` broken at spaces into lines that fit `width` pixels; a longer word is broken anywhere."""
+        lines, line = [], ""
+        for word in text.split():
+            while word:
+                candidate = f"{line} {word}" if line else word
+                if self._extent(candidate, bold) <= width:
+                    line, word = candidate, ""
+                elif line:
+                    lines.append(line)
+                    line = ""
+                else:
+                    cut = len(word) - 1
+                    while cut > 1 and self._extent(word[:cut], bold) > width:
+                        cut -= 1
+                    lines.append(word[:cut])
+                    word = word[cut:]
+        return [*lines, line] if line else lines
+
+    def save(self, path: Path) -> None:
+        """Write the page as a PNG."""
+        height = self.height + self._margin
+        whole = np.full((height, self.width, 3), 255, dtype=np.uint8)
+        for pixels, left, top in self._pictures:
+            whole[top : top + pixels.shape[0], left : left + pixels.shape[1]] = pixels
+        self._figure.set_size_inches(self.width / _DPI, height / _DPI)
+        self._figure.figimage(whole, 0, 0)
+        for line, left, middle, bold in self._texts:
+            self._figure.text(left / self.width, 1 - middle / height, line, va="center", **_font(bold))
+        self._canvas.draw()
+        Image.fromarray(np.asarray(self._canvas.buffer_rgba())[..., :3]).save(path, format="PNG", optimize=True)
+
+    def _reach(self, bottom: int) -> int:
+        self.height = max(self.height, bottom)
+        return bottom
+
+    def _extent(self, text: str, bold: bool) -> float:
+        if (text, bold) not in self._widths:
+            drawn = self._figure.text(0, 0, text, **_font(bold))
+            self._widths[text, bold] = drawn.get_window_extent(self._canvas.get_renderer()).width
+            drawn.remove()
+        return self._widths[text, bold]
+
+
+def _font(bold: bool) -> dict[str, Any]:
+    return {"fontsize": _POINTS, "weight": "bold" if bold else "normal", "parse_math": False}
