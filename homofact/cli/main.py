@@ -5,6 +5,7 @@ Exit codes: 0 done; 2 bad input or usage, one line on stderr; 1 a fault of homof
 """
 
 import errno
+import io
 import os
 import sys
 import traceback
@@ -16,6 +17,7 @@ from typer.main import get_command
 
 from homofact.cli import chart, compare, convert, export, factorize, info, plan, render, stability, terms, view
 from homofact.errors import BadInput
+from homofact.files.words import harmless
 from homofact.version import __version__
 
 app = typer.Typer(
@@ -57,6 +59,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line (`sys.argv` unless given) and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     command = get_command(app)
+    for stream in (sys.stdout, sys.stderr):
+        # What a stream's encoding does not hold (ε in latin-1, half a letter of a file's name) is shown by its number.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         # Not the application's own main: it would swallow interruption and broken pipes.
         with command.make_context("homofact", arguments or ["--help"]) as context:
@@ -89,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _refuse(message: str) -> int:
-    print(f"homofact: {' '.join(message.split())}", file=sys.stderr)
+    print(f"homofact: {harmless(' '.join(message.split()))}", file=sys.stderr)
     return 2
 
 

@@ -46,8 +46,11 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Make or replace a UTF-8 file, whole or not at all, line ends as they are. Raises BadInput as `replace_file`."""
-    write_bytes(path, text.encode())
+    """Make or replace a UTF-8 file, whole or not at all, line ends as they are. Raises BadInput as `replace_file`.
+
+    A lone surrogate, which no UTF-8 holds, is written as \\udcff: in JSON that is the surrogate again.
+    """
+    write_bytes(path, text.encode(errors="backslashreplace"))
 
 
 @contextlib.contextmanager
