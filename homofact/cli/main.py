@@ -39,7 +39,10 @@ app.command("terms")(terms.terms)
 app.command("view")(view.view)
 
 # What the machine refuses is for the user to mend, as bad input is.
-_REFUSALS = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT}
+_REFUSALS = {
+    errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR,
+    errno.EIO, errno.EMFILE, errno.ENFILE,
+}  # fmt: skip
 
 
 def _version(wanted: bool) -> None:

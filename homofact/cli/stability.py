@@ -10,6 +10,7 @@ from homofact.cli import options as o
 from homofact.cli.places import check_file, check_place
 from homofact.cli.screen import Screen, say_estimate
 from homofact.errors import BadInput
+from homofact.files.lock import claimed
 
 
 def stability(
@@ -62,7 +63,7 @@ def stability(
     screen = Screen(as_json, quiet)
     estimate = estimate_atlas(plan)
     say_estimate(screen, estimate)
-    with screen.bar() as bar:
+    with claimed(out), screen.bar() as bar:
         began = time.perf_counter()
 
         def started(done: int, runs: int, name: str) -> None:

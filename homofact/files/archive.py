@@ -24,9 +24,10 @@ import numpy as np
 
 from homofact.errors import BadInput
 from homofact.files.atomic import replace_file
+from homofact.files.kinds import FACTORIZATION
+from homofact.files.private import clean
 from homofact.files.reading import read_bytes
 
-NAME = "factorization.npz"
 _FIT = "the .npz of a fit"
 
 # Deflate can shrink zeros a thousandfold: more than this beside the file itself is refused.
@@ -117,14 +118,20 @@ def write_arrays(path: str | os.PathLike[str], arrays: dict[str, np.ndarray]) ->
     replace_file(path, write)
 
 
-def saved_file(place: str | os.PathLike[str]) -> Path:
-    """The saved fit in a result's folder, or the file itself. Raises BadInput for a folder without one."""
+def saved_file(place: str | os.PathLike[str], *others: str) -> Path:
+    """The saved fit in a result's folder, or of `others` the first that is there; or the file itself.
+
+    A result that a killed run has left aside is put back first. Raises BadInput for a folder without any.
+    """
     target = Path(place)
+    if not target.exists():
+        clean(target.absolute().parent)
     if not target.is_dir():
         return target
-    if not (target / NAME).is_file():
-        raise BadInput(f"{target}: found no {NAME} in the folder, expected a result of a fit")
-    return target / NAME
+    for name in (FACTORIZATION, *others):
+        if (target / name).is_file():
+            return target / name
+    raise BadInput(f"{target}: found no {FACTORIZATION} in the folder, expected a result of a fit")
 
 
 def write_archive(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
