@@ -16,7 +16,7 @@ import typer
 from typer.main import get_command
 
 from homofact.cli import chart, compare, convert, export, factorize, info, plan, render, stability, terms, view
-from homofact.errors import BadInput
+from homofact.errors import BadInput, SolverFailure
 from homofact.files.words import harmless
 from homofact.version import __version__
 
@@ -74,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except typer.Exit as ending:
         return ending.exit_code
-    except BadInput as error:
+    except (BadInput, SolverFailure) as error:
         return _refuse(str(error))
     except typer.TyperException as error:
         path = getattr(getattr(error, "ctx", None), "command_path", "homofact")

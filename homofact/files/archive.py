@@ -26,7 +26,7 @@ from homofact.errors import BadInput
 from homofact.files.atomic import replace_file
 from homofact.files.kinds import FACTORIZATION
 from homofact.files.private import clean
-from homofact.files.reading import read_bytes
+from homofact.files.reading import parsed_json, read_bytes
 
 _FIT = "the .npz of a fit"
 
@@ -91,8 +91,8 @@ def read_header(path: object, arrays: dict[str, np.ndarray], expected: str) -> d
     if text is None or text.shape != () or text.dtype.kind != "U":
         raise BadInput(f"{path}: holds no header, expected {expected}")
     try:
-        found = json.loads(str(text))
-    except (ValueError, RecursionError) as error:
+        found = parsed_json(str(text))
+    except ValueError as error:
         raise BadInput(f"{path}: header is not JSON ({error}), expected a JSON object") from error
     if not isinstance(found, dict):
         raise BadInput(f"{path}: header is a JSON {type(found).__name__}, expected an object")
@@ -147,13 +147,6 @@ def read_archive(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], d
         return arrays, read_header(path, arrays, _FIT)
     except BadInput as error:
         raise BadInput(f"{path}: not a saved factorization:{str(error).removeprefix(f'{path}:')}") from error
-
-
-def check_version(path: str | os.PathLike[str], header: dict[str, Any], newest: int) -> None:
-    """Raise BadInput where the header names no version, or one newer than this program reads."""
-    version = header.get("format_version")
-    if not isinstance(version, int) or version > newest:
-        raise BadInput(f"{path}: format version {version!r}, expected at most {newest}: update homofact")
 
 
 def _array(name: str, data: bytes) -> np.ndarray:

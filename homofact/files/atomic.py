@@ -43,9 +43,9 @@ def replace_file(path: str | os.PathLike[str], write: Callable[[Path], object], 
         flush(target.parent)
 
 
-def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
-    """Make or replace a file, whole or not at all. Raises BadInput as `replace_file`."""
-    replace_file(path, lambda made: made.write_bytes(data))
+def write_bytes(path: str | os.PathLike[str], data: bytes, *, new: bool = False) -> None:
+    """Make or replace a file, whole or not at all. `new` and BadInput as with `replace_file`."""
+    replace_file(path, lambda made: made.write_bytes(data), new=new)
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

@@ -151,13 +151,15 @@ def write_viewer(
     subtitle: str = "",
     mesh: Mesh | None = None,
     notes: Sequence[str] = (),
+    new: bool = False,
 ) -> int:
     """Write `viewer_html` to `path`, whole or not at all; its bytes.
 
-    Raises BadInput as `viewer_html`, and for a place that cannot be written.
+    `new` says that nothing there may be replaced. Raises BadInput as `viewer_html`, and for a place that cannot be
+    written.
     """
     data = viewer_html(layers, title=title, subtitle=subtitle, mesh=mesh, notes=notes).encode("utf-8")
-    write_bytes(path, data)
+    write_bytes(path, data, new=new)
     return len(data)
 
 

@@ -1,5 +1,6 @@
 """Where results go, through the commands: what is in the way is said before the work, and nobody's files are lost."""
 
+import importlib
 import json
 import os
 import subprocess
@@ -124,3 +125,48 @@ def test_force_leaves_what_is_not_homofacts(tmp_path: Path) -> None:
     names = sorted(path.name for path in (tmp_path / "engine").iterdir())
     assert "level.map" in names
     assert not [name for name in names if name.endswith(".exr")]
+
+
+def test_an_interrupted_atlas_leaves_its_cells_and_the_older_atlas(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    (tmp_path / "atlas.csv").write_text("older")
+    monkeypatch.setattr("homofact.evaluate.stability.solver_atlas.run_solvers", interrupt)
+    arguments = ["stability", "--short", "--methods", "mccool", "--stressors", "few-samples", "--out", str(tmp_path)]
+    assert main(arguments) == 130
+    assert (tmp_path / "atlas.csv").read_text() == "older"
+    assert (tmp_path / "unfinished.csv").read_text().count("\n") == 3
+    monkeypatch.undo()
+    monkeypatch.setattr("homofact.evaluate.stability.solver_atlas.SYSTEMS", ())
+    monkeypatch.setattr("homofact.figures.stability.draw_solvers", lambda *_: None)
+    monkeypatch.setattr("homofact.evaluate.stability.atlas.write_csv", lambda path, cells: path.write_text("new"))
+    assert main(arguments) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["atlas.csv", "atlas.png", "solvers.csv"]
+
+
+@pytest.mark.parametrize("command", ["convert", "view"])
+def test_a_file_that_comes_while_another_is_made_is_not_replaced(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if command == "convert":
+        target = tmp_path / "a.csv"
+        arguments = ["convert", "material:phong-10", str(target), "--count", "50"]
+        place, name = "homofact.brdf.formats.csv", "write"
+    else:
+        target = tmp_path / "a.html"
+        assert main([*FIT, "--out", str(tmp_path / "out"), "-q"]) == 0
+        arguments = ["view", str(tmp_path / "out"), "--out", str(target)]
+        place, name = "homofact.viewer.viewer", "viewer_html"
+    honest = getattr(importlib.import_module(place), name)
+
+    def slow(*given: object, **more: object) -> object:
+        target.write_text("mine")
+        return honest(*given, **more)
+
+    monkeypatch.setattr(f"{place}.{name}", slow)
+    assert main(arguments) == 2
+    assert "File exists" in capsys.readouterr().err
+    assert target.read_text() == "mine"
