@@ -83,18 +83,24 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("homofact: interrupted, nothing was written", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # The interpreter flushes stdout once more on its way out.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_stdout()
         return 141
     except Exception as error:
         if isinstance(error, OSError) and error.errno in _REFUSALS:
-            return _refuse(f"{error.filename}: {error.strerror}")
+            if error.filename is None:
+                _drop_stdout()
+            return _refuse(f"{error.filename or 'what is printed'}: {error.strerror}")
         traceback.print_exc()
         print(
             f"homofact: this is a fault of homofact {__version__}, not yours: please report it with the lines above",
             file=sys.stderr,
         )
         return 1
+
+
+def _drop_stdout() -> None:
+    """The interpreter flushes stdout once more on its way out: into nothing, where it cannot be written."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _refuse(message: str) -> int:
