@@ -23,9 +23,14 @@ test: $(READY)
 	$(BIN)/pyright
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2
 
-# Properties on 2000 random problems each instead of 100.
+# Properties on 2000 random problems each instead of 100; 20,000 damaged files of every kind that is read; a kill at every
+# system call of a write (Debian's strace); everything 200 times in one process, whose memory stays flat.
 nightly: $(READY)
 	HYPOTHESIS_PROFILE=nightly OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 tests/factor/test_properties.py
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/fuzz_readers.py
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/fuzz_results.py
+	$(BIN)/python scripts/kill_writes.py
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/soak.py
 
 # The atlas of failures, remade with its document: minutes. Real measurements are looked for in HOMOFACT_DATA.
 stability: $(READY)

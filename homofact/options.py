@@ -15,6 +15,8 @@ from typing import Any
 
 from homofact.errors import BadInput
 
+MOST_SEED = 2**62  # every generator takes it, and a few more
+
 
 @dataclass(frozen=True)
 class Option:
@@ -163,7 +165,9 @@ class Declared:
         if given.above is not None and given.below is not None:
             words.append(f"between {given.above:g} and {given.below:g}")
         elif given.least is not None and given.most is not None:
-            words.append(f"{given.least:g} to {given.most:g}{f' {given.unit}' if given.unit else ''}")
+            whole = f"a whole number from {given.least} to {given.most}"
+            unit = f" {given.unit}" if given.unit else ""
+            words.append(whole if int in self.kinds else f"{given.least:g} to {given.most:g}{unit}")
         elif given.least is not None:
             words.append(f"{number} of at least {given.least:g}")
         elif given.above is not None:

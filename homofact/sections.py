@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, SCHEMES
+from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, MOST_COUNT, SCHEMES
 from homofact.errors import BadInput
 from homofact.methods.search import Search
 from homofact.methods.table import METHODS, made, made_each
@@ -50,7 +50,7 @@ class SourceSettings:
         expected_instead=_expected_channels,
         panel=SOURCE,
     )
-    count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, panel=SOURCE)
+    count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, most=MOST_COUNT, panel=SOURCE)
     scheme: str = option(DEFAULT_SCHEME, "How they are drawn", choices=SCHEMES, panel=SOURCE)
     subset: int = option(0, "Most samples that a fit is given, drawn by cells; 0 is all", least=0, panel=SOURCE)
 

@@ -104,7 +104,7 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_the_default(
         ("[evaluate]\nheld_out = 1\n", "evaluate.held_out: found 1.0, expected between 0 and 1"),
         ("[compare]\nmethods = []\n", "compare.methods: found none, expected at least one"),
         ("[compare]\nmethods = ['cole', 'cole']\n", "compare.methods: found cole, cole, expected"),
-        ("[source]\ncount = 0\n", "source.count: found 0, expected a whole number of at least 1"),
+        ("[source]\ncount = 0\n", "source.count: found 0, expected a whole number from 1 to 10000000"),
         ("[fit\n", "not TOML: "),
         ("[fit]\nsize = 2\nsize = 3\n", "not TOML: "),
     ],

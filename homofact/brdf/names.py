@@ -4,4 +4,5 @@ CHANNELS = ("rgb", "spectral", "luminance")
 SCHEMES = ("lobe", "discs", "cosine", "grid")
 DEFAULT_SCHEME = "lobe"
 DEFAULT_COUNT = 45_000
+MOST_COUNT = 10_000_000  # pairs: a gigabyte of samples
 MATERIAL_PREFIX = "material:"

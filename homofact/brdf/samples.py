@@ -16,6 +16,8 @@ from torch import Tensor
 from homofact.errors import BadInput
 
 MOST_COPIES = 1_500_000
+# Squares and sums of weights between these stay numbers.
+LEAST_WEIGHT, MOST_WEIGHT = 1e-40, 1e40
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,8 @@ class Samples:
     ----------
     wi, wo : (N, 3) float64 unit vectors in the surface frame, away from the surface.
     values : (N, C) float64 in sr⁻¹, linear, without the cosine.
-    weights : (N,) float64, non-negative; 1 where nothing else is known.
+    weights : (N,) float64, 0 or from `LEAST_WEIGHT` to `MOST_WEIGHT` and more than one of several
+        above 0; 1 where nothing else is known.
     channels : C names.
     isotropic : whether the material may be turned about its normal (and mirrored) freely.
     all_azimuths : whether the samples lie at all azimuths as they are, so that a fit needs no copies of them.
@@ -74,6 +77,13 @@ class Samples:
                 raise BadInput(
                     f"samples: {name} at row {row} has length {float(length[row]):.6g}, expected a unit vector"
                 )
+        given = self.weights[self.weights > 0]
+        if len(given) == 0 or bool((given < LEAST_WEIGHT).any()) or bool((given > MOST_WEIGHT).any()):
+            odd = given[(given < LEAST_WEIGHT) | (given > MOST_WEIGHT)]
+            found = f"{float(odd[0]):g} among the weights" if len(odd) else "weights that are all 0"
+            raise BadInput(f"samples: found {found}, expected some from {LEAST_WEIGHT:g} to {MOST_WEIGHT:g}, or 0")
+        if count > 1 and len(given) == 1:
+            raise BadInput("samples: found a single one with a weight above 0, expected at least 2")
         for name, tensor in (("values", self.values), ("weights", self.weights)):
             if bool((tensor < 0).any()):
                 row = int((tensor.reshape(count, -1) < 0).any(1).nonzero()[0])

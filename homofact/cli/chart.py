@@ -2,6 +2,7 @@
 
 import re
 import sys
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from homofact.cli.screen import Screen, say_estimate
 from homofact.cli.subject import open_subject
 from homofact.cli.tables import chart_table
 from homofact.errors import BadInput
+from homofact.files.lock import claimed
 from homofact.methods.table import methods_with, parsed_label
 
 if TYPE_CHECKING:
@@ -60,12 +62,16 @@ def chart(
 
     runs = plan(methods, wanted.textures, wanted.sizes, wanted.searches, seeds)
     check_place(folder)
-    ledgers = {text: Ledger(folder / f"{name}.csv", settings.output.force) for text, name in names.items()}
 
     screen = Screen(as_json, quiet)
     answer, tables, files = [], [], []
     kept, total = 0, len(runs) * len(names)
-    with screen.bar() as bar:
+    with ExitStack() as claims, screen.bar() as bar:
+        ledgers = {}
+        for text, name in names.items():
+            path = folder / f"{name}.csv"
+            claims.enter_context(claimed(path))
+            ledgers[text] = Ledger(path, settings.output.force)
         try:
             bar.stage("reading")
             subjects = {

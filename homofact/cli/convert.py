@@ -15,6 +15,7 @@ from homofact.cli.places import check_file
 from homofact.cli.screen import Screen
 from homofact.cli.subject import check_source, open_subject
 from homofact.errors import BadInput
+from homofact.files.atomic import replace_file
 
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
@@ -45,7 +46,8 @@ def convert(
         subject = open_subject(settings)
         bar.stage("writing")
         target.parent.mkdir(parents=True, exist_ok=True)
-        facts = _write(target, subject)
+        facts: dict[str, Any] = {}
+        replace_file(target, lambda made: facts.update(_write(made, subject)), new=not settings.output.force)
     answer = {"source": subject.name, "out": str(target), "bytes": target.stat().st_size, **facts}
     if not quiet:
         screen.show(f"{target}: {facts['format']}, {answer['bytes']} bytes", *facts["notes"])

@@ -12,6 +12,7 @@ from homofact.cli.screen import Screen
 from homofact.cli.tables import stored_table
 from homofact.containers.names import FORMAT_NAMES
 from homofact.errors import BadInput
+from homofact.files.lock import claimed
 
 if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
@@ -77,7 +78,7 @@ def export(
     chosen = format_named(name)
     check_export_folder(to, force)
     screen = Screen(as_json, quiet)
-    with screen.bar() as bar:
+    with claimed(to), screen.bar() as bar:
         bar.stage("reading")
         fitted = open_result(result)
         made = exported(fitted, chosen)

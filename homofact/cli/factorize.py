@@ -13,6 +13,7 @@ from homofact.cli.tables import appearance_tables, cost_table, error_table
 from homofact.cli.verdicts import refuse_findings, verdict_lines
 from homofact.errors import BadInput
 from homofact.evaluate.wording import figure
+from homofact.files.lock import claimed
 
 if TYPE_CHECKING:
     from homofact.config import Config
@@ -45,7 +46,7 @@ def factorize(
     from homofact.methods.table import mccool_like
 
     screen = Screen(as_json, quiet)
-    with screen.bar() as bar:
+    with claimed(folder), screen.bar() as bar:
         bar.stage("reading")
         subject = open_subject(settings)
         warmed_up(screen)

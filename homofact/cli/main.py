@@ -5,6 +5,7 @@ Exit codes: 0 done; 2 bad input or usage, one line on stderr; 1 a fault of homof
 """
 
 import errno
+import io
 import os
 import sys
 import traceback
@@ -15,7 +16,8 @@ import typer
 from typer.main import get_command
 
 from homofact.cli import chart, compare, convert, export, factorize, info, plan, render, stability, terms, view
-from homofact.errors import BadInput
+from homofact.errors import BadInput, SolverFailure
+from homofact.files.words import harmless
 from homofact.version import __version__
 
 app = typer.Typer(
@@ -37,7 +39,10 @@ app.command("terms")(terms.terms)
 app.command("view")(view.view)
 
 # What the machine refuses is for the user to mend, as bad input is.
-_REFUSALS = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT}
+_REFUSALS = {
+    errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR,
+    errno.EIO, errno.EMFILE, errno.ENFILE,
+}  # fmt: skip
 
 
 def _version(wanted: bool) -> None:
@@ -57,6 +62,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line (`sys.argv` unless given) and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     command = get_command(app)
+    for stream in (sys.stdout, sys.stderr):
+        # What a stream's encoding does not hold (ε in latin-1, half a letter of a file's name) is shown by its number.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         # Not the application's own main: it would swallow interruption and broken pipes.
         with command.make_context("homofact", arguments or ["--help"]) as context:
@@ -65,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except typer.Exit as ending:
         return ending.exit_code
-    except BadInput as error:
+    except (BadInput, SolverFailure) as error:
         return _refuse(str(error))
     except typer.TyperException as error:
         path = getattr(getattr(error, "ctx", None), "command_path", "homofact")
@@ -74,12 +83,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("homofact: interrupted, nothing was written", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # The interpreter flushes stdout once more on its way out.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_stdout()
         return 141
     except Exception as error:
         if isinstance(error, OSError) and error.errno in _REFUSALS:
-            return _refuse(f"{error.filename}: {error.strerror}")
+            if error.filename is None:
+                _drop_stdout()
+            return _refuse(f"{error.filename or 'what is printed'}: {error.strerror}")
         traceback.print_exc()
         print(
             f"homofact: this is a fault of homofact {__version__}, not yours: please report it with the lines above",
@@ -88,8 +98,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
 
 
+def _drop_stdout() -> None:
+    """The interpreter flushes stdout once more on its way out: into nothing, where it cannot be written."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _refuse(message: str) -> int:
-    print(f"homofact: {' '.join(message.split())}", file=sys.stderr)
+    print(f"homofact: {harmless(' '.join(message.split()))}", file=sys.stderr)
     return 2
 
 

@@ -1,11 +1,14 @@
 """Where results go: checked before a long fit, so that an hour's work never meets a closed door."""
 
-import tempfile
+import os
 from pathlib import Path
 
 from homofact.brdf.names import MATERIAL_PREFIX
 from homofact.errors import BadInput
+from homofact.files.private import private_folder
 from homofact.files.reading import check_readable, split_member
+
+_ROOM = 1 << 18  # bytes: less than any result takes
 
 
 def check_measurement(source: str) -> None:
@@ -19,12 +22,10 @@ def check_measurement(source: str) -> None:
 
 def check_result(place: Path) -> None:
     """Refuse a result that is not there, before what opens it is loaded. Raises BadInput."""
-    from homofact.files.archive import NAME, saved_file
+    from homofact.files.archive import saved_file
 
-    if not place.exists():
+    if not saved_file(place, "manifest.json").exists():
         raise BadInput(f"{place}: no such file, expected a saved factorization")
-    if place.is_dir() and not (place / NAME).exists() and not (place / "manifest.json").exists():
-        saved_file(place)
 
 
 def check_folder(folder: Path, force: bool) -> None:
@@ -32,19 +33,19 @@ def check_folder(folder: Path, force: bool) -> None:
 
     Raises BadInput; leaves nothing behind.
     """
-    from homofact.files.archive import NAME
     from homofact.files.folder import check_new_folder
+    from homofact.files.kinds import RESULT
 
     # As `export.result.check_result_folder`, which loads torch.
-    check_new_folder(folder, "result", NAME, force)
-    _try_writing(folder.resolve().parent)
+    check_new_folder(folder, RESULT, force)
+    _try_writing(folder.resolve())
 
 
 def check_place(folder: Path) -> None:
     """Refuse a folder for several files that is a file itself or cannot be made or written. Raises BadInput."""
     if folder.exists() and not folder.is_dir():
         raise BadInput(f"{folder}: is a file, expected a folder")
-    _try_writing(folder.resolve())
+    _try_writing(folder.resolve() / "x")
 
 
 def check_file(path: Path, *endings: str) -> None:
@@ -54,20 +55,25 @@ def check_file(path: Path, *endings: str) -> None:
     if path.suffix.lower() not in endings:
         found = repr(path.suffix) if path.suffix else "nothing"
         raise BadInput(f"{path}: ends in {found}, expected {' or '.join(endings)}")
-    _try_writing(path.resolve().parent)
+    _try_writing(path.resolve())
 
 
-def _try_writing(folder: Path) -> None:
-    """Make a folder in `folder`, or in the nearest that exists, and take it away.
+def _try_writing(target: Path) -> None:
+    """Make a file of this name, in folders of these names, within a hidden folder where it will be; take all away.
 
-    Permission bits do not tell of everything that can be in the way, a full or odd file system for one.
+    Permission bits do not tell of everything that can be in the way: a name too long, a full or an odd file system.
     """
-    place = next(each for each in (folder, *folder.parents) if each.exists())
+    place = next(each for each in target.parents if each.exists())
     if not place.is_dir():
-        raise BadInput(f"{folder}: {place} is a file, expected a folder")
+        raise BadInput(f"{target.parent}: {place} is a file, expected a folder")
     try:
-        with tempfile.TemporaryDirectory(prefix=".homofact-", dir=place):
-            pass
+        with private_folder(place / target.name) as folder:
+            trial = folder / target.relative_to(place)
+            trial.parent.mkdir(parents=True, exist_ok=True)
+            with open(trial, "wb") as file:
+                file.write(bytes(_ROOM))
+                file.flush()
+                os.fsync(file.fileno())
     except OSError as error:
         reason = error.strerror or str(error)
-        raise BadInput(f"{folder}: cannot be written ({reason}), expected a writable place") from error
+        raise BadInput(f"{target}: cannot be written ({reason}), expected a writable place") from error

@@ -1,5 +1,6 @@
 """`homofact plan`: no more than a scene needs, by its lighting and a tolerance."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,7 @@ from homofact.cli.screen import Screen
 from homofact.config import fit_options
 from homofact.errors import BadInput
 from homofact.evaluate.wording import figure
+from homofact.files.lock import claimed
 from homofact.methods.search import Search
 
 if TYPE_CHECKING:
@@ -67,7 +69,7 @@ def plan(
     asked = read_scene(scene)
     other_lighting = None if against is None else named_lighting(against)
     screen = Screen(as_json, quiet)
-    with screen.bar() as bar:
+    with claimed(write) if write is not None else nullcontext(), screen.bar() as bar:
         bar.stage("warming up")
         warm_up()
         options = FitOptions(effort=searched.effort, budget=budget, count=count, seed=asked.seed)

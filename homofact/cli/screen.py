@@ -10,10 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.segment import Segment
 
 from homofact.errors import Report, Status
+from homofact.files.words import harmless
 
 if TYPE_CHECKING:
     from homofact.evaluate.estimate import TimeEstimate
@@ -56,7 +58,19 @@ class FitProgress(Protocol):
 
 
 class _Console(Console):
-    """Rich's console, which lets a broken pipe through to the entry point instead of exiting by itself."""
+    """Rich's console, as names from elsewhere need it, and which lets a broken pipe through to the entry point.
+
+    All that is printed is `harmless`, and nothing in it is taken for markup or the name of an emoji.
+    """
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        """On stdout, or on stderr."""
+        super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        """The segments of what is printed; only rich's own control what the terminal does."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(harmless(segment.text, keep="\n"), segment.style)
 
     def on_broken_pipe(self) -> None:
         """The reader has gone."""
@@ -103,8 +117,8 @@ class Screen:
     def __init__(self, as_json: bool, quiet: bool) -> None:
         """Take stdout and stderr as they are now."""
         self.as_json, self.quiet = as_json, quiet
-        self._out = _Console(highlight=False)
-        self._err = _Console(stderr=True, highlight=False)
+        self._out = _Console()
+        self._err = _Console(stderr=True)
 
     @property
     def on_terminal(self) -> bool:
@@ -114,23 +128,21 @@ class Screen:
     def note(self, text: str) -> None:
         """A line on stderr, unless quiet; never wrapped."""
         if not self.quiet:
-            self._err.print(text, markup=False, soft_wrap=True)
+            self._err.print(text, soft_wrap=True)
 
     def show(self, *parts: RenderableType) -> None:
         """Tables and lines on stdout, unless --json is; lines are never wrapped."""
         if self.as_json:
             return
         for part in parts:
-            if isinstance(part, str):
-                self._out.print(part, markup=False, soft_wrap=True)
-            else:
-                self._out.print(part)
+            self._out.print(part, soft_wrap=isinstance(part, str))
 
     def answer(self, record: dict[str, Any]) -> None:
         """With --json, the one object on stdout; a number that is not finite becomes null."""
         if self.as_json:
-            text = json.dumps(plain(record), ensure_ascii=False, allow_nan=False, indent=2)
-            self._out.print(text, markup=False, soft_wrap=True)
+            wide = self._out.encoding.startswith("utf")
+            text = json.dumps(plain(record), ensure_ascii=not wide, allow_nan=False, indent=2)
+            self._out.print(text, soft_wrap=True)
 
     @contextmanager
     def bar(self) -> Iterator[Bar]:
@@ -139,9 +151,9 @@ class Screen:
             yield Bar()
             return
         columns = (
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=None),
-            TextColumn("{task.fields[figures]}"),
+            TextColumn("{task.fields[figures]}", markup=False),
             TimeElapsedColumn(),
         )
         # transient: a finished bar says nothing that the table does not.

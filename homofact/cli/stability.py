@@ -10,6 +10,8 @@ from homofact.cli import options as o
 from homofact.cli.places import check_file, check_place
 from homofact.cli.screen import Screen, say_estimate
 from homofact.errors import BadInput
+from homofact.files.lock import claimed
+from homofact.options import MOST_SEED
 
 
 def stability(
@@ -30,7 +32,7 @@ def stability(
     short: Annotated[
         bool, typer.Option("--short", help="The mildest and the fatal strength of each alone, on smaller problems.")
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of the problems and the fits.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Of the problems and the fits.")] = 0,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -38,7 +40,8 @@ def stability(
 
     Each cell of methods × stressors × strengths is ok, degraded, refused,
     or silently wrong. FOLDER gets atlas.csv, atlas.png, solvers.csv and
-    solvers.png. Measurements are looked for in $HOMOFACT_DATA.
+    solvers.png; while it runs the cells so far are in unfinished.csv.
+    Measurements are looked for in $HOMOFACT_DATA.
     """
     if out is None:
         raise BadInput("out: none given, expected a folder for the atlas (--out)")
@@ -62,7 +65,7 @@ def stability(
     screen = Screen(as_json, quiet)
     estimate = estimate_atlas(plan)
     say_estimate(screen, estimate)
-    with screen.bar() as bar:
+    with claimed(out), screen.bar() as bar:
         began = time.perf_counter()
 
         def started(done: int, runs: int, name: str) -> None:
@@ -70,14 +73,17 @@ def stability(
                 estimate.finish_first(done, time.perf_counter() - began)
             bar.run(f"{name}, {about(estimate.seconds_left)} left", done, runs)
 
-        atlas = run_atlas(plan, started)
+        # What an interrupted run leaves; an atlas that is there stays until the new one is whole.
+        unfinished = out / "unfinished.csv"
+        out.mkdir(parents=True, exist_ok=True)
+        atlas = run_atlas(plan, started, ended=lambda cells: write_csv(unfinished, cells))
         solvers = run_solvers(seed, short, lambda done, runs, name: bar.run(name, done, runs))
-    out.mkdir(parents=True, exist_ok=True)
     files = [out / name for name in ("atlas.csv", "atlas.png", "solvers.csv", "solvers.png")]
     write_csv(files[0], atlas.cells)
     draw_atlas(files[1], atlas, plan.settings)
     write_csv(files[2], solvers)
     draw_solvers(files[3], solvers)
+    unfinished.unlink(missing_ok=True)
     if document is not None:
         write_document(document, atlas, solvers, out, machine())
         files.append(document)

@@ -52,7 +52,9 @@ def view(
         shape = None if mesh is None else read_mesh(mesh)
         folder = result if result.is_dir() else result.parent
         report = read_report(folder) if result.is_dir() or result.name == "factorization.npz" else {}
-        page = write_view(fitted, target, source, near=(folder,), report=report, mesh=shape, stage=bar.stage)
+        page = write_view(
+            fitted, target, source, near=(folder,), report=report, mesh=shape, stage=bar.stage, new=not force
+        )
     for label, ending in page.reports.items():
         say_ending(screen, ending, label)
     if page.caution:

@@ -13,14 +13,23 @@ from homofact.containers.pixels import finite_pixels, whole_shape
 from homofact.errors import BadInput
 from homofact.files.atomic import replace_file
 from homofact.files.reading import read_bytes
+from homofact.files.words import harmless
+
+_LONGEST_NAME = 255  # bytes, of up to four a letter
 
 
 def exr_channel_names(channels: Sequence[str]) -> tuple[str, ...]:
     """What the channels are called in an EXR: Y for a single one, else their own names.
 
-    A full stop would make a layer of what stands before it, so 400.5nm becomes 400,5nm.
+    A full stop would make a layer of what stands before it, so 400.5nm becomes 400,5nm. A name that is too long for the
+    file keeps its beginning, behind its number.
     """
-    return ("Y",) if len(channels) == 1 else tuple(name.replace(".", ",") for name in channels)
+    return ("Y",) if len(channels) == 1 else tuple(_stored_name(k, name) for k, name in enumerate(channels))
+
+
+def _stored_name(number: int, name: str) -> str:
+    plain = harmless(name).replace(".", ",") or f"{number}"
+    return plain if len(plain.encode()) <= _LONGEST_NAME else f"{number} {plain[: _LONGEST_NAME // 5]}"
 
 
 def write_exr(path: str | os.PathLike[str], pixels: np.ndarray, names: Sequence[str], comment: str = "") -> None:

@@ -18,6 +18,7 @@ from homofact.errors import BadInput
 from homofact.evaluate.appearance import Figures
 from homofact.evaluate.metrics import SixErrors
 from homofact.files.atomic import write_text
+from homofact.files.reading import read_bytes
 from homofact.version import __version__
 
 
@@ -134,7 +135,8 @@ class Ledger:
     def __init__(self, path: str | os.PathLike[str], fresh: bool = False) -> None:
         """Read what `path` holds, or with `fresh` begin anew (the file is replaced with the first line).
 
-        Raises BadInput for a file that is none of ours, is damaged, or was written by another version.
+        A last line that was cut is left out. Raises BadInput for a file that is none of ours, is damaged otherwise, or
+        was written by another version.
         """
         self.path = Path(path)
         self._lines: dict[Identity, ChartRow] = {}
@@ -170,12 +172,15 @@ def _cells(row: ChartRow) -> list[Any]:
 
 
 def _read(path: Path) -> list[ChartRow]:
-    """The lines of a chart's CSV; floats are written in full, so they come back as they were."""
+    """The whole lines of a chart's CSV; floats are written in full, so they come back as they were."""
     remedy = "expected a new folder, or --force to begin anew"
     try:
-        with open(path, newline="", encoding="utf-8") as file:
-            lines = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = read_bytes(path, "a chart's CSV", may_be_empty=True).decode("utf-8")
+        lines = list(csv.reader(io.StringIO(text, newline="")))
+        if text and not text.endswith("\n"):
+            # A line without its end was cut: its run is done again, the others stand.
+            lines.pop()
+    except (ValueError, csv.Error) as error:
         raise BadInput(f"{path}: cannot be read as a chart's CSV ({error}), {remedy}") from error
     if not lines or lines[0] != list(_COLUMNS):
         raise BadInput(f"{path}: found other columns than those of homofact {__version__}, {remedy}")

@@ -43,6 +43,8 @@ def source_named_by(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) ->
         return f"{MATERIAL_PREFIX}{material}"
     if not isinstance(file, str):
         raise BadInput("the result does not say what it was made from")
+    # A name alone, as fits have it: a result may name no other place.
+    file = Path(file).name
     for folder in (Path(), *(Path(os.path.abspath(each)) for each in near)):
         for place in (folder / file, folder.parent / file):
             if Path(split_member(place)[0]).is_file():

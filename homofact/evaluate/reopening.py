@@ -10,6 +10,7 @@ A fit knows its split (`evaluate.split`); where it was saved without one the spl
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.source import Source
@@ -94,6 +95,9 @@ def settings_of(fitted: "Fitted") -> "Method":
     known = {setting: value for setting, value in kept.items() if setting in settings_of_class(method)}
     own: dict[str, Any] = {"epsilon": fitted.transform.epsilon}
     side: dict[str, Any] = {"size": _largest_side(fitted)}
+    # A size that no texture of the fit has would ask for any amount of memory.
+    if isinstance(known.get("size"), int) and known["size"] > side["size"]:
+        del known["size"]
     try:
         return method(**(side | known | own))
     except BadInput:
@@ -108,7 +112,8 @@ def _own(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> Reopened:
         try:
             return Reopened(*guess_split(fitted, path))
         except BadInput as error:
-            raise BadInput(f"its source cannot be opened again ({error})") from error
+            # Not the reader's words, which quote the file.
+            raise BadInput(f"its source, {Path(path).name}, cannot be opened again") from error
     source = split.open(near)
     return Reopened(source, split, has_mean_of(fitted, source, split))
 
@@ -156,8 +161,9 @@ def _renamed(kept: Mapping[str, Any], method: str) -> dict[str, Any]:
 
 
 def _largest_side(fitted: "Fitted") -> int:
-    sides = [side for term in fitted.terms for side in getattr(term, "size", ())]
-    return max([*sides, 2])
+    # Of a product's terms, whose textures are larger by a line where they go round.
+    of_terms = [side for term in fitted.terms for side in getattr(term, "size", ())]
+    return max([*(of_terms or [side for texture in fitted.textures for side in texture.size]), 2])
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
+from homofact.brdf.names import MOST_COUNT
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Opening, Source
 from homofact.brdf.stratified import stratified_subset
@@ -36,6 +37,11 @@ def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
         return dict(provenance)
     named = {**opening, "path": Path(str(opening.get("path"))).name, "folder": ""}
     return {**provenance, "source": {**source, "split": {**split, "opening": named}}}
+
+
+def _name(path: str) -> str:
+    """A file's name without its folders: these words stand in pages that are passed on."""
+    return Path(path).name
 
 
 def samples_digest(samples: Samples) -> str:
@@ -97,7 +103,7 @@ class Split:
             opening = Opening(
                 inner.text("path"),
                 inner.text("channels"),
-                inner.whole("count", 1, _MOST),
+                inner.whole("count", 1, MOST_COUNT),
                 inner.text("scheme"),
                 inner.whole("seed", 0, _MOST),
                 inner.text("folder"),
@@ -157,8 +163,7 @@ class Split:
             raise BadInput(
                 f"its source, {self.opening.path}, gives other samples in this version than when it was fitted"
             )
-        # The name alone: these words stand in pages that are passed on.
-        name = Path(self.opening.path).name
+        name = _name(self.opening.path)
         changed = False
         for place in self._places(near):
             source = self._opened(place)
@@ -174,7 +179,8 @@ class Split:
         try:
             return self.opening.open(path)
         except BadInput as error:
-            raise BadInput(f"its source cannot be opened again ({error})") from error
+            # Not the reader's words, which quote the file: a result may name any, and these words are passed on.
+            raise BadInput(f"its source, {_name(path)}, cannot be read as what it was") from error
 
     def _places(self, near: Sequence[str | os.PathLike[str]]) -> Iterator[str]:
         """Where the file is found, each place once."""

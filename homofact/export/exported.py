@@ -22,6 +22,7 @@ from homofact.export.manifest import conventions, write_json
 from homofact.factor.fitted import Fitted
 from homofact.files.atomic import write_text
 from homofact.files.folder import check_new_folder, write_folder
+from homofact.files.kinds import EXPORT
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.shading.c_code import c_source
 from homofact.shading.cost import Cost, cost_of
@@ -33,8 +34,6 @@ from homofact.version import __version__
 FORMAT = "homofact export"
 FORMAT_VERSION = 1
 MANIFEST = "manifest.json"
-# The file by which an export's folder is known.
-SHADER = "brdf.glsl"
 STORAGE = (
     "value = scale * t + bias per channel, t the sampled texel: a float as it is, a whole number over 255 (unorm8) or"
     " 65535 (unorm16), linear, not sRGB; the shaders have it in their constants"
@@ -99,7 +98,7 @@ def log_difference(before: Fitted, after: Fitted, pairs: int = 20_000, seed: int
 
 def check_export_folder(folder: str | os.PathLike[str], force: bool) -> None:
     """Raise BadInput where `write_exported` could not put its files, as `files.folder.check_new_folder` says."""
-    check_new_folder(folder, "export", SHADER, force)
+    check_new_folder(folder, EXPORT, force)
 
 
 def write_exported(
@@ -121,7 +120,7 @@ def write_exported(
             write_text(place / name, text)
         write_json(place / MANIFEST, description)
 
-    write_folder(folder, fill)
+    write_folder(folder, EXPORT, fill, force)
     return description
 
 

@@ -44,11 +44,7 @@ def open_exported(folder: str | os.PathLike[str]) -> Factorization | Separable:
     place = Path(folder)
     fields = Fields.read(place / MANIFEST, f"the manifest of a {FORMAT!r}")
     fields.text("format", (FORMAT,))
-    version = fields.found.get("format_version")
-    if isinstance(version, int) and version > FORMAT_VERSION:
-        newer = f"{place / MANIFEST}: format version {version}, expected at most {FORMAT_VERSION}: update homofact"
-        raise BadInput(newer)
-    fields.whole("format_version", 1, FORMAT_VERSION)
+    fields.version("format_version", FORMAT_VERSION)
     channels = tuple(fields.texts("channels", 4))
     mean = fields.inner("A").numbers("values", len(channels), above=0)
     transform = LogTransform(fields.number("epsilon", above=0), torch.tensor(mean, dtype=torch.float64))

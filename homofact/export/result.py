@@ -9,8 +9,9 @@ from homofact.export.exported_reader import is_export, open_exported
 from homofact.export.images import write_textures
 from homofact.export.manifest import manifest, write_json
 from homofact.factor.fitted import Fitted
-from homofact.files.archive import NAME as FACTORIZATION
-from homofact.files.folder import check_new_folder, write_folder
+from homofact.files.archive import saved_file
+from homofact.files.folder import check_new_folder, kept, write_folder
+from homofact.files.kinds import FACTORIZATION, RESULT
 from homofact.methods.saved import open_saved
 
 MANIFEST = "manifest.json"
@@ -22,7 +23,7 @@ def check_result_folder(folder: str | os.PathLike[str], force: bool) -> None:
 
     Refused as `files.folder.check_new_folder` says.
     """
-    check_new_folder(folder, "result", FACTORIZATION, force)
+    check_new_folder(folder, RESULT, force)
 
 
 def write_result(
@@ -36,24 +37,27 @@ def write_result(
     """Write the whole result to `folder`, or nothing.
 
     `pictures` is called with the folder under construction and adds its files to it. Raises BadInput as
-    `check_result_folder` and for a place that turns out not to be writable; whatever else goes wrong,
-    `pictures` included, passes through with the place as it was before.
+    `check_result_folder` and `files.folder.write_folder`; whatever else goes wrong, `pictures` included, passes through
+    with the place as it was before. Where anything but an interrupt ends it after the fit is saved, the fit alone is
+    kept beside the place, and the error says where.
     """
     check_result_folder(folder, force)
 
     def fill(place: Path) -> None:
         factorization.save(place / FACTORIZATION)
-        write_json(place / MANIFEST, manifest(factorization, write_textures(place, factorization)))
-        write_json(place / REPORT, report)
-        if pictures is not None:
-            pictures(place)
+        # The search's work: it outlives a picture that cannot be drawn and a disk that has no room for more.
+        with kept(place / FACTORIZATION, folder, "the fit alone", ".npz"):
+            write_json(place / MANIFEST, manifest(factorization, write_textures(place, factorization)))
+            write_json(place / REPORT, report)
+            if pictures is not None:
+                pictures(place)
 
-    write_folder(folder, fill)
+    write_folder(folder, RESULT, fill, force)
 
 
 def open_result(place: str | os.PathLike[str]) -> Fitted:
     """The fit of a result folder, of a saved file, or of an export's textures. Raises BadInput where there is none."""
-    target = Path(place)
-    if target.is_dir() and not (target / FACTORIZATION).exists() and is_export(target):
-        return open_exported(target)
-    return open_saved(target)
+    found = saved_file(place, MANIFEST)
+    if found.name == MANIFEST and is_export(found.parent):
+        return open_exported(found.parent)
+    return open_saved(place)

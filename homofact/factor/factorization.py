@@ -9,7 +9,6 @@ as they are, so a loaded factorization is bit-identical.
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -20,15 +19,20 @@ from homofact.brdf.reflectance import answering_in_kind
 from homofact.errors import BadInput
 from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
 from homofact.factor.projection import Projection, Warp, describe_projection, layout_of
-from homofact.files.archive import check_version, read_archive, write_archive
+from homofact.files.archive import write_archive
+from homofact.files.fields import Fields
+from homofact.files.saved import SavedFit
 from homofact.geometry.coordinates import COORDINATES
 from homofact.geometry.directions import above_horizon
 from homofact.geometry.rotation import Rotation
 from homofact.linear.bilinear import lookup
 from homofact.linear.layout import CLAMPED, Axis, TexelLayout
 
+FORMAT = "homofact factorization"
 FORMAT_VERSION = 1
-
+# What a saved fit may hold at most: more is no fit's.
+MOST_CHANNELS, MOST_TERMS, MOST_LEVELS = 4096, 1000, 65535
+LEAST_MEAN, LEAST_WARP = 1e-30, 1e-9
 
 _LETTERS = {
     "wi": "ωi", "wo": "ωo", "theta_i": "θi", "theta_o": "θo", "theta_h": "θh", "theta_d": "θd", "phi_d": "φd",
@@ -182,7 +186,7 @@ class Factorization:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one file (.npz), beside first and then renamed, so that a failure leaves no half file."""
         header = {
-            "format": "homofact factorization",
+            "format": FORMAT,
             "format_version": FORMAT_VERSION,
             "epsilon": self.transform.epsilon,
             "channels": list(self.channels),
@@ -207,25 +211,14 @@ class Factorization:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Factorization":
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
-        target = Path(path)
-        data, header = read_archive(target)
-        check_version(target, header, FORMAT_VERSION)
-        try:
-            terms = tuple(_restore(described, data, j) for j, described in enumerate(header["terms"]))
-            transform = LogTransform(float(header["epsilon"]), torch.from_numpy(data["mean"]))
-            result = cls(terms, transform, tuple(header["channels"]), header["provenance"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise BadInput(f"{target}: incomplete, {error} is missing or damaged, expected what save wrote") from error
-        for j, term in enumerate(terms):
-            if term.texture.ndim != 3 or term.texture.shape[2] != len(result.channels):
-                found = tuple(term.texture.shape)
-                expected = f"(rows, columns, {len(result.channels)})"
-                raise BadInput(f"{target}: texture {j} has shape {found}, expected {expected}")
-            if tuple(term.mask.shape) != tuple(term.texture.shape[:2]) or not bool(torch.isfinite(term.texture).all()):
-                raise BadInput(f"{target}: texture {j} or its mask is damaged, expected finite texels and their mask")
-            if term.deviation is not None and term.deviation.shape != term.texture.shape:
-                raise BadInput(f"{target}: deviation {j} has another shape than its texture, expected the same")
-        return result
+        saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
+        fields = saved.fields
+        channels = tuple(fields.texts("channels", MOST_CHANNELS))
+        mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
+        transform = LogTransform(fields.number("epsilon", above=0), mean)
+        described = enumerate(fields.inners("terms", MOST_TERMS))
+        terms = tuple(_restore(entry, saved, j, len(channels)) for j, entry in described)
+        return cls(terms, transform, channels, fields.inner("provenance").found)
 
 
 def _caption(projection: Projection) -> str:
@@ -253,32 +246,35 @@ def _kinds(projection: Projection) -> list[str]:
     return [axis.value for axis in projection.axes]
 
 
-def _restore(described: dict[str, Any], data: dict[str, Any], j: int) -> Term:
-    if described["coordinates"] not in COORDINATES:
-        raise ValueError(f"coordinates {described['coordinates']!r}")
-    rotation = None
-    if f"rotation_{j}" in data:
-        rotation = Rotation(torch.from_numpy(data[f"rotation_{j}"]).reshape(-1, 4))
-    projection = Projection(
-        described["coordinates"],
-        torch.from_numpy(data[f"matrix_{j}"]),
-        bool(described["reciprocal"]),
-        described["name"],
-        rotation,
-        None if described["warp"] is None else Warp(float(described["warp"])),
-    )
-    kinds = described.get("axes", [axis.value for axis in CLAMPED])
+def _restore(fields: Fields, saved: SavedFit, j: int, channels: int) -> Term:
+    """Term number `j`. Raises BadInput for what no fit could have saved."""
+    name = fields.text("coordinates", COORDINATES)
+    rotation, warp, grid, deviation = None, None, None, None
+    if f"rotation_{j}" in saved:
+        shape = (2, 4) if COORDINATES[name].dimension == 4 else (4,)
+        quaternions = saved.floats(f"rotation_{j}", shape).reshape(-1, 4)
+        if bool(((quaternions.norm(dim=1) - 1).abs() > 1e-3).any()):
+            raise BadInput(f"{saved.path}: rotation_{j} has another length than 1, expected unit quaternions")
+        rotation = Rotation(quaternions)
+    if fields.found.get("warp") is not None:
+        warp = Warp(fields.number("warp", above=LEAST_WARP))
+    matrix = saved.floats(f"matrix_{j}", (2, COORDINATES[name].dimension))
+    reciprocal, called = fields.flag("reciprocal"), fields.text("name")
+    try:
+        projection = Projection(name, matrix, reciprocal, called, rotation, warp)
+        if warp is not None:
+            warp.on(projection.system, torch.zeros(1, projection.system.dimension, dtype=torch.float64))
+    except BadInput as error:
+        raise BadInput(f"{saved.path}: term {j}: {error}") from error
+    kinds = fields.found.get("axes", [axis.value for axis in CLAMPED])
     if kinds != _kinds(projection):
-        raise ValueError(f"axes {kinds} of {projection.name}, which has {_kinds(projection)}: the entry")
-    deviation = data.get(f"deviation_{j}")
-    grid = None
-    if f"grid_{j}" in data:
-        low, step = torch.from_numpy(data[f"grid_{j}"])
-        grid = Grid(low, step, int(described["levels"]))
-    return Term(
-        projection,
-        torch.from_numpy(data[f"texture_{j}"]),
-        torch.from_numpy(data[f"mask_{j}"]),
-        None if deviation is None else torch.from_numpy(deviation),
-        grid,
-    )
+        fields.refuse("axes", f"{_kinds(projection)}, which {called} has")
+    texture = saved.floats(f"texture_{j}", (None, None, channels))
+    rows, columns = texture.shape[:2]
+    mask = saved.flags(f"mask_{j}", (rows, columns))
+    if f"deviation_{j}" in saved:
+        deviation = saved.floats(f"deviation_{j}", (rows, columns, channels), least=0)
+    if f"grid_{j}" in saved:
+        low, step = saved.floats(f"grid_{j}", (2, channels))
+        grid = Grid(low, step, fields.whole("levels", 1, MOST_LEVELS))
+    return Term(projection, texture, mask, deviation, grid)

@@ -24,9 +24,10 @@ import numpy as np
 
 from homofact.errors import BadInput
 from homofact.files.atomic import replace_file
-from homofact.files.reading import read_bytes
+from homofact.files.kinds import FACTORIZATION
+from homofact.files.private import clean
+from homofact.files.reading import parsed_json, read_bytes
 
-NAME = "factorization.npz"
 _FIT = "the .npz of a fit"
 
 # Deflate can shrink zeros a thousandfold: more than this beside the file itself is refused.
@@ -90,8 +91,8 @@ def read_header(path: object, arrays: dict[str, np.ndarray], expected: str) -> d
     if text is None or text.shape != () or text.dtype.kind != "U":
         raise BadInput(f"{path}: holds no header, expected {expected}")
     try:
-        found = json.loads(str(text))
-    except (ValueError, RecursionError) as error:
+        found = parsed_json(str(text))
+    except ValueError as error:
         raise BadInput(f"{path}: header is not JSON ({error}), expected a JSON object") from error
     if not isinstance(found, dict):
         raise BadInput(f"{path}: header is a JSON {type(found).__name__}, expected an object")
@@ -117,14 +118,20 @@ def write_arrays(path: str | os.PathLike[str], arrays: dict[str, np.ndarray]) ->
     replace_file(path, write)
 
 
-def saved_file(place: str | os.PathLike[str]) -> Path:
-    """The saved fit in a result's folder, or the file itself. Raises BadInput for a folder without one."""
+def saved_file(place: str | os.PathLike[str], *others: str) -> Path:
+    """The saved fit in a result's folder, or of `others` the first that is there; or the file itself.
+
+    A result that a killed run has left aside is put back first. Raises BadInput for a folder without any.
+    """
     target = Path(place)
+    if not target.exists():
+        clean(target.absolute().parent)
     if not target.is_dir():
         return target
-    if not (target / NAME).is_file():
-        raise BadInput(f"{target}: found no {NAME} in the folder, expected a result of a fit")
-    return target / NAME
+    for name in (FACTORIZATION, *others):
+        if (target / name).is_file():
+            return target / name
+    raise BadInput(f"{target}: found no {FACTORIZATION} in the folder, expected a result of a fit")
 
 
 def write_archive(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
@@ -140,13 +147,6 @@ def read_archive(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], d
         return arrays, read_header(path, arrays, _FIT)
     except BadInput as error:
         raise BadInput(f"{path}: not a saved factorization:{str(error).removeprefix(f'{path}:')}") from error
-
-
-def check_version(path: str | os.PathLike[str], header: dict[str, Any], newest: int) -> None:
-    """Raise BadInput where the header names no version, or one newer than this program reads."""
-    version = header.get("format_version")
-    if not isinstance(version, int) or version > newest:
-        raise BadInput(f"{path}: format version {version!r}, expected at most {newest}: update homofact")
 
 
 def _array(name: str, data: bytes) -> np.ndarray:

@@ -45,6 +45,13 @@ class Fields:
             self.refuse(name, f"a whole number from {least} to {most}")
         return value
 
+    def version(self, name: str, newest: int) -> None:
+        """A version from 1 to the newest that is known."""
+        value = self.found.get(name)
+        if isinstance(value, int) and value > newest:
+            raise BadInput(f"{self.place}format version {value}, expected at most {newest}: update homofact")
+        self.whole(name, 1, newest)
+
     def flag(self, name: str) -> bool:
         """True or false."""
         value = self.found.get(name)

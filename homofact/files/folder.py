@@ -1,34 +1,45 @@
-"""A folder written whole or not at all: built as a hidden sibling and renamed into place when everything is there.
+"""A folder written whole or not at all: built in a private folder beside its place, and put there when it is whole.
 
-An older one is moved aside only then, put back if the renaming fails, and deleted last: at no moment is its place
-held by half of anything.
+An older one is exchanged for the new one in one step where the system can, else moved aside first and put back if that
+fails; homofact's own files in it are deleted last, and what else is in it moves to the new one.
 """
 
+import contextlib
+import errno
 import os
-import shutil
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from homofact.errors import BadInput
-from homofact.files.atomic import flush, private_folder, real_place, unwritable_refused
+from homofact.files.atomic import flush
+from homofact.files.exchange import exchange
+from homofact.files.kinds import FolderKind
+from homofact.files.lock import claimed
+from homofact.files.places import real_place, unwritable_refused
+from homofact.files.private import NEW, PREVIOUS, clean, give_back, private_folder
+
+_OCCUPIED = {errno.ENOTEMPTY, errno.EEXIST, errno.EACCES}
 
 
-def check_new_folder(folder: str | os.PathLike[str], what: str, mark: str, force: bool) -> None:
-    """Raise BadInput where `write_folder` could not put a `what` ("result"): ask before long work, not after it.
+def check_new_folder(folder: str | os.PathLike[str], kind: FolderKind, force: bool) -> None:
+    """Raise BadInput where `write_folder` could not put a folder of this kind: ask before long work, not after it.
 
-    An empty folder may be used. One that holds the file `mark` is such a folder, which only `force` replaces; one
-    that holds anything else is refused even by force, which would delete it.
+    An empty folder may be used. One that holds the kind's mark is such a folder, which only `force` replaces; one
+    that holds anything else is refused even by force.
     """
     target = Path(folder).resolve()
+    clean(target.parent)
     if target.is_dir():
         found = sorted(entry.name for entry in target.iterdir())
-        if found and mark not in found:
-            raise BadInput(f"{folder}: found {found[0]} in it and no {what}, expected a new or empty folder")
+        if found and kind.mark not in found:
+            raise BadInput(f"{folder}: found {found[0]} in it and no {kind.what}, expected a new or empty folder")
         if found and not force:
-            raise BadInput(f"{folder}: found an existing {what}, expected a new folder or --force")
+            raise BadInput(f"{folder}: found an existing {kind.what}, expected a new folder or --force")
+        if _is_mount_point(target):
+            raise BadInput(f"{folder}: is a mount point, which cannot be replaced; expected a folder in it")
     elif target.exists():
-        raise BadInput(f"{folder}: found a file, expected a folder for the {what}")
+        raise BadInput(f"{folder}: found a file, expected a folder for the {kind.what}")
     place = next(parent for parent in target.parents if parent.exists())
     if not place.is_dir():
         raise BadInput(f"{folder}: cannot be written ({place} is not a folder), expected a writable place")
@@ -36,44 +47,96 @@ def check_new_folder(folder: str | os.PathLike[str], what: str, mark: str, force
         raise BadInput(f"{folder}: cannot be written ({place} is not writable), expected a writable place")
 
 
-def write_folder(folder: str | os.PathLike[str], fill: Callable[[Path], None]) -> None:
-    """Let `fill` put files into a new folder beside `folder`, and rename it to that.
+def write_folder(
+    folder: str | os.PathLike[str], kind: FolderKind, fill: Callable[[Path], None], force: bool = False
+) -> None:
+    """Let `fill` put files into a new folder, and give it the name `folder`.
 
+    What is there is looked at when the new one is whole, not only before: something that came meanwhile, and that
+    `check_new_folder` refuses, stays, and the new folder is kept beside it as FOLDER-new, which the BadInput says.
     A symbolic link is followed, and the permissions of an older folder are kept. Raises BadInput for a place that turns
-    out not to be writable; whatever else goes wrong passes through with the place as it was before.
+    out not to be writable, and while another process writes there; whatever else goes wrong passes through with the
+    place as it was before.
     """
-    with unwritable_refused(folder):
+    with claimed(folder), unwritable_refused(folder):
         target = real_place(folder)
-        made = [parent for parent in target.parents if not parent.exists()]
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with private_folder(target) as beside:
-                new = beside / "new"
-                new.mkdir()
-                fill(new)
-                for place in (*new.rglob("*"), new):
-                    flush(place)
-                # Outside of `beside`, so that it outlives a failure to put it back.
-                _swap(new, target, beside.with_name(beside.name.replace("partial", "previous")))
-        except BaseException:
-            for parent in made:
-                if parent.is_dir() and not any(parent.iterdir()):
-                    parent.rmdir()
-            raise
+        with private_folder(target) as beside:
+            new = beside / NEW / target.name
+            new.mkdir(parents=True)
+            fill(new)
+            for place in (*new.rglob("*"), new):
+                flush(place)
+            with kept(new, folder, "what was made", "-new"):
+                _put(new, target, lambda: check_new_folder(folder, kind, force))
         flush(target.parent)
 
 
-def _swap(new: Path, target: Path, previous: Path) -> None:
-    """Rename `new` to `target`; what was there goes to `previous`, is put back if that fails, else deleted."""
-    if not target.exists():
+def _put(new: Path, target: Path, check: Callable[[], None]) -> None:
+    """Give `new` its name; `check` raises where what is there may not be replaced."""
+    if target.is_dir():
+        new.chmod(stat.S_IMODE(target.stat().st_mode))
+    try:
+        # Where nothing is there, or an empty folder.
         os.rename(new, target)
         return
-    new.chmod(stat.S_IMODE(target.stat().st_mode))
-    os.rename(target, previous)
+    except OSError as error:
+        if error.errno not in _OCCUPIED or not target.is_dir():
+            raise
+    check()
+    previous = new.parents[1] / PREVIOUS / target.name
+    previous.parent.mkdir()
+    # Under that name, so that a run that dies after the exchange leaves the older folder where it is looked for.
+    os.rename(new, previous)
     try:
-        os.rename(new, target)
+        exchanged = exchange(previous, target)
     except BaseException:
-        os.rename(previous, target)
+        os.rename(previous, new)
         raise
-    # The new one stands; an old one that cannot be deleted is left over rather than reported as a failure.
-    shutil.rmtree(previous, ignore_errors=True)
+    if not exchanged:
+        os.rename(previous, new)
+        os.rename(target, previous)
+        try:
+            os.rename(new, target)
+        except BaseException:
+            os.rename(previous, target)
+            raise
+    give_back(previous, target)
+
+
+@contextlib.contextmanager
+def kept(made: Path, folder: str | os.PathLike[str], what: str, ending: str) -> Iterator[None]:
+    """Where the block fails, put `made` beside `folder` under a free name like its own, and say so in the error.
+
+    OSErrors come out as BadInput. An interrupt keeps nothing.
+    """
+    try:
+        with unwritable_refused(folder):
+            yield
+    except Exception as error:
+        place = Path(folder)
+        free = place.with_name(f"{place.name}{ending}")
+        number = 0
+        while os.path.lexists(free):
+            number += 1
+            free = place.with_name(f"{place.name}-{number}{ending}")
+        try:
+            os.rename(made, free)
+        except OSError:
+            raise error from None
+        flush(free)
+        if isinstance(error, BadInput):
+            raise BadInput(f"{error}; {what} is kept in {free}") from error
+        error.add_note(f"{what} is kept in {free}")
+        raise
+
+
+def _is_mount_point(target: Path) -> bool:
+    if os.path.ismount(target):
+        return True
+    try:
+        # A folder bound from the same file system is known to the system alone.
+        mounts = Path("/proc/self/mountinfo").read_text(encoding="utf-8", errors="surrogateescape")
+    except OSError:
+        return False
+    escaped = str(target).replace("\\", "\\134").replace(" ", "\\040").replace("\t", "\\011").replace("\n", "\\012")
+    return any(line.split(" ")[4] == escaped for line in mounts.splitlines())

@@ -1,22 +1,28 @@
 """Reading a file whole, with errors that a user can mend: which file, what was found, what is expected."""
 
+import errno
 import json
 import os
+import stat
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from homofact.errors import BadInput
+
+_DEEPEST, _MOST_DIGITS, _LARGEST_TOML = 100, 20, 1_000_000
 
 
 def read_bytes(path: str | os.PathLike[str], expected: str, *, may_be_empty: bool = False) -> bytes:
     """All bytes of a file that should be `expected` ("a PNG file").
 
-    Raises BadInput where it is missing, a folder, unreadable, or empty where it may not be.
+    Raises BadInput where it is missing, no file but a folder, a pipe or a device, unreadable, or empty where it may not
+    be.
     """
     target = Path(path)
     try:
-        data = target.read_bytes()
+        with _opened(target) as file:
+            data = file.read()
     except (OSError, ValueError) as error:
         raise _refusal(target, error, expected) from error
     if not data and not may_be_empty:
@@ -25,13 +31,24 @@ def read_bytes(path: str | os.PathLike[str], expected: str, *, may_be_empty: boo
 
 
 def check_readable(path: str | os.PathLike[str], expected: str) -> None:
-    """Raise BadInput as `read_bytes` does for a file that is missing, a folder or unreadable."""
+    """Raise BadInput as `read_bytes` does for a file that is missing, no file or unreadable."""
     target = Path(path)
     try:
-        with open(target, "rb"):
+        with _opened(target):
             pass
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise _refusal(target, error, expected) from error
+
+
+def _opened(target: Path) -> BinaryIO:
+    """The file, open. Raises OSError, for what is no file too: a pipe would wait for ever, a device never end."""
+    # Without waiting for a pipe's other end.
+    handle = os.open(target, os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0))
+    if stat.S_ISREG(os.fstat(handle).st_mode):
+        return os.fdopen(handle, "rb")
+    folder = stat.S_ISDIR(os.fstat(handle).st_mode)
+    os.close(handle)
+    raise IsADirectoryError if folder else OSError(errno.EINVAL, "a pipe or a device")
 
 
 def _refusal(target: Path, error: OSError | ValueError, expected: str) -> BadInput:
@@ -47,6 +64,14 @@ def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
     """The table that is a TOML file. Raises BadInput where it cannot be read or is no TOML."""
     # An empty file is TOML that says nothing.
     data = read_bytes(path, expected, may_be_empty=True)
+    if len(data) > _LARGEST_TOML:
+        raise BadInput(f"{path}: found {len(data)} bytes, expected {expected} of at most {_LARGEST_TOML}")
+    for number, line in enumerate(data.split(b"\n"), 1):
+        # What a dotted key costs to read grows by the square of its parts.
+        if any(piece.count(b".") > _DEEPEST for piece in line.split(b",")):
+            raise BadInput(
+                f"{path}: line {number}: found more than {_DEEPEST} dots between commas, expected {expected}"
+            )
     try:
         return tomllib.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:
@@ -56,12 +81,45 @@ def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
 def read_json(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
     """The object that is a JSON file. Raises BadInput where it cannot be read, is no JSON, or no object."""
     try:
-        found = json.loads(read_bytes(path, expected).decode("utf-8"))
-    except (ValueError, RecursionError) as error:
+        found = parsed_json(read_bytes(path, expected).decode("utf-8"))
+    except ValueError as error:
         raise BadInput(f"{path}: not JSON ({error}), expected {expected}") from error
     if not isinstance(found, dict):
         raise BadInput(f"{path}: found {short_json(found)}, expected {expected}")
     return found
+
+
+def parsed_json(text: str) -> Any:
+    """What a JSON text says. Raises ValueError for one that is none, and for depths and digits that nobody means."""
+    try:
+        found = json.loads(text, parse_int=_whole)
+        if _depth(found, _DEEPEST) > _DEEPEST:
+            raise RecursionError
+    except RecursionError as error:
+        raise ValueError(f"nested deeper than {_DEEPEST}") from error
+    return found
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > _MOST_DIGITS:
+        raise ValueError(f"a number of {len(digits)} digits")
+    return int(digits)
+
+
+def _depth(value: Any, most: int) -> int:
+    """How deep lists and objects are nested, counted up to `most` + 1."""
+    level, depth = [value], 0
+    while depth <= most:
+        level = [
+            inner
+            for each in level
+            if isinstance(each, list | dict)
+            for inner in (each.values() if isinstance(each, dict) else each)
+        ]
+        if not level:
+            return depth
+        depth += 1
+    return depth
 
 
 def short_json(value: Any) -> str:

@@ -39,7 +39,8 @@ class Limits:
 
     def allow(self, value: float) -> bool:
         """Whether a number is within them, and finite."""
-        return math.isfinite(value) and self.above < value and self.least <= value <= self.most
+        # Compared, since a whole number may be beyond every float.
+        return -math.inf < value < math.inf and self.above < value and self.least <= value <= self.most
 
     def words(self) -> str:
         """For an error, after the kind of number."""
@@ -73,7 +74,7 @@ def plain_value(value: Any, kinds: Sequence[Any], where: str, allowed: Limits | 
             if len(hints) == len(value):
                 pairs = enumerate(zip(value, hints, strict=True))
                 return tuple(plain_value(each, (hint,), f"{where}[{k}]", allowed) for k, (each, hint) in pairs)
-        found: Any = float(value) if kind is float and type(value) is int else value
+        found: Any = float(value) if kind is float and type(value) is int and abs(value) < 2**1023 else value
         if type(found) is kind and (allowed is None or allowed.allow(found)):
             return found
     expected = " or ".join(_words(kind, allowed) for kind in kinds)

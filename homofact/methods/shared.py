@@ -4,7 +4,7 @@ from typing import Any
 
 from homofact.factor.names import BOUNDS
 from homofact.linear.names import SOLVER_NAMES
-from homofact.options import option
+from homofact.options import MOST_SEED, option
 from homofact.separable.names import MAP_NAMES, SIDES
 
 DEFAULT_SMOOTHING = 1e-3
@@ -114,4 +114,4 @@ def direction_map() -> Any:
 
 def seed() -> Any:
     """Of every random choice in the fit."""
-    return option(0, "Seed of every random choice", least=0)
+    return option(0, "Seed of every random choice", least=0, most=MOST_SEED)

@@ -12,7 +12,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -21,8 +20,10 @@ from torch import Tensor
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import answering_in_kind
 from homofact.errors import BadInput
+from homofact.factor.factorization import LEAST_MEAN, MOST_CHANNELS, MOST_LEVELS, MOST_TERMS
 from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
-from homofact.files.archive import check_version, read_archive, write_archive
+from homofact.files.archive import write_archive
+from homofact.files.saved import SavedFit
 from homofact.geometry.axes import map_axes
 from homofact.geometry.coordinates import axes_of
 from homofact.geometry.directions import above_horizon
@@ -207,45 +208,30 @@ class Separable:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Separable":
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
-        target = Path(path)
-        data, header = read_archive(target)
-        if header.get("format") != FORMAT:
-            raise BadInput(f"{target}: found format {header.get('format')!r}, expected {FORMAT!r}")
-        check_version(target, header, FORMAT_VERSION)
-        try:
-            terms = tuple(
-                SeparableTerm(
-                    torch.from_numpy(data[f"first_{k}"]),
-                    torch.from_numpy(data[f"second_{k}"]) if f"second_{k}" in data else None,
-                    torch.from_numpy(data[f"signs_{k}"]),
-                    tuple(
-                        Grid(torch.from_numpy(pair[0]), torch.from_numpy(pair[1]), int(header["levels"]))
-                        for pair in data.get(f"grids_{k}", ())
-                    ),
-                )
-                for k in range(header["terms"])
-            )
-            result = cls(
-                terms,
-                header["map"],
-                header["parameterization"],
-                torch.from_numpy(data["read"]),
-                LogTransform(float(header["epsilon"]), torch.from_numpy(data["mean"])),
-                tuple(header["channels"]),
-                header["provenance"],
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            raise BadInput(f"{target}: incomplete, {error} is missing or damaged, expected what save wrote") from error
-        result._check(target)
-        return result
+        saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
+        fields = saved.fields
+        channels = tuple(fields.texts("channels", MOST_CHANNELS))
+        mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
+        transform = LogTransform(fields.number("epsilon", above=0), mean)
+        read = saved.flags("read", (None, None))
+        shared = "second_0" not in saved
+        shape = (*read.shape, len(channels))
+        terms = tuple(_restore(saved, k, shape, shared) for k in range(fields.whole("terms", 1, MOST_TERMS)))
+        name, kind = fields.text("map", MAPS), fields.text("parameterization", SIDES)
+        return cls(terms, name, kind, read, transform, channels, fields.inner("provenance").found)
 
-    def _check(self, target: Path) -> None:
-        if self.map not in MAPS or self.parameterization not in SIDES or not self.terms:
-            found = f"map {self.map!r}, parameterization {self.parameterization!r}, {len(self.terms)} terms"
-            raise BadInput(f"{target}: found {found}, expected what save wrote")
-        shape = (*self.read.shape, len(self.channels))
-        shared = self.terms[0].second is None
-        for k, term in enumerate(self.terms):
-            whole = all(tuple(t.shape) == shape and bool(torch.isfinite(t).all()) for t in term.textures)
-            if not whole or tuple(term.signs.shape) != shape[2:] or (term.second is None) != shared:
-                raise BadInput(f"{target}: term {k} is damaged, expected finite textures of shape {shape}")
+
+def _restore(saved: SavedFit, k: int, shape: tuple[int, ...], shared: bool) -> SeparableTerm:
+    """Term number `k`. Raises BadInput for what no fit could have saved."""
+    if shared and f"second_{k}" in saved:
+        raise BadInput(f"{saved.path}: holds second_{k} and no second_0, expected as many textures in every term")
+    signs = saved.floats(f"signs_{k}", shape[2:])
+    if not bool((signs.abs() == 1).all()):
+        raise BadInput(f"{saved.path}: signs_{k} holds other numbers, expected 1 or -1 a channel")
+    factors = [saved.floats(f"{name}_{k}", shape) for name in (("first",) if shared else ("first", "second"))]
+    grids: tuple[Grid, ...] = ()
+    if f"grids_{k}" in saved:
+        levels = saved.fields.whole("levels", 1, MOST_LEVELS)
+        pairs = saved.floats(f"grids_{k}", (len(factors), 2, shape[2]))
+        grids = tuple(Grid(low, step, levels) for low, step in pairs)
+    return SeparableTerm(factors[0], None if shared else factors[1], signs, grids)

@@ -63,7 +63,7 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
     body = "\n".join(lines)
     return (
         f"{title}#include <math.h>\n\n{data}{_LOOKUP.format(prefix=prefix, channels=channels)}\n"
-        f"/* f_out[{channels}]: {', '.join(program.channels)} */\n"
+        f"/* f_out[{channels}]: {remark(', '.join(program.channels))} */\n"
         f"void {prefix}_evaluate(const float wi[3], const float wo[3], float f_out[{channels}])\n{{\n{body}\n}}\n"
     )
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from homofact.files.words import harmless
 from homofact.geometry.expression import INFIX, Expression
 from homofact.shading.program import Program
 
@@ -44,8 +45,12 @@ def number(value: float) -> str:
 
 
 def remark(text: str) -> str:
-    """A comment's text on one line and without what ends a comment: names of files and projections may hold both."""
-    return " ".join(text.split()).replace("*/", "* /")
+    """A comment's text on one line and without what begins or ends one: names of files and channels may hold both.
+
+    A backslash at the end would carry a line comment on to the code below it.
+    """
+    line = " ".join(harmless(" ".join(text.split())).split()).replace("*/", "* /").replace("/*", "/ *")
+    return f"{line} ." if line.endswith("\\") else line
 
 
 def infix(expression: Expression, left: str, right: str) -> str:

@@ -236,5 +236,6 @@ def _title(fitted: Fitted) -> tuple[str, ...]:
 
 def name_of(provenance: Mapping[str, Any]) -> str:
     """What a fit was made from, as its provenance tells: a material's or a file's name, else "samples"."""
-    source = provenance.get("source", {})
+    source = provenance.get("source")
+    source = source if isinstance(source, Mapping) else {}
     return str(source.get("material") or source.get("file") or "samples")

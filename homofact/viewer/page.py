@@ -54,8 +54,9 @@ def write_view(
     report: Mapping[str, Any] | None = None,
     mesh: "Mesh | None" = None,
     stage: Stage = lambda name: None,
+    new: bool = False,
 ) -> Page:
-    """Write the page of a fit to `path` (one HTML file without network); what is in it.
+    """Write the page of a fit to `path` (one HTML file without network, `new` where none may be replaced); its facts.
 
     The source is the fit's own, found as `reopen` does with the folders `near`, unless another is given. Where it is
     gone the page shows the fit alone and says why; the errors and the verdict are then those of `report`, the record
@@ -104,7 +105,7 @@ def write_view(
         caution = "" if found.held_out else "the fit has, or may have, seen the samples that its errors are on"
     stage("writing")
     target.parent.mkdir(parents=True, exist_ok=True)
-    size = write_viewer(target, layers, title=name, subtitle=_subtitle(fitted), mesh=mesh, notes=notes)
+    size = write_viewer(target, layers, title=name, subtitle=_subtitle(fitted), mesh=mesh, notes=notes, new=new)
     record = {
         "file": str(target),
         "file_bytes": size,

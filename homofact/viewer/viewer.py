@@ -2,7 +2,8 @@
 
 The page is `page.html` with `page.css`, the scripts and the data put in: nothing is loaded from anywhere, and its
 Content-Security-Policy forbids it. It draws with WebGL 2; where something is missing it says so. The data are JSON
-in a script element, `<` written as \\u003c so that nothing in them ends it, arrays packed as in `packing`.
+in a script element, `<` written as \\u003c so that nothing in them ends it, texts made `harmless`, arrays
+packed as in `packing`.
 
 A layer is what can be asked for reflectance in the page: shader text that defines `vec3 KEY_evaluate(vec3 wi, vec3
 wo)`, BRDF in sr⁻¹ without the cosine of unit directions in the surface frame, and the textures that it declares.
@@ -23,6 +24,7 @@ import numpy as np
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
+from homofact.files.words import harmless, harmless_words
 from homofact.version import __version__
 from homofact.viewer.mesh import Mesh
 from homofact.viewer.packing import differences, pack
@@ -120,17 +122,19 @@ def viewer_html(
         for layer in layers
         if layer.table is not None
     ]
-    data = {
-        "layers": [_layer(layer) for layer in layers],
-        "mesh": None if mesh is None else _mesh(mesh),
-        "notes": [*notes, *own],
-    }
+    data = harmless_words(
+        {
+            "layers": [_layer(layer) for layer in layers],
+            "mesh": None if mesh is None else _mesh(mesh),
+            "notes": [*notes, *own],
+        }
+    )
     # In JSON a letter may be written by its number: the text can then neither end nor open anything in HTML.
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     fill = {
         "generator": f"homofact {__version__}",
-        "title": html.escape(title),
-        "subtitle": html.escape(subtitle),
+        "title": html.escape(harmless(title)),
+        "subtitle": html.escape(harmless(subtitle)),
         "css": _part("page.css"),
         "data": text,
         "script": '(() => {\n"use strict";\n' + "\n".join(_part(name) for name in SCRIPTS) + "\n})();",
@@ -147,13 +151,15 @@ def write_viewer(
     subtitle: str = "",
     mesh: Mesh | None = None,
     notes: Sequence[str] = (),
+    new: bool = False,
 ) -> int:
     """Write `viewer_html` to `path`, whole or not at all; its bytes.
 
-    Raises BadInput as `viewer_html`, and for a place that cannot be written.
+    `new` says that nothing there may be replaced. Raises BadInput as `viewer_html`, and for a place that cannot be
+    written.
     """
     data = viewer_html(layers, title=title, subtitle=subtitle, mesh=mesh, notes=notes).encode("utf-8")
-    write_bytes(path, data)
+    write_bytes(path, data, new=new)
     return len(data)
 
 

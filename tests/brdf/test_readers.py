@@ -69,7 +69,7 @@ def test_unreadable_file_for_everyone(tmp_path: Path, monkeypatch: pytest.Monkey
     def refuse(self: Path) -> bytes:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "read_bytes", refuse)
+    monkeypatch.setattr("homofact.files.reading._opened", refuse)
     with pytest.raises(BadInput, match=r"cannot be read \(Permission denied\)"):
         read_samples(tmp_path / "any")
 

@@ -1,6 +1,7 @@
 """What cannot be used ends with exit code 2 and one line that names it, and leaves nothing behind."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -33,7 +34,12 @@ CASES = {
     "negative smoothing": ([*COMPARE, "--smoothing", "-1"], r"smoothing: found -1\.0, expected"),
     "zero epsilon": ([*COMPARE, "--epsilon", "0"], r"epsilon: found 0\.0, expected"),
     "no restarts": ([*COMPARE, "--restarts", "0"], r"restarts: found 0, expected"),
-    "no samples": ([*COMPARE, "--count", "0"], r"count: found 0, expected a whole number of at least 1"),
+    "no samples": ([*COMPARE, "--count", "0"], r"count: found 0, expected a whole number from 1 to 10000000"),
+    "too many samples": ([*COMPARE, "--count", "1000000000"], r"count: found 1000000000, expected a whole number"),
+    "a seed beyond all": ([*COMPARE, "--seed", str(2**64)], r"seed: found 18446744073709551616, expected"),
+    "a pipe as a source": (["info", "{pipe}"], r"cannot be read \(a pipe or a device\), expected a BRDF file"),
+    "a device as a source": (["info", "/dev/zero"], r"/dev/zero: cannot be read \(a pipe or a device\)"),
+    "a full device as a configuration": ([*INFO, "-c", "/dev/full"], r"/dev/full: cannot be read \(a pipe or a d"),
     "negative subset": ([*COMPARE, "--subset", "-1"], r"subset: found -1, expected a whole number of at least 0"),
     "unknown metric": (
         [*COMPARE, "--metrics", "psrn"],
@@ -114,7 +120,9 @@ def test_one_line_names_what_is_wrong(
 ) -> None:
     file = tmp_path_factory.mktemp("beside") / "file.txt"
     file.write_text("mine")
-    code = main([each.format(here=tmp_path, file=file) for each in arguments])
+    pipe = tmp_path_factory.mktemp("pipes") / "pipe"
+    os.mkfifo(pipe)
+    code = main([each.format(here=tmp_path, file=file, pipe=pipe) for each in arguments])
     out, err = capsys.readouterr()
     assert (code, out) == (2, "")
     assert re.fullmatch(r"homofact: [^\n]+\n", err), err

@@ -308,7 +308,19 @@ def test_an_interrupt_of_the_first_method_leaves_nothing(
     assert ran == (130, "", "homofact: interrupted, nothing was written\n")
 
 
-@pytest.mark.parametrize("error", [RuntimeError("no"), SolverFailure("no")])
+def test_a_system_that_cannot_be_solved_is_refused_in_one_line(
+    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise SolverFailure("no solution")
+
+    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", fail)
+    ran = run("factorize", *SMALL, "--out", tmp_path / "o")
+    assert (ran.code, ran.out, ran.err) == (2, "", "homofact: no solution\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no"), ValueError("no")])
 def test_a_fault_of_ours_ends_with_1_its_traceback_and_a_request(
     run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:

@@ -156,6 +156,25 @@ def test_an_interrupted_chart_goes_on_to_the_same_file(
     assert counting.fitted == []
 
 
+def test_a_line_that_was_cut_is_run_again_and_the_others_are_not(
+    source: Source, tmp_path: Path, counting: Counting
+) -> None:
+    runs, path = deterministic(), tmp_path / "a.csv"
+    rows = run_chart(source, runs, Ledger(path))
+    whole = path.read_text()
+    last = whole.rstrip("\n").rfind("\n") + 1
+    for place in (last + 1, (last + len(whole)) // 2, len(whole) - 1):
+        path.write_text(whole[:place])
+        counting.fitted.clear()
+        again = run_chart(source, runs, Ledger(path))
+        assert counting.fitted == [runs[-1].settings]
+        assert again[:-1] == rows[:-1]
+        assert len(without_times(path)) == len(runs)
+    path.write_text("somebody's words")
+    with pytest.raises(BadInput, match="other columns"):
+        Ledger(path)
+
+
 def test_a_fit_that_was_cut_short_is_no_line(source: Source, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def cut_short(*arguments: Any) -> Any:
         row = fit_and_measure(*arguments)
@@ -233,9 +252,9 @@ def spoiled(text: str, how: str) -> str:
     if how == "columns":
         return "\n".join(["a,b", *lines[1:]])
     if how == "cell":
-        return "\n".join([lines[0], lines[1].replace(",direct,", ",").replace("blinn", "x,blinn", 1)])
+        return "\n".join([lines[0], lines[1].replace(",direct,", ",").replace("blinn", "x,blinn", 1), ""])
     if how == "short":
-        return "\n".join([*lines[:1], lines[1][:40]])
+        return "\n".join([*lines[:1], lines[1][:40], ""])
     return ""
 
 

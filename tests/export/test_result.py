@@ -2,7 +2,7 @@
 
 import json
 import os
-import shutil
+from pathlib import Path
 
 import pytest
 import torch
@@ -14,6 +14,7 @@ from homofact.export.result import check_result_folder, open_result, write_resul
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import fixed_projection
 from homofact.files import folder as folders
+from homofact.files import private
 
 CONTENTS = {
     "factorization.npz",
@@ -58,16 +59,21 @@ def test_contents_and_reading_back(tmp_path):
     assert files == {"exr": "texture_1.exr", "png": "texture_1.png"}
 
 
-def test_force_replaces_the_whole_folder(tmp_path):
+def test_force_replaces_what_is_ours(tmp_path):
     out = tmp_path / "out"
     write(out)
-    (out / "stale.txt").write_text("of the old result")
+    (out / "texture_7.exr").write_text("of an older one with more textures")
+    (out / "notes.txt").write_text("not homofact's")
+    (out / "drafts").mkdir()
+    (out / "drafts" / "texture_0.png").write_text("neither")
     with pytest.raises(BadInput, match="existing result, expected a new folder or --force"):
         write(out, 1.0)
     assert json.loads((out / "report.json").read_text()) == {"level": 0.0}
     write(out, 1.0, force=True)
     assert json.loads((out / "report.json").read_text()) == {"level": 1.0}
-    assert {path.name for path in out.iterdir()} == CONTENTS
+    assert {path.name for path in out.iterdir()} == {*CONTENTS, "notes.txt", "drafts"}
+    assert (out / "notes.txt").read_text() == "not homofact's"
+    assert (out / "drafts" / "texture_0.png").read_text() == "neither"
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
@@ -127,14 +133,16 @@ STEPS = ["write_textures", "manifest", "write_json"]
 
 @pytest.mark.parametrize("exists", [False, True])
 @pytest.mark.parametrize(("fail", "error"), [(_fail, Failure), (_full, BadInput), (_interrupt, KeyboardInterrupt)])
-@pytest.mark.parametrize("step", [*STEPS, "pictures", "save", "rename", "swap"])
+@pytest.mark.parametrize("step", [*STEPS, "pictures", "save", "rename", "exchange"])
 def test_failure_at_any_step_leaves_everything_as_it_was(tmp_path, monkeypatch, step, fail, error, exists):
+    """But for the fit alone, once it is saved, and the whole new folder, once it is made."""
     out = tmp_path / "deep" / "out"
     if exists:
         write(out)
     before = snapshot(tmp_path)
-    places = sorted(path for path in tmp_path.rglob("*") if path.is_dir())
+    places = {path for path in tmp_path.rglob("*") if path.is_dir()}
     pictures = picture
+    kept = {Path("deep/out.npz")}
     if step == "pictures":
 
         def pictures(folder):
@@ -142,44 +150,63 @@ def test_failure_at_any_step_leaves_everything_as_it_was(tmp_path, monkeypatch, 
             fail()
 
     elif step == "save":
+        kept = set()
         monkeypatch.setattr(Factorization, "save", fail)
-    elif step == "swap":
-        monkeypatch.setattr(folders, "_swap", fail)
-    elif step == "rename":
+    elif step in ("exchange", "rename"):
+        kept = {Path("deep/out-new") / name for name in CONTENTS}
         honest = os.rename
 
         def rename(source, target):
-            # The move of the finished folder fails, the moves of the older one do not.
-            if ".partial-" in str(source):
+            # The move of the finished folder to an empty place fails, the moves of the older one do not.
+            if Path(target) == out and Path(source).parent.name == "new" and not out.exists():
                 fail()
             honest(source, target)
 
         monkeypatch.setattr(folders.os, "rename", rename)
+        monkeypatch.setattr(folders, "exchange", fail if step == "exchange" else lambda *_: False)
     else:
         monkeypatch.setattr(result, step, fail)
     with pytest.raises(error) as caught:
         write(out, 1.0, force=True, pictures=pictures)
+    if error is KeyboardInterrupt:
+        kept = set()
     if error is BadInput:
         assert "No space left" in str(caught.value)
         assert "\n" not in str(caught.value)
-    assert snapshot(tmp_path) == before
-    assert sorted(path for path in tmp_path.rglob("*") if path.is_dir()) == places
+        assert not kept or f"kept in {tmp_path / 'deep' / 'out'}" in str(caught.value)
+    after = snapshot(tmp_path)
+    assert set(after) - set(before) == kept
+    assert {name: after[name] for name in before} == before
+    if kept:
+        monkeypatch.undo()
+        place = tmp_path / min(kept)
+        fit = open_result(place if place.suffix == ".npz" else place.parent)
+        assert torch.equal(fit.terms[0].texture, fitted(1.0).terms[0].texture)
+    # The folders above stay where something came into them.
+    found = {path for path in tmp_path.rglob("*") if path.is_dir()} - {tmp_path / "deep" / "out-new"}
+    assert found == places | ({tmp_path / "deep"} if kept else set())
 
 
 def test_an_old_result_that_cannot_be_deleted_does_not_undo_the_new(tmp_path, monkeypatch):
     out = tmp_path / "out"
     write(out)
-    honest = shutil.rmtree
-
-    def rmtree(path, ignore_errors=False):
-        if not ignore_errors:
-            raise OSError(13, "Permission denied")
-        if ".previous-" not in str(path):
-            honest(path, ignore_errors=True)
-
-    monkeypatch.setattr(folders.shutil, "rmtree", rmtree)
+    monkeypatch.setattr(private.shutil, "rmtree", lambda *_, **__: None)
     write(out, 1.0, force=True)
     assert json.loads((out / "report.json").read_text()) == {"level": 1.0}
+
+
+def test_what_comes_while_the_pictures_are_drawn_is_not_replaced(tmp_path):
+    out = tmp_path / "out"
+
+    def pictures(folder):
+        picture(folder)
+        out.mkdir()
+        (out / "thesis.tex").write_text("years of work")
+
+    with pytest.raises(BadInput, match=r"out: found thesis\.tex in it and no result.*kept in .*out-new"):
+        write(out, pictures=pictures)
+    assert snapshot(out) == {Path("thesis.tex"): b"years of work"}
+    assert torch.equal(open_result(tmp_path / "out-new").terms[0].texture, fitted().terms[0].texture)
 
 
 def test_opening_what_is_no_result(tmp_path):

@@ -85,8 +85,13 @@ def test_bad_files_are_named(factorization: Factorization, tmp_path) -> None:
         arrays = {name: archive[name] for name in archive.files}
     for change, message in (
         ({"format_version": 99}, "format version 99, expected at most 1: update homofact"),
-        ({"epsilon": None}, "incomplete"),
-        ({"channels": ["R"]}, r"texture 0 has shape \(6, 6, 2\)"),
+        ({"epsilon": None}, "epsilon: found null, expected a finite number above 0"),
+        ({"epsilon": -1}, "epsilon: found -1, expected a finite number above 0"),
+        ({"terms": []}, "terms: .*expected 1 to 1000 objects"),
+        ({"provenance": None}, "provenance: found null, expected an object"),
+        ({"format": "others"}, 'format: found "others", expected one of homofact factorization'),
+        ({"format_version": -5}, "format_version: found -5, expected a whole number from 1"),
+        ({"channels": ["R"]}, r"mean is float64 of shape \(2,\), expected floats of shape \(1\)"),
     ):
         header = json.loads(str(arrays["header"])) | change
         np.savez(path, **{**arrays, "header": np.array(json.dumps(header))})
@@ -96,7 +101,7 @@ def test_bad_files_are_named(factorization: Factorization, tmp_path) -> None:
     with pytest.raises(BadInput, match="texture_1"):
         Factorization.load(path)
     np.savez(path, **{**arrays, "texture_0": np.full((6, 6, 2), np.nan)})
-    with pytest.raises(BadInput, match="texture 0 or its mask is damaged"):
+    with pytest.raises(BadInput, match="texture_0 holds nan, expected numbers"):
         Factorization.load(path)
 
 

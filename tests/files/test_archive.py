@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from homofact.errors import BadInput
-from homofact.files.archive import check_version, read_archive, read_arrays, write_archive, write_arrays
+from homofact.files.archive import read_archive, read_arrays, write_archive, write_arrays
+from homofact.files.fields import Fields
 
 ARRAYS = {
     "plain": np.arange(6.0).reshape(2, 3),
@@ -106,7 +107,10 @@ def test_a_fit_without_a_header_is_refused(tmp_path: Path, arrays: dict[str, np.
 def test_a_version_to_come_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "f.npz"
     write_archive(path, {"format_version": 3}, {})
-    header = read_archive(path)[1]
-    check_version(path, header, 3)
+    fields = Fields("f.npz: ", read_archive(path)[1])
+    fields.version("format_version", 3)
     with pytest.raises(BadInput, match=r"f\.npz: format version 3, expected at most 2: update homofact"):
-        check_version(path, header, 2)
+        fields.version("format_version", 2)
+    for version in (-5, 0, True, "3", None, 2.0):
+        with pytest.raises(BadInput, match="expected a whole number from 1 to 3"):
+            Fields("f.npz: ", {"format_version": version}).version("format_version", 3)

@@ -177,3 +177,27 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
             write_text(path, "x")
     assert names(tmp_path) == ["folder", "pipe"]
     assert names(tmp_path / "folder") == []
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_new_file_replaces_nothing_that_came_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
+) -> None:
+    def unsupported(*_: object) -> None:
+        raise OSError(1, "Operation not permitted")
+
+    if not links:
+        monkeypatch.setattr(atomic.os, "link", unsupported)
+    path = tmp_path / "a.txt"
+
+    def write(made: Path) -> None:
+        made.write_text("new")
+        path.write_text("mine")
+
+    with pytest.raises(BadInput, match=r"a\.txt: cannot be written \(File exists\)"):
+        replace_file(path, write, new=True)
+    assert path.read_text() == "mine"
+    path.unlink()
+    write_bytes(path, b"new", new=True)
+    assert path.read_text() == "new"
+    assert names(tmp_path) == ["a.txt"]

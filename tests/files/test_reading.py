@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from homofact.errors import BadInput
-from homofact.files.reading import read_bytes, read_json, read_toml, split_member
+from homofact.files.reading import check_readable, read_bytes, read_json, read_toml, split_member
 
 
 def test_what_cannot_be_read_is_named_with_what_was_expected(tmp_path: Path) -> None:
@@ -74,3 +74,43 @@ def test_a_member_of_a_file(tmp_path: Path) -> None:
     assert split_member("#c") == ("#c", None)
     (tmp_path / "x#1").touch()
     assert split_member(tmp_path / "x#1") == (str(tmp_path / "x#1"), None)
+
+
+def test_what_is_no_file_is_refused_without_waiting(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for place in (tmp_path / "pipe", Path("/dev/zero"), Path("/dev/full")):
+        for read in (read_bytes, read_toml, read_json, check_readable):
+            with pytest.raises(BadInput, match=r"cannot be read \(a pipe or a device\), expected a file"):
+                read(place, "a file")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[" * 5000 + "]" * 5000, "nested deeper than 100"),
+        ('{"a":' * 101 + "1" + "}" * 101, "nested deeper than 100"),
+        (f'{{"a": {"9" * 400}}}', "a number of 400 digits"),
+        (f'{{"a": {"9" * 5000}}}', "a number of 5000 digits"),
+    ],
+    ids=["very deep", "deep", "long", "longer"],
+)
+def test_json_that_nobody_means_is_refused(text: str, expected: str, tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(BadInput, match=rf"a\.json: not JSON \({expected}\), expected a file"):
+        read_json(tmp_path / "a.json", "a file")
+
+
+def test_toml_that_would_take_for_ever_is_refused(tmp_path: Path) -> None:
+    for text in (
+        ".".join(["a"] * 50_000) + " = 1",
+        "[" + ".".join(["a"] * 50_000) + "]",
+        "x = {" + "a." * 500 + "b = 1}",
+    ):
+        (tmp_path / "a.toml").write_text(f"seed = 0\n{text}\n")
+        with pytest.raises(BadInput, match=r"a\.toml: line 2: found more than 100 dots between commas"):
+            read_toml(tmp_path / "a.toml", "a file")
+    (tmp_path / "a.toml").write_text("x = [" + ", ".join(["0.5"] * 5000) + "]\n")
+    assert len(read_toml(tmp_path / "a.toml", "a file")["x"]) == 5000
+    (tmp_path / "a.toml").write_text("x = 1\n" * 200_000)
+    with pytest.raises(BadInput, match="found 1200000 bytes, expected a file of at most 1000000"):
+        read_toml(tmp_path / "a.toml", "a file")

@@ -142,3 +142,11 @@ def test_keys_and_the_nearest_of_them() -> None:
     assert nearest_key("b.ab", ["b.abc", "a.ab"]) == "a.ab"
     assert nearest_key("b.abcd", ["b.abc", "a.abcde"]) == "a.abcde"
     assert nearest_key("b.x", ["a.x", "b.x", "c.x"]) == "b.x"
+
+
+def test_a_whole_number_beyond_every_float_is_refused() -> None:
+    for kind in (int, float):
+        with pytest.raises(BadInput, match=r"a: found 9999.*, expected a .*number"):
+            plain_value(int("9" * 400), (kind,), "a", Limits(least=0, most=5))
+    with pytest.raises(BadInput, match=r"a: found 9999.*, expected a number"):
+        plain_value(int("9" * 400), (float,), "a")

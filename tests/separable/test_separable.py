@@ -255,14 +255,14 @@ def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:
 
     for changes, expected in (
         ({"header": retitled(format_version=99)}, "format version 99"),
-        ({"header": retitled(map="round")}, "found map 'round'"),
-        ({"header": retitled(terms=3)}, "incomplete"),
-        ({"header": retitled(terms=0)}, "0 terms"),
+        ({"header": retitled(map="round")}, 'map: found "round"'),
+        ({"header": retitled(terms=3)}, "holds no signs_2"),
+        ({"header": retitled(terms=0)}, "terms: found 0"),
         ({"header": np.array("3")}, "header is a JSON int, expected an object"),
-        ({"first_1": data["first_1"][:2]}, "term 1 is damaged"),
-        ({"first_1": data["first_1"] * np.nan}, "term 1 is damaged"),
-        ({"second_1": data["first_1"]}, "term 1 is damaged"),
-        ({"signs_0": data["signs_0"][:1]}, "term 0 is damaged"),
+        ({"first_1": data["first_1"][:2]}, r"first_1 is float64 of shape \(2,"),
+        ({"first_1": data["first_1"] * np.nan}, "first_1 holds nan, expected numbers"),
+        ({"second_1": data["first_1"]}, "holds second_1 and no second_0"),
+        ({"signs_0": data["signs_0"][:1]}, "signs_0 is float64 of shape"),
     ):
         spoiled(**changes)
         with pytest.raises(BadInput, match=expected):
@@ -276,7 +276,7 @@ def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:
     with pytest.raises(BadInput):
         Factorization.load(path)
     homofact.fit(sample_model(SKIN, 300), McCool(size=4)).save(path)
-    with pytest.raises(BadInput, match="found format 'homofact factorization'"):
+    with pytest.raises(BadInput, match='format: found "homofact factorization"'):
         Separable.load(path)
 
 

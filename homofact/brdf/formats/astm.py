@@ -7,9 +7,9 @@
 
 phi_i, or both azimuths, may be missing: they are 0, and a negative theta_s lies on the side of φ + π. Values are
 f in sr⁻¹ without the cosine: R, G, B linear; X, Y, Z of CIE, turned into linear sRGB; "465nm" spectral; anything
-else a channel of that name. The standard counts angles in degrees, the laboratory's files in radians: a θ above
-π/2 means degrees, and provenance says which was taken. Light from one azimuth only means isotropic. Negative
-values (colours out of gamut, noise) are set to 0 and counted.
+else a channel of that name. The standard counts angles in degrees, the laboratory's files in radians: more than a
+quarter of the rows above π/2 means degrees, and provenance says which was taken. Light from one azimuth only means
+isotropic. Negative values (colours out of gamut, noise) are set to 0 and counted.
 
 `write` gives angles in radians, every number with all its digits: values come back bit for bit, directions to rounding.
 Isotropic samples are turned until the light stands at φi = 0, by which a reader knows that they are isotropic. Weights
@@ -22,6 +22,7 @@ import os
 import torch
 
 from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
+from homofact.brdf.formats.reading import check_azimuths
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import FROM_XYZ
 from homofact.brdf.symmetry import lit_from_one_azimuth
@@ -61,15 +62,19 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     table = {name: torch.from_numpy(numbers[:, k].copy()) for k, name in enumerate(names)}
     zero = torch.zeros(count, dtype=torch.float64)
     theta_i, phi_i, theta_s, phi_s = (table.get(name, zero) for name in ANGLES)
-    steepest = float(torch.maximum(theta_i.abs(), theta_s.abs()).max())
-    scale, unit = (1.0, "radians") if steepest <= math.pi / 2 + _SLACK else (math.pi / 180, "degrees")
-    wrong = (theta_i < 0) | (torch.maximum(theta_i, theta_s.abs()) * scale > math.pi / 2 + _SLACK)
+    steep = torch.maximum(theta_i.abs(), theta_s.abs())
+    # A few angles beyond the horizon are no degrees, they are wrong.
+    degrees = 4 * int((steep > math.pi / 2 + _SLACK).sum()) > int((steep > 0).sum())
+    scale, unit = (math.pi / 180, "degrees") if degrees else (1.0, "radians")
+    wrong = (theta_i < 0) | (steep * scale > math.pi / 2 + _SLACK)
     if bool(wrong.any()):
         row = int(wrong.nonzero()[0])
         raise BadInput(
             f"{path}: line {places[row]}: theta_i {float(theta_i[row]):g}, theta_s {float(theta_s[row]):g};"
             " expected angles up to the horizon, pi/2 radians or 90 degrees"
         )
+    for name, phi in (("phi_i", phi_i), ("phi_s", phi_s)):
+        check_azimuths(path, places, name, phi, degrees)
     listed = [name for name in names if name not in ANGLES]
     values = torch.from_numpy(numbers[:, [names.index(name) for name in listed]])
     colours = tuple(listed)

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.channels import as_channels, check_channels, spectral_names
+from homofact.brdf.formats.reading import check_azimuths
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
@@ -64,6 +65,8 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         )
     table = torch.tensor(rows, dtype=torch.float64)
     theta_i, theta_s = (table[:, k].clamp_max(math.pi / 2) for k in (0, 2))
+    for column, name in ((1, "phi_i"), (3, "phi_s")):
+        check_azimuths(path, [number for number, _ in lines[start:]], name, table[:, column], False)
     values = table[:, 4:]
     zeros = values == 0
     comments = [line.lstrip("# ").rstrip() for line in raw.decode("latin-1").splitlines() if line.startswith("#")]

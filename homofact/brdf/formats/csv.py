@@ -21,6 +21,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
+from homofact.brdf.formats.reading import check_azimuths
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
@@ -148,6 +149,7 @@ def _directions(path: object, places: list[int], table: dict[str, Tensor], form:
         scale = math.pi / 180 if form == _DEGREES else 1.0
         suffix = "_deg" if form == _DEGREES else ""
         theta, phi = (table[f"{kind}_{which}{suffix}"] for kind in ("theta", "phi"))
+        check_azimuths(path, places, f"phi_{which}{suffix}", phi, form == _DEGREES)
         wrong = (theta < 0) | (theta * scale > math.pi / 2 + _SLACK)
         said = [f"theta_{which}{suffix} {x:g}" for x in theta[wrong][:1].tolist()]
         w = from_spherical((theta * scale).clamp_max(math.pi / 2), phi * scale)

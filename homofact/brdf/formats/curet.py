@@ -22,6 +22,7 @@ import numpy as np
 import torch
 
 from homofact.brdf.channels import as_channels, check_channels
+from homofact.brdf.formats.reading import check_azimuths
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import lit_from_one_azimuth
 from homofact.errors import BadInput
@@ -146,6 +147,8 @@ def _directions(path: Path) -> np.ndarray:
             f"{path}: line {places[row]}: theta_v {theta[row, 0]:g}, theta_i {theta[row, 1]:g};"
             " expected radians from 0 to pi/2"
         )
+    for column, name in ((1, "phi_v"), (3, "phi_i")):
+        check_azimuths(path, places, name, torch.from_numpy(numbers[:, column].copy()), False)
     numbers[:, [0, 2]] = theta.clip(0, math.pi / 2)
     return numbers
 

@@ -1,10 +1,15 @@
-"""What reading a file gives, and how a file that holds a whole reflectance is turned into samples."""
+"""What reading a file gives, how one that is a whole reflectance is sampled, and what readers check alike."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from torch import Tensor
 
 from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
+from homofact.errors import BadInput
 
 
 @dataclass(frozen=True)
@@ -22,3 +27,13 @@ class Reading:
 
     samples: Samples
     reflectance: Reflectance | None = None
+
+
+def check_azimuths(path: object, lines: Sequence[int], name: str, phi: Tensor, degrees: bool) -> None:
+    """Raise BadInput, naming the row's line, for an azimuth (N,) of more than a turn: mostly degrees among radians."""
+    turn = 360.0 if degrees else 2 * math.pi
+    over = phi.abs() > turn * (1 + 1e-3)
+    if bool(over.any()):
+        row = int(over.nonzero()[0])
+        unit = "360 degrees" if degrees else "2 pi radians"
+        raise BadInput(f"{path}: line {lines[row]}: {name} {float(phi[row]):g}, expected at most a turn, {unit}")

@@ -96,8 +96,16 @@ class Atlas:
         return [cell for cell in self.cells if (cell.stressor, cell.method) == (stressor, method)]
 
 
-def run_atlas(plan: Plan, started: Callable[[int, int, str], None] | None = None, fitter: Fitter = fit_row) -> Atlas:
-    """Run every cell; `started(done, all, name)` is called before each. Only an interrupt ends it early."""
+def run_atlas(
+    plan: Plan,
+    started: Callable[[int, int, str], None] | None = None,
+    fitter: Fitter = fit_row,
+    ended: Callable[[Sequence[Cell]], object] = lambda cells: None,
+) -> Atlas:
+    """Run every cell; `started(done, all, name)` is called before each, `ended` with all cells so far after it.
+
+    Only an interrupt ends it early.
+    """
     places = plan.places()
     references = References(unstressed(plan.seed, plan.scale), plan.settings)
     cells: list[Cell] = []
@@ -114,6 +122,7 @@ def run_atlas(plan: Plan, started: Callable[[int, int, str], None] | None = None
         except Absent as error:
             notes[f"{each.title}: {error}"] = None
             cells.append(Cell(name, each.name, strength, label, Outcome.ABSENT, message=str(error)))
+        ended(cells)
     return Atlas(plan, tuple(cells), {name: references.common(name, fitter) for name in plan.methods}, tuple(notes))
 
 

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from urllib.parse import quote
 
 from homofact.evaluate.stability.atlas import Atlas
 from homofact.evaluate.stability.cells import DEGRADED, JUDGING_EPSILON, WORTH_AN_ERROR, WRONG, Cell, Outcome
@@ -9,6 +10,7 @@ from homofact.evaluate.stability.problem import Stressor
 from homofact.evaluate.stability.solver_atlas import AGREES, AGREES_ILL, SYSTEMS, WELL_POSED, Answer, SolverCell
 from homofact.evaluate.stability.stressors import stressor
 from homofact.files.atomic import write_text
+from homofact.files.words import in_markdown
 from homofact.version import __version__
 
 _WORDS = {Outcome.REFUSED: "refused", Outcome.CRASHED: "crashed", Outcome.NONE: "–", Outcome.ABSENT: "no data"}
@@ -20,7 +22,7 @@ def write_document(
     """Write the document; `pictures` is the folder of atlas.png and solvers.png, `where` the machine's line."""
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    link = Path(os.path.relpath(pictures, target.parent)).as_posix()
+    link = quote(os.fsencode(Path(os.path.relpath(pictures, target.parent)).as_posix()))
     write_text(target, document(atlas, solvers, link, where))
 
 
@@ -40,10 +42,10 @@ def _head(atlas: Atlas, link: str, where: str) -> str:
     tally = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
     base = "\n".join(
         f"| {name} | {judged.error:.2g} | {judged.row.held_out.log_mse:.2g} |"
-        f" {'; '.join(judged.said.values()) or 'nothing'} |"
+        f" {in_markdown('; '.join(judged.said.values())) or 'nothing'} |"
         for name, judged in atlas.unstressed.items()
     )
-    absent = "".join(f"\n\n{note}." for note in atlas.notes)
+    absent = "".join(f"\n\n{in_markdown(note)}." for note in atlas.notes)
     return f"""\
 <!-- Made by `make stability`: change the paragraphs in homofact/evaluate/stability, not here. -->
 # Where fits fail
@@ -72,9 +74,9 @@ The unstressed fits themselves:
 | --- | --- | --- | --- |
 {base}
 
-All numbers are of seed {atlas.plan.seed} and homofact {__version__} on {where}. Searches are bound by time, so another
-machine gives slightly other ones. The whole table is `atlas.csv`; `homofact stability --stressors NAME --methods NAME`
-runs a part.{absent}"""
+All numbers are of seed {atlas.plan.seed} and homofact {__version__} on {in_markdown(where)}.
+Searches are bound by time, so another machine gives slightly other ones. The whole table is `atlas.csv`;
+`homofact stability --stressors NAME --methods NAME` runs a part.{absent}"""
 
 
 def _section(atlas: Atlas, each: Stressor) -> str:
@@ -125,10 +127,10 @@ def _measured(atlas: Atlas, each: Stressor) -> str:
             )
         warned = next((cell for cell in reversed(ranked) if cell.new), None)
         if warned is not None and warned.said:
-            sentences.append(f"What {warned.method} then says: “{warned.said[0]}.”")
+            sentences.append(f"What {warned.method} then says: “{in_markdown(warned.said[0])}.”")
     refused = next((cell for cell in cells if cell.outcome is Outcome.REFUSED), None)
     if refused is not None:
-        sentences.append(f"From {refused.label} on it is refused: “{refused.message.partition(': ')[2]}.”")
+        sentences.append(f"From {refused.label} on it is refused: “{in_markdown(refused.message.partition(': ')[2])}.”")
     silent = [f"{cell.method} at {cell.label}" for cell in cells if cell.outcome is Outcome.SILENT]
     if silent:
         sentences.append(f"Nothing is said by {', '.join(silent)}.")

@@ -7,15 +7,15 @@ from typing import Any
 from homofact.export.manifest import write_json
 from homofact.export.result import write_result
 from homofact.files.folder import check_new_folder
+from homofact.files.kinds import PLAN
 from homofact.scene.plan.plan import MaterialPlan, ScenePlan
 
-PLAN = "plan.json"
 COLOUR = "colour.json"
 
 
 def check_plan_folder(folder: Path, force: bool) -> None:
     """Raise BadInput where `write_plan` could not put a plan: refused as `files.folder.check_new_folder` says."""
-    check_new_folder(folder, "plan", PLAN, force)
+    check_new_folder(folder, PLAN, force)
 
 
 def write_plan(folder: Path, plan: ScenePlan, force: bool = False) -> dict[str, str]:
@@ -36,7 +36,7 @@ def write_plan(folder: Path, plan: ScenePlan, force: bool = False) -> dict[str, 
     record = plan.record()
     for entry in record["materials"]:
         entry["folder"] = names.get(entry["source"])
-    write_json(folder / PLAN, record)
+    write_json(folder / PLAN.mark, record)
     return names
 
 

@@ -27,6 +27,7 @@ from homofact.brdf.names import MATERIAL_PREFIX
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml, split_member
 from homofact.files.tables import limits, read_table
+from homofact.options import MOST_SEED
 from homofact.render.environment import read_environment
 from homofact.render.light import DirectionalLight
 from homofact.scene.lighting import Lighting, named_lighting
@@ -107,7 +108,7 @@ class _SceneTable:
     lighting: _LightingTable
     tolerance: _ToleranceTable
     budget: Budget = Budget()
-    seed: int = field(default=0, metadata=limits(least=0))
+    seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
 
     def __post_init__(self) -> None:
         total = math.fsum(each.share for each in self.material)

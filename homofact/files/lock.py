@@ -1,0 +1,129 @@
+"""One run at a time: a place is claimed while it is worked for, and what a dead run left is told from a living one's.
+
+A claim is the system's lock on a small hidden file beside the place, and a private folder is locked itself: a lock ends
+with its process, however that ends. Where the system or its file system has no locks, nothing is refused and nothing is
+cleaned.
+"""
+
+import contextlib
+import errno
+import hashlib
+import os
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+from homofact.errors import BadInput
+from homofact.files.places import real_place, unwritable_refused
+
+try:
+    import fcntl
+except ImportError:  # another system than POSIX
+    fcntl = None
+
+_UNSUPPORTED = {errno.ENOLCK, errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}
+_claims: dict[Path, tuple[int, contextlib.ExitStack]] = {}
+_guard = threading.Lock()
+
+
+@contextlib.contextmanager
+def claimed(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Keep every other process from claiming `path` while the block runs; the same process may claim it again.
+
+    Folders above that are missing are made, and gone again at the end where nothing came into them. Raises BadInput
+    where another process has claimed it, and where nothing can be written beside it.
+    """
+    with unwritable_refused(path):
+        target = real_place(path)
+        with _guard:
+            count, stack = _claims.get(target) or (0, _claim(path, target))
+            _claims[target] = (count + 1, stack)
+    try:
+        yield
+    finally:
+        with _guard:
+            count, stack = _claims.pop(target)
+            if count > 1:
+                _claims[target] = (count - 1, stack)
+            else:
+                stack.close()
+
+
+@contextlib.contextmanager
+def made_folders(folder: Path) -> Iterator[None]:
+    """Make a folder and those above it; those that were not there go at the end where they are empty."""
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    finally:
+        for each in made:
+            with contextlib.suppress(OSError):
+                each.rmdir()
+
+
+def lock(place: Path, flags: int) -> int | None:
+    """An open handle that holds the lock on `place`; None where another process holds it, or it is gone by now.
+
+    Raises NotImplementedError where there are no locks, and OSError where it cannot be opened.
+    """
+    if fcntl is None:
+        raise NotImplementedError("no locks on this system")
+    try:
+        handle = os.open(place, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    except FileNotFoundError:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # The one who had it before may have deleted what was opened.
+        if os.path.samestat(os.fstat(handle), os.lstat(place)):
+            return handle
+    except OSError as error:
+        if error.errno in _UNSUPPORTED:
+            os.close(handle)
+            raise NotImplementedError("no locks on this file system") from error
+        if not isinstance(error, BlockingIOError | FileNotFoundError):
+            os.close(handle)
+            raise
+    except BaseException:
+        os.close(handle)
+        raise
+    os.close(handle)
+    return None
+
+
+def _claim(path: str | os.PathLike[str], target: Path) -> contextlib.ExitStack:
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(made_folders(target.parent))
+        stack.enter_context(_lock_file(path, target))
+        return stack.pop_all()
+
+
+@contextlib.contextmanager
+def _lock_file(path: str | os.PathLike[str], target: Path) -> Iterator[None]:
+    # By a digest: the name itself may leave no room for a longer one.
+    digest = hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]
+    place = target.parent / f".homofact-{digest}.lock"
+    try:
+        handle = lock(place, os.O_RDWR | os.O_CREAT)
+    except NotImplementedError:
+        yield
+        return
+    if handle is None:
+        raise BadInput(f"{path}: another run of homofact{_holder(place)} writes there, expected one at a time")
+    try:
+        os.ftruncate(handle, 0)
+        os.write(handle, b"%d\n" % os.getpid())
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            place.unlink()
+        os.close(handle)
+
+
+def _holder(place: Path) -> str:
+    try:
+        found = place.read_bytes()[:20].strip()
+    except OSError:
+        return ""
+    return f" (process {found.decode()})" if found.isdigit() else ""
