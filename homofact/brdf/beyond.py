@@ -8,8 +8,8 @@ all samples' weight together, enough where nothing else is known and next to not
 against a denser draw; where it is more than `EXCESS` times the largest sample all the same, these pairs are added and
 it is solved again. (Holding it to the nearest samples took the highlight from measured places too.)
 
-Distance is in (√θh, θd, φd), each from 0 to 1, for isotropic samples (φd folded to a quarter turn; it counts by sinθd,
-since it means nothing where θd is 0), else in the parabolic discs of both directions.
+Distance is in (√θh, θd, φd), each from 0 to 1, for isotropic samples (φd folded to a quarter turn; it counts by √θh sinθd,
+since it means nothing where either is 0), else in the parabolic discs of both directions.
 """
 
 import math
@@ -107,5 +107,6 @@ def _place(samples: Samples) -> np.ndarray:
         return coordinate_system("in-out").evaluate(samples.wi, samples.wo).cpu().numpy()
     place = (coordinate_system("isotropic-half-diff").evaluate(samples.wi, samples.wo).cpu().numpy() + 1) / 2
     place[:, 0] = np.sqrt(place[:, 0].clip(0))
-    place[:, 2] *= np.sin(place[:, 1] * (math.pi / 2))
+    # An angle that means nothing at θh = 0 and at θd = 0 keeps nothing apart there.
+    place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
     return place

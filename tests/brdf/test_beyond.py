@@ -77,3 +77,18 @@ def test_a_fit_of_a_measurement_does_not_blow_up_beyond_it() -> None:
     assert float((fit.evaluate(wi, wo) / samples.values.amax(0)).max()) < 1.5 * EXCESS
     turned = replace(samples.rotated_at_random(1), all_azimuths=False)
     assert Beyond(turned).carried_on() is not None
+
+
+@pytest.mark.parametrize("theta_h", [0.0, 1e-3])
+def test_what_is_measured_does_not_hang_on_an_angle_that_is_undefined(theta_h: float) -> None:
+    """At the mirror direction φd means nothing: pairs of one θh and θd are measured, or not, together."""
+    angles = torch.linspace(0.05, 1.2, 24, dtype=torch.float64)
+    wi = torch.stack((angles.sin(), torch.zeros_like(angles), angles.cos()), 1)
+    samples = Samples.make(wi, wi * torch.tensor([-1.0, 1, 1]), torch.ones(24, 1), channels=("Y",), isotropic=True)
+    aside = torch.linspace(0, 2 * math.pi, 32, dtype=torch.float64)
+    theta = 0.6
+    wi = torch.tensor([[math.sin(theta), 0.0, math.cos(theta)]], dtype=torch.float64).expand(32, 3)
+    reach = 2 * theta_h
+    wo = torch.stack((-math.sin(theta) + reach * aside.cos() * math.cos(theta), reach * aside.sin(), wi[:, 2]), 1)
+    wo = wo / wo.norm(dim=1, keepdim=True)
+    assert bool(Beyond(samples).measured(wi, wo).all())

@@ -25,7 +25,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def edited(saved: Path, place: Path, change: Any) -> Path:
     with np.load(saved) as found:
-        arrays = {name: found[name] for name in found.files}
+        arrays: dict[str, Any] = {name: found[name] for name in found.files}
     header = json.loads(str(arrays["header"]))
     change(header["provenance"])
     np.savez(place / "fit.npz", **(arrays | {"header": np.array(json.dumps(header))}))
