@@ -8,8 +8,8 @@ all samples' weight together, enough where nothing else is known and next to not
 against a denser draw; where it is more than `EXCESS` times the largest sample all the same, these pairs are added and
 it is solved again. (Holding it to the nearest samples took the highlight from measured places too.)
 
-Distance is in (√θh, θd, φd), each from 0 to 1, for isotropic samples (φd folded to a quarter turn; it counts by √θh sinθd,
-since it means nothing where either is 0), else in the parabolic discs of both directions.
+Distance is in (√θh, θd, φd), each from 0 to 1, for isotropic samples (φd folded to a quarter turn; it counts by √θh
+sinθd, since it means nothing where either is 0), else in the parabolic discs of both directions.
 """
 
 import math

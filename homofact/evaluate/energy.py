@@ -30,6 +30,7 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.symmetry import light_azimuths
 from homofact.errors import BadInput
+from homofact.evaluate.peak import half_width
 from homofact.geometry.directions import from_spherical
 from homofact.geometry.quadrature import disc_nodes, hemisphere_nodes
 
@@ -53,6 +54,7 @@ class EnergyErrors:
     energy : fit over source, one number a channel; `energy_overall` of the sums over channels.
     rms, floor : relative, over all channels.
     highlight, bright_half : fit over source.
+    half_width : of the source's highlight in radians of θh (`evaluate.peak`), None where it has none.
 
     A ratio to a source of 0 is 1 where the fit is 0 too, else infinite.
     """
@@ -66,6 +68,7 @@ class EnergyErrors:
     floor: float
     highlight: float
     bright_half: float
+    half_width: float | None
 
     @property
     def albedo_ratio(self) -> tuple[tuple[float, ...], ...]:
@@ -98,7 +101,8 @@ class SourceLight:
     """What is asked of a source, once for any number of fits.
 
     `azimuths` are those that it is lit from, `nodes` the (rings, spokes) of its directions. Over (azimuth, θi, node),
-    θi of `ALBEDO_DEGREES` first: `cosine` cosθo times solid angle, `values` (..., C) f. `floor` as in `EnergyErrors`.
+    θi of `ALBEDO_DEGREES` first: `cosine` cosθo times solid angle, `values` (..., C) f. `floor` and `half_width` as in
+    `EnergyErrors`.
     """
 
     azimuths: tuple[float, ...]
@@ -106,6 +110,7 @@ class SourceLight:
     cosine: Tensor
     values: Tensor
     floor: float
+    half_width: float | None
 
     @classmethod
     def of(cls, source: Reflectance, isotropic: bool) -> "SourceLight":
@@ -117,7 +122,7 @@ class SourceLight:
         back = (each[:, _FIRST:] for each in (wo, wi))
         miss = (_values(source, *back) - own) / 2
         floor = math.sqrt(_ratio(_mean_square(weight, miss), _mean_square(weight, own), same=0.0))
-        return cls(azimuths, nodes, cosine, values, floor)
+        return cls(azimuths, nodes, cosine, values, floor, half_width(source))
 
     def errors(self, fit: Reflectance) -> EnergyErrors:
         """The figures of a fit. Raises BadInput where its channels differ in number."""
@@ -138,6 +143,7 @@ class SourceLight:
             floor=self.floor,
             highlight=_brightest(weight, mine, own, HIGHLIGHT),
             bright_half=_brightest(weight, mine, own, BRIGHT_HALF),
+            half_width=self.half_width,
         )
 
 

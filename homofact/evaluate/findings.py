@@ -26,6 +26,7 @@ LARGEST_ALBEDO = 1.02
 ALBEDO_OFF = 0.1  # of the source's, as a share
 HIGHLIGHT_OFF = 0.1
 WORTH_NAMING = 0.01  # a source's own floor, relative RMS
+LEAST_ACROSS = 0.5  # texels that the half width of a highlight takes
 LARGEST_CUT = 0.05
 LEAST_EXPLAINED = 0.9
 LEAST_PEAK = 0.5
@@ -73,6 +74,7 @@ class Verdict:
     albedo : largest ∫ f cosθ dω of the fit over channels, `brdf.faults.ALBEDO_DEGREES` and 85°.
     albedo_ratio, highlight : fit over source, of the worst channel and angle and of the highlight (`evaluate.energy`);
         None, as `floor`, where the source is known at its samples alone.
+    texels_across : half width of the source's highlight in texels of the finest texture; None where there is none.
     floor : relative RMS by which the source's own reciprocal part misses it.
     findings : what is off; none of them makes a trusted fit.
     """
@@ -92,6 +94,7 @@ class Verdict:
     albedo: float
     albedo_ratio: float | None
     highlight: float | None
+    texels_across: float | None
     floor: float | None
     findings: tuple[Finding, ...]
 
@@ -176,6 +179,16 @@ def findings(
             f"the brightest directions hold {verdict.highlight:.3g} of the source's light,"
             f" expected 1 within {HIGHLIGHT_OFF:.0%}",
             "larger textures (--size), a warp or samples within the highlight, less smoothing",
+        )
+    if verdict.texels_across is not None and verdict.texels_across < LEAST_ACROSS:
+        wanted = f"--size {math.ceil(settings.size * LEAST_ACROSS / max(verdict.texels_across, 1e-6))} holds it"
+        if verdict.texels_across < LEAST_ACROSS / 16:
+            wanted = "no texture of a usual size holds it: draw it as a mirror beside the fit"
+        yield Finding(
+            "narrow",
+            f"half of the highlight's height lies within {verdict.texels_across:.2g} texels of the finest texture,"
+            f" expected {LEAST_ACROSS:g}",
+            wanted,
         )
     if verdict.cut > LARGEST_CUT:
         yield Finding(

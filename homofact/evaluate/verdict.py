@@ -18,6 +18,7 @@ from homofact.errors import Report
 from homofact.evaluate.appearance import Appearance
 from homofact.evaluate.findings import Verdict, findings
 from homofact.evaluate.metrics import SixErrors
+from homofact.evaluate.peak import texels_per_radian
 from homofact.factor.fitted import Fitted
 from homofact.linear.robust import scale_of
 from homofact.methods.fitting import Method
@@ -53,6 +54,7 @@ def judge(
     swapped = reciprocity_of_samples(drawn, settings.seed)
     azimuths = light_azimuths(train.isotropic)
     angles = (*ALBEDO_DEGREES, GRAZING_DEGREES)
+    width = None if seen is None else seen.energy.half_width
     verdict = Verdict(
         status=report.status,
         condition=report.details.get("condition"),
@@ -69,6 +71,7 @@ def judge(
         albedo=max(float(albedo(fitted, angle, a, 24, 32).max()) for angle in angles for a in azimuths),
         albedo_ratio=None if seen is None else seen.energy.albedo_worst,
         highlight=None if seen is None else seen.energy.highlight,
+        texels_across=None if width is None else width * texels_per_radian(fitted),
         floor=None if seen is None else seen.energy.floor,
         findings=(),
     )

@@ -193,7 +193,9 @@ def test_few_samples_far_off_are_outliers_and_many_are_none() -> None:
 
 def seen(albedo: float = 1.0, highlight: float = 1.0, floor: float = 0.0) -> Appearance:
     """An appearance of one angle and two channels, the second of them reflecting `albedo` of the source's light."""
-    light = EnergyErrors((5.0,), ((0.5, 0.5),), ((0.5, 0.5 * albedo),), (1.0, 1.0), 1.0, 0.1, floor, highlight, 1.0)
+    light = EnergyErrors(
+        (5.0,), ((0.5, 0.5),), ((0.5, 0.5 * albedo),), (1.0, 1.0), 1.0, 0.1, floor, highlight, 1.0, None
+    )
     return Appearance(light, 30.0, 30.0)
 
 
