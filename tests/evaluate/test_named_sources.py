@@ -28,7 +28,8 @@ def edited(saved: Path, place: Path, change: Any) -> Path:
         arrays: dict[str, Any] = {name: found[name] for name in found.files}
     header = json.loads(str(arrays["header"]))
     change(header["provenance"])
-    np.savez(place / "fit.npz", **(arrays | {"header": np.array(json.dumps(header))}))
+    arrays["header"] = np.array(json.dumps(header))
+    np.savez(place / "fit.npz", **arrays)  # pyright: ignore[reportArgumentType] (its stub takes any name for a flag)
     return place / "fit.npz"
 
 

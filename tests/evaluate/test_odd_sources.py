@@ -18,7 +18,9 @@ def samples(values: Tensor) -> Samples:
 
 
 def found(given: Samples) -> set[str]:
-    return {finding.name for finding in homofact.fit(given, QUICK).verdict.findings}
+    verdict = homofact.fit(given, QUICK).verdict
+    assert verdict is not None
+    return {finding.name for finding in verdict.findings}
 
 
 def test_a_source_without_energy_is_refused() -> None:

@@ -49,6 +49,7 @@ def test_a_highlight_narrower_than_any_texel_is_named_with_the_size_that_holds_i
     samples = sample_model(model, 3000, "lobe", seed=0)
     source = Source("ward", "material", samples, model, 1e-4, 0.0)
     fit = homofact.fit(source, homofact.Search(textures=1, size=8, effort=10.0, epsilon=1e-4))
+    assert fit.verdict is not None
     found = {finding.name: finding for finding in fit.verdict.findings}
     assert ("narrow" in found) == named
     if named:

@@ -48,7 +48,7 @@ def bad_files(tmp_path: Path) -> dict[Path, str]:
     (tmp_path / "folder").mkdir()
     return {
         newer: "newer.npz: format version 99, expected at most 1",
-        empty: "empty.npz: found no textures, expected at least one",
+        empty: r"empty.npz: terms: found \[\], expected 1 to 1000 objects",
         tmp_path / "three.npz": "three.npz: found the channels 450nm, 550nm, 650nm .3 of them., expected R, G, B",
         tmp_path / "spectrum.npz": "found the channels 400nm, 410nm, 420nm, … .31 of them.*fit with --channels rgb",
         tmp_path / "text.npz": "text.npz: not a saved factorization",
