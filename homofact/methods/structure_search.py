@@ -438,7 +438,7 @@ class StructureSearch:
         return [result for result, _ in results]
 
     def _offer(self, mix: Mix) -> None:
-        """Take `mix` where it is enough better than the best with as many textures or fewer: each more has to earn it."""
+        """Take `mix` where it is enough better than the best of no more textures: each one more has to earn it."""
         more = max(len(mix.kinds) - len(self._best.kinds), 1)
         if mix.error < ENOUGH**more * self._best.error:
             self._best = mix

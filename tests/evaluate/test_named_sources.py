@@ -29,7 +29,7 @@ def edited(saved: Path, place: Path, change: Any) -> Path:
     header = json.loads(str(arrays["header"]))
     change(header["provenance"])
     arrays["header"] = np.array(json.dumps(header))
-    np.savez(place / "fit.npz", **arrays)  # pyright: ignore[reportArgumentType] (its stub takes any name for a flag)
+    np.savez(place / "fit.npz", **arrays)
     return place / "fit.npz"
 
 
