@@ -212,4 +212,4 @@ def _finite(value: Any) -> Any:
     """Tuples as lists, numbers that are not finite as None."""
     if isinstance(value, tuple):
         return [_finite(each) for each in value]
-    return value if math.isfinite(value) else None
+    return value if value is not None and math.isfinite(value) else None

@@ -11,6 +11,7 @@ from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
+from homofact.evaluate.energy import energy_errors
 from homofact.evaluate.peak import half_width, texels_per_radian
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Warp, fixed_projection
@@ -26,8 +27,10 @@ def test_the_half_width_of_a_gaussian_of_slopes(slope: float) -> None:
     assert half_width(ward(slope)) == pytest.approx(math.atan(slope * math.sqrt(math.log(2))), rel=0.04)
 
 
-def test_a_matte_material_has_no_highlight() -> None:
-    assert half_width(Lambert((0.5,), channels=("Y",))) is None
+def test_a_matte_material_has_no_highlight_and_its_record_says_so() -> None:
+    matte = Lambert((0.5,), channels=("Y",))
+    assert half_width(matte) is None
+    assert energy_errors(matte, matte, True).record()["half_width"] is None
 
 
 def test_texels_a_radian_of_a_plain_axis_and_of_a_stretched_one() -> None:
