@@ -4,8 +4,8 @@ One number of textures after another, up to as many as are asked for:
 
 * Fixed projections, exhaustively. For every warp all fixed candidates are accumulated together on textures of half the
   size; each mix of them is a block of that matrix (`folded.FixedBank`) and is judged there. The better ones are judged
-  again at the search's own size (successive halving by rule, so that neither luck nor the clock has a part in it). With
-  two and three textures they also decide about reciprocity.
+  again at the search's own size (successive halving by rule, so that neither luck nor the clock has a part in it). The
+  best of two, with one more, also decide about reciprocity.
 * Searched projections, from there. Starts are the best fixed mixes with their textures loosened (searched from where
   they are fixed), the best mix of one texture less with every other kind beside it, and rotations drawn once for all.
   All of them descend a few steps, the better half some more, and so on; the last few are judged like the fixed ones.
@@ -39,8 +39,8 @@ from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, rel
 from homofact.methods.mix import EMPTY, FIRST_SMOOTHING, Mix, freed, is_movable, scale_of, with_all_loose
 from homofact.methods.validation import Partition
 
-FREE_WORTH = 0.95  # reciprocity is given up where that leaves fixed mixes less than this share of their error
-DECIDING = (2, 3)  # textures of the mixes that decide about reciprocity
+FREE_WORTH = 0.9  # reciprocity is given up where that leaves fixed mixes less than this share of their error
+TELLING = ("theta_i-theta_o", "theta_i-theta_d")  # fixed kinds that, free, tell light from viewer
 ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
 ROTATIONS = 20020801  # seeds the rotations that searches start from
 BEAM = 4  # fixed mixes that the next step goes on from
@@ -148,7 +148,7 @@ class StructureSearch:
         for count in range(1, textures + 1):
             until = whole * 0.7 * sum(weights[:count]) / sum(weights)
             judged = self._fixed_mixes(fixed, count)
-            if self._settings.reciprocal is None and self._reciprocal and count in (DECIDING if textures > 1 else (1,)):
+            if self._settings.reciprocal is None and self._reciprocal and count == min(textures, 2):
                 judged = self._decided(judged, fixed)
             if (searched and count > 1) or not judged:
                 before = self._levels[-1] if self._levels else EMPTY
@@ -169,22 +169,33 @@ class StructureSearch:
     def _decided(self, judged: list[Mix], fixed: tuple[str, ...]) -> list[Mix]:
         """The fixed mixes to go on from: without reciprocity where that is worth it.
 
-        Fixed mixes show it as well as searched ones, and before anything has been spent on these. Those without
-        reciprocity are chosen anew: reciprocal ones do not show which textures tell light from viewer.
+        The best mix is judged both ways with one texture more that could tell light from viewer: without it a mix may
+        be blind to what it would gain, and fixed kinds show it before anything has been spent on searched ones. Mixes
+        without reciprocity are chosen anew.
         """
         if not judged:
             return judged
-        banks, warps = self._banks, self._best_warps
-        self._reciprocal, self._banks = False, {}
-        count = len(self._levels) + 1
-        anew = self._fixed_mixes(fixed, count, again=True)
-        if not anew[0].error < FREE_WORTH * judged[0].error:
-            self._reciprocal, self._banks, self._best_warps = True, banks, warps
+        best = judged[0]
+        more = [name for name in TELLING if name in fixed and name not in best.kinds]
+
+        def asked(reciprocal: bool) -> float:
+            mixes = [best.with_one_more(name, self._make(name, best.warp)) for name in more] or [best]
+            both = [
+                replace(mix, projections=tuple(replace(each, reciprocal=reciprocal) for each in mix.projections))
+                for mix in mixes
+            ]
+            scale = scale_of(best.smoothing)
+            return min(mix.error for mix in self._beside(lambda mix: self._judge(mix, scale), both))
+
+        kept, without = asked(True), asked(False)
+        if not without < FREE_WORTH * kept:
             return judged
+        self._reciprocal, self._banks = False, {}
+        anew = self._fixed_mixes(fixed, len(self._levels) + 1, again=True)
         self._best = freed(self._best)
         self._notes.append(
-            f"not reciprocal: {count} fixed textures meet the data better without,"
-            f" validation error {anew[0].error:.3g} instead of {judged[0].error:.3g} (--reciprocal to enforce it)"
+            "not reciprocal: fixed textures meet the data better without,"
+            f" validation error {without:.3g} instead of {kept:.3g} (--reciprocal to enforce it)"
         )
         self._levels = [freed(mix) for mix in self._levels]
         return anew

@@ -147,9 +147,7 @@ def test_terms_that_were_not_solved_together_have_no_confidence() -> None:
 def test_a_deviation_of_another_shape_is_refused(tmp_path) -> None:
     term = Term(PROJECTIONS[0], torch.zeros(4, 4, 1).double(), torch.ones(4, 4, dtype=torch.bool), torch.zeros(4, 4, 2))
     Factorization((term,), LogTransform(1e-2, torch.ones(1).double()), ("Y",)).save(tmp_path / "fit.npz")
-    with pytest.raises(
-        BadInput, match=r"deviation_0 is float32 of shape \(4, 4, 2\), expected .*\(4, 4, 1\)"
-    ):
+    with pytest.raises(BadInput, match=r"deviation_0 is float32 of shape \(4, 4, 2\), expected .*\(4, 4, 1\)"):
         Factorization.load(tmp_path / "fit.npz")
 
 
