@@ -181,7 +181,10 @@ def findings(
             "larger textures (--size), a warp or samples within the highlight, less smoothing",
         )
     if verdict.texels_across is not None and verdict.texels_across < LEAST_ACROSS:
-        wanted = f"--size {math.ceil(settings.size * LEAST_ACROSS / max(verdict.texels_across, 1e-6))} holds it"
+        factor = LEAST_ACROSS / max(verdict.texels_across, 1e-6)
+        wanted = (
+            f"textures {factor:.2g} times as wide hold it: --size {math.ceil(settings.size * factor)}, or more --bytes"
+        )
         if verdict.texels_across < LEAST_ACROSS / 16:
             wanted = "no texture of a usual size holds it: draw it as a mirror beside the fit"
         yield Finding(

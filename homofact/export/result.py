@@ -45,7 +45,7 @@ def write_result(
 
     def fill(place: Path) -> None:
         factorization.save(place / FACTORIZATION)
-        # The search's work: it outlives a picture that cannot be drawn and a disk that has no room for more.
+        # The search's work: it outlives a picture that cannot be drawn and a full disk.
         with kept(place / FACTORIZATION, folder, "the fit alone", ".npz"):
             write_json(place / MANIFEST, manifest(factorization, write_textures(place, factorization)))
             write_json(place / REPORT, report)

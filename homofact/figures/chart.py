@@ -102,7 +102,7 @@ def _finish(figure: Figure, rows: Sequence[ChartRow], what: str, panels: Sequenc
     if base is not None:
         share_axis(panels[-1].axes, base.error.mean, (low, high))
     _frame(figure, rows, what, looks)
-    # Labels are put where there is room, which is known once the layout is.
+    # Labels are put where they fit, which is known once the layout is.
     FigureCanvasAgg(figure).draw()
     figure.set_layout_engine("none")
     for panel, line in zip(panels, fronts, strict=True):
@@ -110,7 +110,7 @@ def _finish(figure: Figure, rows: Sequence[ChartRow], what: str, panels: Sequenc
 
 
 def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str, Look]) -> None:
-    """Title and key above the panels, caption below them, in room of their own."""
+    """Title and key above the panels, caption below them, beside nothing else."""
     height = figure.get_figheight()
     handles = [
         Line2D([], [], color=colour, marker=shape, linestyle="", markersize=width, label=name)

@@ -34,9 +34,9 @@ class Search:
     "nlopt-" and an nlopt algorithm's name. `validation` says how a mix and λ are judged on measurements that lie on
     rings of θ: by left-out "rings", or at "random", which rewards the faults of each ring. `effort` is how much is
     searched, by name or as a number of equivalent inner evaluations, `budget` a guard in seconds. `reciprocal` None
-    gives reciprocity up where the data are clearly better met without. `objective` says
-    what is made small: squared logs ("log", the thesis's error), the divergence of flux ("energy"), or both. `bytes`
-    stands instead of `size`: textures are as large as fit, their shapes chosen by cross-validation.
+    gives reciprocity up where the data are clearly better met without, and keeps it where `projections` pins kinds.
+    `objective` says what is made small: squared logs ("log", the thesis's error), the divergence of flux ("energy"), or
+    both. `bytes` stands instead of `size`: textures are as large as fit, their shapes chosen by cross-validation.
     """
 
     name: ClassVar[str] = "search"

@@ -124,7 +124,9 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     if texels is None:
         shapes = tuple(texture_shape(projection, settings.size) for projection in outcome.mix.projections)
     else:
-        spent = best_within(texels, outcome.levels, judged, partitions, smoothing_for, Account(granted, deadline))
+        layouts = Account(granted, deadline)
+        spent = best_within(texels, outcome.levels, judged, partitions, smoothing_for, layouts)
+        account.add(layouts)
         outcome, shapes = replace(outcome, mix=spent.mix), spent.shapes
     outcome, smoothing = _finish(outcome, judged, partitions, settings, search, fine, shapes, smoothing_for)
     solved, terms, light = _solved(data, beyond, transform, outcome.mix, smoothing, settings, shapes)
