@@ -46,7 +46,7 @@ def is_movable(mix: Mix) -> bool:
 
 
 def freed(mix: Mix) -> Mix:
-    """The mix with projections that may tell light from viewer; its error is that of before."""
+    """The mix with projections that may tell light from viewer; its error is not that mix's."""
     return replace(mix, projections=tuple(replace(each, reciprocal=False) for each in mix.projections))
 
 

@@ -44,7 +44,8 @@ from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES,
 from homofact.methods.mix import Mix
 from homofact.methods.search import Search
 from homofact.methods.shapes import SmoothingFor, best_within, texels_in
-from homofact.methods.structure_search import Outcome, StructureSearch, StructureSettings, rounded
+from homofact.methods.structure_search import Outcome, StructureSearch
+from homofact.methods.trials import StructureSettings, rounded
 from homofact.methods.validation import BEYOND, Partition, partitions_of
 
 FOLDS = 4

@@ -54,7 +54,7 @@ class Layout:
         A texture of one row is as long as a square one of its share would be wide; the line that a periodic axis
         repeats is counted.
         """
-        low, high = 0.0, float(texels) ** 2
+        low, high = 0.0, float(texels + 1) ** 2
         for _ in range(80):
             middle = (low + high) / 2
             shapes = self._scaled(projections, middle)

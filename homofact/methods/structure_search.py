@@ -18,40 +18,29 @@ from an `Account`; what an equal account buys is equal. Of more textures the bes
 than that of fewer by `ENOUGH`, so more textures asked for are never worse.
 """
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import torch
-from torch import Tensor
 
 from homofact.errors import Status
-from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection, Warp
-from homofact.factor.search.minimize import Search, minimize
-from homofact.factor.textures import LogSamples, texture_shape
-from homofact.linear.threads import in_parallel
-from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve
-from homofact.methods.folded import FixedBank, Folded
+from homofact.factor.textures import LogSamples
+from homofact.methods.effort import Account, cost_of_evaluation
+from homofact.methods.folded import FixedBank
 from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, relatives, takes_warp
-from homofact.methods.mix import EMPTY, FIRST_SMOOTHING, Mix, freed, is_movable, scale_of, with_all_loose
+from homofact.methods.mix import EMPTY, FIRST_SMOOTHING, Mix, freed, scale_of, with_all_loose
+from homofact.methods.tournament import BEAM, LOOKS, tournament
+from homofact.methods.trials import StructureSettings, Trials
 from homofact.methods.validation import Partition
 
 FREE_WORTH = 0.9  # reciprocity is given up where that leaves fixed mixes less than this share of their error
 TELLING = ("theta_i-theta_o", "theta_i-theta_d")  # fixed kinds that, free, tell light from viewer
 ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
 ROTATIONS = 20020801  # seeds the rotations that searches start from
-BEAM = 4  # fixed mixes that the next step goes on from
 FIRST_LOOK = 0.5  # of the search's texture size: what all fixed mixes are first looked at with
-DESCENTS = 0.625  # of the search's texture size: what a tournament's projections descend with
-FINALISTS = 3  # mixes that are judged in full at the end of a tournament; the best of them is polished
-FIRST_STEPS, LAST_STEPS = 6, 24  # iterations of the first and the last round of descents
-LEAST_PLACES = 6  # starts that descend in a tournament, whatever is left of the account
-LOOKS = 4  # starts that are looked at for every one that may descend
-ASIDE = 1e-3  # of a quaternion's length: how far beside its projections a descent starts
-POLISH = 40  # iterations of the winner's last descent
 EXCHANGES = 3  # rounds of exchange at most
 ALL_WARPS_UP_TO = 2  # textures: mixes of one more are looked at with the two best warps, of more with the best
 
@@ -71,22 +60,6 @@ class Outcome:
     levels: tuple[Mix, ...]
 
 
-@dataclass(frozen=True)
-class StructureSettings:
-    """Texels along an axis, reciprocity and bound of every trial; random starts of searched kinds; λ where given.
-
-    With `reciprocal` None trials are reciprocal until fixed mixes meet the data better by `FREE_WORTH` without.
-    """
-
-    size: int
-    reciprocal: bool | None
-    bound: str
-    restarts: int
-    search: Search
-    smoothing: float | None
-    seed: int
-
-
 class StructureSearch:
     """One run over coarse samples; make one, call `run` once."""
 
@@ -101,6 +74,7 @@ class StructureSearch:
         """`progress` is called with (textures, evaluations, best validation error) after every group of trials."""
         self._samples, self._partitions, self._settings, self._progress = samples, partitions, settings, progress
         self._account = account
+        self._trials = Trials(samples, partitions, settings, account)
         self._reciprocal = settings.reciprocal is not False
         # The same rotations whatever the seed: which are tried is no matter of luck.
         self._generator = torch.Generator().manual_seed(ROTATIONS)
@@ -153,7 +127,7 @@ class StructureSearch:
             if (searched and count > 1) or not judged:
                 before = self._levels[-1] if self._levels else EMPTY
                 starts = self._starts(judged, before, fixed, searched)
-                judged += self._tournament(starts, until)
+                judged += tournament(self._trials, starts, until)
             judged.sort(key=lambda mix: mix.error)
             self._levels.append(judged[0])
             self._offer(judged[0])
@@ -185,19 +159,20 @@ class StructureSearch:
                 for mix in mixes
             ]
             scale = scale_of(best.smoothing)
-            return min(mix.error for mix in self._beside(lambda mix: self._judge(mix, scale), both))
+            return min(mix.error for mix in self._trials.beside(lambda mix: self._trials.judge(mix, scale), both))
 
         kept, without = asked(True), asked(False)
         if not without < FREE_WORTH * kept:
             return judged
         self._reciprocal, self._banks = False, {}
         anew = self._fixed_mixes(fixed, len(self._levels) + 1, again=True)
-        self._best = freed(self._best)
         self._notes.append(
             "not reciprocal: fixed textures meet the data better without,"
             f" validation error {without:.3g} instead of {kept:.3g} (--reciprocal to enforce it)"
         )
-        self._levels = [freed(mix) for mix in self._levels]
+        earlier = [freed(mix) for mix in self._levels]
+        self._levels = self._trials.beside(lambda mix: self._trials.judge(mix, scale_of(mix.smoothing)), earlier)
+        self._best = self._levels[-1] if self._levels else EMPTY
         return anew
 
     def _run_pinned(self, kinds: tuple[str, ...]) -> None:
@@ -211,7 +186,7 @@ class StructureSearch:
                 if is_searched(kind):
                     alone = self._searched_starts(kind, warp, self._settings.restarts)
                 starts += [mix.with_one_more(kind, projection) for projection in alone]
-            mix = self._tournament(starts, whole * count / len(kinds))[0]
+            mix = tournament(self._trials, starts, whole * count / len(kinds))[0]
             self._best = mix
             self._tell(count, mix.error)
 
@@ -245,19 +220,20 @@ class StructureSearch:
         def first_look(trial: tuple[tuple[int, ...], Warp | None]) -> tuple[float, Account]:
             account = self._account.beside()
             folded = self._banks[trial[1]].mix(trial[0])
-            return self._smoothed(folded, (smoothing,) * count, account, each=False)[1], account
+            return self._trials.smoothed(folded, (smoothing,) * count, account, each=False)[1], account
 
-        looks = self._beside(first_look, trials)
+        looks = self._trials.beside(first_look, trials)
         order = sorted(range(len(trials)), key=lambda place: looks[place])
         chosen = [trials[place] for place in order[: max(BEAM + 2, len(trials) // 20)]]
-        found = self._beside(lambda trial: self._settled(fixed, trial, smoothing, each=False), chosen)
+        found = self._trials.beside(lambda trial: self._settled(fixed, trial, smoothing, each=False), chosen)
         order = sorted(range(len(chosen)), key=lambda place: found[place].error)
         if count <= ALL_WARPS_UP_TO:
             self._best_warps = list(dict.fromkeys(chosen[place][1] for place in order))[:2]
         mixes = sorted(found, key=lambda mix: mix.error)[:BEAM]
         if count > 1:
             scale = scale_of(mixes[0].smoothing)
-            mixes[:1] = self._beside(lambda trial: self._settled(fixed, trial, scale, each=True), [chosen[order[0]]])
+            best = [chosen[order[0]]]
+            mixes[:1] = self._trials.beside(lambda trial: self._settled(fixed, trial, scale, each=True), best)
             mixes.sort(key=lambda mix: mix.error)
         self._tell(count, mixes[0].error)
         return mixes
@@ -271,10 +247,10 @@ class StructureSearch:
             account = self._account.beside()
             lookups = sum(projection.lookups for projection in projections)
             account.spend(cost_of_evaluation(self._samples.logs.shape[0], lookups, 0))
-            shapes = self._shapes(projections, FIRST_LOOK)
+            shapes = self._trials.shapes(projections, FIRST_LOOK)
             return FixedBank.of(self._samples, self._partitions, projections, shapes), account
 
-        self._banks.update(zip(wanted, self._beside(made, wanted), strict=True))
+        self._banks.update(zip(wanted, self._trials.beside(made, wanted), strict=True))
 
     def _settled(
         self, fixed: tuple[str, ...], trial: tuple[tuple[int, ...], Warp | None], smoothing: float, each: bool
@@ -284,26 +260,8 @@ class StructureSearch:
         chosen, warp = trial
         projections = tuple(self._banks[warp].projections[j] for j in chosen)
         mix = Mix(tuple(fixed[j] for j in chosen), projections, (smoothing,) * len(chosen))
-        found, error = self._smoothed(self._folded(mix, account), mix.smoothing, account, each)
+        found, error = self._trials.smoothed(self._trials.folded(mix, account), mix.smoothing, account, each)
         return replace(mix, smoothing=found, error=error), account
-
-    def _smoothed(
-        self, folded: Folded, start: tuple[float, ...], account: Account, each: bool
-    ) -> tuple[tuple[float, ...], float]:
-        """(λ of every texture, error): the given λ, or the best for all textures alike, or for `each` from there."""
-        if self._settings.smoothing is not None:
-            return self._judged(folded, (self._settings.smoothing,) * len(start), account)
-        # λ is found on one fold of each partition, the mix is judged by all of them.
-        smoothing, _ = folded.best_smoothing(start, account, 1)
-        if each and len(start) > 1:
-            smoothing, _ = folded.best_each(smoothing, account, folds=1)
-        return self._judged(folded, smoothing, account)
-
-    def _judged(
-        self, folded: Folded, smoothing: tuple[float, ...], account: Account, folds: int | None = None
-    ) -> tuple[tuple[float, ...], float]:
-        account.spend(folded.solves(folds) * cost_of_solve(folded.unknowns))
-        return smoothing, folded.error(smoothing, folds)
 
     # Searched projections.
 
@@ -328,55 +286,6 @@ class StructureSearch:
         found = [projection for projection in placed if projection is not None]
         return found + [self._make(kind, warp) for _ in range(random)]
 
-    def _tournament(self, starts: list[Mix], until: float) -> list[Mix]:
-        """The best few of `starts`, best first: all descend a few steps, the better half some more, and so on.
-
-        As many of the starts take part as can be paid for with `until` units spent in all, at least `LEAST_PLACES`;
-        descents are compared with one λ for all.
-        """
-        if not starts:
-            return []
-        searched = [mix for mix in starts if is_movable(mix)]
-        rest = [mix for mix in starts if not is_movable(mix)]
-        # Where projections have moved into place there is less for λ to smooth over.
-        scale = 0.1 * scale_of(starts[0].smoothing)
-        steps, spare = FIRST_STEPS, until - self._account.spent
-        if searched:
-            # A round costs about as much as the one before it, half of the starts with twice the steps; of the rest a
-            # third is for looking at more starts than can descend, and a third for judging.
-            each = max(self._cost(mix, DESCENTS) for mix in searched) * (1 + FIRST_STEPS)
-            places = max(LEAST_PLACES, int(spare / (3 * each)))
-            searched = searched[: LOOKS * places]
-            if len(searched) > places:
-                looks = self._beside(lambda mix: self._looked(mix, scale), searched)
-                order = sorted(range(len(searched)), key=lambda place: looks[place])
-                searched = [searched[place] for place in sorted(order[:places])]
-        while searched:
-            ranked = self._beside(lambda mix, steps=steps: self._descended(mix, scale, steps, DESCENTS), searched)
-            ranked.sort(key=lambda pair: pair[0])
-            searched = [mix for _, mix in ranked]
-            if steps >= LAST_STEPS or self._account.late:
-                break
-            searched = searched[: max(2, math.ceil(len(searched) / 2))]
-            steps *= 2
-        mixes = self._beside(lambda mix: self._judge(mix, scale), [*searched[:FINALISTS], *rest[:BEAM]])
-        best = min(mixes, key=lambda mix: mix.error)
-        rest = [mix for mix in mixes if mix is not best]
-        return sorted((*self._beside(self._polished, [best]), *rest), key=lambda mix: mix.error)
-
-    def _polished(self, mix: Mix) -> tuple[Mix, Account]:
-        """The mix with λ texture by texture, after a longer descent with these; judged there."""
-        account = self._account.beside()
-        folded = self._folded(mix, account)
-        smoothing, error = self._smoothed(folded, (scale_of(mix.smoothing),) * len(mix.kinds), account, each=True)
-        mix = replace(mix, smoothing=smoothing, error=error)
-        if not is_movable(mix):
-            return mix, account
-        (_, moved), more = self._descended(mix, None, POLISH, 1.0)
-        account.add(more)
-        _, error = self._judged(self._folded(moved, account), smoothing, account)
-        return min(mix, replace(moved, error=error), key=lambda each: each.error), account
-
     def _exchange(self, kinds: tuple[str, ...]) -> None:
         """Each texture of the best mix taken out, and every other kind tried in its place."""
         best = self._best
@@ -389,64 +298,11 @@ class StructureSearch:
                 elif kind not in best.kinds:
                     starts.append(rest.with_one_more(kind, self._make(kind, best.warp)))
         order = torch.randperm(len(starts), generator=self._generator).tolist()
-        found = self._tournament([starts[place] for place in order], self._account.granted)
+        found = tournament(self._trials, [starts[place] for place in order], self._account.granted)
         if found:
             self._offer(found[0])
 
-    def _descended(self, mix: Mix, scale: float | None, steps: int, share: float) -> tuple[tuple[float, Mix], Account]:
-        """((R, the mix there), account): its searched projections moved together, with one λ or (None) its own.
-
-        The textures have a `share` of the search's size.
-        """
-        account = self._account.beside()
-        smoothing = mix.smoothing if scale is None else (scale,) * len(mix.kinds)
-        objective = Objective(
-            self._samples, mix.projections, self._shapes(mix.projections, share), smoothing, self._settings.bound
-        )
-        left = max(account.deadline - time.perf_counter(), 1e-3)
-        start = aside(objective.start())
-        vector, report = minimize(
-            self._settings.search.limited(steps), objective, start, seconds=left, seed=self._settings.seed
-        )
-        account.spend(report.evaluations * self._cost(mix, share), report.evaluations)
-        if report.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        return (report.residual, replace(mix, projections=objective.projections(rounded(vector)))), account
-
-    def _looked(self, mix: Mix, scale: float) -> tuple[float, Account]:
-        """(R, account) where the mix stands."""
-        account = self._account.beside()
-        shapes = self._shapes(mix.projections, DESCENTS)
-        smoothing = (scale,) * len(mix.kinds)
-        objective = Objective(self._samples, mix.projections, shapes, smoothing, self._settings.bound)
-        account.spend(self._cost(mix, DESCENTS))
-        return objective.error(objective.start()), account
-
-    def _judge(self, mix: Mix, scale: float) -> tuple[Mix, Account]:
-        account = self._account.beside()
-        folded = self._folded(mix, account)
-        smoothing, error = self._smoothed(folded, (scale,) * len(mix.kinds), account, each=False)
-        return replace(mix, smoothing=smoothing, error=error), account
-
-    def _folded(self, mix: Mix, account: Account) -> Folded:
-        account.spend(self._cost(mix))
-        return Folded.of(self._samples, self._partitions, mix.projections, self._shapes(mix.projections))
-
     # Keeping count.
-
-    def _cost(self, mix: Mix, share: float = 1.0) -> float:
-        """Units of one evaluation of a mix with textures of a share of the search's size."""
-        texels = sum(rows * columns for rows, columns in self._shapes(mix.projections, share))
-        lookups = sum(projection.lookups for projection in mix.projections)
-        return cost_of_evaluation(self._samples.logs.shape[0], lookups, texels)
-
-    def _beside(self, function: Callable, pieces: list) -> list:
-        """The function's results of all pieces, their accounts added; on threads where the search allows it."""
-        run = in_parallel if self._settings.search.independent else (lambda each, all: [each(one) for one in all])
-        results = run(function, pieces)
-        for _, account in results:
-            self._account.add(account)
-        return [result for result, _ in results]
 
     def _offer(self, mix: Mix) -> None:
         """Take `mix` where it is enough better than the best of no more textures: each one more has to earn it."""
@@ -463,26 +319,3 @@ class StructureSearch:
 
     def _make(self, kind: str, warp: Warp | None) -> Projection:
         return make(kind, self._reciprocal, warp, self._generator, self._settings.bound)
-
-    def _shapes(self, projections: tuple[Projection, ...], share: float = 1.0) -> tuple[tuple[int, int], ...]:
-        size = max(2, round(share * self._settings.size))
-        return tuple(texture_shape(projection, size) for projection in projections)
-
-
-def aside(vector: Tensor) -> Tensor:
-    """The vector (V,) a little beside, always in the same direction.
-
-    On a fixed projection symmetry makes slopes zero. What is left of them is rounding, which differs between machines,
-    and a descent that starts there would grow it.
-    """
-    return vector + ASIDE * torch.sin(1 + torch.arange(len(vector), dtype=vector.dtype, device=vector.device))
-
-
-def rounded(vector: Tensor) -> Tensor:
-    """Quaternions (V,) of unit length on a grid of 2⁻¹⁴.
-
-    Rounding differs between processors in the last bits, and a descent magnifies that. Cut off after every descent, it
-    does not grow from one to the next, so that other machines end in the same projections.
-    """
-    quaternions = vector.reshape(-1, 4)
-    return torch.round(quaternions / quaternions.norm(dim=1, keepdim=True) * 2**14).reshape(-1) / 2**14

@@ -59,10 +59,14 @@ def partitions_of(samples: Samples, folds: int, seed: int, *, rings: bool) -> tu
 
 
 def _rings(direction: Tensor) -> Tensor | None:
-    """Folds (N,) of the inner rings of one direction's θ, neighbours apart; None where it does not lie on rings."""
+    """Folds (N,) from 0 of the inner rings of one direction's θ, neighbours apart.
+
+    None where it does not lie on rings.
+    """
     found = ring_numbers(direction)
     if found is None:
         return None
     rank, count = found
     inner = (rank > 0) & (rank < count - 1)
-    return torch.where(inner, rank % RING_FOLDS, torch.full_like(rank, -1))
+    # A look at one fold takes the first: four rings have to have it too.
+    return torch.where(inner, (rank - 1) % RING_FOLDS, torch.full_like(rank, -1))

@@ -17,7 +17,8 @@ from homofact.methods import structure_search
 from homofact.methods.effort import Account
 from homofact.methods.folded import Folded
 from homofact.methods.kinds import ISOTROPIC_CANDIDATES, is_searched
-from homofact.methods.structure_search import ENOUGH, StructureSearch, StructureSettings, rounded
+from homofact.methods.structure_search import ENOUGH, StructureSearch
+from homofact.methods.trials import StructureSettings, rounded
 from homofact.methods.validation import Partition, random_folds
 
 SETTINGS = StructureSettings(8, True, "disc", 2, Gradient(), None, 0)
@@ -115,7 +116,7 @@ def test_an_interrupt_keeps_the_best_mix_so_far(monkeypatch: pytest.MonkeyPatch)
         raise KeyboardInterrupt
 
     search = _search(Account(200))
-    monkeypatch.setattr(search, "_tournament", interrupted)
+    monkeypatch.setattr(structure_search, "tournament", interrupted)
     outcome = search.run(2, (ISOTROPIC_CANDIDATES,))
     assert outcome.status is Status.INTERRUPTED
     assert len(outcome.mix.kinds) == 1

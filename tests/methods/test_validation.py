@@ -111,6 +111,8 @@ def test_four_rings_are_enough_and_leave_no_empty_fold() -> None:
     assert len(set(partitions[0].folds.tolist()) - {-1}) == 2
     logs = LogSamples(samples.wi, samples.wo, samples.wi[:, :1] + samples.wo[:, 2:], samples.weights)
     assert 0 < Folded.of(logs, partitions, PROJECTIONS, SHAPES).error(1e-3) < 1
+    # A look at one fold takes the first.
+    assert 0 < Folded.of(logs, partitions, PROJECTIONS, SHAPES, 1).error(1e-3, 1) < 1
 
 
 def test_other_sets_are_judged_at_random() -> None:

@@ -1,0 +1,167 @@
+"""How a mix of textures is tried: judged by cross-validation, looked at where it stands, moved downhill.
+
+Work is paid from an `Account`; what an equal account buys is equal.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from homofact.errors import Status
+from homofact.factor.objective import Objective
+from homofact.factor.projection import Projection
+from homofact.factor.search.minimize import Search, minimize
+from homofact.factor.textures import LogSamples, texture_shape
+from homofact.linear.threads import in_parallel
+from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve
+from homofact.methods.folded import Folded
+from homofact.methods.mix import Mix, is_movable, scale_of
+from homofact.methods.validation import Partition
+
+DESCENTS = 0.625  # of the search's texture size: what projections descend with before the last time
+ASIDE = 1e-3  # of a quaternion's length: how far beside its projections a descent starts
+POLISH = 40  # iterations of the winner's last descent
+
+
+@dataclass(frozen=True)
+class StructureSettings:
+    """Texels along an axis, reciprocity and bound of every trial; random starts of searched kinds; λ where given.
+
+    With `reciprocal` None trials are reciprocal until fixed mixes meet the data better by `FREE_WORTH` without.
+    """
+
+    size: int
+    reciprocal: bool | None
+    bound: str
+    restarts: int
+    search: Search
+    smoothing: float | None
+    seed: int
+
+
+class Trials:
+    """What mixes are tried on, and the account that pays for it."""
+
+    def __init__(
+        self,
+        samples: LogSamples,
+        partitions: tuple[Partition, ...],
+        settings: StructureSettings,
+        account: Account,
+    ) -> None:
+        """`partitions` are how mixes are judged."""
+        self.samples, self.partitions, self.settings, self.account = samples, partitions, settings, account
+
+    def cost(self, mix: Mix, share: float = 1.0) -> float:
+        """Units of one evaluation of a mix with textures of a share of the search's size."""
+        texels = sum(rows * columns for rows, columns in self.shapes(mix.projections, share))
+        lookups = sum(projection.lookups for projection in mix.projections)
+        return cost_of_evaluation(self.samples.logs.shape[0], lookups, texels)
+
+    def beside(self, function: Callable, pieces: list) -> list:
+        """The function's results of all pieces, their accounts added; on threads where the search allows it."""
+        run = in_parallel if self.settings.search.independent else (lambda each, all: [each(one) for one in all])
+        results = run(function, pieces)
+        for _, account in results:
+            self.account.add(account)
+        return [result for result, _ in results]
+
+    def shapes(self, projections: tuple[Projection, ...], share: float = 1.0) -> tuple[tuple[int, int], ...]:
+        """(rows, columns) of the textures of projections, of a share of the search's size."""
+        size = max(2, round(share * self.settings.size))
+        return tuple(texture_shape(projection, size) for projection in projections)
+
+    def smoothed(
+        self, folded: Folded, start: tuple[float, ...], account: Account, each: bool
+    ) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): the given λ, or the best for all textures alike, or for `each` from there."""
+        if self.settings.smoothing is not None:
+            return self.judged(folded, (self.settings.smoothing,) * len(start), account)
+        # λ is found on one fold of each partition, the mix is judged by all of them.
+        smoothing, _ = folded.best_smoothing(start, account, 1)
+        if each and len(start) > 1:
+            smoothing, _ = folded.best_each(smoothing, account, folds=1)
+        return self.judged(folded, smoothing, account)
+
+    def judged(
+        self, folded: Folded, smoothing: tuple[float, ...], account: Account, folds: int | None = None
+    ) -> tuple[tuple[float, ...], float]:
+        """(the given λ of every texture, error) with so many folds of each partition left out, or all."""
+        account.spend(folded.solves(folds) * cost_of_solve(folded.unknowns))
+        return smoothing, folded.error(smoothing, folds)
+
+    def polished(self, mix: Mix) -> tuple[Mix, Account]:
+        """The mix with λ texture by texture, after a longer descent with these; judged there."""
+        account = self.account.beside()
+        folded = self.folded(mix, account)
+        smoothing, error = self.smoothed(folded, (scale_of(mix.smoothing),) * len(mix.kinds), account, each=True)
+        mix = replace(mix, smoothing=smoothing, error=error)
+        if not is_movable(mix):
+            return mix, account
+        (_, moved), more = self.descended(mix, None, POLISH, 1.0)
+        account.add(more)
+        _, error = self.judged(self.folded(moved, account), smoothing, account)
+        return min(mix, replace(moved, error=error), key=lambda each: each.error), account
+
+    def descended(self, mix: Mix, scale: float | None, steps: int, share: float) -> tuple[tuple[float, Mix], Account]:
+        """((R, the mix there), account): its searched projections moved together, with one λ or (None) its own.
+
+        The textures have a `share` of the search's size.
+        """
+        account = self.account.beside()
+        smoothing = mix.smoothing if scale is None else (scale,) * len(mix.kinds)
+        objective = Objective(
+            self.samples, mix.projections, self.shapes(mix.projections, share), smoothing, self.settings.bound
+        )
+        left = max(account.deadline - time.perf_counter(), 1e-3)
+        start = aside(objective.start())
+        vector, report = minimize(
+            self.settings.search.limited(steps), objective, start, seconds=left, seed=self.settings.seed
+        )
+        account.spend(report.evaluations * self.cost(mix, share), report.evaluations)
+        if report.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return (report.residual, replace(mix, projections=objective.projections(rounded(vector)))), account
+
+    def looked(self, mix: Mix, scale: float) -> tuple[float, Account]:
+        """(R, account) where the mix stands."""
+        account = self.account.beside()
+        shapes = self.shapes(mix.projections, DESCENTS)
+        smoothing = (scale,) * len(mix.kinds)
+        objective = Objective(self.samples, mix.projections, shapes, smoothing, self.settings.bound)
+        account.spend(self.cost(mix, DESCENTS))
+        return objective.error(objective.start()), account
+
+    def judge(self, mix: Mix, scale: float) -> tuple[Mix, Account]:
+        """The mix with the best λ for all textures alike, found from `scale`, and its error there."""
+        account = self.account.beside()
+        folded = self.folded(mix, account)
+        smoothing, error = self.smoothed(folded, (scale,) * len(mix.kinds), account, each=False)
+        return replace(mix, smoothing=smoothing, error=error), account
+
+    def folded(self, mix: Mix, account: Account) -> Folded:
+        """The mix's equations, fold by fold."""
+        account.spend(self.cost(mix))
+        return Folded.of(self.samples, self.partitions, mix.projections, self.shapes(mix.projections))
+
+
+def aside(vector: Tensor) -> Tensor:
+    """The vector (V,) a little beside, always in the same direction.
+
+    On a fixed projection symmetry makes slopes zero. What is left of them is rounding, which differs between machines,
+    and a descent that starts there would grow it.
+    """
+    return vector + ASIDE * torch.sin(1 + torch.arange(len(vector), dtype=vector.dtype, device=vector.device))
+
+
+def rounded(vector: Tensor) -> Tensor:
+    """Quaternions (V,) of unit length on a grid of 2⁻¹⁴.
+
+    Rounding differs between processors in the last bits, and a descent magnifies that. Cut off after every descent, it
+    does not grow from one to the next, so that other machines end in the same projections.
+    """
+    quaternions = vector.reshape(-1, 4)
+    return torch.round(quaternions / quaternions.norm(dim=1, keepdim=True) * 2**14).reshape(-1) / 2**14
