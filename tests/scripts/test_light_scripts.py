@@ -1,6 +1,7 @@
 """The programs behind the figures of light and of seeds, in their short forms."""
 
 import importlib
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -62,3 +63,20 @@ def test_the_gallery_has_a_sheet_and_a_line_a_material(
     assert str(tmp_path) not in text
     with Image.open(page.parent / "pictures" / "gallery-phong-10.png") as picture:
         assert picture.width > 400
+
+
+def test_a_command_is_timed_with_its_fit(
+    script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module, out = script("command_time"), tmp_path / "times.md"
+    assert module.main(["--short", "--data", str(tmp_path), "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert out.read_text(encoding="utf-8") == text.removesuffix("\n")
+    assert "a smoke test" in text
+    (row,) = [line for line in text.splitlines() if line.startswith("| lafortune")]
+    fit, command, rest, _, peak = (float(cell) for cell in row.strip("| ").split(" | ")[2:])
+    assert 0 < fit < command
+    assert rest == pytest.approx(command - fit, abs=0.11)
+    assert 100 < peak < 10_000
+    with pytest.raises(RuntimeError, match="ended with 1"):
+        module.timed([sys.executable, "-c", "raise SystemExit(1)"])
