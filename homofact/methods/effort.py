@@ -6,7 +6,8 @@ Every other piece of work is weighed by a model of its cost,
     evaluation   a + N (b L + c L²) + d T² + e T³        N samples, L lookups, T texels
     solve            d T² + e T³
 
-with constants fitted by hand to timings on one core. They decide what a search tries; how long a unit takes is the
+with constants fitted to timings on one core (`scripts/cost_model.py` shows how far they are off). They decide what a
+search tries; how long a unit takes is the
 machine's affair.
 """
 

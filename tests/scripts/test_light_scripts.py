@@ -80,3 +80,24 @@ def test_a_command_is_timed_with_its_fit(
     assert 100 < peak < 10_000
     with pytest.raises(RuntimeError, match="ended with 1"):
         module.timed([sys.executable, "-c", "raise SystemExit(1)"])
+
+
+def test_the_cost_model_is_told_beside_what_work_takes(
+    script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module, out = script("cost_model"), tmp_path / "cost.md"
+    assert module.main(["--short", "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert out.read_text(encoding="utf-8") == text.removesuffix("\n")
+    assert "a smoke test" in text
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if " samples, " in line]
+    assert len(rows) == 8
+    for _, took, said, ratio in rows:
+        assert float(ratio) == pytest.approx(float(said) / float(took), rel=0.2, abs=0.01)
+    # The parts that constants are multiplied by are those of the model itself.
+    units = sum(a * b for a, b in zip((2e-3, 1e-7, 8e-9, 5e-9, 1.2e-11), module.parts(8000, 2, 512), strict=True))
+    for count, lookups, texels in ((8000, 2, 512), (500, 3, 64)):
+        own = sum(
+            a * b for a, b in zip((2e-3, 1e-7, 8e-9, 5e-9, 1.2e-11), module.parts(count, lookups, texels), strict=True)
+        )
+        assert own / units == pytest.approx(module.effort.cost_of_evaluation(count, lookups, texels))
