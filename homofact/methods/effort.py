@@ -7,8 +7,7 @@ Every other piece of work is weighed by a model of its cost,
     solve            d T² + e T³
 
 with constants fitted to timings on one core (`scripts/cost_model.py` shows how far they are off). They decide what a
-search tries; how long a unit takes is the
-machine's affair.
+search tries; how long a unit takes is the machine's affair.
 """
 
 import math
