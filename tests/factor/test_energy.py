@@ -1,5 +1,7 @@
 """The objective that keeps the light: its slope, its minimum, and what it does to a highlight narrower than a texel."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,12 +9,14 @@ from scipy.optimize import check_grad
 
 from homofact.brdf.analytic import Ward
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.pair_density import are_counted, solid_angles
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.factor.energy import Flux, _Light, keep_light
 from homofact.factor.factorization import Term, sum_of_terms
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms
+from homofact.geometry.directions import from_spherical
 
 GLOSS = Ward((0.05, 0.1), (0.3, 0.1), alpha_x=0.03, alpha_y=0.03, channels=("R", "G"))
 PROJECTIONS = (fixed_projection("theta_h-theta_d", True, Warp(0.3)), fixed_projection("theta_i", True))
@@ -45,6 +49,29 @@ def test_flux_is_normalised_channel_by_channel(solved) -> None:
     sums = (flux.per_value * samples.values / transform.mean).sum(0)
     assert torch.allclose(sums, logs.weights.new_full((2,), 3000.0))
     assert float(flux.weights_of(logs).sum()) == pytest.approx(float(logs.weights.sum()))
+
+
+def test_incidence_of_a_mirror_like_lobe_counts_between_its_flux_and_its_angle() -> None:
+    """Mirror pairs at one solid angle each: flux cos²θ, a like share for every angle flux/(sinθ cosθ)."""
+    theta = torch.tensor([10.0, 30, 50, 70, 80], dtype=torch.float64).deg2rad().repeat(40)
+    azimuth = torch.arange(200, dtype=torch.float64) * 0.1
+    wi, wo = from_spherical(theta, azimuth), from_spherical(theta, azimuth + torch.pi)
+    samples = Samples.make(wi, wo, torch.ones(200, 1), channels=("Y",), isotropic=True)
+    flux = Flux.of(samples, LogTransform.of(samples, 1e-2), "both").per_value[:, 0] / solid_angles(samples)
+    cos, sin = torch.cos(theta), torch.sin(theta)
+    both = torch.sqrt((cos**2 / sin) * (cos**2 / (sin * cos)))  # the geometric mean of the two
+    assert torch.allclose(flux / both, (flux / both)[:1].expand(200), rtol=1e-6)
+
+
+def test_logs_hold_more_where_flux_is_an_estimate(solved) -> None:
+    """A measurement's solid angles are counted from its neighbours; those of drawn pairs are known."""
+    samples, _, flux, _ = solved
+    measured = replace(samples, provenance={})
+    transform = LogTransform.of(samples, 1e-2)
+    assert are_counted(measured)
+    assert not are_counted(samples)
+    assert Flux.of(measured, transform, "both").log_share > flux.log_share
+    assert Flux.of(measured, transform, "energy").log_share == Flux.of(samples, transform, "energy").log_share
 
 
 def test_the_slope_is_that_of_the_value(solved) -> None:
