@@ -1,11 +1,12 @@
 """The console script: the commands are loaded where an interrupt is no fault, and a closed stream is there."""
 
+import contextlib
 import os
 import sys
 
 
 def run() -> int:
-    """Run the command line that the process was given; its exit code, as `main.main` says."""
+    """Run the command line that the process was given, and end the process with `main.main`'s exit code."""
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
             # Closed by who started it: else the next file that is opened would take its place.
@@ -15,4 +16,9 @@ def run() -> int:
     except KeyboardInterrupt:
         sys.stderr.write("homofact: interrupted, nothing was written\n")
         return 130
-    return main()
+    code = main()
+    # All of ours is closed and written. What the libraries would do at the interpreter's end takes a second.
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)

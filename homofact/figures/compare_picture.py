@@ -30,6 +30,7 @@ from homofact.figures.measured_range import beyond_the_measurement
 from homofact.figures.page import LINE, Page
 from homofact.figures.sphere_picture import curve_in_words
 from homofact.files.atomic import replace_file
+from homofact.linear.threads import in_parallel
 from homofact.render.filtered import FilteredMaterial, Surroundings
 from homofact.render.fixed_lights import LAMP_RADIUS, lamp_map, sky_map
 from homofact.render.light import DEFAULT_LIGHT
@@ -140,11 +141,13 @@ def compare_picture(
 def _rows(reflectances: Sequence[Reflectance], size: int, to_rgb: ToRgb | None) -> list[_Row]:
     """What is drawn under each light, source first."""
     surroundings = [Surroundings.of(light, size, fineness=DRAFT) for light in (lamp_map(), sky_map())]
-    asked = [FilteredMaterial.of(each, to_rgb=to_rgb, fineness=DRAFT) for each in reflectances]
-    images = [
-        [render_sphere(each, DEFAULT_LIGHT, size, to_rgb=to_rgb) for each in reflectances],
-        *([each.under(light) for each in asked] for light in surroundings),
-    ]
+
+    def lit(each: Reflectance) -> list[SphereImage]:
+        material = FilteredMaterial.of(each, to_rgb=to_rgb, fineness=DRAFT)
+        directly = render_sphere(each, DEFAULT_LIGHT, size, to_rgb=to_rgb)
+        return [directly, *(material.under(light) for light in surroundings)]
+
+    images = [list(row) for row in zip(*in_parallel(lit, reflectances), strict=True)]
     marks = beyond_the_measurement(reflectances[0], [DEFAULT_LIGHT, *surroundings], size)
     return [
         _row(light, pictures, None if marks is None else marks[number].numpy())
