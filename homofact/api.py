@@ -17,7 +17,7 @@ from homofact.errors import BadInput
 from homofact.evaluate.appearance import appearance
 from homofact.evaluate.metrics import measure
 from homofact.evaluate.split import Split
-from homofact.evaluate.verdict import judge
+from homofact.evaluate.verdict.judge import judge
 from homofact.export.result import open_result
 from homofact.factor.fitted import Fitted
 from homofact.methods.fitting import Fit, Method, ProgressCallback

@@ -13,7 +13,7 @@ from homofact.errors import Report
 from homofact.evaluate.compare import HELD_OUT, Row
 from homofact.evaluate.metrics import measure
 from homofact.evaluate.split import Split
-from homofact.evaluate.verdict import judge
+from homofact.evaluate.verdict.judge import judge
 from homofact.factor.factorization import Factorization
 from homofact.factor.textures import LogSamples, residual
 from homofact.methods.cole import Cole

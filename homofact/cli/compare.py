@@ -11,7 +11,7 @@ from homofact.cli.places import check_file
 from homofact.cli.screen import Screen, say_ending, say_estimate, say_subset
 from homofact.cli.subject import check_source, open_subject, warmed_up
 from homofact.cli.tables import appearance_tables, cost_table, error_table, metric_tables
-from homofact.cli.verdicts import brief_lines, refuse_findings
+from homofact.cli.verdicts import brief_lines, refuse_findings, refused_names
 from homofact.errors import Status
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ def compare(
     settings: "Config",
     seeds: o.Seeds = 1,
     strict: o.Strict = False,
+    refuse: o.Refuse = "",
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -30,6 +31,7 @@ def compare(
 
     Ctrl-C ends it with what is compared by then, and exit code 130.
     """
+    refused = refused_names(refuse)
     check_source(settings)
     target = None if settings.compare.plot is None else Path(settings.compare.plot)
     if target is not None:
@@ -66,8 +68,7 @@ def compare(
                 break
             for row in rows[label].rows:
                 estimate.finish(estimate.done, row.seconds_total - row.seconds_read)
-                if strict:
-                    refuse_findings(row.verdict, label)
+                refuse_findings(row.verdict, label, strict, refused)
             # The fit may have kept its best: a row, but the last one.
             interrupted = rows[label].rows[-1].report.status is Status.INTERRUPTED
             if interrupted:

@@ -10,7 +10,7 @@ from homofact.cli.places import check_folder
 from homofact.cli.screen import Screen, plain, say_ending, say_subset
 from homofact.cli.subject import check_source, open_subject, warmed_up
 from homofact.cli.tables import appearance_tables, cost_table, error_table
-from homofact.cli.verdicts import refuse_findings, verdict_lines
+from homofact.cli.verdicts import refuse_findings, refused_names, verdict_lines
 from homofact.errors import BadInput
 from homofact.evaluate.wording import figure
 from homofact.files.lock import claimed
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 def factorize(
     settings: "Config",
     strict: o.Strict = False,
+    refuse: o.Refuse = "",
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -32,6 +33,7 @@ def factorize(
     manifest.json, every texture as EXR and PNG, report.json, and
     compare.png: source, fit and McCool's projections on a lit sphere.
     """
+    refused = refused_names(refuse)
     check_source(settings)
     if settings.output.folder is None:
         raise BadInput("out: none given, expected a folder for the result (--out, or folder under [output])")
@@ -52,8 +54,7 @@ def factorize(
         warmed_up(screen)
         bar.stage(fit.name)
         row = fit_and_measure(subject, fit, settings.evaluate.held_out, bar, settings.source.subset)
-        if strict:
-            refuse_findings(row.verdict, fit.name)
+        refuse_findings(row.verdict, fit.name, strict, refused)
         rows = {fit.name: row}
         baseline = mccool_like(fit)
         if baseline != fit:

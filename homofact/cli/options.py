@@ -36,7 +36,18 @@ Seeds = Annotated[
         rich_help_panel=FIT,
     ),
 ]
-Strict = Annotated[bool, typer.Option("--strict", help="Refuse a fit that the verdict finds fault with: exit 2.")]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Refuse a fit that does something wrong that a picture shows: exit 2.")
+]
+Refuse = Annotated[
+    str,
+    typer.Option(
+        "--refuse",
+        metavar="A+B",
+        help="Refuse a fit with any of these findings, whatever they are about: reciprocity+zeros, for example.",
+        show_default=False,
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on stdout, all else on stderr.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no notes.")]
 ConfigFile = Annotated[

@@ -1,41 +1,73 @@
-"""The verdict on a fit, as a person reads it, and what --strict makes of it."""
+"""The verdict on a fit, as a person reads it, and what --strict and --refuse make of it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from homofact.errors import BadInput
 from homofact.evaluate.wording import figure
 
 if TYPE_CHECKING:
-    from homofact.evaluate.findings import Verdict
+    from homofact.evaluate.verdict.finding import Finding
+    from homofact.evaluate.verdict.verdict import Verdict
 
 
 def verdict_lines(verdict: "Verdict") -> list[str]:
-    """The verdict with its figures, then a line a finding."""
+    """The verdict in a sentence with its figures, then its findings by whose fault they are, then what to try."""
+    from homofact.evaluate.verdict.finding import About
+
     figures = [f"explains {max(verdict.explained, 0):.1%}", f"held out / training {figure(verdict.gap)}"]
     if verdict.determined is not None:
         figures.append(f"{verdict.determined:.0%} of the texels determined by samples")
     if verdict.condition is not None:
         figures.append(f"condition {verdict.condition:.0e}")
-    figures += [f"albedo up to {figure(verdict.albedo)}", f"reciprocity error {verdict.reciprocity:.1%}"]
-    if verdict.highlight is not None:
-        figures.append(f"highlight {figure(verdict.highlight)} of the source's")
-    word = "nothing found against this fit" if verdict.trusted else "not to be trusted as it is"
-    return [f"Verdict: {word} ({', '.join(figures)})", *(f"  - {finding.line()}" for finding in verdict.findings)]
+    figures += [f"albedo up to {figure(verdict.albedo)}", f"misplaced light {verdict.misplaced:.1%}"]
+    lines = [f"Verdict: {verdict.summary}", f"  ({', '.join(figures)})"]
+    for whose in About:
+        found = verdict.about(whose)
+        if found:
+            lines += [f"{whose.title}:", *(f"  - {_graded(each)}" for each in found)]
+    if verdict.recommended:
+        lines.append(f"Try next: the same command with {verdict.recommended}")
+    return lines
 
 
 def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
-    """A line a fit: its label, and the checks that found something, by name."""
+    """A line a fit: its label, what it is good for, and the findings that a picture shows, by name."""
     width = max(map(len, verdicts))
     return [
-        f"Verdict on {label:{width}}  {', '.join(finding.name for finding in verdict.findings) or 'nothing found'}"
+        f"Verdict on {label:{width}}  {verdict.summary}"
+        + "".join(f", {each.name}" for each in verdict.findings if each.matters)
         for label, verdict in verdicts.items()
     ]
 
 
-def refuse_findings(verdict: "Verdict", label: str) -> None:
-    """What --strict does: raise BadInput with the first finding where there is one, and the others' names."""
-    if not verdict.trusted:
-        first, *more = verdict.findings
+def refused_names(text: str) -> tuple[str, ...]:
+    """The findings that --refuse names, joined by +. Raises BadInput that lists them for one that there is not."""
+    from homofact.evaluate.verdict.finding import NAMES
+
+    names = tuple(each.strip() for each in text.split("+")) if text else ()
+    unknown = [each for each in names if each not in NAMES]
+    if unknown:
+        raise BadInput(f"--refuse: found {unknown[0]!r}, expected some of {', '.join(NAMES)}, joined by +")
+    return names
+
+
+def refuse_findings(verdict: "Verdict", label: str, strict: bool, names: Sequence[str] = ()) -> None:
+    """What --strict and --refuse do: raise BadInput with the first finding that they refuse, and the others' names.
+
+    `strict` refuses what is wrong with the fit and shows in a picture, `names` these findings whatever they are about.
+    """
+    from homofact.evaluate.verdict.finding import About
+
+    refused = [
+        each for each in verdict.findings if (strict and each.about is About.FIT and each.matters) or each.name in names
+    ]
+    if refused:
+        first, *more = refused
         others = f" (and {', '.join(finding.name for finding in more)})" if more else ""
-        raise BadInput(f"{label}: refused by --strict, {first.line()}{others}")
+        option = "--refuse" if first.name in names else "--strict"
+        raise BadInput(f"{label}: refused by {option}, {first.line()}{others}")
+
+
+def _graded(finding: "Finding") -> str:
+    return f"{finding.grade.value}: {finding.line()}" + (f" ({finding.options})" if finding.options else "")

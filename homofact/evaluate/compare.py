@@ -14,10 +14,10 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, Report, Status
 from homofact.evaluate.appearance import Appearance, appearance
-from homofact.evaluate.findings import Verdict
 from homofact.evaluate.metrics import SixErrors, measure
 from homofact.evaluate.split import Split
-from homofact.evaluate.verdict import judge
+from homofact.evaluate.verdict.judge import judge
+from homofact.evaluate.verdict.verdict import Verdict
 from homofact.factor.fitted import Fitted
 from homofact.methods.fitting import Method, ProgressCallback
 

@@ -55,6 +55,7 @@ class EnergyErrors:
     rms, floor : relative, over all channels.
     highlight, bright_half : fit over source.
     half_width : of the source's highlight in radians of θh (`evaluate.peak`), None where it has none.
+    asymmetry : ⟨|f(ωi, ωo) − f(ωo, ωi)|⟩ over ⟨f(ωi, ωo) + f(ωo, ωi)⟩ of the source, means over the channels.
 
     A ratio to a source of 0 is 1 where the fit is 0 too, else infinite.
     """
@@ -69,6 +70,7 @@ class EnergyErrors:
     highlight: float
     bright_half: float
     half_width: float | None
+    asymmetry: float = 0.0
 
     @property
     def albedo_ratio(self) -> tuple[tuple[float, ...], ...]:
@@ -84,7 +86,17 @@ class EnergyErrors:
     @property
     def albedo_worst(self) -> float:
         """The ratio that is farthest from 1, as a factor, over angles and channels."""
-        return max((ratio for row in self.albedo_ratio for ratio in row), key=lambda ratio: abs(_log(ratio)))
+        return self.worst_albedo[0]
+
+    @property
+    def worst_albedo(self) -> tuple[float, float, int]:
+        """(that ratio, θi in degrees, the channel's number)."""
+        ratios = [
+            (ratio, degrees, channel)
+            for degrees, row in zip(self.degrees, self.albedo_ratio, strict=True)
+            for channel, ratio in enumerate(row)
+        ]
+        return max(ratios, key=lambda each: abs(_log(each[0])))
 
     def record(self) -> dict[str, Any]:
         """A JSON-able dictionary; what is infinite is None."""
@@ -101,8 +113,8 @@ class SourceLight:
     """What is asked of a source, once for any number of fits.
 
     `azimuths` are those that it is lit from, `nodes` the (rings, spokes) of its directions. Over (azimuth, θi, node),
-    θi of `ALBEDO_DEGREES` first: `cosine` cosθo times solid angle, `values` (..., C) f. `floor` and `half_width` as in
-    `EnergyErrors`.
+    θi of `ALBEDO_DEGREES` first: `cosine` cosθo times solid angle, `values` (..., C) f. `floor`, `half_width` and
+    `asymmetry` as in `EnergyErrors`.
     """
 
     azimuths: tuple[float, ...]
@@ -111,6 +123,7 @@ class SourceLight:
     values: Tensor
     floor: float
     half_width: float | None
+    asymmetry: float
 
     @classmethod
     def of(cls, source: Reflectance, isotropic: bool) -> "SourceLight":
@@ -120,9 +133,11 @@ class SourceLight:
         values = _values(source, wi, wo)
         weight, own = _levels(cosine), values[:, _FIRST:]
         back = (each[:, _FIRST:] for each in (wo, wi))
-        miss = (_values(source, *back) - own) / 2
+        swapped = _values(source, *back)
+        miss = (swapped - own) / 2
+        apart, both = (float((weight * each).sum()) for each in (2 * miss.mean(-1).abs(), (swapped + own).mean(-1)))
         floor = math.sqrt(_ratio(_mean_square(weight, miss), _mean_square(weight, own), same=0.0))
-        return cls(azimuths, nodes, cosine, values, floor, half_width(source))
+        return cls(azimuths, nodes, cosine, values, floor, half_width(source), _ratio(apart, both, same=0.0))
 
     def errors(self, fit: Reflectance) -> EnergyErrors:
         """The figures of a fit. Raises BadInput where its channels differ in number."""
@@ -144,6 +159,7 @@ class SourceLight:
             highlight=_brightest(weight, mine, own, HIGHLIGHT),
             bright_half=_brightest(weight, mine, own, BRIGHT_HALF),
             half_width=self.half_width,
+            asymmetry=self.asymmetry,
         )
 
 

@@ -33,16 +33,16 @@ ProgressCallback = Callable[[Progress], None]
 
 
 class Judgement(Protocol):
-    """What is found against a fit: `homofact.evaluate.verdict.Verdict`."""
+    """What is found against a fit: `homofact.evaluate.verdict.verdict.Verdict`."""
 
     @property
     def trusted(self) -> bool:
-        """Whether nothing was."""
+        """Whether nothing that a picture shows is wrong with it."""
         ...
 
     @property
     def findings(self) -> Sequence[Any]:
-        """What was, the gravest first."""
+        """What was, the worst first."""
         ...
 
 

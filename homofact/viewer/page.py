@@ -170,15 +170,17 @@ def _error_facts(errors: Mapping[str, Any], part: str) -> "Facts":
 
 
 def _verdict(report: Mapping[str, Any]) -> "Facts":
-    """The verdict in a few words, where the report has one."""
+    """The verdict's sentence, and what is wrong in the fit by name, where the report has them."""
     verdict = report.get("verdict")
     if not isinstance(verdict, dict) or not isinstance(verdict.get("trusted"), bool):
         return ()
-    if verdict["trusted"]:
-        return (("Verdict", "no fault found"),)
     found = verdict.get("findings")
-    names = [str(each.get("name")) for each in found if isinstance(each, dict)] if isinstance(found, list) else []
-    return (("Verdict", f"faults: {', '.join(names)}" if names else "not to be trusted"),)
+    listed = [each for each in found if isinstance(each, dict)] if isinstance(found, list) else []
+    # Reports of earlier versions have neither a sentence nor a grade.
+    names = [str(each.get("name")) for each in listed if each.get("grade") != "slight"]
+    said = verdict.get("summary")
+    words = said if isinstance(said, str) else "no fault found" if verdict["trusted"] else "not to be trusted"
+    return (("Verdict", f"{words} ({', '.join(names)})" if names else words),)
 
 
 def _reported_errors(report: Mapping[str, Any]) -> dict[str, Any]:

@@ -186,16 +186,18 @@ def test_light_stands_in_report_table_and_verdict(run: Callable[..., Ran], tmp_p
     assert "Light, fit over source" in ran.out
     report = json.loads((out / "report.json").read_text())
     found, verdict = report["appearance"], report["verdict"]
-    assert (verdict["albedo_ratio"], verdict["highlight"]) == (found["albedo_worst"], found["highlight"])
+    assert (verdict["off"], verdict["highlight"]) == (found["albedo_worst"], found["highlight"])
     assert "highlight" in {each["name"] for each in verdict["findings"]}
-    assert "of the source's light" in ran.out
+    assert "Wrong in the fit:" in ran.out
+    assert f"Verdict: {verdict['summary']}" in " ".join(ran.out.split())
+    assert f"Try next: the same command with {verdict['recommended']}" in " ".join(ran.out.split())
     assert len(found["albedo_ratio"]) == len(found["degrees"]) == 5
     # A measurement is known at its samples alone: nothing is made up.
     measured = ["compare", ROOT / "data_synthetic" / "synthetic_cornell.brdf", *SIZE, "--methods", "mccool"]
     ran = run(*measured, "--json")
     row = json.loads(ran.out)["rows"][0]
     assert row["appearance"] is None
-    assert row["verdict"]["highlight"] is None
+    assert row["verdict"]["source_albedo"] is None
     assert "Light, fit over source" not in run(*measured).out
 
 
@@ -396,3 +398,22 @@ def test_help_does_not_wait_for_torch() -> None:
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment())
     assert (ran.returncode, ran.stderr) == (0, "")
     assert "--textures" in ran.stdout
+
+
+def test_strict_and_refuse_leave_nothing_behind(run: Callable[..., Ran], tmp_path: Path) -> None:
+    out = tmp_path / "o"
+    asked = ["factorize", *SMALL, *SIZE, "--method", "mccool", "--out", out]
+    for options, words in (
+        (["--strict"], "refused by --strict"),
+        (["--refuse", "zeros+highlight"], "refused by --refuse, the brightest directions hold"),
+        (["--refuse", "zeroes"], "--refuse: found 'zeroes', expected some of status, condition, light"),
+    ):
+        ran = run(*asked, *options)
+        assert ran.code == 2
+        assert words in ran.err
+        assert not out.exists()
+    assert run(*asked, "--refuse", "zeros+azimuth").code == 0
+    assert (out / "report.json").is_file()
+    ran = run("compare", *SMALL, *SIZE, "--methods", "mccool", "--strict")
+    assert ran.code == 2
+    assert "refused by --strict" in ran.err

@@ -101,3 +101,28 @@ def test_the_cost_model_is_told_beside_what_work_takes(
             a * b for a, b in zip((2e-3, 1e-7, 8e-9, 5e-9, 1.2e-11), module.parts(count, lookups, texels), strict=True)
         )
         assert own / units == pytest.approx(module.effort.cost_of_evaluation(count, lookups, texels))
+
+
+def test_the_blind_cases_are_judged_by_their_truth(
+    script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module, out = script("verdict_blind"), tmp_path / "blind.md"
+    assert module.main(["--short", "--half", "test", "--data", str(tmp_path), "--out", str(out)]) == 0
+    assert "a smoke test" in out.read_text(encoding="utf-8")
+    capsys.readouterr()
+    # Materials and stressors of the two halves have nothing in common.
+    assert not {each.name for each in module.TUNING} & {each.name for each in module.TEST}
+    assert not set(module.materials("tuning", tmp_path)) & set(module.materials("test", tmp_path))
+    cases = [
+        module.Case("one", "x", 1.3, 0.99, (), False),
+        module.Case("two", "x", 1.0, 0.5, ("light",), False),
+        module.Case("three", "x", 1.1, 0.95, ("zeros",), False),
+        module.Case("four", "x", 1.1, 0.95, (), False),
+        module.Case("five", "x", 0.8, 0.99, (), True),
+    ]
+    assert [case.bad for case in cases] == [True, True, False, False, True]
+    text = module.tables(cases)
+    assert "| bad, where it can be known | 2 | 1 | 1 | 50% |" in text
+    assert "| good, where it can be known | 2 | 1 | 1 | 50% |" in text
+    assert "| bad, where it cannot | 1 | 0 | 1 | 100% |" in text
+    assert "| zeros | 0 | 1 |" in text

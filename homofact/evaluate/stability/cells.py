@@ -126,7 +126,7 @@ def method_for(name: str, problem: Problem, base: Mapping[str, Any]) -> Method |
 def judge_fit(problem: Problem, settings: Method, fitter: Fitter) -> Judged:
     """Fit the problem and judge the fit on its clean samples. Raises what the fit raises."""
     samples = replace(problem.samples, all_azimuths=problem.kind != "measurement")
-    source = Source("atlas", problem.kind, samples, _Nothing(samples.channels), settings.epsilon or 0.0, 0.0)
+    source = Source("atlas", problem.kind, samples, Unasked(samples.channels), settings.epsilon or 0.0, 0.0)
     row = fitter(source, settings)
     clean = problem.clean
     transform = LogTransform.of(clean, JUDGING_EPSILON)
@@ -201,7 +201,7 @@ class References:
 
 
 @dataclass(frozen=True)
-class _Nothing:
+class Unasked:
     """The reflectance of a source that is never drawn."""
 
     channels: tuple[str, ...]

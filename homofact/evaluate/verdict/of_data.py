@@ -1,0 +1,157 @@
+"""What is odd in the data, and what nobody measured: no setting of a fit mends it, some make the best of it."""
+
+import math
+from collections.abc import Iterator
+
+import torch
+
+from homofact.brdf.coverage import holes
+from homofact.brdf.samples import Samples
+from homofact.evaluate.verdict.finding import About, Finding, Grade
+from homofact.evaluate.verdict.of_fit import LARGEST_ALBEDO, LARGEST_ASYMMETRY, floor_of
+from homofact.evaluate.verdict.verdict import Verdict
+
+LARGEST_SCATTER = 0.2
+WORTH_A_FLOOR = 1e-3
+WELL_MET = 0.0025  # held-out log MSE, an RMS of 5%: nothing in such data stood in the fit's way
+LARGEST_DARK = 0.01
+LARGEST_OUTLIERS = 0.02
+LARGEST_DIFFERENCE = 0.05
+RING_OFF = 0.1
+LARGEST_HOLES = 0.3
+LARGEST_UNMEASURED = 0.03
+LARGEST_UNRESOLVED = 0.5
+LEAST_DETERMINED, HARDLY_DETERMINED = 0.5, 0.25
+SPREAD_OF_AZIMUTHS = 0.2
+
+
+def oddities_of_the_data(verdict: Verdict, epsilon: float, held_out_log_mse: float) -> Iterator[Finding]:
+    """The findings about the samples of a fit with an ε, from its figures."""
+    own = verdict.data_reciprocity or 0
+    if own > LARGEST_ASYMMETRY and verdict.reciprocity < own / 2:
+        yield _finding(
+            "reciprocity",
+            own,
+            f"{own:.0%} of the light changes where light and viewer are swapped, expected {LARGEST_ASYMMETRY:.0%} of a"
+            f" reciprocal fit{floor_of(verdict)}",
+            "follow the data, or measure again",
+            "--no-reciprocal",
+        )
+    if verdict.source_albedo is not None and verdict.source_albedo > LARGEST_ALBEDO:
+        yield _finding(
+            "energy",
+            verdict.source_albedo - 1,
+            f"the source's directional albedo is {verdict.source_albedo:.3g} at some angle, expected at most"
+            f" {LARGEST_ALBEDO:g}",
+            "check its units and its grazing angles (homofact info)",
+        )
+    if (verdict.scatter or 0) > LARGEST_SCATTER and held_out_log_mse > WELL_MET:
+        scatter = verdict.scatter or 0
+        yield _finding(
+            "scatter",
+            # A mean of logarithms lies under the mean by so much.
+            1 - math.exp(-(scatter**2) / 2),
+            f"neighbouring samples disagree by {scatter:.0%}, expected {LARGEST_SCATTER:.0%}",
+            "noise, contradictory samples, a highlight between them, or an anisotropic material read as isotropic",
+        )
+    noise = verdict.noise or 0
+    if noise > 3 * epsilon and noise > WORTH_A_FLOOR and held_out_log_mse > WELL_MET:
+        yield _finding(
+            "epsilon",
+            None,
+            f"dark samples scatter by {noise:.2g} of the mean and epsilon is {epsilon:.2g}",
+            "an epsilon at the noise, so that what is near zero does not steer the fit",
+            f"--epsilon {noise:.1g}",
+        )
+    if verdict.dark > LARGEST_DARK and epsilon < 1:
+        yield _finding(
+            "zeros",
+            verdict.dark,
+            f"{verdict.zeros:.1%} of the samples are exactly zero in a channel, where {verdict.dark:.1%} of its light"
+            f" should be by their neighbours, expected {LARGEST_DARK:.0%}",
+            "a larger epsilon, or a measurement whose negative values were not cut",
+            "--epsilon 0.1",
+        )
+    if verdict.outliers > LARGEST_OUTLIERS and held_out_log_mse > WELL_MET:
+        yield _finding(
+            "outliers",
+            verdict.outliers,
+            f"a few samples stand out by {verdict.outliers:.0%} of the light, expected {LARGEST_OUTLIERS:.0%}",
+            "robust weights if they are outliers, larger textures if they are the highlight",
+            "--robust",
+        )
+    if verdict.repeated > LARGEST_DIFFERENCE:
+        yield _finding(
+            "repeated",
+            verdict.repeated,
+            f"samples of the same directions differ by {verdict.repeated:.0%} of the light, expected"
+            f" {LARGEST_DIFFERENCE:.0%}",
+            "merge repeated measurements, or find out which is right",
+        )
+    if verdict.ring_where and abs(verdict.ring - 1) > RING_OFF and held_out_log_mse > WELL_MET:
+        yield _finding(
+            "ring",
+            abs(verdict.ring - 1),
+            f"the samples at {verdict.ring_where} hold {verdict.ring:.3g} of the light that those beside them"
+            f" lead to expect, expected 1 within {RING_OFF:.0%}",
+            "a ring that was measured with another gain, or in a shadow: leave it out, or correct it",
+        )
+
+
+def unknowns(verdict: Verdict, train: Samples) -> Iterator[Finding]:
+    """The findings about what was not measured, so that smoothing decides it."""
+    empty = holes(train)["share"] if train.isotropic else 0.0
+    if verdict.unmeasured > LARGEST_UNMEASURED or empty > LARGEST_HOLES:
+        also = f"; {empty:.0%} of the pairs of directions hold no sample" if empty > LARGEST_HOLES else ""
+        yield _unknown(
+            "coverage",
+            verdict.unmeasured,
+            f"{verdict.unmeasured:.0%} of the fit's light is at directions that were not measured, expected"
+            f" {LARGEST_UNMEASURED:.0%}{also}",
+            "measure there; until then the fit is a guess in these places",
+        )
+    if verdict.determined is not None and verdict.determined < LEAST_DETERMINED:
+        yield _unknown(
+            "determined",
+            None,
+            f"{verdict.determined:.0%} of the texels are determined by samples, the rest by smoothing, expected"
+            f" {LEAST_DETERMINED:.0%}",
+            "smaller textures, fewer of them, or more samples",
+            Grade.VISIBLE if verdict.determined < HARDLY_DETERMINED else Grade.SLIGHT,
+        )
+    noise = verdict.scatter or 0
+    # Of noisy samples the brightest exceed their neighbours too.
+    if verdict.unresolved > LARGEST_UNRESOLVED + noise:
+        yield _unknown(
+            "sampling",
+            None,
+            f"the brightest samples lose {verdict.unresolved:.0%} of their value to the next ones, expected"
+            f" {LARGEST_UNRESOLVED:.0%}: the highlight stands between samples",
+            "measure it more finely; how bright it is here is a matter of where samples fell",
+            Grade.VISIBLE,
+        )
+    if not train.isotropic and _azimuths(train) < SPREAD_OF_AZIMUTHS:
+        yield _unknown(
+            "azimuth",
+            1.0,
+            "an anisotropic material was lit from one azimuth only",
+            "measure other azimuths, or state that it is isotropic",
+        )
+
+
+def _finding(name: str, light: float | None, found: str, remedy: str, options: str = "") -> Finding:
+    return Finding(name, About.DATA, light, found, remedy, options)
+
+
+def _unknown(name: str, light: float | None, found: str, remedy: str, least: Grade = Grade.SLIGHT) -> Finding:
+    return Finding(name, About.UNKNOWN, light, found, remedy, least=least)
+
+
+def _azimuths(samples: Samples) -> float:
+    """1 − |mean exp(2 i φ)| of the directions off the normal: 0 where all lie in one plane, near 1 all round."""
+    directions = torch.cat((samples.wi, samples.wo))
+    tilted = directions[directions[:, 2] < 0.99]
+    if len(tilted) == 0:
+        return 1.0
+    double = 2 * torch.atan2(tilted[:, 1], tilted[:, 0])
+    return 1 - math.hypot(float(torch.cos(double).mean()), float(torch.sin(double).mean()))

@@ -1,0 +1,120 @@
+"""The verdict itself: the figures of every check, the findings among them, and what they come to in a sentence."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from homofact.errors import Status
+from homofact.evaluate.verdict.finding import About, Finding
+
+CLOSE = 0.03  # of the light: nearer is called right
+DIFFUSE = 0.1  # a fit whose light is off by more is not even good for diffuse light
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The figures of every check, and the findings among them.
+
+    "Of the light" means weighted by the flux f cosθi cosθo that a pair of directions stands for.
+
+    Attributes
+    ----------
+    status : how the fit ended.
+    condition : 1-norm condition number of the normal matrix; None where no linear system was solved.
+    determined : share of texels that samples hold rather than smoothing; None likewise.
+    gap : held-out over training log MSE.
+    explained : share of the variance of the held-out logs, over the discs, that the fit explains, of its worst channel.
+    misplaced : Σ|f̂ − f| over Σ f of the held-out light.
+    off : the fit's light over the source's, farthest from 1: of a channel at an angle of incidence where the source can
+        be asked everywhere, else of the samples in a band of θi or θh; None where too few samples tell.
+    off_where : where that is, in words.
+    highlight : the same of the brightest part of the light.
+    cut : share of the held-out light that is cut at zero.
+    albedo : largest ∫ f cosθo dωo of the fit over channels and angles up to 88°.
+    source_albedo : that of the source at up to 75°, None where it cannot be asked.
+    reciprocity : Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, of the fit's light.
+    data_reciprocity : of the source's light, or of samples and their swapped neighbours beyond what neighbours differ
+        by anyway; None where too few have one.
+    floor : relative RMS by which the source's own reciprocal part misses it, None where it cannot be asked.
+    scatter : disagreement of neighbouring training samples in log units, None for too few.
+    noise : scatter of the darkest samples over the mean, None likewise.
+    outliers : light by which a few samples stand out.
+    zeros, dark : share of the samples that are exactly zero in a channel, and of the light that their neighbours
+        say is missing there.
+    repeated : light by which samples of the same directions differ from each other.
+    ring, ring_where : light of a ring of θi or θo over that of its neighbours under the fit, farthest from 1; which.
+    unmeasured : share of the fit's light at pairs of directions that lie beyond the measurement.
+    unresolved : share of the brightest part of a measurement's light that stands between samples, as `flux` says.
+    texels_across : half width of the source's highlight in texels of the finest texture; None where there is none.
+    findings : what is off, the worst first.
+    """
+
+    status: Status
+    condition: float | None
+    determined: float | None
+    gap: float
+    explained: float
+    misplaced: float
+    off: float | None
+    off_where: str
+    highlight: float | None
+    cut: float
+    albedo: float
+    source_albedo: float | None
+    reciprocity: float
+    data_reciprocity: float | None
+    floor: float | None
+    scatter: float | None
+    noise: float | None
+    outliers: float
+    zeros: float
+    dark: float
+    repeated: float
+    ring: float
+    ring_where: str
+    unmeasured: float
+    unresolved: float
+    texels_across: float | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing that a picture shows is wrong with the fit itself."""
+        return not any(each.matters for each in self.about(About.FIT))
+
+    def about(self, whose: About) -> tuple[Finding, ...]:
+        """The findings about the fit, the data, or what is unknown."""
+        return tuple(each for each in self.findings if each.about is whose)
+
+    @property
+    def summary(self) -> str:
+        """What the fit is good for, in one sentence."""
+        misses = abs(self.off - 1) if self.off is not None else self.misplaced
+        said = []
+        if misses <= CLOSE:
+            said.append("its light is right to 3% at every angle")
+        elif misses <= DIFFUSE:
+            said.append(f"good for diffuse light, off by at most {misses:.0%}")
+        else:
+            where = f" ({self.off_where})" if self.off is not None else ""
+            said.append(f"its light is off by {misses:.0%}{where}")
+        if self.highlight is not None and abs(self.highlight - 1) > CLOSE:
+            direction = "dark" if self.highlight < 1 else "bright"
+            said.append(f"highlight {abs(self.highlight - 1):.0%} too {direction}")
+        if self.unmeasured > CLOSE:
+            said.append(f"{self.unmeasured:.0%} of its light is where nothing was measured")
+        return "; ".join(said)
+
+    @property
+    def recommended(self) -> str:
+        """The options to try first; empty where nothing that matters can be mended by one."""
+        return next((each.options for each in self.findings if each.options and each.matters), "")
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        return asdict(self) | {
+            "status": self.status.value,
+            "trusted": self.trusted,
+            "summary": self.summary,
+            "recommended": self.recommended,
+            "findings": [finding.record() for finding in self.findings],
+        }
