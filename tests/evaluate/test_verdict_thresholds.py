@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from homofact.brdf.analytic import Ward
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
@@ -17,7 +18,7 @@ from homofact.errors import Report, Status
 from homofact.evaluate.appearance import Appearance
 from homofact.evaluate.energy import EnergyErrors
 from homofact.evaluate.metrics import SixErrors
-from homofact.evaluate.verdict.finding import About, Grade
+from homofact.evaluate.verdict.finding import About, Finding, Grade, ordered
 from homofact.evaluate.verdict.flux import asymmetry_of_samples, flux_of
 from homofact.evaluate.verdict.judge import judge
 from homofact.evaluate.verdict.verdict import Verdict
@@ -345,6 +346,10 @@ def test_data_that_are_not_reciprocal_are_the_datas_and_a_fit_that_is_not_is_the
 
 
 def test_reciprocity_of_samples_is_more_than_what_neighbours_differ_by() -> None:
+    # Of a reciprocal lobe narrower than its sampling, swapped or not, the nearest sample is another value.
+    narrow = Ward((0.1,), (0.3,), alpha_x=0.05, alpha_y=0.05, channels=("Y",))
+    few = sample_model(narrow, 6000, "lobe", seed=3)
+    assert asymmetry_of_samples(few, flux_of(few), 0) == pytest.approx(0, abs=0.02)
     many = sample_model(material("blinn-phong-50").model, 20_000, "discs", seed=3)
     assert asymmetry_of_samples(many, flux_of(many), 0) == pytest.approx(0, abs=0.02)
     tilted = replace(many, values=many.values * torch.where(many.wi[:, 2:] > many.wo[:, 2:], 1.5, 1.0))
@@ -366,3 +371,39 @@ def test_scatter_of_the_data() -> None:
     assert "scatter" not in names(verdict(train=noisy(0.15), log_mse=missed))
     assert "scatter" in names(verdict(train=noisy(0.3), log_mse=missed))
     assert "scatter" not in names(verdict(train=noisy(0.3)))
+
+
+def test_light_is_weighted_by_both_cosines_whatever_the_sampling() -> None:
+    """Of all light on and off a white surface the mean cosine is ∫cos²/∫cos = 2/3 of either direction."""
+    for scheme in ("discs", "lobe", "cosine"):
+        samples = sample_model(MODEL, 20_000, scheme, seed=5)
+        flux = flux_of(samples)
+        for direction in (samples.wi, samples.wo):
+            assert float((flux * direction[:, 2]).sum() / flux.sum()) == pytest.approx(2 / 3, abs=0.02)
+
+
+def test_what_is_explained_is_that_of_the_discs_whatever_the_sampling() -> None:
+    def flat_outside(values: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
+        h = (wi + wo) / (wi + wo).norm(dim=1, keepdim=True)
+        return torch.where(h[:, 2:] > 0.95, values, TRAIN.values.mean(0).expand_as(values))
+
+    found = [
+        verdict(Altered(flat_outside), test=sample_model(MODEL, 20_000, scheme, seed=6)).explained
+        for scheme in ("discs", "lobe")
+    ]
+    assert found[0] == pytest.approx(found[1], abs=0.03)
+
+
+def test_findings_are_ordered_by_what_a_picture_shows_of_them() -> None:
+    def finding(name: str, about: About, light: float | None, least: Grade = Grade.SLIGHT) -> Finding:
+        return Finding(name, about, light, "found", "remedy", least=least)
+
+    given = [
+        finding("d", About.UNKNOWN, 0.12),
+        finding("a", About.DATA, 0.9),
+        finding("e", About.FIT, 0.02),
+        finding("c", About.FIT, None, Grade.VISIBLE),
+        finding("b", About.DATA, 0.2),
+    ]
+    assert [each.name for each in ordered(given)] == ["a", "b", "c", "d", "e"]
+    assert [each.grade.value for each in ordered(given)] == ["severe", "severe", "visible", "visible", "slight"]
