@@ -11,6 +11,7 @@ from homofact.brdf.beyond import EXCESS, Beyond
 from homofact.brdf.pair_density import draw_lobe
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.symmetry import angles_of_pairs
 from homofact.geometry.directions import from_spherical
 from homofact.methods.search import Search
 
@@ -90,6 +91,25 @@ def test_the_measured_range_is_all_between_the_samples_either_way_round() -> Non
     found = Beyond(replace(narrow, provenance={})).outside(*pairs_at([(40, 50, 20), (75, 10, 50), (10, 75, 50)]))
     assert found.tolist() == [False, True, True]
     assert not bool(Beyond(narrow).outside(*pairs_at([(89, 89, 50)])).any())
+
+
+def test_the_range_goes_on_through_the_plane_of_incidence_where_samples_lie_near_it() -> None:
+    samples = goniometer(60)
+    delta = angles_of_pairs(samples.wi, samples.wo)[:, 2].rad2deg()
+    for most, outside in ((166.0, False), (121.0, True)):
+        beyond = Beyond(samples.select((delta < most) & (samples.wi[:, 2] < 0.99) & (samples.wo[:, 2] < 0.999)))
+        assert beyond.outside(*pairs_at([(30, 30, 179), (2, 2, 80)])).tolist() == [outside, False]
+
+
+def test_the_bound_does_not_hang_on_how_samples_are_turned_and_exchanged() -> None:
+    samples = goniometer(60)
+    other = samples.rotated_at_random(5)
+    other = replace(other, wi=other.wo, wo=other.wi, all_azimuths=False)
+    found = [Beyond(each).exceeding(lambda wi, wo: torch.full((len(wi), 2), 0.3), 0) for each in (samples, other)]
+    assert found[0] is not None
+    assert found[1] is not None
+    assert len(found[0]) > 100
+    assert torch.equal(found[0].wi, found[1].wi)
 
 
 def test_beyond_the_measured_range_the_nearest_samples_bound_a_fit() -> None:
