@@ -86,6 +86,10 @@ def test_the_measured_range_is_all_between_the_samples_either_way_round() -> Non
     beyond = Beyond(goniometer(60))
     assert beyond.outside(wi, wo).tolist() == [False, False, True, True, False]
     assert beyond.outside(wo, wi).tolist() == [False, False, True, True, False]
+    uneven = goniometer(60)
+    uneven = Beyond(uneven.select(uneven.wo[:, 2] > math.cos(math.radians(41))))
+    wi, wo = pairs_at([(35, 55, 90), (55, 55, 90)])
+    assert uneven.outside(wi, wo).tolist() == uneven.outside(wo, wi).tolist() == [False, True]
     wide = sample_model(Ward((0.1,), (0.1,), alpha_x=0.1, alpha_y=0.4, channels=("Y",)), 4000, "cosine", seed=0)
     narrow = wide.select((wide.wi[:, 2] > 0.5) & (wide.wo[:, 2] > 0.5))
     found = Beyond(replace(narrow, provenance={})).outside(*pairs_at([(40, 50, 20), (75, 10, 50), (10, 75, 50)]))
