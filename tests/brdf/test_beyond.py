@@ -11,6 +11,7 @@ from homofact.brdf.beyond import EXCESS, Beyond
 from homofact.brdf.pair_density import draw_lobe
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.symmetry import angles_of_pairs
 from homofact.geometry.directions import from_spherical
 from homofact.methods.search import Search
 
@@ -64,10 +65,90 @@ def test_only_what_is_brighter_than_every_sample_is_named() -> None:
     runaway = beyond.exceeding(lambda wi, wo: (2 * EXCESS * largest).expand(len(wi), 2), 0)
     assert runaway is not None
     assert float(runaway.weights.sum()) == pytest.approx(0.05 * float(samples.weights.sum()))
-    assert bool((runaway.values == largest).all())
+    outside = beyond.outside(runaway.wi, runaway.wo)
+    assert bool((runaway.values[~outside] == largest).all())
+    assert bool((runaway.values[outside] <= largest).all())
     again = beyond.exceeding(lambda wi, wo: (2 * EXCESS * largest).expand(len(wi), 2), 1)
     assert again is not None
     assert not torch.equal(again.wi[:10], runaway.wi[:10])
+
+
+def pairs_at(degrees: list[tuple[float, float, float]]) -> tuple[torch.Tensor, torch.Tensor]:
+    """Pairs at (θi, θo, Δφ)."""
+    angles = torch.tensor(degrees, dtype=torch.float64) * math.pi / 180
+    return from_spherical(angles[:, 0], torch.full_like(angles[:, 0], 0.3)), from_spherical(
+        angles[:, 1], angles[:, 2] + 0.3
+    )
+
+
+def test_the_measured_range_is_all_between_the_samples_either_way_round() -> None:
+    wi, wo = pairs_at([(5, 33, 100), (59, 59, 180), (61, 30, 90), (30, 61, 90), (60, 3, 200)])
+    beyond = Beyond(goniometer(60))
+    assert beyond.outside(wi, wo).tolist() == [False, False, True, True, False]
+    assert beyond.outside(wo, wi).tolist() == [False, False, True, True, False]
+    uneven = goniometer(60)
+    uneven = Beyond(uneven.select(uneven.wo[:, 2] > math.cos(math.radians(41))))
+    wi, wo = pairs_at([(35, 55, 90), (55, 55, 90)])
+    assert uneven.outside(wi, wo).tolist() == uneven.outside(wo, wi).tolist() == [False, True]
+    wide = sample_model(Ward((0.1,), (0.1,), alpha_x=0.1, alpha_y=0.4, channels=("Y",)), 4000, "cosine", seed=0)
+    narrow = wide.select((wide.wi[:, 2] > 0.5) & (wide.wo[:, 2] > 0.5))
+    found = Beyond(replace(narrow, provenance={})).outside(*pairs_at([(40, 50, 20), (75, 10, 50), (10, 75, 50)]))
+    assert found.tolist() == [False, True, True]
+    assert not bool(Beyond(narrow).outside(*pairs_at([(89, 89, 50)])).any())
+
+
+def test_the_range_goes_on_through_the_plane_of_incidence_where_samples_lie_near_it() -> None:
+    samples = goniometer(60)
+    delta = angles_of_pairs(samples.wi, samples.wo)[:, 2].rad2deg()
+    for most, outside in ((166.0, False), (121.0, True)):
+        beyond = Beyond(samples.select((delta < most) & (samples.wi[:, 2] < 0.99) & (samples.wo[:, 2] < 0.999)))
+        assert beyond.outside(*pairs_at([(30, 30, 179), (2, 2, 80)])).tolist() == [outside, False]
+
+
+def test_the_bound_does_not_hang_on_how_samples_are_turned_and_exchanged() -> None:
+    samples = goniometer(60)
+    other = samples.rotated_at_random(5)
+    other = replace(other, wi=other.wo, wo=other.wi, all_azimuths=False)
+    found = [Beyond(each).exceeding(lambda wi, wo: torch.full((len(wi), 2), 0.3), 0) for each in (samples, other)]
+    assert found[0] is not None
+    assert found[1] is not None
+    assert len(found[0]) > 100
+    assert torch.equal(found[0].wi, found[1].wi)
+
+
+def test_beyond_the_measured_range_the_nearest_samples_bound_a_fit() -> None:
+    """A dim measurement with one bright mirror direction: a fit may be as bright near it and between samples alone."""
+    samples = goniometer(60)
+    mirror = (samples.wi * samples.wo.new_tensor([-1.0, 1, 1]) * samples.wo).sum(1) > 0.99
+    bright = mirror & (samples.wi[:, 2] < math.cos(math.radians(49)))
+    values = torch.where(bright[:, None], 10.0, 0.1).expand(-1, 2).contiguous()
+    assert 0 < int(bright.sum()) < 30
+    beyond = Beyond(replace(samples, values=values))
+    assert beyond.exceeding(lambda wi, wo: torch.full((len(wi), 2), 0.11), 0) is None
+    runaway = beyond.exceeding(lambda wi, wo: torch.full((len(wi), 2), 8.0), 0)
+    assert runaway is not None
+    assert bool(beyond.outside(runaway.wi, runaway.wo).all())
+    assert bool((runaway.values == 0.1).all())
+    assert torch.minimum(runaway.wi[:, 2], runaway.wo[:, 2]).max() < math.cos(math.radians(59.9))
+    # Near the bright samples the bright value is allowed, at any azimuth.
+    turn = 2 * math.pi * torch.rand(50, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    theta = torch.full_like(turn, math.radians(62))
+    wi, wo = from_spherical(theta, turn), from_spherical(theta, turn + math.pi)
+    near = (runaway.wi[:, None] - wi).norm(dim=2) + (runaway.wo[:, None] - wo).norm(dim=2)
+    assert float(near.min()) > 0.1
+
+
+@pytest.mark.parametrize("scale", [0.0, 1.0])
+def test_a_bound_is_never_zero(scale: float) -> None:
+    """Noise has zeros; what is dark everywhere bounds nothing."""
+    samples = goniometer(60)
+    dark = replace(samples, values=scale * samples.values * (samples.wo[:, 2:] > 0.8))
+    runaway = Beyond(dark).exceeding(lambda wi, wo: torch.full((len(wi), 2), 1e-2), 0)
+    if scale == 0:
+        assert runaway is None
+    else:
+        assert runaway is not None
+        assert float(runaway.values.min()) > 0
 
 
 def test_a_fit_of_a_measurement_does_not_blow_up_beyond_it() -> None:

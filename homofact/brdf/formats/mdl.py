@@ -48,7 +48,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     reflection, an unknown type, sizes that disagree with the file's, and entries that are not finite.
     """
     check_channels(channels)
-    entries, names, comments = _entries(path, read_bytes(path, DESCRIPTION))
+    entries, names, comments = read_entries(path, read_bytes(path, DESCRIPTION))
     theta, phi = _centres(entries.shape[0], math.pi / 2), _centres(entries.shape[2], math.pi)
     rows, columns = (entries.shape[k] - _repeated(entries, k) for k in (0, 1))
     kept = entries[:rows, :columns]
@@ -96,8 +96,11 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     return open_file(path, channels).samples
 
 
-def _entries(path: object, raw: bytes) -> tuple[np.ndarray, tuple[str, ...], list[str]]:
-    """Values (θ in, θ out, Δφ, C) in float64, channel names, metadata lines."""
+def read_entries(path: object, raw: bytes) -> tuple[np.ndarray, tuple[str, ...], list[str]]:
+    """Entries (θ in, θ out, Δφ, C) as they stand in the file, float64; channel names; metadata lines.
+
+    `path` names the file in what is raised: BadInput as by `open_file`.
+    """
     if not sniff(raw):
         raise BadInput(f"{path}: begins with {raw[:20]!r}, expected {_MAGIC!r}")
     start, comments = len(_MAGIC), []
