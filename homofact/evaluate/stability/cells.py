@@ -2,8 +2,11 @@
 
 The fit is given the stressed samples as a command would give them, with its own held-out part, and says what it says:
 status and verdict. Then it is judged on clean samples that no stress has touched, in log space with one ε for all, and
-its error is set against that of the same method without stress. Notes ("the time was up") do not count as a warning,
-and a finding that the unstressed fit has as well degrades no cell; but a fit that has any finding is not silent.
+its error is set against that of the same method without stress. By the light, as a picture has it, the fit is bad where
+it is off by `BAD_LIGHT` in a band of angles or explains less than `LEAST_EXPLAINED` of the clean logarithms.
+
+Notes ("the time was up") and slight findings do not count as a warning, and a finding that the unstressed fit has as
+well degrades no cell; but a fit that has any finding that a picture shows is not silent.
 """
 
 import math
@@ -21,6 +24,7 @@ from homofact.evaluate.compare import HELD_OUT, Row, fit_and_measure
 from homofact.evaluate.metrics import measure
 from homofact.evaluate.stability.problem import Problem
 from homofact.evaluate.stability.real import Absent
+from homofact.evaluate.verdict.flux import flux_of, misplaced, worst_band
 from homofact.methods.fitting import Method
 from homofact.methods.table import METHODS, method_class, settings_of_class
 
@@ -30,6 +34,7 @@ DEGRADED = 2.0
 WRONG = 10.0
 # Log MSE under which an error is no concern (an RMS of 5%): a factor over less would measure what nobody sees.
 WORTH_AN_ERROR = 2.5e-3
+BAD_LIGHT, LEAST_EXPLAINED = 0.15, 0.9
 
 
 class Outcome(Enum):
@@ -48,6 +53,8 @@ class Outcome(Enum):
 class Cell:
     """One cell: `factor` is `error` over `reference`, both log MSE on clean samples; None where there is no fit.
 
+    `light` is the share of the clean light that the fit misplaces, `off` its light over the clean one's in the band of
+    angles that is farthest off, `bad` whether the fit is (the module's head).
     `said` are the findings of the fit's verdict, `new` how many of them the unstressed fit does not have; `message` is
     the error of a refusal or a crash.
     `condition` and `determined` are the verdict's figures, `train` and `held_out` the fit's own log MSE.
@@ -61,6 +68,9 @@ class Cell:
     factor: float | None = None
     error: float | None = None
     reference: float | None = None
+    light: float | None = None
+    off: float | None = None
+    bad: bool = False
     said: tuple[str, ...] = ()
     new: int = 0
     message: str = ""
@@ -73,9 +83,12 @@ class Cell:
 
 @dataclass(frozen=True)
 class Judged:
-    """A finished fit: its error on the clean samples and what the program says, by the name of each thing said."""
+    """A finished fit: its errors on the clean samples and what the program says, by the name of each thing said."""
 
     error: float
+    explained: float
+    light: float
+    off: float
     said: dict[str, str]
     row: Row
 
@@ -93,7 +106,7 @@ def said_of(row: Row) -> dict[str, str]:
 
     A spent effort is none: every search of a small one ends so.
     """
-    said = {finding.name: finding.line() for finding in row.verdict.findings}
+    said = {finding.name: finding.line() for finding in row.verdict.findings if finding.matters}
     if row.report.status in (Status.FALLBACK, Status.INTERRUPTED):
         said.setdefault("status", row.report.status.remedy)
     return said
@@ -130,7 +143,13 @@ def judge_fit(problem: Problem, settings: Method, fitter: Fitter) -> Judged:
     row = fitter(source, settings)
     clean = problem.clean
     transform = LogTransform.of(clean, JUDGING_EPSILON)
-    return Judged(measure(row.factorization, clean, transform).log_mse, said_of(row), row)
+    error = measure(row.factorization, clean, transform).log_mse
+    logs = transform.forward(clean.values)
+    explained = 1 - error / max(float((logs - logs.mean(0)).square().mean()), 1e-6)
+    light, found = flux_of(clean), row.factorization.evaluate(clean.wi, clean.wo).to(clean.values)
+    band = worst_band(clean, light, found)
+    off = 1.0 if band is None else band[0]
+    return Judged(error, explained, misplaced(light, clean.values, found), off, said_of(row), row)
 
 
 def run_cell(empty: Cell, make: Callable[[], Problem], references: "References", fitter: Fitter = fit_row) -> Cell:
@@ -162,6 +181,9 @@ def run_cell(empty: Cell, make: Callable[[], Problem], references: "References",
         factor=factor,
         error=judged.error,
         reference=reference.error,
+        light=judged.light,
+        off=judged.off,
+        bad=not (abs(judged.off - 1) <= BAD_LIGHT and judged.explained >= LEAST_EXPLAINED),
         said=tuple(judged.said.values()),
         new=new,
         message="" if math.isfinite(factor) else f"the error is {judged.error}",

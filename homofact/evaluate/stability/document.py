@@ -5,7 +5,16 @@ from pathlib import Path
 from urllib.parse import quote
 
 from homofact.evaluate.stability.atlas import Atlas
-from homofact.evaluate.stability.cells import DEGRADED, JUDGING_EPSILON, WORTH_AN_ERROR, WRONG, Cell, Outcome
+from homofact.evaluate.stability.cells import (
+    BAD_LIGHT,
+    DEGRADED,
+    JUDGING_EPSILON,
+    LEAST_EXPLAINED,
+    WORTH_AN_ERROR,
+    WRONG,
+    Cell,
+    Outcome,
+)
 from homofact.evaluate.stability.problem import Stressor
 from homofact.evaluate.stability.solver_atlas import AGREES, AGREES_ILL, SYSTEMS, WELL_POSED, Answer, SolverCell
 from homofact.evaluate.stability.stressors import stressor
@@ -45,6 +54,7 @@ def _head(atlas: Atlas, link: str, where: str) -> str:
         f" {in_markdown('; '.join(judged.said.values())) or 'nothing'} |"
         for name, judged in atlas.unstressed.items()
     )
+    really = _really_bad(atlas)
     absent = "".join(f"\n\n{in_markdown(note)}." for note in atlas.notes)
     return f"""\
 <!-- Made by `make stability`: change the paragraphs in homofact/evaluate/stability, not here. -->
@@ -62,7 +72,7 @@ error without stress (or of {WORTH_AN_ERROR:g}, an RMS of 5%, where that is smal
 
 * **ok**: at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that the unstressed fit's does
   not.
-* **degraded**: a larger factor, or a verdict that warns (\\* below). Most warnings come before the damage.
+* **degraded**: a larger factor, or a verdict that warns (\\* below). Most warnings come before the damage.{really}
 * **refused**: no fit, but one line that names what is wrong.
 * **silently wrong**: over {WRONG:g} times the unstressed error, and no word of it. The atlas exists to find these.
 
@@ -75,8 +85,24 @@ The unstressed fits themselves:
 {base}
 
 All numbers are of seed {atlas.plan.seed} and homofact {__version__} on {in_markdown(where)}.
-Searches are bound by time, so another machine gives slightly other ones. The whole table is `atlas.csv`;
+The whole table is `atlas.csv`;
 `homofact stability --stressors NAME --methods NAME` runs a part.{absent}"""
+
+
+def _really_bad(atlas: Atlas) -> str:
+    """How many of the cells are bad by their light, of those that are degraded and of those that are called ok."""
+    cells = [cell for cell in atlas.cells if cell.factor is not None]
+    degraded, fine = ([cell for cell in cells if cell.outcome is each] for each in (Outcome.DEGRADED, Outcome.OK))
+    warned = [cell for cell in degraded if cell.new]
+    if not cells:
+        return ""
+    return (
+        f" By their light\n  {sum(cell.bad for cell in degraded)} of these {len(degraded)} are really bad (off by over"
+        f" {BAD_LIGHT:.0%} in a band of angles, or under\n  {LEAST_EXPLAINED:.0%} of the clean logarithms explained):"
+        f" {sum(cell.bad for cell in warned)} of the {len(warned)} that the verdict warns of, and"
+        f"\n  {sum(cell.bad for cell in degraded if not cell.new)} of the others; of the {len(fine)} called ok,"
+        f" {sum(cell.bad for cell in fine)}."
+    )
 
 
 def _section(atlas: Atlas, each: Stressor) -> str:
