@@ -84,9 +84,8 @@ def _textures(place: Path, fields: Fields, channels: tuple[str, ...]) -> list[Te
             texels = Encoded(storage, stored, scale, bias).decoded()
         largest = float(texels.abs().max())
         if not largest <= MOST_VALUE:
-            raise BadInput(
-                f"{place / name}: scale and bias in {MANIFEST} make a texel {largest:g}, expected at most {MOST_VALUE:g}"
-            )
+            made = f"{place / name}: scale and bias in {MANIFEST} make a texel {largest:g}"
+            raise BadInput(f"{made}, expected at most {MOST_VALUE:g}")
         decoded.append(texels)
     return decoded
 
