@@ -137,8 +137,7 @@ def _sum(
     for entry in fields.inners("terms", _MOST_TERMS):
         numbers = entry.found.get("textures")
         listed = isinstance(numbers, list) and len(numbers) in (1, 2)
-        right = listed and all(type(k) is int and k in range(len(textures)) for k in numbers)
-        if not isinstance(numbers, list) or not right:
+        if not isinstance(numbers, list) or not listed or not all(_is_number_of(k, textures) for k in numbers):
             entry.refuse("textures", f"one or two numbers from 0 to {len(textures) - 1}")
         signs = entry.numbers("signs", len(channels))
         if not set(signs) <= {1.0, -1.0}:
@@ -150,3 +149,7 @@ def _sum(
     read = torch.tensor(fields.bits("read", rows, columns))
     name, kind = fields.text("map", MAPS), fields.text("parameterization", SIDES)
     return Separable(tuple(terms), name, kind, read, transform, channels, provenance)
+
+
+def _is_number_of(value: Any, textures: list[Tensor]) -> bool:
+    return type(value) is int and value in range(len(textures))

@@ -25,7 +25,7 @@ class BlockBanded:
     def __init__(self, matrix: scipy.sparse.csr_matrix, edges: Sequence[int]) -> None:
         """`edges` are the block's first rows, and K. Raises SolverFailure where a block is not positive definite."""
         self._parts = [
-            (slice(begin, end), _factor(matrix[begin:end, begin:end].tocoo()))
+            (slice(begin, end), _factor(matrix[begin:end, begin:end].tocoo(), end - begin))
             for begin, end in pairwise(edges)
             if end > begin
         ]
@@ -62,15 +62,15 @@ class BlockBanded:
         return result
 
 
-def _factor(block: scipy.sparse.coo_matrix) -> np.ndarray:
-    """R of one block, as LAPACK stores an upper band: (width + 1, K)."""
+def _factor(block: scipy.sparse.coo_matrix, count: int) -> np.ndarray:
+    """R of one block (K, K), K = `count`, as LAPACK stores an upper band: (width + 1, K)."""
     upper = block.row <= block.col
     row, column, value = block.row[upper], block.col[upper], block.data[upper]
     apart = column - row
     beside = np.sort(apart[apart > 0])
     width = int(beside[int((1 - _OUTSIDE) * (len(beside) - 1))]) if len(beside) else 0
     near = apart <= width
-    band = np.zeros((width + 1, block.shape[0]))
+    band = np.zeros((width + 1, count))
     np.add.at(band, (width - apart[near], column[near]), value[near])
     for place in (row, column):
         np.add.at(band[-1], place[~near], np.abs(value[~near]))

@@ -19,7 +19,8 @@ def kernel(**options: Any) -> Callable[[Callable], Any]:
         made = numba.njit(**options)(function)
         # No place that can be written: numba refuses.
         with contextlib.suppress(RuntimeError):
-            made._cache = _Kept(function)  # as numba's own enable_caching does
+            # As numba's own enable_caching does.
+            setattr(made, "_cache", _Kept(function))  # noqa: B010 (numba declares no such attribute)
         return made
 
     return compiled

@@ -122,7 +122,7 @@ def conjugate(problem: LeastSquares) -> Answer:
     def preconditioned(residual: np.ndarray) -> np.ndarray:
         return blocks.solve(residual) + coarse.solve(residual)
 
-    drawn = np.random.default_rng(0).standard_normal((system.design.shape[1], 1))
+    drawn = np.random.default_rng(0).standard_normal((len(system.gauge), 1))
     rhs = np.hstack((system.rhs, drawn))
     answer, steps, done = _steps(system, preconditioned, rhs, system.energy)
     texels, probe = answer[:, :-1], answer[:, -1:]
@@ -179,8 +179,8 @@ class _Coarse:
         finer = finer[:, np.asarray(finer.sum(0)).ravel() > _READ]
         self._finer, self._coarser = scipy.sparse.csr_matrix(finer), scipy.sparse.csr_matrix(finer.T)
         across = system.design @ self._finer
-        found = (self._coarser @ system.weighted @ across).toarray()
-        found += (self._coarser @ system.penalty @ self._finer).toarray()
+        found = scipy.sparse.csr_matrix(self._coarser @ system.weighted @ across).toarray()
+        found += scipy.sparse.csr_matrix(self._coarser @ system.penalty @ self._finer).toarray()
         held = self._coarser @ system.gauge
         found += system.problem.gauge_scale * (held @ held.T)
         # To working precision the coarse textures have the null space that the gauge and the ridge hold.

@@ -73,7 +73,7 @@ def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None
     # Both coordinates know the azimuth.
     samples = at_azimuths(samples, settings, knows_azimuth=True)
     textures = settings.textures
-    refuse_too_large(settings, ((settings.size,) * 2,) * textures, 2 * textures * len(samples))
+    refuse_too_large(settings, ((settings.size, settings.size),) * textures, 2 * textures * len(samples))
     transform = transform_of(samples, settings)
     full = LogSamples.of(samples, transform)
     coarse = (

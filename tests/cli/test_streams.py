@@ -71,7 +71,7 @@ def test_names_that_are_no_utf_8(tmp_path: Path) -> None:
     )
     for command in commands:
         assert main(command) == 0, command
-    assert homofact.load(fit).evaluate(UP, UP).isfinite().all()
+    assert homofact.load(str(fit)).evaluate(UP, UP).isfinite().all()
     missing = subprocess.run([*INFO[:3], "info", str(place / "b.csv")], capture_output=True)
     assert missing.returncode == 2
     assert missing.stderr.decode("ascii").count("\n") == 1
