@@ -9,8 +9,10 @@ they fit.
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from homofact.files.compiled import give_place
 from homofact.version import __version__
 
 if TYPE_CHECKING:
@@ -26,6 +28,9 @@ __all__ = ["Cole", "McCool", "Nmf", "Search", "Svd", "__version__", "fit", "load
 _HOMES = {name: "homofact.api" for name in ("read", "fit", "load")} | {
     name: f"homofact.methods.{name.lower()}" for name in ("Search", "Cole", "McCool", "Svd", "Nmf")
 }
+
+
+give_place(Path(__file__).parent)
 
 
 def __getattr__(name: str) -> Any:

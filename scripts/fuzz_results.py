@@ -10,7 +10,6 @@ Wrong is any other exception, a message of several lines or without the file's n
 5 s of the process's time, and memory above four times the file plus 300 MB.
 """
 
-import argparse
 import io
 import json
 import math
@@ -20,7 +19,6 @@ import shutil
 import sys
 import tempfile
 import time
-import tracemalloc
 import warnings
 import zipfile
 from collections.abc import Callable
@@ -30,7 +28,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from fuzz_readers import DAMAGES, Tally, give_back_freed_memory
+from fuzzing import DAMAGES, Bounds, Tally, attempt, give_back_freed_memory, options, tell
 
 import homofact
 from homofact.brdf.source import open_source
@@ -305,22 +303,7 @@ def kinds(folder: Path) -> list[Kind]:
                 if dice.random() < 0.6:
                     place = dice.randrange(len(lines))
                     key, mark, _ = lines[place].partition(b"=")
-                    words = (
-                        "{x=1}",
-                        "[]",
-                        "[1]",
-                        "1e400",
-                        "nan",
-                        "inf",
-                        "-0",
-                        "9" * 400,
-                        "'a\\u0000'",
-                        '"\\u0000"',
-                        "''",
-                    )
-                    value = dice.choice(
-                        (*words, "true", "0x7fffffffffffffff", "1979-05-27", "[[[[]]]]", "99999999999999999")
-                    )
+                    value = dice.choice(WORDS)
                     lines[place] = key + b"= " + value.encode() if mark else lines[place]
                 elif dice.random() < 0.5:
                     lines.insert(dice.randrange(len(lines)), b".".join([b"a"] * dice.choice((2, 100))) + b" = 1")
@@ -360,37 +343,6 @@ def size_of(path: Path) -> int:
     return sum(each.stat().st_size for each in files)
 
 
-def attempt(kind: Kind, path: Path, number: int, tally: Tally, traced: bool) -> None:
-    """Use one damaged file and note what became of it."""
-    size = size_of(path)
-    if traced:
-        tracemalloc.start()
-    begun = time.process_time()
-    outcome, wrong = "used", ""
-    try:
-        kind.use(path, number)
-    except BadInput as error:
-        outcome = "refused"
-        if "\n" in str(error) or str(path) not in str(error):
-            wrong = f"message {str(error)!r}"
-    except Exception as error:
-        outcome, wrong = "raised", f"{type(error).__name__}: {error}"
-    seconds = time.process_time() - begun
-    if traced:
-        memory = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        tally.most_memory = max(tally.most_memory, memory)
-        if memory > 4 * size + SLACK:
-            wrong = wrong or f"{memory / 2**20:.0f} MB for {size} bytes"
-    elif seconds > SECONDS:
-        wrong = wrong or f"{seconds:.2f} s"
-    tally.slowest = max(tally.slowest, 0.0 if traced else seconds)
-    tally.outcomes[outcome] += 1
-    if wrong:
-        raw = path.read_bytes() if path.is_file() else (path / "manifest.json").read_bytes()
-        tally.wrong.append((wrong, raw))
-
-
 def fuzz(kind: Kind, count: int, seed: int, folder: Path) -> Tally:
     """`count` damaged files of a kind, every eighth with its memory traced."""
     dice = random.Random(f"{seed} {kind.name}")
@@ -401,39 +353,28 @@ def fuzz(kind: Kind, count: int, seed: int, folder: Path) -> Tally:
     for number in range(count):
         with np.errstate(all="ignore"):
             kind.put(dice, path)
-        attempt(kind, path, number, tally, traced=number % 8 == 1)
+        bounds = Bounds(SECONDS, SLACK)
+        wrong = attempt(
+            lambda own=number: kind.use(path, own) or "", path, size_of(path), bounds, tally, traced=number % 8 == 1
+        )
+        if wrong:
+            tally.wrong.append((wrong, (path if path.is_file() else path / "manifest.json").read_bytes()))
     return tally
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the fuzzing and print a line a kind. Returns 1 where anything was wrong."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--count", type=int, default=20_000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--kind", nargs="*", help="npz, manifest, toml, scene, ledger; all unless given")
-    parser.add_argument("--keep", type=Path, help="where to leave the files that went wrong")
-    options = parser.parse_args(arguments)
+    asked = options(__doc__, "npz, manifest, toml, scene, ledger", "kind").parse_args(arguments)
     give_back_freed_memory()
     failed = 0
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         folder = Path(name)
-        found = [each for each in kinds(folder) if not options.kind or each.name in options.kind]
+        found = [each for each in kinds(folder) if not asked.kind or each.name in asked.kind]
         warnings.simplefilter("error")
         for kind in found:
             begun = time.perf_counter()
-            tally = fuzz(kind, options.count, options.seed, folder)
-            outcomes = ", ".join(f"{count} {what}" for what, count in sorted(tally.outcomes.items()))
-            print(
-                f"{kind.name:8} {outcomes}; slowest {tally.slowest:.3f} s, most memory"
-                f" {tally.most_memory / 2**20:.1f} MB, {time.perf_counter() - begun:.0f} s; wrong {len(tally.wrong)}",
-                flush=True,
-            )
-            for number, (what, raw) in enumerate(tally.wrong[:10]):
-                print(f"  {what[:300]}")
-                if options.keep:
-                    options.keep.mkdir(parents=True, exist_ok=True)
-                    (options.keep / f"{kind.name}-{number}").write_bytes(raw)
-            failed += len(tally.wrong)
+            tally = fuzz(kind, asked.count, asked.seed, folder)
+            failed += tell(kind.name, tally, time.perf_counter() - begun, asked.keep)
     return 1 if failed else 0
 
 

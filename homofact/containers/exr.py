@@ -70,12 +70,11 @@ def write_channels(path: str | os.PathLike[str], stored: np.ndarray, names: Sequ
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "comments": comment}
 
     def write(beside: Path) -> None:
-        try:
-            OpenEXR.File(header, planes).write(str(beside))
-        except RuntimeError as error:
-            raise OSError(str(error)) from error
+        # By way of memory: the library opens no file whose name is not UTF-8.
+        buffer = io.BytesIO()
+        OpenEXR.File(header, planes).write(buffer)
+        beside.write_bytes(buffer.getvalue())
 
-    # The library speaks of a bad place on stderr by itself; asked first, it need not.
     folder = Path(path).parent
     if not os.access(folder, os.W_OK):
         raise BadInput(f"{path}: cannot be written, {folder} is not a writable folder, expected one")

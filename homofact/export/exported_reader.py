@@ -19,6 +19,7 @@ from homofact.export.exported import FORMAT, FORMAT_VERSION, MANIFEST
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import WARPED_AXES, Projection, Warp
 from homofact.files.fields import Fields
+from homofact.files.saved import MOST_VALUE
 from homofact.geometry.coordinates import COORDINATES, CoordinateSystem
 from homofact.geometry.rotation import Rotation
 from homofact.separable.maps import MAPS
@@ -72,11 +73,20 @@ def _textures(place: Path, fields: Fields, channels: tuple[str, ...]) -> list[Te
         if stored.shape != shape:
             found, expected = f"{stored.shape[1]} x {stored.shape[0]}", f"{shape[1]} x {shape[0]}"
             raise BadInput(f"{place / name}: found {found} texels, expected {expected} as in {MANIFEST}")
-        if not np.isfinite(stored.astype(np.float64)).all():
+        # Without the warning of a signalling NaN.
+        with np.errstate(invalid="ignore"):
+            finite = np.isfinite(stored.astype(np.float64)).all()
+        if not finite:
             raise BadInput(f"{place / name}: a texel is not finite, expected finite texels")
         # A reader gives blocks as the half floats that a sampler finds.
         storage = "float16" if form.storage == "bc6h" else form.storage
-        decoded.append(Encoded(storage, stored, scale, bias).decoded())
+        with np.errstate(over="ignore"):
+            texels = Encoded(storage, stored, scale, bias).decoded()
+        largest = float(texels.abs().max())
+        if not largest <= MOST_VALUE:
+            made = f"{place / name}: scale and bias in {MANIFEST} make a texel {largest:g}"
+            raise BadInput(f"{made}, expected at most {MOST_VALUE:g}")
+        decoded.append(texels)
     return decoded
 
 
@@ -127,7 +137,7 @@ def _sum(
     for entry in fields.inners("terms", _MOST_TERMS):
         numbers = entry.found.get("textures")
         listed = isinstance(numbers, list) and len(numbers) in (1, 2)
-        if not isinstance(numbers, list) or not listed or not all(k in range(len(textures)) for k in numbers):
+        if not isinstance(numbers, list) or not listed or not all(_is_number_of(k, textures) for k in numbers):
             entry.refuse("textures", f"one or two numbers from 0 to {len(textures) - 1}")
         signs = entry.numbers("signs", len(channels))
         if not set(signs) <= {1.0, -1.0}:
@@ -139,3 +149,7 @@ def _sum(
     read = torch.tensor(fields.bits("read", rows, columns))
     name, kind = fields.text("map", MAPS), fields.text("parameterization", SIDES)
     return Separable(tuple(terms), name, kind, read, transform, channels, provenance)
+
+
+def _is_number_of(value: Any, textures: list[Tensor]) -> bool:
+    return type(value) is int and value in range(len(textures))

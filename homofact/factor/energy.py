@@ -19,7 +19,8 @@ Near the data ĝ − g − g (s − f̃) ≈ g (s − f̃)²/2: the same inner p
 which a structure search can use as they are (`weights_of`). The exact J, with its smoothing, is then lowered by L-BFGS
 (`keep_light`) on texels turned by one matrix for all channels, the normal equations of the sample weights
 h = μ w + ½ max_c p max(ĝ, g), which bound J's curvature where ĝ ≤ g: one Cholesky factor, and a few dozen passes over
-the samples.
+the samples. Of many texels the factors of the textures' own blocks stand for it (`linear.banded`), and more steps are
+granted.
 """
 
 from dataclasses import dataclass, replace
@@ -38,6 +39,8 @@ from homofact.factor.factorization import Term, layout_of_terms
 from homofact.factor.textures import LogSamples, Smoothing, centred, inner_problem
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.linear.normal import stencil_rows
+from homofact.linear.size import is_dense
+from homofact.linear.sparse_solve import own_blocks
 
 # Of .3, .1, .05, .03, .01, tried on four paints of RGL: the least Cole error of those that keep each angle's albedo.
 LOG_SHARE = {"both": 0.05, "energy": 0.01}
@@ -45,6 +48,7 @@ LOG_SHARE = {"both": 0.05, "energy": 0.01}
 COUNTED_SHARE = 0.3
 LEAST_SINE, LEAST_COSINE = 0.05, 0.1
 STEPS = 25
+LARGE_STEPS = 100
 ENDS = 1e-4
 
 
@@ -87,8 +91,9 @@ def keep_light(
     light = _Light(samples, terms, smoothing, flux)
     start = light.start()
     first, _ = light.evaluate(start)
+    steps = STEPS if is_dense(light.unknowns) else LARGE_STEPS
     result = scipy.optimize.minimize(
-        light.evaluate, start, jac=True, method="L-BFGS-B", options={"maxiter": STEPS, "ftol": ENDS, "gtol": 0.0}
+        light.evaluate, start, jac=True, method="L-BFGS-B", options={"maxiter": steps, "ftol": ENDS, "gtol": 0.0}
     )
     if not result.fun < first:
         return terms, {"before": first, "after": first, "evaluations": float(result.nfev)}
@@ -98,6 +103,28 @@ def keep_light(
         for term, texture in zip(terms, textures, strict=True)
     )
     return centred(moved), {"before": first, "after": float(result.fun), "evaluations": float(result.nfev)}
+
+
+class _Dense:
+    """U of a dense matrix (K, K), which is destroyed, and a sparse one added to it; the rest as of `BlockBanded`."""
+
+    def __init__(self, bound: np.ndarray, penalty: scipy.sparse.coo_matrix) -> None:
+        bound[penalty.row, penalty.col] += penalty.data
+        # Texels that next to nothing holds may leave the matrix singular to working precision.
+        bound[np.diag_indices_from(bound)] += 1e-9 * np.trace(bound) / len(bound)
+        self._factor = scipy.linalg.cholesky(bound, lower=False, overwrite_a=True, check_finite=False)
+
+    def times(self, x: np.ndarray) -> np.ndarray:
+        """U x."""
+        return self._factor @ x
+
+    def back(self, z: np.ndarray) -> np.ndarray:
+        """U⁻¹ z."""
+        return scipy.linalg.solve_triangular(self._factor, z, check_finite=False)
+
+    def forth(self, x: np.ndarray) -> np.ndarray:
+        """U⁻ᵀ x."""
+        return scipy.linalg.solve_triangular(self._factor, x, trans=1, check_finite=False)
 
 
 class _Light:
@@ -130,16 +157,16 @@ class _Light:
         self._penalty += scipy.sparse.identity(int(kept.sum())) * (problem.ridge * unit / self._total)
         found = np.exp(np.minimum(self._sums(self._texels[kept]), MOST))
         weights = self._hold[:, 0] + 0.5 * (self._flow * np.maximum(found, self._given)).max(1)
-        bound = replace(problem, weights=torch.from_numpy(weights)).data.matrix.numpy()[np.ix_(kept, kept)]
-        penalty = self._penalty.tocoo()
-        bound[penalty.row, penalty.col] += penalty.data
-        # Texels that next to nothing holds may leave the matrix singular to working precision.
-        bound[np.diag_indices_from(bound)] += 1e-9 * np.trace(bound) / len(bound)
-        self._factor = scipy.linalg.cholesky(bound, lower=False, overwrite_a=True, check_finite=False)
+        self.unknowns = problem.unknowns
+        if is_dense(problem.unknowns):
+            bound = replace(problem, weights=torch.from_numpy(weights)).data.matrix.numpy()[np.ix_(kept, kept)]
+            self._factor = _Dense(bound, self._penalty.tocoo())
+        else:
+            self._factor = own_blocks(problem, weights, scipy.sparse.csr_matrix(self._penalty))
 
     def start(self) -> np.ndarray:
         """z of the given texels."""
-        return (self._factor @ self._texels[self._kept]).ravel()
+        return self._factor.times(self._texels[self._kept]).ravel()
 
     def evaluate(self, z: np.ndarray) -> tuple[float, np.ndarray]:
         """(J, its slope by z), over Σ w."""
@@ -150,8 +177,7 @@ class _Light:
         value = (self._hold * off**2).sum() + (texels * rough).sum()
         value += (self._flow * (found - self._given - self._given * off)).sum()
         slope = 2 * rough + self._columns @ (2 * self._hold * off + self._flow * (found - self._given))
-        turned = scipy.linalg.solve_triangular(self._factor, slope, trans=1, check_finite=False)
-        return float(value) / self._total, turned.ravel() / self._total
+        return float(value) / self._total, self._factor.forth(slope).ravel() / self._total
 
     def textures(self, z: np.ndarray) -> tuple[torch.Tensor, ...]:
         """The textures (rows, columns, C) that z stands for."""
@@ -160,7 +186,7 @@ class _Light:
         return self._layout.split(torch.from_numpy(texels))
 
     def _of(self, z: np.ndarray) -> np.ndarray:
-        return scipy.linalg.solve_triangular(self._factor, z.reshape(len(self._factor), -1), check_finite=False)
+        return self._factor.back(z.reshape(int(self._kept.sum()), -1))
 
     def _sums(self, texels: np.ndarray) -> np.ndarray:
         return self._rows @ texels + self._rest

@@ -29,7 +29,6 @@ from typing import TypeVar
 import numpy as np
 import scipy.linalg
 import torch
-from numba import njit
 from scipy.optimize import linprog
 from torch import Tensor
 
@@ -42,6 +41,7 @@ from homofact.factor.gauge import null_space
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, Smoothing, inner_problem
 from homofact.geometry.directions import draw_cosine_weighted
+from homofact.linear.kernels import kernel
 from homofact.linear.least_squares import LeastSquares
 from homofact.linear.mask import filled
 from homofact.linear.normal import accumulate
@@ -221,7 +221,7 @@ class _Closest:
         return _nearest_plane(self.upper, step, target, self.levels)
 
 
-@njit(cache=True)
+@kernel()
 def _nearest_plane(
     upper: np.ndarray, step: np.ndarray, target: np.ndarray, levels: int
 ) -> tuple[np.ndarray, float]:  # pragma: no cover (compiled)
@@ -241,7 +241,7 @@ def _nearest_plane(
     return numbers, objective
 
 
-@njit(cache=True)
+@kernel()
 def _single_steps(
     matrix: np.ndarray, target: np.ndarray, numbers: np.ndarray, levels: int
 ) -> np.ndarray:  # pragma: no cover (compiled)

@@ -27,7 +27,9 @@ from homofact.linear.least_squares import LeastSquares, Roughness
 from homofact.linear.mask import covered, filled, grown
 from homofact.linear.normal import Lookup
 from homofact.linear.robust import huber_weights
+from homofact.linear.size import is_dense
 from homofact.linear.solvers import solve
+from homofact.linear.sparse_solve import condition_from_below
 
 CHUNK = 65_536
 REACH = 1 / 8  # of a texture's side: how far from the samples smoothing may fill texels
@@ -120,7 +122,8 @@ class Solved:
     """Finished terms and how sound their system was.
 
     `condition` is the 1-norm condition number of the normal matrix; `determined` the share of solved texels that
-    samples hold rather than smoothing alone; `outliers` the share of the samples' weight that a robust solve took away.
+    samples hold rather than smoothing alone; `outliers` the share of the samples' weight that a robust solve took away;
+    `steps` the last solve's iterations, 0 where it had none.
     """
 
     terms: tuple[Term, ...]
@@ -128,6 +131,7 @@ class Solved:
     condition: float
     determined: float
     outliers: float = 0.0
+    steps: int = 0
 
     def details(self) -> dict[str, float]:
         """The figures by name, JSON-able, for a report."""
@@ -151,7 +155,7 @@ def solve_terms(
     layout = layout_of(projections, shapes)
     domains = domain_masks(projections, shapes, samples.wi.device)
     whole = inner_problem(samples, projections, shapes, smoothing, domains)
-    masks = _reached(whole.data.matrix.diagonal(), domains, layout)
+    masks = _reached(whole.diagonal, domains, layout)
     kept = layout.join(masks)
     problem = whole.within(kept, Roughness.of(layout, masks), gauge_rows(projections, masks))
     solution, taken = solve(problem, solver), 0.0
@@ -164,8 +168,9 @@ def solve_terms(
             break
     condition = solution.condition
     if condition is None:
-        condition = condition_estimate(problem.normal()[0])
-    data = problem.data.matrix.diagonal()[kept]
+        dense = is_dense(problem.unknowns)
+        condition = condition_estimate(problem.normal()[0]) if dense else condition_from_below(problem)
+    data = problem.diagonal[kept]
     terms = tuple(
         Term(projection, filled(texture, mask, projection.axes), mask)
         for projection, texture, mask in zip(projections, layout.split(solution.texels), masks, strict=True)
@@ -176,6 +181,7 @@ def solve_terms(
         condition,
         determined_share(data, float(samples.weights.mean())),
         taken,
+        solution.iterations,
     )
 
 

@@ -8,10 +8,11 @@ first, an upper one.
 
 import ctypes
 
-import numba
 import numpy as np
 import scipy.linalg.cython_lapack  # noqa: F401 (registers the pointers that are looked up below)
 from numba.extending import get_cython_function_address
+
+from homofact.linear.kernels import kernel
 
 _INT = ctypes.POINTER(ctypes.c_int)
 _POTRF = ctypes.CFUNCTYPE(None, ctypes.c_char_p, _INT, ctypes.c_void_p, _INT, _INT)(
@@ -36,7 +37,7 @@ def solve_lower(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray | None:
     return np.ascontiguousarray(solution)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def penalised_lower(whole, part, sign, first, columns, values, scale, ridge):  # pragma: no cover (compiled)
     """The lower triangle (T, T) of `whole` + `sign` `part` + diag(`scale`) G + `ridge` · I, its upper one left unset.
 
@@ -60,7 +61,7 @@ def penalised_lower(whole, part, sign, first, columns, values, scale, ridge):  #
     return result
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def symmetric_total(halves):  # pragma: no cover (compiled)
     """The symmetric matrix (T, T) whose lower triangle is the sum of those of `halves` (P, T, T), in their order."""
     count, size = halves.shape[0], halves.shape[1]

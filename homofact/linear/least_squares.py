@@ -25,6 +25,7 @@ from homofact.linear.definite import penalised_lower, solve_lower
 from homofact.linear.laplacian import laplacian
 from homofact.linear.layout import TexelLayout
 from homofact.linear.normal import Lookup, NormalEquations, accumulate, accumulate_lower, stencil_rows
+from homofact.linear.size import is_dense
 
 RELATIVE_RIDGE = 1e-9
 
@@ -83,6 +84,15 @@ class LeastSquares:
         return accumulate(self.coordinates, self.lookups, self.targets, self.weights, self.unknowns)
 
     @property
+    def diagonal(self) -> Tensor:
+        """The diagonal (T,) of BᵀWB, which a problem too large for `data` has too."""
+        if is_dense(self.unknowns):
+            return self.data.matrix.diagonal()
+        squares = design_of(*stencil_rows(self.coordinates, self.lookups), self.unknowns)
+        squares.data **= 2
+        return torch.from_numpy(squares.T @ _array(self.weights)).to(self.weights.device)
+
+    @property
     def penalty_scale(self) -> Tensor:
         """λ' (T, 1), the weight of every smoothing row."""
         return _penalty_scale(self.smoothing, self.weights, float(self.weights.sum()), self.kept)
@@ -100,7 +110,8 @@ class LeastSquares:
     def within(self, kept: Tensor, roughness: Roughness, gauge: Tensor | None) -> "LeastSquares":
         """The same samples for other kept unknowns, without another pass over them."""
         result = replace(self, kept=kept, roughness=roughness, gauge=gauge)
-        result.__dict__["data"] = self.data
+        if is_dense(self.unknowns):
+            result.__dict__["data"] = self.data
         return result
 
     def penalty(self, texels: Tensor) -> float:
@@ -122,13 +133,9 @@ class LeastSquares:
     def rows(self) -> tuple[scipy.sparse.csr_matrix, np.ndarray]:
         """The stacked sparse rows [√W B; √λ' L; √δ I; √μ Zᵀ] (·, K) and targets [√W f; 0; 0; 0] (·, C), on the CPU."""
         numbers, values = stencil_rows(self.coordinates, self.lookups)
-        count, width = numbers.shape
+        count = len(numbers)
         root = self.weights.sqrt()[:, None]
-        design = scipy.sparse.csr_matrix(
-            (_array(values * root).ravel(), _array(numbers).ravel(), np.arange(count + 1) * width),
-            shape=(count, self.unknowns),
-        )
-        design.sum_duplicates()
+        design = design_of(numbers, values * root, self.unknowns)
         kept = np.flatnonzero(_array(self.kept))
         smooth = scipy.sparse.diags(_array(self.penalty_scale.sqrt()).ravel()) @ self.roughness.rows
         identity = scipy.sparse.identity(self.unknowns, format="csr") * np.sqrt(self.ridge)
@@ -223,6 +230,15 @@ def minimum_norm(matrix: Tensor, rhs: Tensor) -> Tensor:
     sound = values > values[-1] * matrix.shape[0] * torch.finfo(matrix.dtype).eps
     inverse = torch.where(sound, 1 / values.clamp_min(torch.finfo(values.dtype).tiny), torch.zeros_like(values))
     return vectors @ (inverse[:, None] * (vectors.T @ rhs))
+
+
+def design_of(numbers: Tensor, values: Tensor, unknowns: int) -> scipy.sparse.csr_matrix:
+    """The sparse rows (N, T) of stencils (N, k), on the CPU; what a row reads twice is one entry."""
+    count, width = numbers.shape
+    entries = (_array(values).ravel(), _array(numbers).ravel(), np.arange(count + 1) * width)
+    made = scipy.sparse.csr_matrix(entries, shape=(count, unknowns))
+    made.sum_duplicates()
+    return made
 
 
 def _array(tensor: Tensor) -> np.ndarray:

@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-import numba
 import numpy as np
 import torch
 from torch import Tensor
 
 from homofact.linear.bilinear import stencil
 from homofact.linear.definite import symmetric_total
+from homofact.linear.kernels import kernel
 from homofact.linear.layout import CLAMPED, Axes, Axis, Shape
 from homofact.linear.threads import in_parallel
 
@@ -161,7 +161,7 @@ def pack(lookups: tuple[Lookup, ...]) -> tuple[np.ndarray, np.ndarray]:
     return matrices, layout
 
 
-@numba.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _cell(coordinate, size, periodic):  # pragma: no cover (compiled)
     """The lower texel, the next, and the fraction towards it: `bilinear._cell`."""
     if periodic:
@@ -174,7 +174,7 @@ def _cell(coordinate, size, periodic):  # pragma: no cover (compiled)
     return lower, min(lower + 1, size - 1), position - lower
 
 
-@numba.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _stencil(x, n, matrices, layout, lookup, numbers, values):  # pragma: no cover (compiled)
     """Write the four texels and weights of one lookup of sample n at position 4·lookup; return (fu, fv)."""
     start, k = layout[lookup, 0], layout[lookup, 1]
@@ -201,7 +201,7 @@ def _stencil(x, n, matrices, layout, lookup, numbers, values):  # pragma: no cov
     values[place + 3] = fu * fv
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _accumulate(x, matrices, layout, targets, weights, matrix, begin, end):  # pragma: no cover (compiled)
     """Add the lower triangle of a range's BᵀWB to `matrix`; its BᵀWf and energy."""
     channels = targets.shape[1]
@@ -263,7 +263,7 @@ def gradient_torch(
     return result, float(total.detach())
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _gradient(x, matrices, layout, targets, weights, texels, begin, end):  # pragma: no cover (compiled)
     """The derivative by every lookup's matrix (L, 2, 4) and the sum of squares, of a range."""
     channels = targets.shape[1]
@@ -327,5 +327,5 @@ def warm_up() -> float:
     x, f, w = nothing[:1, :2], nothing[:1, :1], nothing[0, :1]
     accumulate_compiled(x, (lookup,), f, w, 4)
     gradient(x, (lookup,), f, w, nothing[:, :1].contiguous())
-    compiled = any(kernel.stats.cache_misses for kernel in (_accumulate, _gradient))
+    compiled = any(each.stats.cache_misses for each in (_accumulate, _gradient))
     return time.perf_counter() - began if compiled else 0.0

@@ -1,7 +1,8 @@
 """Linear solvers of the inner problem, behind one signature: problem → texels and how it went.
 
 * cholesky: dense factorization of the normal equations, all channels at once; where the matrix is not
-  positive definite to working precision, the eigen-decomposition's minimum-norm answer, and says so.
+  positive definite to working precision, the eigen-decomposition's minimum-norm answer, and says so. Of more than
+  `size.MOST_DENSE` unknowns only the textures' own blocks are factored, for conjugate gradients (`sparse_solve`).
 * qr: orthogonal factorization of the rows themselves, in blocks; the condition number is not squared.
 * lsmr: Fong and Saunders' iteration on the rows, a channel at a time (scipy).
 * cg, qmr: conjugate gradients and quasi-minimal residual on the normal equations BᵀB as sparse products
@@ -25,6 +26,8 @@ from homofact.linear.condition import condition_of_factor
 from homofact.linear.definite import solve_lower
 from homofact.linear.least_squares import LeastSquares, minimum_norm
 from homofact.linear.names import SOLVER_NAMES
+from homofact.linear.size import is_dense
+from homofact.linear.sparse_solve import conjugate
 
 TOLERANCE = 1e-14
 BLOCK = 4096
@@ -34,7 +37,8 @@ BLOCK = 4096
 class Solution:
     """Texels (T, C), 0 where masked; how the solve ended; its iterations, summed over channels.
 
-    `condition` is the system's 1-norm condition number where a factor of it was at hand.
+    `condition` is the system's 1-norm condition number where a factor of it was at hand, and an estimate from below of
+    that of the 2-norm where the system was too large for one.
     """
 
     texels: Tensor
@@ -44,7 +48,14 @@ class Solution:
 
 
 def cholesky(problem: LeastSquares) -> Solution:
-    """Dense Cholesky of the normal equations; minimum-norm fallback, status FALLBACK, where it breaks down."""
+    """Dense Cholesky of the normal equations; minimum-norm fallback, status FALLBACK, where it breaks down.
+
+    Of a large problem conjugate gradients: status CONVERGED, or BUDGET.
+    """
+    if not is_dense(problem.unknowns):
+        answer = conjugate(problem)
+        texels = problem.expand(torch.from_numpy(answer.texels))
+        return Solution(texels, answer.status, answer.steps, answer.condition)
     matrix, rhs = problem.normal()
     if matrix.device.type == "cpu":
         factor = matrix.numpy().copy()

@@ -34,6 +34,7 @@ from homofact.methods.fitting import (
     provenance_of,
     transform_of,
 )
+from homofact.methods.memory import refuse_too_large
 
 
 def solve_greedily(samples: LogSamples, projections: tuple[Projection, ...], settings: Cole) -> Solved:
@@ -71,6 +72,8 @@ def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None
     provenance = provenance_of(samples, settings)
     # Both coordinates know the azimuth.
     samples = at_azimuths(samples, settings, knows_azimuth=True)
+    textures = settings.textures
+    refuse_too_large(settings, ((settings.size, settings.size),) * textures, 2 * textures * len(samples))
     transform = transform_of(samples, settings)
     full = LogSamples.of(samples, transform)
     coarse = (

@@ -15,6 +15,7 @@ from homofact.factor.textures import LogSamples, residual, solve_terms, texture_
 from homofact.linear.threads import one_thread
 from homofact.methods.fitting import Fit, at_azimuths, provenance_of, transform_of
 from homofact.methods.mccool import McCool
+from homofact.methods.memory import refuse_too_large
 
 
 @one_thread
@@ -24,9 +25,11 @@ def fit_mccool(samples: Samples, settings: McCool) -> Fit:
     provenance = provenance_of(samples, settings)
     projections = tuple(fixed_projection(name, settings.reciprocal) for name in settings.projections)
     samples = at_azimuths(samples, settings, not all(projection.system.isotropic for projection in projections))
+    lookups = sum(projection.lookups for projection in projections)
+    shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
+    refuse_too_large(settings, shapes, lookups * len(samples))
     transform = transform_of(samples, settings)
     data = LogSamples.of(samples, transform)
-    shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
     solved = solve_terms(data, projections, shapes, settings.smoothing, settings.solver, settings.robust)
     terms = solved.terms
     if settings.confidence:

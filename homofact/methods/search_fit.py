@@ -28,6 +28,7 @@ from homofact.factor.search.nlopt import Nlopt
 from homofact.factor.search.one_at_a_time import OneAtATime
 from homofact.factor.textures import LogSamples, Solved, residual, solve_terms, texture_shape
 from homofact.linear.layout import Shape
+from homofact.linear.size import is_dense
 from homofact.linear.threads import one_thread
 from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve, units
 from homofact.methods.fitting import (
@@ -41,6 +42,7 @@ from homofact.methods.fitting import (
 )
 from homofact.methods.folded import Folded
 from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, is_isotropic, is_searched
+from homofact.methods.memory import refuse_too_large
 from homofact.methods.mix import Mix
 from homofact.methods.search import Search
 from homofact.methods.shapes import SmoothingFor, best_within, texels_in
@@ -88,6 +90,13 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     if len(samples) < 2 * FOLDS:
         raise BadInput(f"samples: found {len(samples)}, expected at least {2 * FOLDS} for a searched fit")
     candidates = candidates_of(samples, settings)
+    coarse_side = coarse_size(settings)
+    if texels is not None:
+        coarse_side = min(settings.search_size or texels, max(2, math.isqrt(texels // 2)))
+    side = settings.size if texels is None else max(2, math.isqrt(texels // textures))
+    searched = max(textures * coarse_side**2, len(candidates[0]) * (coarse_side // 2) ** 2)
+    # A reciprocal texture has two lookups.
+    refuse_too_large(settings, ((side, side),) * textures, 2 * textures * len(samples), searched)
     transform = transform_of(samples, settings)
     knows_azimuth = not all(is_isotropic(kind) for kinds in candidates for kind in kinds)
     beyond = Beyond(samples)
@@ -104,9 +113,6 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
         if progress is not None:
             progress(Progress(term, textures, 1, 1, evaluations, best))
 
-    coarse_side = coarse_size(settings)
-    if texels is not None:
-        coarse_side = min(settings.search_size or texels, max(2, math.isqrt(texels // 2)))
     choices = StructureSettings(
         coarse_side,
         settings.reciprocal,
@@ -142,6 +148,8 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     notes = outcome.notes
     if outcome.status is Status.GUARD:
         notes += (f"the guard of {settings.budget:g} s ended the search: another run may end elsewhere",)
+    if solved.status is Status.BUDGET:
+        notes += (f"the textures' own system was left after {solved.steps} steps, short of its tolerance",)
     if light is not None:
         made["light"] = light
     if settings.confidence:
@@ -243,17 +251,19 @@ def _finish(
     """Searched projections refined on all samples, then λ at full size; as much of both as `account` grants.
 
     Where an evaluation at full size is too dear, projections are refined with textures of the search's size, and λ is
-    chosen for all textures alike on one left-out fold.
+    chosen for all textures alike on one left-out fold; where textures are too large for dense systems, the search's λ
+    is carried over.
     """
     mix = outcome.mix
     if outcome.status in (Status.INTERRUPTED, Status.GUARD):
         return outcome, mix.smoothing
     smoothing = smoothing_for(mix, shapes)
+    dense = is_dense(sum(rows * columns for rows, columns in shapes))
     if any(map(is_searched, mix.kinds)):
         coarse = tuple(texture_shape(projection, smoothing_for.coarse) for projection in mix.projections)
         cost = _cost(full, mix, shapes)
         steps, own, used = int(0.5 * account.left / cost), smoothing, shapes
-        if steps < FINE_STEPS:
+        if steps < FINE_STEPS or not dense:
             cost = _cost(full, mix, coarse)
             steps, own, used = int(0.5 * account.left / cost), mix.smoothing, coarse
         objective = Objective(full, mix.projections, used, own, settings.bound)
@@ -265,7 +275,7 @@ def _finish(
         if report.status in (Status.INTERRUPTED, Status.GUARD):
             notes = ("interrupted while refining",) if report.status is Status.INTERRUPTED else ()
             return replace(outcome, mix=mix, status=report.status, notes=(*outcome.notes, *notes)), smoothing
-    if settings.smoothing is None:
+    if settings.smoothing is None and dense:
         texels = sum(rows * columns for rows, columns in shapes)
         # Every λ is asked about at least twice: with all folds where that can be paid for, else with one.
         solves = 2 * len(smoothing) * sum(int(partition.folds.max()) + 1 for partition in partitions)

@@ -14,6 +14,7 @@ from homofact.errors import BadInput
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples
 from homofact.linear.layout import Axis, Shape
+from homofact.linear.size import MOST_DENSE
 from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve
 from homofact.methods.folded import Folded
 from homofact.methods.mix import Mix
@@ -135,9 +136,11 @@ def best_within(
 ) -> Spent:
     """The mix and the shapes that leave the least error on one left-out fold of each partition.
 
-    `mixes` have one texture, two, and so on. No layout is tried once the account is spent. Raises BadInput where not
-    even a 2 × 2 texture for each texture of the smallest mix fits.
+    `mixes` have one texture, two, and so on. No layout is tried once the account is spent. Of more texels than dense
+    systems have, layouts are judged with as many as these have. Raises BadInput where not even a 2 × 2 texture for each
+    texture of the smallest mix fits.
     """
+    granted, texels = texels, min(texels, MOST_DENSE)
     found: list[tuple[float, Mix, Layout]] = []
     for mix in mixes:
         layout = Layout.even(len(mix.kinds))
@@ -160,7 +163,7 @@ def best_within(
             error = _judged(mix, shapes, samples, partitions, smoothing_for, account)
             if error < WORTH_A_MOVE * lowest:
                 lowest, layout, improved = error, trial, True
-    return Spent(mix, layout.shapes(mix.projections, texels), tuple(error for error, _, _ in found))
+    return Spent(mix, layout.shapes(mix.projections, granted), tuple(error for error, _, _ in found))
 
 
 def _judged(

@@ -6,7 +6,12 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
 
+import homofact
+from homofact.cli.main import main
+
+UP = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
 RUN = "import sys; from homofact.cli.entry import run; sys.exit(run())"
 INFO = [sys.executable, "-c", RUN, "info", "material:phong-10", "--count", "50"]
 
@@ -45,3 +50,29 @@ sys.exit(run())
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (ran.returncode, ran.stdout) == (130, "")
     assert ran.stderr == "homofact: interrupted, nothing was written\n"
+
+
+def test_names_that_are_no_utf_8(tmp_path: Path) -> None:
+    place = tmp_path / os.fsdecode(b"na\xffme")
+    try:
+        place.mkdir()
+    except OSError:
+        pytest.skip("the file system takes UTF-8 only")
+    table, fit, engine = place / "a.csv", place / "fit", place / "engine"
+    source = ["material:phong-10", "--count", "300"]
+    commands = (
+        ["convert", *source, str(table)],
+        ["info", str(table)],
+        ["factorize", str(table), "--method", "mccool", "--size", "4", "--out", str(fit), "-q"],
+        ["export", str(fit), "--to", str(engine), "-q"],
+        ["export", str(fit), "--to", f"{engine}-2", "--format", "ktx2", "-q"],
+        ["view", str(fit), "--out", str(place / "page.html"), "-q"],
+        ["render", str(fit), "--out", str(place / "sphere.png"), "--size", "16", "-q"],
+    )
+    for command in commands:
+        assert main(command) == 0, command
+    assert homofact.load(str(fit)).evaluate(UP, UP).isfinite().all()
+    missing = subprocess.run([*INFO[:3], "info", str(place / "b.csv")], capture_output=True)
+    assert missing.returncode == 2
+    assert missing.stderr.decode("ascii").count("\n") == 1
+    assert b"na\\udcffme" in missing.stderr

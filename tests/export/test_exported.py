@@ -12,6 +12,7 @@ import torch
 from shading_cases import CASES, SEPARABLE, factorization, searched, separable
 
 import homofact
+from homofact.containers.exr import exr_channel_names, write_channels
 from homofact.containers.formats import FORMATS, format_named
 from homofact.errors import BadInput
 from homofact.export.exported import (
@@ -168,6 +169,8 @@ NONSENSE = [
     ("product", ("textures", 1, "storage"), "float32", "storage: found \"float32\", expected one of unorm8"),
     ("product", ("textures", 1, "scale", 0), 0, "textures[1].scale: found [0, "),
     ("product", ("textures", 1, "bias", 2), None, "textures[1].bias: found ["),
+    ("product", ("textures", 1, "bias", 2), -1e300, "manifest.json make a texel 1e+300, expected at most 1e+30"),
+    ("product", ("textures", 1, "scale"), [1e308] * 3, "manifest.json make a texel "),
     ("product", ("terms", 0, "texture"), 5, "terms[0].texture: found 5, expected a whole number from 0 to 4"),
     ("product", ("terms", 0, "mask", 0), "01", "terms[0].mask: found [\"01\""),
     ("product", ("terms", 0, "projection"), 3, "terms[0].projection: found 3, expected an object"),
@@ -181,6 +184,8 @@ NONSENSE = [
     ("sum", ("parameterization",), "wi", "parameterization: found \"wi\", expected one of in-out, half-diff"),
     ("sum", ("terms", 0, "textures"), [9], "terms[0].textures: found [9], expected one or two numbers from 0 to 3"),
     ("sum", ("terms", 0, "textures"), [0], "terms: found [{"),
+    ("sum", ("terms", 1, "textures"), [2, 1.0], "terms[1].textures: found [2, 1.0], expected one or two numbers"),
+    ("sum", ("terms", 1, "textures"), [True, 2], "terms[1].textures: found [true, 2], expected one or two numbers"),
     ("sum", ("terms", 0, "signs"), [1, 2, 1], "signs: found [1, 2, 1], expected 1 or -1 a channel"),
     ("sum", ("read",), "all", "read: found \"all\", expected 8 texts of 8 characters 0 and 1"),
 ]  # fmt: skip
@@ -216,3 +221,14 @@ def test_textures_that_are_cut_or_of_another_kind(whole: Path, tmp_path: Path) -
         (folder / "texture_0.png").write_bytes(spoilt)
         with pytest.raises(BadInput, match=r"texture_0\.png: "):
             open_exported(folder)
+
+
+def test_a_signalling_nan_is_a_texel_that_is_not_finite(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    write(folder, CASES["fixed h"], "exr")
+    texture = folder / "texture_0.exr"
+    size = json.loads((folder / "manifest.json").read_text())["textures"][0]
+    texels = np.full((size["rows"], size["columns"], 3), np.uint32(0x7F800001)).view(np.float32)
+    write_channels(texture, texels, exr_channel_names(CASES["fixed h"].channels))
+    with pytest.raises(BadInput, match=r"texture_0\.exr: a texel is not finite"):
+        open_exported(folder)

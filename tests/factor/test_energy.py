@@ -17,6 +17,7 @@ from homofact.factor.factorization import Term, sum_of_terms
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms
 from homofact.geometry.directions import from_spherical
+from homofact.linear import size
 
 GLOSS = Ward((0.05, 0.1), (0.3, 0.1), alpha_x=0.03, alpha_y=0.03, channels=("R", "G"))
 PROJECTIONS = (fixed_projection("theta_h-theta_d", True, Warp(0.3)), fixed_projection("theta_i", True))
@@ -110,3 +111,16 @@ def test_filler_texels_stay(solved) -> None:
         off = (other.texture - one.texture)[~one.mask]
         # The gauge may move a whole texture by a constant.
         assert float((off - off.mean(0)).abs().max()) < 1e-9
+
+
+def test_blocks_of_textures_lead_to_the_same_minimum(solved, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, logs, flux, terms = solved
+    _, dense = keep_light(logs, terms, 1e-3, flux)
+    monkeypatch.setattr(size, "MOST_DENSE", 0)
+    _, blocks = keep_light(logs, terms, 1e-3, flux)
+    assert blocks["before"] == dense["before"]
+    assert blocks["after"] == pytest.approx(dense["after"], rel=1e-2)
+    light = _Light(logs, terms, 1e-3, flux)
+    start = light.start() + 0.1 * np.random.default_rng(0).normal(size=len(light.start()))
+    error = check_grad(lambda z: light.evaluate(z)[0], lambda z: light.evaluate(z)[1], start, epsilon=1e-6)
+    assert error < 1e-4 * np.linalg.norm(light.evaluate(start)[1])

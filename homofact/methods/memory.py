@@ -1,0 +1,49 @@
+"""What a fit will take of memory, said before it begins: the largest of what its steps hold at a time.
+
+The figures are by measurement (`scripts/memory_of_sizes.py`): how many dense matrices of T² numbers a step holds, and
+how many bytes a stencil's entry takes where systems are sparse.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from homofact.linear.layout import Shape
+from homofact.linear.size import is_dense, refuse_beyond_memory
+from homofact.linear.sparse_solve import COARSE
+
+# Matrices at a time: of a solve, of all folds in a search, of what every texel's spread or whole numbers need.
+_SOLVE, _FOLDS, _CONFIDENCE, _WHOLE_NUMBERS, _ORTHOGONAL = 4, 10, 5, 8, 3
+_ENTRY = 120  # bytes of a stencil's entry: by number and weight, as rows, and as columns
+_BANDS = 4  # a texture's band at a time
+
+
+def refuse_too_large(method: Any, shapes: Sequence[Shape], rows: int, searched: int = 0) -> None:
+    """Raise BadInput where a method's fit of textures of these shapes does not fit into the machine's memory.
+
+    `rows` are its log samples, azimuth copies included, times the lookups; `searched` the texels of the textures that
+    it searches on. The message names the setting that asks for the most.
+    """
+    texels = sum(rows_of * columns for rows_of, columns in shapes)
+    matrix = 8.0 * texels**2
+    if is_dense(texels):
+        solved = _SOLVE * matrix
+    else:
+        bands = sum(8.0 * _BANDS * own * columns * (2 * columns + 3) for own, columns in shapes)
+        solved = 4 * _ENTRY * rows + bands + _SOLVE * 8 * COARSE**2
+    side = max(columns for _, columns in shapes)
+    asked = f"{len(shapes)} textures, the largest {side} texels wide:"
+    smaller = "expected smaller textures"
+    needs = [(solved, f"size: found {asked} solving them", smaller)]
+    if searched:
+        folds = 8.0 * _FOLDS * searched**2
+        needs.append((folds, f"search_size: a search on {searched} texels", "expected a smaller one"))
+    if getattr(method, "solver", "") == "qr":
+        needs.append((_ORTHOGONAL * matrix, f"solver: found qr and {asked} it", f"{smaller}, or cholesky"))
+    if getattr(method, "confidence", False):
+        needs.append((_CONFIDENCE * matrix, f"confidence: found {asked} every texel's deviation", f"{smaller} or none"))
+    if getattr(method, "quantize", "none") != "none":
+        needs.append(
+            (_WHOLE_NUMBERS * matrix, f"quantize: found {asked} whole numbers", f"{smaller}, or export to round texels")
+        )
+    nbytes, what, instead = max(needs)
+    refuse_beyond_memory(what, nbytes, instead)
