@@ -77,17 +77,8 @@ def solid_angles(samples: Samples) -> Tensor:
         found = density(scheme, samples.wi, samples.wo)
         # By cosine the density is 0 at the horizon, and a pair there of no account for what carries a cosine.
         return torch.where(found > 0, samples.weights / found, 0.0)
-    return samples.weights * (1.0 if _weighs_solid_angles(samples) else _shares_of_cells(samples))
-
-
-def are_counted(samples: Samples) -> bool:
-    """Whether `solid_angles` are estimates, from the samples in a cell, and not known from how pairs were chosen."""
-    return scheme_of(samples) is None and not _weighs_solid_angles(samples)
-
-
-def _weighs_solid_angles(samples: Samples) -> bool:
-    """Dense tables weigh their nodes by solid angle themselves."""
-    return "weights" in samples.provenance
+    # Dense tables weigh their nodes by solid angle themselves.
+    return samples.weights * (1.0 if "weights" in samples.provenance else _shares_of_cells(samples))
 
 
 def over_discs(samples: Samples) -> Tensor:

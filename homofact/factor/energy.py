@@ -33,7 +33,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import MOST, LogTransform
-from homofact.brdf.pair_density import are_counted, solid_angles
+from homofact.brdf.pair_density import scheme_of, solid_angles
 from homofact.brdf.samples import Samples
 from homofact.factor.factorization import Term, layout_of_terms
 from homofact.factor.textures import LogSamples, Smoothing, centred, inner_problem
@@ -44,8 +44,8 @@ from homofact.linear.sparse_solve import own_blocks
 
 # Of .3, .1, .05, .03, .01, tried on four paints of RGL: the least Cole error of those that keep each angle's albedo.
 LOG_SHARE = {"both": 0.05, "energy": 0.01}
-# Where a pair's solid angle is an estimate from few neighbours, its flux is as well: the logs have to hold more.
-COUNTED_SHARE = 0.3
+# A measurement's flux is in few bright samples, each with its noise: the logs of all the others have to hold more.
+MEASURED_SHARE = 1.0
 LEAST_SINE, LEAST_COSINE = 0.05, 0.1
 STEPS = 25
 LARGE_STEPS = 100
@@ -62,7 +62,7 @@ class Flux:
     @classmethod
     def of(cls, samples: Samples, transform: LogTransform, objective: str) -> "Flux":
         """The flux of `samples` under an objective, "both" or "energy"."""
-        share = COUNTED_SHARE if objective == "both" and are_counted(samples) else LOG_SHARE[objective]
+        share = MEASURED_SHARE if objective == "both" and scheme_of(samples) is None else LOG_SHARE[objective]
         _, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
         each = solid_angles(samples) * samples.wi[:, 2] * samples.wo[:, 2]
         each = each / (torch.sin(theta_d).clamp_min(LEAST_SINE) * torch.cos(theta_d).clamp_min(LEAST_COSINE).sqrt())
