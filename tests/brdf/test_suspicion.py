@@ -70,6 +70,14 @@ def test_equal_seed_equal_odds_and_few_samples_say_nothing() -> None:
     assert suspicions(replace(struck, values=struck.values * 0)) == []
 
 
+def test_zeros_that_the_gamut_explains_are_not_suspected() -> None:
+    samples = clean("phong-30")
+    cut = replace(samples, values=samples.values * (samples.wi[:, 2:] < 0.8))
+    assert "zeros" in {each.name for each in suspicions(cut)}
+    known = replace(cut, provenance={"colour": {"clipped": {"R": 12, "G": 0, "B": 0}}})
+    assert "zeros" not in {each.name for each in suspicions(known)}
+
+
 def test_the_exponent_of_a_cosine_is_measured() -> None:
     """f cosθo^q of a reciprocal f has an odd exponent of q exactly."""
     for power in (-1.0, 0.5, 1.0):

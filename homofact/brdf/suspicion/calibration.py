@@ -4,7 +4,7 @@ Set by hand between the figures of clean samples and those of planted faults (`p
 comes out are degrees of suspicion in the form of odds, not odds that were counted.
 """
 
-SAID = 3.0  # odds under which nothing is said
+SAID = 50.0  # odds under which nothing is said
 # Of the exponents of cosines in real measurements (paints of Cornell and RGL: up to 0.6 off), and of the base's in
 # surrogates of MERL.
 RECIPROCITY_SPREAD = 0.25

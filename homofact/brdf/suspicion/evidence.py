@@ -57,9 +57,11 @@ class Evidence:
         chosen = (samples.wi[index], samples.wo[index], samples.values[index], place)
         return cls(*(each.cpu().numpy() for each in chosen))
 
-    def with_values(self, values: np.ndarray) -> "Evidence":
-        """The same directions with other values (N, C)."""
-        return Evidence(self.wi, self.wo, values, self.place)
+    def samples(self) -> Samples:
+        """The samples again, as isotropic ones, their places (+ 2) as weights: rows that go take their places along."""
+        wi, wo, values, place = (torch.from_numpy(each) for each in (self.wi, self.wo, self.values, self.place))
+        channels = tuple(str(c) for c in range(values.shape[1]))
+        return Samples.make(wi, wo, values, channels=channels, isotropic=True, weights=place + 2)
 
     def with_directions(self, wi: np.ndarray, wo: np.ndarray) -> "Evidence":
         """The same values at other directions (N, 3)."""

@@ -12,7 +12,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from homofact.brdf.samples import Samples
 from homofact.brdf.suspicion.check import Check, Figures
 from homofact.brdf.suspicion.evidence import Evidence
 from homofact.brdf.suspicion.undo import UNDO
@@ -44,11 +43,7 @@ def odd_columns(evidence: Evidence) -> np.ndarray:
 
 def _undone(name: str) -> Callable[[Evidence], Figures | None]:
     def figures(evidence: Evidence) -> Figures | None:
-        samples = Samples.make(
-            *(evidence.wi, evidence.wo, evidence.values),
-            channels=tuple(str(c) for c in range(evidence.values.shape[1])), isotropic=True,
-        )  # fmt: skip
-        turned = UNDO[name].apply(samples)
+        turned = UNDO[name].apply(evidence.samples())
         if len(turned) < len(evidence):
             return None
         return gain(evidence, evidence.with_directions(turned.wi.numpy(), turned.wo.numpy()))

@@ -6,7 +6,6 @@ likeliest suspicion undone, and the instrument last, on what is left.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -38,7 +37,9 @@ def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
     if len(samples) < LEAST_SAMPLES or not bool((samples.values > 0).any()):
         return []
     evidence = Evidence.of(samples, seed)
-    found = _said(_COUNTED, evidence)
+    # Where a spectrum left the gamut of sRGB the reader has cut it at zero itself, and says so.
+    cut = any((samples.provenance.get("colour") or {}).get("clipped", {}).values())
+    found = _said([name for name in _COUNTED if not (cut and name == "zeros")], evidence)
     found += _said(_COLOURS, evidence)[:1]
     turned = _said([check.name for check in geometry.CHECKS], evidence)[:1]
     for each in turned:
@@ -59,10 +60,7 @@ def undone_evidence(evidence: Evidence, name: str) -> Evidence:
     """The evidence without what `name` of `undo.UNDO` says; as it is where nothing is so called."""
     if name not in UNDO:
         return evidence
-    channels = tuple(str(c) for c in range(evidence.values.shape[1]))
-    samples = Samples.make(evidence.wi, evidence.wo, evidence.values, channels=channels, isotropic=True)
-    # The row travels as a weight, so that rows that are left out take their places with them.
-    samples = UNDO[name].apply(replace(samples, weights=samples.weights.new_tensor(evidence.place + 2)))
+    samples = UNDO[name].apply(evidence.samples())
     arrays = (samples.wi, samples.wo, samples.values, samples.weights - 2)
     return Evidence(*(each.numpy() for each in arrays))
 
