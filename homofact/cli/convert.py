@@ -1,7 +1,8 @@
 """`homofact convert`: a source written in another format, chosen by the ending of the new file.
 
 .csv, .npz and .dat (ALTA text) hold samples: those of the measurement, or drawn from the model. .binary (MERL)
-is a full table: the source's own where it is one, else the model or the interpolated samples at its bins.
+is a full table: the source's own where it is one, else the model or the interpolated samples at its bins. With --undo
+samples lose what `brdf.suspicion.undo` knows: a cosine, an encoding, a wrong angle.
 """
 
 from dataclasses import replace
@@ -31,6 +32,15 @@ def convert(
     target: Annotated[
         Path, typer.Argument(metavar="OUT", help="The new file: .binary (MERL), .csv, .npz or .dat (ALTA).")
     ],
+    undo: Annotated[
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="Conventions to undo, with commas, as homofact info names them: cosine-o, srgb, elevation, ..."
+            " (not for .binary; an unknown name lists them).",
+            show_default=False,
+        ),
+    ] = "",
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -40,14 +50,27 @@ def convert(
     check_file(target, *_ENDINGS)
     if target.exists() and not settings.output.force:
         raise BadInput(f"{target}: exists already, expected a new file (or --force)")
+    from homofact.brdf.suspicion.undo import names_in, undone
+
+    names = names_in(undo)
+    if names and target.suffix.lower() == ".binary":
+        raise BadInput(f"{target}: found --undo, expected a file of samples with it (.csv, .npz or .dat)")
     screen = Screen(as_json, quiet)
     with screen.bar() as bar:
         bar.stage("reading")
         subject = open_subject(settings)
+        read = len(subject.samples)
+        subject = replace(subject, samples=undone(subject.samples, names))
         bar.stage("writing")
         target.parent.mkdir(parents=True, exist_ok=True)
         facts: dict[str, Any] = {}
         replace_file(target, lambda made: facts.update(_write(made, subject)), new=not settings.output.force)
+    if names:
+        lost = read - len(subject.samples)
+        facts["undone"] = list(names)
+        facts["notes"].append(
+            f"undone: {', '.join(names)}" + (f"; {lost} samples at the horizon left out" if lost else "")
+        )
     answer = {"source": subject.name, "out": str(target), "bytes": target.stat().st_size, **facts}
     if not quiet:
         screen.show(f"{target}: {facts['format']}, {answer['bytes']} bytes", *facts["notes"])

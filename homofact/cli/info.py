@@ -31,19 +31,31 @@ def info(
         check_file(drawing, ".png")
 
     from homofact.brdf.source import describe
+    from homofact.brdf.suspicion.suspects import suspicions
 
     screen = Screen(as_json, quiet)
     with screen.bar() as bar:
         bar.stage("reading")
         subject = open_subject(settings)
         facts = describe(subject)
+        if subject.kind != "material":
+            bar.stage("checking units and conventions")
+            facts["suspected"] = [each.record() for each in suspicions(subject.samples)]
         if drawing is not None:
             bar.stage("drawing")
             facts |= _draw(drawing, subject)
     # A model's name and parameters read better as rows of their own.
-    rows = {name: value for name, value in facts.items() if name != "material"}
+    rows = {name: value for name, value in facts.items() if name not in ("material", "suspected")}
     screen.show(facts_table(subject.name, rows | (facts.get("material") or {})))
+    if facts.get("suspected"):
+        screen.show("Suspected, with the odds against the data as they stand:", *map(_line, facts["suspected"]))
     screen.answer(facts)
+
+
+def _line(record: dict[str, Any]) -> str:
+    from homofact.brdf.suspicion.check import Suspicion
+
+    return f"- {Suspicion(**record).line()}"
 
 
 def _draw(picture: Path, subject: "Source") -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """`homofact convert`: every ending, what survives, what is refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -122,3 +123,22 @@ def test_anisotropy_that_a_table_cannot_hold_is_said(
     shown = " ".join(capsys.readouterr().out.split())
     assert "an anisotropic source: the table holds the cut" in shown
     assert "bins between and beyond the samples are interpolated" in shown
+
+
+def test_conventions_are_undone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with_cosine, out = tmp_path / "cosine.csv", tmp_path / "clean.csv"
+    samples = sample_model(material("phong-30").model, 600, "discs", seed=1)
+    csv.write(with_cosine, replace(samples, values=samples.values * samples.wo[:, 2:]))
+    assert main(["info", str(with_cosine), "--json"]) == 0
+    suspected = json.loads(capsys.readouterr().out)["suspected"]
+    assert (suspected[0]["name"], suspected[0]["words"]) == ("cosine-o", "the values hold cosθo")
+    assert suspected[0]["remedy"].endswith("--undo cosine-o")
+    assert main(["convert", str(with_cosine), str(out), "--undo", "cosine-o", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["undone"] == ["cosine-o"]
+    back = read_samples(out)
+    assert torch.allclose(back.values, samples.values, rtol=1e-12)
+    refused = (("a.csv", "cosine", "undo: found 'cosine', expected some of"), ("a.binary", "pi", "--undo"))
+    for target, names, words in refused:
+        assert main(["convert", str(with_cosine), str(tmp_path / target), "--undo", names]) == 2
+        assert words in capsys.readouterr().err.replace("\n", " ")
+        assert not (tmp_path / target).exists()

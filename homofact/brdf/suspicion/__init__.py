@@ -1,0 +1,1 @@
+"""Suspected units, conventions and faults of the instrument, found in the samples alone."""

@@ -1,0 +1,175 @@
+"""Suspected conventions: each planted fault is found by its own check, clean materials are not accused."""
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import pytest
+import torch
+
+from homofact.brdf.materials import MATERIALS
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import sample_model
+from homofact.brdf.suspicion import conventions
+from homofact.brdf.suspicion.evidence import Evidence
+from homofact.brdf.suspicion.planting import FAULTS, Planted
+from homofact.brdf.suspicion.suspects import suspicions, undone_evidence
+from homofact.brdf.suspicion.undo import UNDO, names_in, srgb_decoded, undone
+from homofact.errors import BadInput
+from homofact.geometry.directions import to_spherical
+
+COUNT = 1000
+
+
+def _srgb_encoded(values: torch.Tensor) -> torch.Tensor:
+    """The inverse of `srgb_decoded`."""
+    return torch.where(values <= 0.0031308, 12.92 * values, 1.055 * values.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
+
+
+@lru_cache(maxsize=16)
+def clean(name: str, seed: int = 3) -> Samples:
+    return sample_model(MATERIALS[name].model, COUNT, "discs", seed)
+
+
+@pytest.mark.parametrize("name", sorted(MATERIALS))
+def test_clean_materials_are_not_accused(name: str) -> None:
+    assert [each.line() for each in suspicions(clean(name))] == []
+
+
+# Each is planted where it can be known: directions on a material with a highlight.
+ON_A_HIGHLIGHT = {
+    "elevation for zenith", "elevation of ωi", "elevation of ωo", "azimuth off by 180°",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
+def test_a_planted_fault_is_found(fault: Planted) -> None:
+    samples = clean("blinn-phong-50" if fault.name in ON_A_HIGHLIGHT else "lafortune-clay")
+    if fault.name == "times π":
+        samples = replace(samples, values=samples.values * 2)
+    found = suspicions(fault.plant(samples, fault.strengths[-1], 0))
+    assert {each.name for each in found} & set(fault.found_as), [each.line() for each in found]
+    assert found == sorted(found, key=lambda each: -each.odds)
+
+
+def test_what_cannot_be_known_is_not_said() -> None:
+    """f/π, swapped directions and a permutation of the channels of a whole file are other materials as likely."""
+    samples = clean("lafortune-clay")
+    for other in (
+        replace(samples, values=samples.values / math.pi),
+        replace(samples, wi=samples.wo, wo=samples.wi),
+        replace(samples, values=samples.values.flip(1)),
+    ):
+        assert suspicions(other) == []
+
+
+def test_equal_seed_equal_odds_and_few_samples_say_nothing() -> None:
+    struck = replace(clean("phong-30"), values=clean("phong-30").values * clean("phong-30").wo[:, 2:])
+    assert suspicions(struck) == suspicions(struck)
+    assert suspicions(struck.subset(150, 0)) == []
+    assert suspicions(replace(struck, values=struck.values * 0)) == []
+
+
+def test_zeros_that_the_gamut_explains_are_not_suspected() -> None:
+    samples = clean("phong-30")
+    cut = replace(samples, values=samples.values * (samples.wi[:, 2:] < 0.8))
+    assert "zeros" in {each.name for each in suspicions(cut)}
+    known = replace(cut, provenance={"colour": {"clipped": {"R": 12, "G": 0, "B": 0}}})
+    assert "zeros" not in {each.name for each in suspicions(known)}
+
+
+def test_the_exponent_of_a_cosine_is_measured() -> None:
+    """f cosθo^q of a reciprocal f has an odd exponent of q exactly."""
+    for power in (-1.0, 0.5, 1.0):
+        samples = clean("cook-torrance-plastic")
+        odd, _ = conventions.exponents(
+            Evidence.of(replace(samples, values=samples.values * samples.wo[:, 2:] ** power))
+        ) or (math.nan, 0)
+        assert odd == pytest.approx(power, abs=0.03)
+
+
+def test_odds_are_said_in_words() -> None:
+    samples = clean("lafortune-clay")
+    first = suspicions(replace(samples, values=samples.values * samples.wo[:, 2:]))[0]
+    assert first.record() == {
+        "name": "cosine-o", "odds": first.odds, "words": "the values hold cosθo",
+        "remedy": "homofact convert IN OUT --undo cosine-o",
+    }  # fmt: skip
+    assert first.line().startswith("the values hold cosθo: odds ")
+    assert first.line().endswith(" to 1; homofact convert IN OUT --undo cosine-o")
+
+
+PAIRS = {
+    "cosine-o": lambda s: replace(s, values=s.values * s.wo[:, 2:]),
+    "cosine-i": lambda s: replace(s, values=s.values * s.wi[:, 2:]),
+    "cosines": lambda s: replace(s, values=s.values * s.wi[:, 2:] * s.wo[:, 2:]),
+    "cosine-o-squared": lambda s: replace(s, values=s.values * s.wo[:, 2:] ** 2),
+    "cosine-i-squared": lambda s: replace(s, values=s.values * s.wi[:, 2:] ** 2),
+    "per-cosine-o": lambda s: replace(s, values=s.values / s.wo[:, 2:]),
+    "per-cosine-i": lambda s: replace(s, values=s.values / s.wi[:, 2:]),
+    "per-cosines": lambda s: replace(s, values=s.values / s.wi[:, 2:] / s.wo[:, 2:]),
+    "pi": lambda s: replace(s, values=s.values * math.pi),
+    "per-pi": lambda s: replace(s, values=s.values / math.pi),
+    "srgb": lambda s: replace(s, values=_srgb_encoded(s.values)),
+    "gamma": lambda s: replace(s, values=s.values ** (1 / 2.2)),
+    "log1p": lambda s: replace(s, values=torch.log1p(s.values)),
+    "density": lambda s: replace(s, values=-torch.log10(s.values / 100)),
+    "elevation": lambda s: undone(s, ["elevation"]),
+    "elevation-i": lambda s: undone(s, ["elevation-i"]),
+    "elevation-o": lambda s: undone(s, ["elevation-o"]),
+    "azimuth": lambda s: undone(s, ["azimuth"]),
+    "swap": lambda s: undone(s, ["swap"]),
+    "radians": next(fault.plant for fault in FAULTS if "radians" in fault.found_as),
+}
+
+
+@pytest.mark.parametrize("name", sorted(UNDO))
+def test_undoing_gives_the_clean_samples_back(name: str) -> None:
+    samples = clean("lafortune-clay")
+    struck = PAIRS[name](samples, 1.0, 0) if name == "radians" else PAIRS[name](samples)
+    assert not (torch.equal(struck.values, samples.values) and torch.equal(struck.wo, samples.wo))
+    back = undone(struck, [name])
+    factor = 100 if name == "density" else 1
+    assert torch.allclose(back.values * factor, samples.values, rtol=1e-9)
+    assert torch.allclose(back.wi, samples.wi, atol=1e-9)
+    assert torch.allclose(back.wo, samples.wo, atol=1e-9)
+    assert back.provenance["undone"][-1] == name
+
+
+def test_srgb_is_the_published_curve() -> None:
+    """IEC 61966-2-1: 0.5 is 0.21404114, 0.04045 is where the straight part ends, 1 is 1."""
+    got = srgb_decoded(torch.tensor([0.0, 0.04045, 0.5, 1.0], dtype=torch.float64))
+    expected = torch.tensor([0, 0.04045 / 12.92, 0.21404114, 1], dtype=torch.float64)
+    assert torch.allclose(got, expected, atol=1e-8)
+
+
+def test_elevation_is_the_complement_and_keeps_the_azimuth() -> None:
+    samples = clean("phong-10")
+    turned = undone(samples, ["elevation"])
+    for one, two in ((samples.wi, turned.wi), (samples.wo, turned.wo)):
+        (theta, phi), (other, same) = to_spherical(one), to_spherical(two)
+        assert torch.allclose(theta + other, torch.full_like(theta, math.pi / 2))
+        assert torch.allclose(torch.cos(phi - same), torch.ones_like(phi))
+
+
+def test_samples_at_the_horizon_are_left_out_where_a_cosine_is_divided_by() -> None:
+    samples = clean("phong-10")
+    wo = samples.wo.clone()
+    wo[:7] = torch.tensor([1.0, 0, 0], dtype=torch.float64)
+    low = replace(samples, wo=wo)
+    assert len(undone(low, ["cosine-o"])) == COUNT - 7
+    assert len(undone(low, ["per-cosine-o"])) == COUNT
+    # The evidence keeps each row's place beside its values.
+    evidence = Evidence.of(low)
+    left = undone_evidence(evidence, "cosine-o")
+    assert len(left) == COUNT - 7
+    assert left.place[0] == pytest.approx(evidence.place[7])
+
+
+def test_names_to_undo() -> None:
+    assert names_in("") == ()
+    assert names_in(" srgb, cosine-o ") == ("srgb", "cosine-o")
+    with pytest.raises(BadInput, match="undo: found 'sRGB', expected some of cosine-o, cosine-i"):
+        names_in("sRGB")
+    with pytest.raises(BadInput, match="undo: found 'nothing'"):
+        undone(clean("phong-10"), ["nothing"])
