@@ -43,12 +43,16 @@ def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
 
 def refused_names(text: str) -> tuple[str, ...]:
     """The findings that --refuse names, joined by +. Raises BadInput that lists them for one that there is not."""
+    if not text:
+        return ()
+    from homofact.brdf.suspicion.suspects import NAMES as SUSPECTED
     from homofact.evaluate.verdict.finding import NAMES
 
-    names = tuple(each.strip() for each in text.split("+")) if text else ()
-    unknown = [each for each in names if each not in NAMES]
+    names = tuple(each.strip() for each in text.split("+"))
+    known = tuple(dict.fromkeys((*NAMES, *SUSPECTED)))
+    unknown = [each for each in names if each not in known]
     if unknown:
-        raise BadInput(f"--refuse: found {unknown[0]!r}, expected some of {', '.join(NAMES)}, joined by +")
+        raise BadInput(f"--refuse: found {unknown[0]!r}, expected some of {', '.join(known)}, joined by +")
     return names
 
 

@@ -10,16 +10,17 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from homofact.brdf.pair_density import over_discs
+from homofact.brdf.pair_density import over_discs, scheme_of
 from homofact.brdf.samples import Samples
 from homofact.brdf.scatter import local_scatter
+from homofact.brdf.suspicion.suspects import suspicions
 from homofact.errors import Report
 from homofact.evaluate.appearance import Appearance
 from homofact.evaluate.metrics import SixErrors
 from homofact.evaluate.peak import texels_per_radian
 from homofact.evaluate.verdict import flux
 from homofact.evaluate.verdict.finding import ordered
-from homofact.evaluate.verdict.of_data import oddities_of_the_data, unknowns
+from homofact.evaluate.verdict.of_data import oddities_of_the_data, suspected, unknowns
 from homofact.evaluate.verdict.of_fit import faults_of_the_fit
 from homofact.evaluate.verdict.verdict import Verdict
 from homofact.factor.fitted import Fitted
@@ -90,6 +91,7 @@ def judge(
     found_of = [
         *faults_of_the_fit(verdict, settings),
         *oddities_of_the_data(verdict, transform.epsilon, held_out),
+        *(suspected(suspicions(train, settings.seed)) if scheme_of(train) is None else ()),
         *unknowns(verdict, train),
     ]
     return replace(verdict, findings=ordered(found_of))

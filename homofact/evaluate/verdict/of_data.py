@@ -1,12 +1,13 @@
 """What is odd in the data, and what nobody measured: no setting of a fit mends it, some make the best of it."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import torch
 
 from homofact.brdf.coverage import holes
 from homofact.brdf.samples import Samples
+from homofact.brdf.suspicion.check import Suspicion
 from homofact.evaluate.verdict.finding import About, Finding, Grade
 from homofact.evaluate.verdict.of_fit import LARGEST_ALBEDO, LARGEST_ASYMMETRY, floor_of
 from homofact.evaluate.verdict.verdict import Verdict
@@ -18,6 +19,8 @@ LARGEST_DARK = 0.01
 LARGEST_OUTLIERS = 0.02
 LARGEST_DIFFERENCE = 0.05
 RING_OFF = 0.1
+SURE_ODDS = 1000.0
+_SEEN_BY_LIGHT = ("zeros", "ring")  # findings of their own, with the light that they concern
 LARGEST_HOLES = 0.3
 LARGEST_UNMEASURED = 0.03
 LARGEST_UNRESOLVED = 0.5
@@ -95,6 +98,21 @@ def oddities_of_the_data(verdict: Verdict, epsilon: float, held_out_log_mse: flo
             f"the samples at {verdict.ring_where} hold {verdict.ring:.3g} of the light that those beside them"
             f" lead to expect, expected 1 within {RING_OFF:.0%}",
             "a ring that was measured with another gain, or in a shadow: leave it out, or correct it",
+        )
+
+
+def suspected(found: Sequence[Suspicion]) -> Iterator[Finding]:
+    """The findings about units, conventions and the instrument, from what is suspected of a measurement's samples."""
+    for each in found:
+        if each.name in _SEEN_BY_LIGHT:
+            continue
+        yield Finding(
+            each.name,
+            About.DATA,
+            None,
+            f"{each.words}, odds of {min(each.odds, 1e6):,.0f} to 1",
+            f"{each.remedy} if that is so",
+            least=Grade.VISIBLE if each.odds >= SURE_ODDS else Grade.SLIGHT,
         )
 
 
