@@ -18,6 +18,7 @@ from homofact.errors import Report, Status
 from homofact.evaluate.appearance import Appearance
 from homofact.evaluate.energy import EnergyErrors
 from homofact.evaluate.metrics import SixErrors
+from homofact.evaluate.verdict import flux
 from homofact.evaluate.verdict.finding import About, Finding, Grade, ordered
 from homofact.evaluate.verdict.flux import asymmetry_of_samples, flux_of
 from homofact.evaluate.verdict.judge import judge
@@ -154,9 +155,8 @@ def test_a_band_that_is_off_is_named_with_its_channel_and_chance_is_none() -> No
 
 @pytest.mark.parametrize(("share", "found"), [(0.005, False), (0.04, True)])
 def test_light_that_is_cut_counts_where_the_data_are_not_zero(share: float, found: bool) -> None:
-    flux = flux_of(TEST)
     order = torch.argsort(TEST.wi[:, 0])
-    light = (flux * TEST.values.mean(1))[order].cumsum(0)
+    light = (flux_of(TEST) * TEST.values.mean(1))[order].cumsum(0)
     limit = float(TEST.wi[order, 0][int((light < share * light[-1]).sum())])
 
     def cut(values: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
@@ -407,3 +407,28 @@ def test_findings_are_ordered_by_what_a_picture_shows_of_them() -> None:
     ]
     assert [each.name for each in ordered(given)] == ["a", "b", "c", "d", "e"]
     assert [each.grade.value for each in ordered(given)] == ["severe", "severe", "visible", "visible", "slight"]
+
+
+def test_light_at_the_end_of_the_detector_is_clipped() -> None:
+    limit = TRAIN.values.sort(0).values[-40]
+    one = verdict(train=measured(replace(TRAIN, values=TRAIN.values.minimum(limit))))
+    assert one.clipped > 0.003
+    (clipped,) = (each for each in one.findings if each.name == "clipped")
+    assert (clipped.about, clipped.grade) == (About.DATA, Grade.VISIBLE)
+    assert verdict().clipped == 0
+    constant = replace(TRAIN, values=torch.ones_like(TRAIN.values))
+    assert flux.clipped_light(constant, flux_of(constant)) == 0
+
+
+@pytest.mark.parametrize(("power", "name"), [(1, "cosine-o"), (2, "cosine-o-squared")])
+def test_what_samples_are_suspected_of_is_in_the_verdict_on_a_measurement(power: int, name: str) -> None:
+    many = sample_model(MODEL, 6000, "discs", seed=4)
+    given = replace(many, values=many.values * many.wo[:, 2:] ** power)
+    one = verdict(train=measured(given))
+    (found,) = (each for each in one.findings if each.name.startswith("cosine"))
+    assert (found.name, found.about, found.matters) == (name, About.DATA, True)
+    assert "--undo" in found.remedy
+    assert one.trusted or any(each.about is About.FIT for each in one.findings)
+    # Of what was drawn by a scheme nothing is suspected: its convention is ours.
+    assert name not in names(verdict(train=given))
+    assert not any(each.name.startswith("cosine") for each in verdict(train=measured(many)).findings)

@@ -28,6 +28,7 @@ LEAST_IN_A_BAND, LEAST_OF_THE_LIGHT = 30, 0.02
 SURE = 2.0  # standard errors by which a band has to be off
 BRIGHTEST = 0.1  # of the samples' light: what is called their highlight
 BESIDE = 6
+LEAST_TIED = 3
 OUTLIER, FEW_OUTLIERS = 6.0, 0.05
 NEAR, MOST_SAMPLES = 1.0, 20_000
 _SAME = 1e-6  # directions this near are one
@@ -145,6 +146,19 @@ def dark_light(samples: Samples, flux: Tensor) -> tuple[float, float]:
         lost = float((flux[gone] * values[torch.from_numpy(np.asarray(near))]).sum())
         missing = max(missing, lost / (lost + float((flux[there] * values).sum())))
     return share, missing
+
+
+def clipped_light(samples: Samples, flux: Tensor) -> float:
+    """Share of the light of the worst channel at samples that share its largest value: `LEAST_TIED` or more of them.
+
+    Not where most samples do, as those of a constant BRDF.
+    """
+    found = 0.0
+    for values in samples.values.T:
+        tied = (values == values.max()) & (values > 0)
+        if LEAST_TIED <= int(tied.sum()) < len(values) / 2:
+            found = max(found, float((flux * values)[tied].sum() / (flux * values).sum().clamp_min(1e-300)))
+    return found
 
 
 def differing_light(samples: Samples, flux: Tensor) -> float:

@@ -80,6 +80,7 @@ def judge(
         outliers=flux.standing_out(drawn, light, values, misses),
         zeros=zeros,
         dark=dark,
+        clipped=flux.clipped_light(train, flux.flux_of(train)),
         repeated=flux.differing_light(drawn, light),
         ring=ring,
         ring_where=where if share > flux.LEAST_OF_THE_LIGHT else "",

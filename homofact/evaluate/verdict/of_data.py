@@ -19,8 +19,10 @@ LARGEST_DARK = 0.01
 LARGEST_OUTLIERS = 0.02
 LARGEST_DIFFERENCE = 0.05
 RING_OFF = 0.1
-SURE_ODDS = 1000.0
-_SEEN_BY_LIGHT = ("zeros", "ring")  # findings of their own, with the light that they concern
+LARGEST_CLIPPED = 0.003
+# To 1, from where on a suspicion is said aloud; clean files sorted by angle drift up to hundreds to 1.
+SURE_ODDS, SURE_OF_DRIFT = 80.0, 1000.0
+_SEEN_BY_LIGHT = ("zeros", "ring", "clipped")  # findings of their own, with the light that they concern
 LARGEST_HOLES = 0.3
 LARGEST_UNMEASURED = 0.03
 LARGEST_UNRESOLVED = 0.5
@@ -75,6 +77,17 @@ def oddities_of_the_data(verdict: Verdict, epsilon: float, held_out_log_mse: flo
             "a larger epsilon, or a measurement whose negative values were not cut",
             "--epsilon 0.1",
         )
+    if verdict.clipped > LARGEST_CLIPPED:
+        yield Finding(
+            "clipped",
+            About.DATA,
+            verdict.clipped,
+            f"{verdict.clipped:.1%} of the light of a channel is at samples that share its largest value, expected"
+            f" {LARGEST_CLIPPED:.1%}",
+            "the detector was at its end: what is brighter is not known; measure with a shorter exposure",
+            # How much more there was nobody knows.
+            least=Grade.VISIBLE,
+        )
     if verdict.outliers > LARGEST_OUTLIERS and held_out_log_mse > WELL_MET:
         yield _finding(
             "outliers",
@@ -106,13 +119,14 @@ def suspected(found: Sequence[Suspicion]) -> Iterator[Finding]:
     for each in found:
         if each.name in _SEEN_BY_LIGHT:
             continue
+        sure = SURE_OF_DRIFT if each.name.startswith("drift") else SURE_ODDS
         yield Finding(
             each.name,
             About.DATA,
             None,
             f"{each.words}, odds of {min(each.odds, 1e6):,.0f} to 1",
             f"{each.remedy} if that is so",
-            least=Grade.VISIBLE if each.odds >= SURE_ODDS else Grade.SLIGHT,
+            least=Grade.VISIBLE if each.odds >= sure else Grade.SLIGHT,
         )
 
 
