@@ -143,6 +143,7 @@ def test_a_band_that_is_off_is_named_with_its_channel_and_chance_is_none() -> No
         return torch.cat((values[:, :1], values[:, 1:2] * gain, values[:, 2:]), 1)
 
     one = verdict(Altered(dim))
+    assert one.off is not None
     assert 0.7 < one.off < 0.8  # what chance may do is taken off
     assert one.off_where == f"{MODEL.channels[1]} at θi from 30 to 45°"
     (light,) = (each for each in one.findings if each.name == "light")
