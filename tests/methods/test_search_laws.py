@@ -49,7 +49,7 @@ def pairs(count: int) -> tuple[Tensor, Tensor]:
 def test_projections_off_the_fixed_ones_are_found() -> None:
     """A product of two textures, each turned off a fixed kind: both must leave their fixed places."""
     wi, wo = pairs(2000)
-    first, second = rotated_off("theta_h-theta_d", 1, 0.2), rotated_off("theta_i-theta_o", 2, 0.2)
+    first, second = rotated_off("theta_h-theta_d", 1, 0.4), rotated_off("theta_i-theta_o", 2, 0.4)
     logs = sum(1.5 * torch.cos(2.5 * uv[:, 0] + 0.5) * torch.sin(2 * uv[:, 1] + 0.3) for uv in first.place(wi, wo))
     logs = logs + sum(torch.sin(2.5 * uv[:, 0] + 1) * torch.cos(2 * uv[:, 1]) for uv in second.place(wi, wo))
     assert isinstance(logs, Tensor)
