@@ -433,3 +433,13 @@ def test_what_samples_are_suspected_of_is_in_the_verdict_on_a_measurement(power:
     # Of what was drawn by a scheme nothing is suspected: its convention is ours.
     assert name not in names(verdict(train=given))
     assert not any(each.name.startswith("cosine") for each in verdict(train=measured(many)).findings)
+
+
+def test_zeros_of_a_colour_outside_srgb_are_named_as_such() -> None:
+    values = TRAIN.values.clone()
+    values[: len(values) // 2, 0] = 0
+    cut = replace(measured(TRAIN), values=values, provenance={"colour": {"clipped": {"R": len(values) // 2}}})
+    one = verdict(train=cut)
+    assert one.gamut == pytest.approx(0.5, abs=0.01)
+    (gamut,) = (each for each in one.findings if each.name in ("gamut", "zeros"))
+    assert (gamut.name, gamut.options, gamut.about) == ("gamut", "--channels spectral", About.DATA)

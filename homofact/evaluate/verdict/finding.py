@@ -12,7 +12,7 @@ from typing import Any
 
 NAMES = (
     "status", "condition", "light", "highlight", "narrow", "explained", "positivity", "energy", "reciprocity",
-    "scatter", "epsilon", "zeros", "clipped", "outliers", "repeated", "ring", "coverage", "sampling",
+    "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring", "coverage", "sampling",
     "determined", "azimuth",
 )  # fmt: skip
 VISIBLE, SEVERE = 0.1, 0.15  # of the light: from here on a picture shows it, or is another material's

@@ -79,6 +79,7 @@ def judge(
         noise=None if scatter is None else scatter.floor,
         outliers=flux.standing_out(drawn, light, values, misses),
         zeros=zeros,
+        gamut=_cut_by_the_gamut(train),
         dark=dark,
         clipped=flux.clipped_light(train, flux.flux_of(train)),
         repeated=flux.differing_light(drawn, light),
@@ -96,6 +97,14 @@ def judge(
         *unknowns(verdict, train),
     ]
     return replace(verdict, findings=ordered(found_of))
+
+
+def _cut_by_the_gamut(samples: Samples) -> float:
+    """The share of samples that their reader cut at zero in a channel, since their colour lies outside sRGB."""
+    clipped = (samples.provenance.get("colour") or {}).get("clipped", {})
+    shares = (samples.values == 0).double().mean(0).tolist()
+    cut = [share for name, share in zip(samples.channels, shares, strict=True) if clipped.get(name)]
+    return max(cut, default=0.0)
 
 
 def _off(seen: Appearance | None, samples: Samples, light: Tensor, values: Tensor) -> tuple[float | None, str]:

@@ -68,7 +68,15 @@ def oddities_of_the_data(verdict: Verdict, epsilon: float, held_out_log_mse: flo
             "an epsilon at the noise, so that what is near zero does not steer the fit",
             f"--epsilon {noise:.1g}",
         )
-    if verdict.dark > LARGEST_DARK and epsilon < 1:
+    if verdict.gamut > LARGEST_DARK:
+        yield _finding(
+            "gamut",
+            None,
+            f"{verdict.gamut:.0%} of the samples are cut at zero in a channel, since their colour lies outside sRGB",
+            "fit the spectrum, or luminance alone",
+            "--channels spectral",
+        )
+    elif verdict.dark > LARGEST_DARK and epsilon < 1:
         yield _finding(
             "zeros",
             verdict.dark,

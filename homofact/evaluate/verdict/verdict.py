@@ -40,6 +40,7 @@ class Verdict:
     outliers : light by which a few samples stand out.
     zeros, dark : share of the samples that are exactly zero in a channel, and of the light that their neighbours
         say is missing there.
+    gamut : share of the samples that their reader cut at zero in a channel, their colour being outside sRGB.
     clipped : share of the light at samples that share their channel's largest value.
     repeated : light by which samples of the same directions differ from each other.
     ring, ring_where : light of a ring of θi or θo over that of its neighbours under the fit, farthest from 1; which.
@@ -69,6 +70,7 @@ class Verdict:
     outliers: float
     zeros: float
     dark: float
+    gamut: float
     clipped: float
     repeated: float
     ring: float
