@@ -62,5 +62,7 @@ def with_all_loose(mix: Mix) -> Mix | None:
 
 
 def scale_of(smoothing: tuple[float, ...]) -> float:
-    """One λ for all textures: the geometric mean, at the whole decade below."""
+    """One λ for all textures: the geometric mean, at the whole decade below; 0 where one of them is."""
+    if min(smoothing) <= 0:
+        return 0.0
     return 10.0 ** math.floor(sum(math.log10(value) for value in smoothing) / len(smoothing) + 1e-9)

@@ -121,3 +121,11 @@ def test_an_interrupt_keeps_the_best_mix_so_far(monkeypatch: pytest.MonkeyPatch)
     assert outcome.status is Status.INTERRUPTED
     assert len(outcome.mix.kinds) == 1
     assert "interrupted" in outcome.notes[0]
+
+
+def test_no_smoothing_at_all_is_searched_like_any() -> None:
+    """λ = 0 has no decade: every step that carries λ on has to bear it."""
+    settings = replace(SETTINGS, smoothing=0.0, reciprocal=None)
+    outcome = _search(Account(60), settings).run(2, (ISOTROPIC_CANDIDATES,))
+    assert set(outcome.mix.smoothing) == {0.0}
+    assert outcome.mix.error < 1
