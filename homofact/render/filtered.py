@@ -19,13 +19,13 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import torch
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import made_of_samples
 from homofact.brdf.symmetry import find_symmetry
+from homofact.linear.kernels import kernel
 from homofact.render.light import EnvironmentMap, Light
 from homofact.render.lobe_patches import (
     FULL,
@@ -171,7 +171,7 @@ def _finer(coarse: np.ndarray) -> np.ndarray:
     return np.stack(parts, 2).reshape(len(coarse), -1, 3).astype(np.float32)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel(nogil=True, fastmath=True)
 def _summed(table, theta, places, lights, azimuths, behind):  # pragma: no cover (compiled)
     """Σ over lamps (K, 3) at `places` (K, 3) of the table's values, at all levels × azimuths: (L, azimuths, 3).
 
@@ -218,7 +218,7 @@ def _summed(table, theta, places, lights, azimuths, behind):  # pragma: no cover
     return found
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel(nogil=True, fastmath=True)
 def _gathered(place, azimuth, flux, towards, size, rest, texels, starts, sides):  # pragma: no cover (compiled)
     """Radiance (P, 3) of pixels at levels `place` (P,) and `azimuth` (P,) round the view."""
     levels, turns, patches, _ = flux.shape

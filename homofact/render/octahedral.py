@@ -9,12 +9,12 @@ solid angle, and has a rim of one texel that repeats what the folding joins to i
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
+from homofact.linear.kernels import kernel
 from homofact.render.light import EnvironmentMap
 
 _SMALLEST, _LARGEST, _LAST = 128, 1024, 4
@@ -109,7 +109,7 @@ def _rimmed(level: np.ndarray) -> np.ndarray:
     return whole
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel(nogil=True, fastmath=True)
 def _resampled(radiance, turn, axes, side):  # pragma: no cover (compiled)
     """Means (N, N, 3) of a map's texels, laid out as in `render.light`, at 2 × 2 places of each of the N² texels."""
     rows, columns, _ = radiance.shape
@@ -132,7 +132,7 @@ def _resampled(radiance, turn, axes, side):  # pragma: no cover (compiled)
     return found
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, inline="always")
+@kernel(nogil=True, fastmath=True, inline="always")
 def fetch(texels, starts, sides, x, y, z, wide):  # pragma: no cover (compiled)
     """(red, green, blue) from direction (x, y, z) of any length; `wide` is log2(Ω)/2 of the solid angle Ω averaged."""
     s = abs(x) + abs(y) + abs(z)

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+import homofact
 from homofact.files import compiled
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -120,3 +121,10 @@ def test_a_user_without_a_home_compiles_from_a_folder_that_is_not_theirs() -> No
         pytest.skip("interpreter or package cannot be read by another user")
     folder = Path(run(program, user=65534, cwd="/"))
     assert not folder.exists()
+
+
+def test_everything_that_is_kept_is_kept_this_way() -> None:
+    """Numba's own cache ends in a traceback where a kept file is damaged."""
+    root = Path(homofact.__file__).parent
+    own = [path.name for path in root.rglob("*.py") if "cache=True" in path.read_text(encoding="utf-8")]
+    assert own == []
