@@ -334,6 +334,10 @@ def test_data_that_are_not_reciprocal_are_the_datas_and_a_fit_that_is_not_is_the
     assert "20% of the light changes where light and viewer are swapped" in found["reciprocity"].found
     assert "no reciprocal fit comes nearer to this source than 12% RMS" in found["reciprocity"].found
     assert names(verdict(seen=seen(floor=0.04, asymmetry=0.03))) == set()
+    # Nor is one that a search has made so by the data's own word, where no source can be asked.
+    skewed = Altered(lambda values, wi, wo: values * torch.where(wi[:, 2:] > wo[:, 2:], 1.5, 1.0))
+    assert "reciprocity" not in names(verdict(skewed, settings=Search()))
+    assert "reciprocity" in names(verdict(skewed, settings=Search(), seen=seen()))
     # A fit that follows such a source is not blamed for not being reciprocal either.
     crooked = Altered(lambda values, wi, wo: values * torch.where(wi[:, 2:] > wo[:, 2:], 1.5, 1.0))
     (own,) = (each for each in verdict(crooked).findings if each.name == "reciprocity")

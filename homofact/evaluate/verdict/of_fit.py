@@ -62,7 +62,9 @@ def faults_of_the_fit(verdict: Verdict, settings: Method) -> Iterator[Finding]:
             "check the measurement's units and its grazing angles (homofact info)",
         )
     own = verdict.data_reciprocity or 0
-    if verdict.reciprocity > LARGEST_ASYMMETRY + own:
+    # A search that decides by itself has asked samples that nobody else can tell more of.
+    by_the_data = verdict.floor is None and getattr(settings, "reciprocal", False) is None
+    if verdict.reciprocity > LARGEST_ASYMMETRY + own and not by_the_data:
         yield _finding(
             "reciprocity",
             verdict.reciprocity - own,
