@@ -96,12 +96,15 @@ def _really_bad(atlas: Atlas) -> str:
     warned = [cell for cell in degraded if cell.new]
     if not cells:
         return ""
+    methods = ", ".join(
+        f"{sum(cell.bad for cell in fine if cell.method == name)} {name}" for name in atlas.plan.methods
+    )
     return (
         f" By their light\n  {sum(cell.bad for cell in degraded)} of these {len(degraded)} are really bad (off by over"
         f" {BAD_LIGHT:.0%} in a band of angles, or under\n  {LEAST_EXPLAINED:.0%} of the clean logarithms explained):"
         f" {sum(cell.bad for cell in warned)} of the {len(warned)} that the verdict warns of, and"
         f"\n  {sum(cell.bad for cell in degraded if not cell.new)} of the others; of the {len(fine)} called ok,"
-        f" {sum(cell.bad for cell in fine)}."
+        f"\n  {sum(cell.bad for cell in fine)}, whose method is about as bad without the stress ({methods})."
     )
 
 
