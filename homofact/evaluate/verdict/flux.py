@@ -135,6 +135,8 @@ def dark_light(samples: Samples, flux: Tensor) -> tuple[float, float]:
     """
     zero = samples.values == 0
     share, missing = float(zero.double().mean(0).max()), 0.0
+    if share == 0:
+        return 0.0, 0.0
     place = places_of(samples).numpy()
     for channel in range(zero.shape[1]):
         gone = zero[:, channel]

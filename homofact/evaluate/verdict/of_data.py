@@ -20,8 +20,10 @@ LARGEST_OUTLIERS = 0.02
 LARGEST_DIFFERENCE = 0.05
 RING_OFF = 0.1
 LARGEST_CLIPPED = 0.003
-# To 1, from where on a suspicion is said aloud; clean files sorted by angle drift up to hundreds to 1.
-SURE_ODDS, SURE_OF_DRIFT = 80.0, 1000.0
+# To 1, from where on a suspicion is said aloud. Clean files sorted by angle drift up to hundreds to 1; what coarse
+# levels do to the light shows in what is explained.
+SURE_ODDS = 80.0
+OTHER_ODDS = {"drift-in-time": 1000.0, "drift-with-angle": 1000.0, "quantised": math.inf}
 _SEEN_BY_LIGHT = ("zeros", "ring", "clipped")  # findings of their own, with the light that they concern
 LARGEST_HOLES = 0.3
 LARGEST_UNMEASURED = 0.03
@@ -127,9 +129,7 @@ def suspected(found: Sequence[Suspicion]) -> Iterator[Finding]:
     for each in found:
         if each.name in _SEEN_BY_LIGHT:
             continue
-        sure = SURE_OF_DRIFT if each.name.startswith("drift") else SURE_ODDS
-        if each.name == "quantised":
-            sure = math.inf  # what coarse levels do to the light shows in what is explained
+        sure = OTHER_ODDS.get(each.name, SURE_ODDS)
         yield Finding(
             each.name,
             About.DATA,
