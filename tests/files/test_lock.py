@@ -1,5 +1,6 @@
 """One run at a time, and what a killed one leaves: claims end with their process, and the next write cleans up."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -146,3 +147,36 @@ def test_other_users_folders_are_left_alone(tmp_path: Path) -> None:
     os.chown(tmp_path / ".partial-other", 12345, -1)
     write_text(tmp_path / "a", "a")
     assert names(tmp_path) == [".partial-other", "a"]
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_lock_on_a_file_that_is_gone_by_then_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, again: bool
+) -> None:
+    """The one who had it deletes it between the opening and the lock: two could hold a lock on one name."""
+    place, flock = tmp_path / "a.lock", locks.fcntl.flock
+
+    def deleted_meanwhile(handle: int, how: int) -> None:
+        place.unlink(missing_ok=True)
+        if again:
+            place.touch()
+        flock(handle, how)
+
+    monkeypatch.setattr(locks.fcntl, "flock", deleted_meanwhile)
+    assert locks.lock(place, os.O_RDWR | os.O_CREAT) is None
+    monkeypatch.undo()
+    handle = locks.lock(place, os.O_RDWR | os.O_CREAT)
+    assert handle is not None
+    os.close(handle)
+
+
+def test_a_file_system_without_locks_refuses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def unsupported(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(locks.fcntl, "flock", unsupported)
+    (tmp_path / ".partial-of-someone").mkdir()
+    with claimed(tmp_path / "out"):
+        write_text(tmp_path / "out", "a")
+    assert {".partial-of-someone", "out"} <= set(names(tmp_path))
+    assert (tmp_path / "out").read_text() == "a"

@@ -24,3 +24,7 @@ def test_no_forbidden_character_is_left(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_in_a_json_text_the_escapes_are_the_characters(name: str) -> None:
     assert json.loads(harmless(json.dumps(name, ensure_ascii=False))) == name
+
+
+def test_markdown_shows_what_it_was_given() -> None:
+    assert in_markdown("&lt;b&gt; a_b |c|\n d") == "&amp;lt;b&amp;gt; a&#95;b &#124;c&#124; d"
