@@ -14,7 +14,8 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform
 from homofact.shading import float_functions
-from homofact.shading.compiled import BLOCK, compiled
+from homofact.shading.compiled import compiled
+from homofact.shading.kernel_source import BLOCK
 
 
 def pairs(count: int = 4001) -> tuple[torch.Tensor, torch.Tensor]:
@@ -42,6 +43,31 @@ def test_rows_and_single_texels() -> None:
     fitted = Factorization(terms, LogTransform(1e-3, torch.ones(3, dtype=torch.float64)), ("R", "G", "B"))
     wi, wo = pairs()
     assert torch.allclose(compiled(fitted).evaluate(wi, wo), fitted.evaluate(wi, wo), rtol=1e-4)
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+def test_any_number_of_channels(channels: int) -> None:
+    """Texels are one, two or four numbers wide; a row one texel high and a column one texel wide have no neighbours."""
+    terms = tuple(
+        random_term(fixed_projection(name, True), seed, channels, shape)
+        for seed, (name, shape) in enumerate(
+            [("theta_h-theta_d", (3, 7)), ("h", (1, 5)), ("theta_d-tilt", (6, 1)), ("wi", (4, 4))]
+        )
+    )
+    mean = torch.linspace(0.5, 2, channels, dtype=torch.float64)
+    fitted = Factorization(terms, LogTransform(1e-3, mean), tuple("ABCD"[:channels]))
+    wi, wo = pairs(1000)
+    assert torch.allclose(compiled(fitted).evaluate(wi, wo), fitted.evaluate(wi, wo), rtol=2e-4)
+
+
+def test_directions_that_are_none_read_no_foreign_memory() -> None:
+    fast = compiled(CASES["five of all kinds"])
+    wi, wo = (w.float().numpy() for w in pairs(100))
+    odd = np.array([math.nan, math.inf, -math.inf, 1e30, -1e30, 0], np.float32)
+    wi[10:28] = np.stack([np.roll(odd, k)[:3] for k in range(18)])
+    expected = fast.evaluate_array(*(np.delete(w, np.s_[10:28], 0) for w in (wi, wo)))
+    found = np.delete(fast.evaluate_array(wi, wo), np.s_[10:28], 0)
+    assert np.allclose(found, expected, rtol=1e-5)
 
 
 def test_sums_of_products_too() -> None:
@@ -130,6 +156,15 @@ def test_other_arrays_are_refused(wi, wo) -> None:
     fast = compiled(CASES["fixed h"])
     with pytest.raises(BadInput, match=r"expected float32 of shape \(N, 3\), N alike"):
         fast.evaluate_array(wi, wo)
+
+
+def test_directions_may_lie_anyhow_in_memory_but_values_may_not() -> None:
+    fast = compiled(CASES["fixed h"])
+    wi, wo = (w.float().numpy() for w in pairs(50))
+    columns = [np.asfortranarray(w) for w in (wi, wo)]
+    assert np.array_equal(fast.evaluate_array(*columns), fast.evaluate_array(wi, wo))
+    with pytest.raises(BadInput, match="out: found rows that are not one behind the other"):
+        fast.evaluate_array(wi, wo, np.zeros((3, 50), np.float32).T)
 
 
 def test_a_place_for_the_values_that_does_not_fit_is_refused() -> None:
