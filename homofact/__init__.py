@@ -19,15 +19,19 @@ if TYPE_CHECKING:
     from homofact.api import fit, load, read
     from homofact.methods.cole import Cole
     from homofact.methods.mccool import McCool
+    from homofact.methods.models import Gaussians, Ggx, Nbrdf, Npf
     from homofact.methods.nmf import Nmf
     from homofact.methods.search import Search
     from homofact.methods.svd import Svd
 
-__all__ = ["Cole", "McCool", "Nmf", "Search", "Svd", "__version__", "fit", "load", "read"]
+__all__ = [
+    "Cole", "Gaussians", "Ggx", "McCool", "Nbrdf", "Nmf", "Npf", "Search", "Svd", "__version__", "fit", "load", "read",
+]  # fmt: skip
 
 _HOMES = {name: "homofact.api" for name in ("read", "fit", "load")} | {
     name: f"homofact.methods.{name.lower()}" for name in ("Search", "Cole", "McCool", "Svd", "Nmf")
 }
+_HOMES |= {name: "homofact.methods.models" for name in ("Ggx", "Gaussians", "Npf", "Nbrdf")}
 
 
 give_place(Path(__file__).parent)

@@ -27,7 +27,7 @@ from homofact.files.reading import read_toml
 from homofact.files.tables import described, nearest_key, plain_value
 from homofact.methods import shared
 from homofact.methods.search import Search
-from homofact.methods.table import METHODS
+from homofact.methods.table import ALL_METHODS
 from homofact.options import Declared, options_of
 from homofact.sections import (
     ChartSettings,
@@ -80,7 +80,7 @@ SEED = options_of(_Seed)["seed"]
 def fit_options() -> dict[str, dict[str, Declared]]:
     """The settings of all methods but the seed, by name: each as the methods that have it declare it."""
     found: dict[str, dict[str, Declared]] = {}
-    for name, method in METHODS.items():
+    for name, method in ALL_METHODS.items():
         for setting, declared in options_of(method).items():
             if setting != "seed":
                 found.setdefault(setting, {})[name] = declared

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, MOST_COUNT, SCHEMES
 from homofact.errors import BadInput
 from homofact.methods.search import Search
-from homofact.methods.table import METHODS, made, made_each
+from homofact.methods.table import METHODS, MODELS_BY_NAME, made, made_each
 from homofact.options import check_options, option
 
 if TYPE_CHECKING:
@@ -76,11 +76,14 @@ class CompareSettings:
 
     `metrics` names what they are measured by: six, all, or single metrics.
 
-    A method is a name, or `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`).
+    A method is a name, `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`), or `ggx:` and a
+    number of lobes.
     """
 
     methods: tuple[str, ...] = option(
-        COMPARED, "Names with commas; mccool:A+B has the fixed projections A and B", expected_instead=_several
+        COMPARED,
+        "Names with commas; mccool:A+B has the fixed projections A and B, ggx:2 two lobes",
+        expected_instead=_several,
     )
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")
     metrics: tuple[str, ...] = option(("six",), "six, all, or names with commas (an unknown one lists them)")
@@ -106,7 +109,9 @@ class ChartSettings:
         expected_instead=_none_twice,
     )
     methods: tuple[str, ...] = option(
-        COMPARED, "Names with commas; mccool:A+B has the fixed projections A and B", expected_instead=_several
+        COMPARED,
+        "Names with commas; mccool:A+B has the fixed projections A and B, ggx:2 two lobes",
+        expected_instead=_several,
     )
     textures: tuple[int, ...] = option((1, 2, 3), "Counts of textures, with commas", expected_instead=_several)
     sizes: tuple[int, ...] = option((8, 16, 32), "Texels per side, with commas", expected_instead=_several)
@@ -175,7 +180,10 @@ class FitSection:
     places: Mapping[str, str] = field(default_factory=dict)
 
     def method_alone(self) -> "Method":
-        """The method with all of the settings."""
+        """The method with all of the settings. Raises BadInput for one that gives no textures too."""
+        if self.method in MODELS_BY_NAME:
+            expected = f"one of {', '.join(METHODS)}; models without textures are for homofact compare"
+            raise BadInput(f"{self.places.get('method', 'method')}: found {self.method!r}, expected {expected}")
         return self._placed(lambda: made(self.method, self.settings))
 
     def methods(self, labels: Iterable[str]) -> "dict[str, Method]":

@@ -13,9 +13,10 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.neural import LAYERS, NeuralBrdf, network_input
+from homofact.brdf.neural import LAYERS, NeuralBrdf
 from homofact.brdf.samples import Samples
 from homofact.geometry.expression import Expression, Let, call, constant, variable
+from homofact.parametric.network import train as trained
 from homofact.shading.program import Program
 
 LOSSES = ("cole", "log1p")
@@ -62,36 +63,13 @@ def network_program(network: NeuralBrdf) -> Program:
 
 
 def train(samples: Samples, transform: LogTransform, loss: str, steps: int, seed: int = 0) -> NeuralBrdf:
-    """A network trained on samples by so many steps of Adam, batches of 512, the rate falling to nothing.
+    """A network trained on samples by so many steps with the paper's loss ("log1p") or the Cole error ("cole")."""
+    if loss == "log1p":
+        return trained(samples, steps, seed)
 
-    `loss` is the mean absolute difference of log(1 + f cosθi), the paper's (3.2: "log1p"), or the Cole error ("cole").
-    """
-    generator = torch.Generator().manual_seed(seed)
-    parameters: list[Tensor] = []
-    for inputs, outputs in LAYERS:
-        span = (6 / (inputs + outputs)) ** 0.5
-        weight = (torch.rand(inputs, outputs, generator=generator) * 2 - 1) * span
-        parameters += [weight.requires_grad_(True), torch.zeros(outputs, requires_grad=True)]
-    x = network_input(samples.wi, samples.wo).float()
-    values, cosine = samples.values.float(), samples.wi[:, 2:].float()
-    targets = transform.forward(samples.values).float()
-    optimiser = torch.optim.Adam(parameters, lr=5e-3)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
-    for _ in range(steps):
-        rows = torch.randint(len(x), (512,), generator=generator)
-        y = x[rows]
-        for k in range(0, 6, 2):
-            y = y @ parameters[k] + parameters[k + 1]
-            y = torch.relu(y) if k < 4 else y
-        f = torch.expm1(y).clamp_min(0)
-        if loss == "log1p":
-            off = (torch.log1p(f * cosine[rows]) - torch.log1p(values[rows] * cosine[rows])).abs().mean()
-        else:
-            # Below 0 the cut has no slope; the difference of the uncut value has.
-            off = (transform.forward(f) - targets[rows]).square().mean() + torch.relu(-y).square().mean()
-        optimiser.zero_grad()
-        off.backward()
-        optimiser.step()
-        schedule.step()
-    w0, b0, w1, b1, w2, b2 = (p.detach().double() for p in parameters)
-    return NeuralBrdf((w0, w1, w2), (b0, b1, b2))
+    def cole(values: Tensor, y: Tensor, expected: Tensor, _: Tensor) -> Tensor:
+        off = (transform.forward(values) - transform.forward(expected)).square().mean()
+        # Below 0 the cut has no slope; the difference of the uncut value has.
+        return off + torch.relu(-y).square().mean()
+
+    return trained(samples, steps, seed, cole)

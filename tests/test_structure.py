@@ -16,7 +16,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("files", "geometry", "linear", "options"),
     ("containers", "brdf"),
     ("factor",),
-    ("separable",),
+    ("separable", "parametric"),
     ("methods", "shading"),
     ("render",),
     ("evaluate",),

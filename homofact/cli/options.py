@@ -130,7 +130,7 @@ class Grown:
         """Whose it is, in brackets; nothing for what is no method's."""
         if "" in methods:
             return ""
-        return " (all methods)" if len(methods) == len(METHODS) else f" ({', '.join(methods)})"
+        return " (all methods)" if set(METHODS) <= set(methods) else f" ({', '.join(methods)})"
 
     def given(self, value: Any) -> Any:
         """A value of the command line as the configuration has it; None where it was not given."""

@@ -47,8 +47,8 @@ class Row:
 
     @property
     def spends_bytes(self) -> bool:
-        """Whether the sizes of its textures were found, not given."""
-        return getattr(self.settings, "bytes", None) is not None
+        """Whether the sizes of its textures were found, not given, or it has none."""
+        return getattr(self.settings, "bytes", None) is not None or not self.factorization.textures
 
     def record(self) -> dict[str, Any]:
         """The JSON form of the row (times in seconds, sizes in bytes as float32 texels).

@@ -11,6 +11,7 @@ from homofact.brdf.source import Source
 from homofact.methods.cole import Cole
 from homofact.methods.effort import units
 from homofact.methods.fitting import Method
+from homofact.methods.models import MODELS, Nbrdf
 from homofact.methods.search import Search
 from homofact.methods.table import textures_of
 
@@ -23,6 +24,7 @@ _POWELL = 140  # evaluations of Powell's method for a restart of a term
 _EVALUATION, _SAMPLE_EVALUATED = 2e-3, 2.3e-6  # of an inner problem, for each term solved together
 
 _UNIT = 7e-3  # of `methods.effort`
+_STEP, _MODEL = 7e-4, 5.0  # of a network's training, and a fit of any other model without textures
 
 
 def fit_seconds(settings: Method, samples: int) -> float:
@@ -31,6 +33,10 @@ def fit_seconds(settings: Method, samples: int) -> float:
     if isinstance(settings, Search) and settings.bytes is not None:
         size = math.isqrt(max(settings.bytes // (12 * textures), 1))
     after = _ALWAYS + _SAMPLE_MEASURED * samples
+    if isinstance(settings, Nbrdf):
+        return after + _STEP * settings.steps
+    if isinstance(settings, MODELS):
+        return after + _MODEL
     if settings.name == "svd":
         return after + 0.9 * (size / 16) ** 3.3
     if settings.name == "nmf":

@@ -85,18 +85,18 @@ def settings_of(fitted: "Fitted") -> "Method":
 
     What is missing or cannot be meant takes its default; the size is then that of the largest texture.
     """
-    from homofact.methods.table import METHODS, settings_of_class
+    from homofact.methods.table import ALL_METHODS, settings_of_class
 
     kept = _mapping(fitted.provenance.get("settings"))
     name = fitted.provenance.get("method", kept.get("method"))
-    method = METHODS.get(name if isinstance(name, str) else "", METHODS["search"])
+    method = ALL_METHODS.get(name if isinstance(name, str) else "", ALL_METHODS["search"])
     # A fit of version 0.1.0 has all methods' settings in one, the method's name among them.
     kept = _renamed(kept, method.name) if "method" in kept else kept
     known = {setting: value for setting, value in kept.items() if setting in settings_of_class(method)}
     own: dict[str, Any] = {"epsilon": fitted.transform.epsilon}
-    side: dict[str, Any] = {"size": _largest_side(fitted)}
+    side: dict[str, Any] = {"size": _largest_side(fitted)} if "size" in settings_of_class(method) else {}
     # A size that no texture of the fit has would ask for any amount of memory.
-    if isinstance(known.get("size"), int) and known["size"] > side["size"]:
+    if isinstance(known.get("size"), int) and known["size"] > side.get("size", 0):
         del known["size"]
     try:
         return method(**(side | known | own))

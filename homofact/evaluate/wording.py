@@ -4,13 +4,17 @@ from collections.abc import Sequence
 
 
 def shapes(sizes: Sequence[Sequence[int]]) -> str:
-    """Textures by their (rows, columns): "2 × 16²", or rows × columns of each where they differ.
+    """Textures by their (rows, columns): "2 × 16²", "2 × 17×15", or rows × columns of each where they differ.
 
-    One of a single row counts as a square one of its length.
+    One of a single row counts as a square one of its length. A dash where there is none.
     """
+    if not sizes:
+        return "–"
     sides = {max(size) for size in sizes if min(size) in (1, max(size))}
     if len(sides) == 1 and all(min(size) in (1, max(size)) for size in sizes):
         return f"{len(sizes)} × {sides.pop()}²"
+    if len(sizes) > 1 and all(tuple(size) == tuple(sizes[0]) for size in sizes):
+        return f"{len(sizes)} × {sizes[0][0]}×{sizes[0][1]}"
     return " + ".join(f"{rows}×{columns}" for rows, columns in sizes)
 
 

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
     from homofact.methods.fitting import Fit, ProgressCallback
 
+GRIDS = ("better", "plain", "centred")
+
 
 def _expected_projections(value: Any) -> str | None:
     return None if value else "at least one"
@@ -21,6 +23,9 @@ class McCool:
     """Settings of a fit with fixed projections: how many textures there are is how many `projections` are named.
 
     The usual list is that of McCool, Ang and Ahmad 2001: p(ωi) q(h) p(ωo), reciprocal, has the textures wi and h.
+    On a `grid` that is "centred" a parabolic map of an even size n has n + 1 rows of n − 1 texels, and a texel at the
+    normal, where the highlight is; on a "plain" one it lies between four. "better" takes the one that is nearer to the
+    training samples.
     """
 
     name: ClassVar[str] = "mccool"
@@ -30,6 +35,9 @@ class McCool:
         metavar="A+B", expected_instead=_expected_projections,
     )  # fmt: skip
     size: int = shared.size()
+    grid: str = option(
+        "better", "Where texels of parabolic maps lie: a texel in the middle, none, or what comes nearer", choices=GRIDS
+    )
     epsilon: float | None = shared.epsilon()
     reciprocal: bool = shared.reciprocal()
     solver: str = shared.solver()

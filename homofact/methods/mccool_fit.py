@@ -2,6 +2,10 @@
 
 f(ωi, ωo) ≈ p(ωi) q(h) p(ωo): two textures, three lookups, reciprocal by construction. Any other list of
 fixed projections by name is solved the same way: one linear problem, all textures together.
+
+The highlight is where h is the normal, the middle of its map. A map of n × n texels, n even, has no texel there, and a
+highlight between four texels is blunt. n + 1 rows of n − 1 texels are as many bytes but one texel and have one: which
+of the two grids is better is tried, for both have equally many unknowns.
 """
 
 import time
@@ -10,8 +14,9 @@ from homofact.brdf.samples import Samples
 from homofact.errors import Report
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization
-from homofact.factor.projection import fixed_projection
+from homofact.factor.projection import Projection, fixed_projection
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
+from homofact.linear.layout import Shape
 from homofact.linear.threads import one_thread
 from homofact.methods.fitting import Fit, at_azimuths, provenance_of, transform_of
 from homofact.methods.mccool import McCool
@@ -26,15 +31,33 @@ def fit_mccool(samples: Samples, settings: McCool) -> Fit:
     projections = tuple(fixed_projection(name, settings.reciprocal) for name in settings.projections)
     samples = at_azimuths(samples, settings, not all(projection.system.isotropic for projection in projections))
     lookups = sum(projection.lookups for projection in projections)
-    shapes = tuple(texture_shape(projection, settings.size) for projection in projections)
-    refuse_too_large(settings, shapes, lookups * len(samples))
+    grids = {
+        name: tuple(_shape(projection, settings.size, name == "centred") for projection in projections)
+        for name in ("plain", "centred")
+        if settings.grid in (name, "better")
+    }
+    for shapes in grids.values():
+        refuse_too_large(settings, shapes, lookups * len(samples))
     transform = transform_of(samples, settings)
     data = LogSamples.of(samples, transform)
-    solved = solve_terms(data, projections, shapes, settings.smoothing, settings.solver, settings.robust)
+    tried = {
+        shapes: solve_terms(data, projections, shapes, settings.smoothing, settings.solver, settings.robust)
+        for shapes in dict.fromkeys(grids.values())
+    }
+    solved = min(tried.values(), key=lambda each: float((residual(data, each.terms) ** 2).mean()))
     terms = solved.terms
     if settings.confidence:
         terms = with_deviations(data, terms, settings.smoothing)
     factorization = Factorization(terms, transform, samples.channels, provenance)
     error = float((residual(data, solved.terms) ** 2).mean())
     seconds = time.perf_counter() - began
-    return Fit(factorization, Report(solved.status, 1, 1, seconds, error, settings.seed, details=solved.details()))
+    return Fit(
+        factorization, Report(solved.status, 1, len(tried), seconds, error, settings.seed, details=solved.details())
+    )
+
+
+def _shape(projection: Projection, size: int, centred: bool) -> Shape:
+    """(rows, columns) of a texture: as many texels, but for one, whether a map of directions is centred or not."""
+    rows, columns = texture_shape(projection, size)
+    is_map = projection.system.domain == "discs" and rows > 1
+    return (rows + 1, columns - 1) if centred and is_map and size % 2 == 0 else (rows, columns)

@@ -7,10 +7,12 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
 from homofact.files.archive import read_archive, saved_file
 from homofact.files.fields import Fields
+from homofact.parametric.model_fit import FORMAT as MODEL
+from homofact.parametric.model_fit import ModelFit
 from homofact.separable.separable import FORMAT as SEPARABLE
 from homofact.separable.separable import Separable
 
-_READERS = {PRODUCT: Factorization.load, SEPARABLE: Separable.load}
+_READERS = {PRODUCT: Factorization.load, SEPARABLE: Separable.load, MODEL: ModelFit.load}
 
 
 def open_saved(place: str | os.PathLike[str]) -> Fitted:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from homofact.errors import BadInput
 from homofact.methods.cole import Cole
 from homofact.methods.mccool import McCool
+from homofact.methods.models import MODELS
 from homofact.methods.nmf import Nmf
 from homofact.methods.search import Search
 from homofact.methods.svd import Svd
@@ -19,13 +20,16 @@ if TYPE_CHECKING:
 
 MCCOOL = McCool().projections
 METHODS: dict[str, type[Any]] = {each.name: each for each in (Search, Cole, McCool, Svd, Nmf)}
+# They have no textures and are there to be compared.
+MODELS_BY_NAME: dict[str, type[Any]] = {each.name: each for each in MODELS}
+ALL_METHODS = METHODS | MODELS_BY_NAME
 
 
 def method_class(name: str) -> type[Any]:
     """The class of the method called `name`. Raises BadInput that lists the names."""
-    if name not in METHODS:
-        raise BadInput(f"method: found {name!r}, expected one of {', '.join(METHODS)}")
-    return METHODS[name]
+    if name not in ALL_METHODS:
+        raise BadInput(f"method: found {name!r}, expected one of {', '.join(ALL_METHODS)}")
+    return ALL_METHODS[name]
 
 
 def settings_of_class(method: type[Any]) -> tuple[str, ...]:
@@ -35,20 +39,27 @@ def settings_of_class(method: type[Any]) -> tuple[str, ...]:
 
 def methods_with(setting: str) -> tuple[str, ...]:
     """The names of the methods that have a setting."""
-    return tuple(name for name, method in METHODS.items() if setting in settings_of_class(method))
+    return tuple(name for name, method in ALL_METHODS.items() if setting in settings_of_class(method))
 
 
-def parsed_label(label: str) -> tuple[str, tuple[str, ...]]:
-    """A label's method and fixed projections: a method's name, or `mccool:` and projections joined by "+".
+def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
+    """A label's method and the settings that it names: `mccool:wi+h` fixed projections, `ggx:2` a number of lobes.
 
-    Raises BadInput for an unknown method, and for projections behind another one or none behind the colon.
+    Raises BadInput for an unknown method, and for what is behind the colon of another one, or nothing.
     """
     name, colon, listed = label.partition(":")
-    method_class(name)
+    own = settings_of_class(method_class(name))
     projections = tuple(part.strip() for part in listed.split("+") if part.strip())
-    if colon and (name != McCool.name or not projections):
-        raise BadInput(f"method: found {label!r}, expected projections behind mccool only, as in mccool:wi+h")
-    return name, projections
+    if not colon:
+        return name, {}
+    if name == McCool.name and projections:
+        return name, {"projections": projections}
+    if "lobes" in own and listed.strip().isdecimal():
+        return name, {"lobes": int(listed)}
+    raise BadInput(
+        f"method: found {label!r}, expected a method's name, or one with fixed projections as in mccool:wi+h, or with a"
+        " number of lobes as in ggx:2"
+    )
 
 
 def made(label: str, settings: Mapping[str, Any]) -> "Method":
@@ -87,12 +98,12 @@ def mccool_like(method: "Method") -> McCool:
 
 
 def _built(label: str, settings: Mapping[str, Any]) -> "Method":
-    name, projections = parsed_label(label)
-    return METHODS[name](**(dict(settings) | ({"projections": projections} if projections else {})))
+    name, named = parsed_label(label)
+    return ALL_METHODS[name](**(dict(settings) | named))
 
 
 def _own(name: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-    known = settings_of_class(METHODS[name])
+    known = settings_of_class(ALL_METHODS[name])
     return {setting: value for setting, value in settings.items() if setting in known}
 
 
@@ -104,7 +115,7 @@ def _refuse_strangers(settings: Collection[str], names: list[str]) -> None:
         if set(having) & set(names):
             continue
         who = f"{names[0]} has no such setting" if len(names) == 1 else f"none of {', '.join(names)} has such a setting"
-        own = ", ".join(dict.fromkeys(each for name in names for each in settings_of_class(METHODS[name])))
+        own = ", ".join(dict.fromkeys(each for name in names for each in settings_of_class(ALL_METHODS[name])))
         of_own = "its own" if len(names) == 1 else "theirs"
         others = f"; {_and(having)} {'has' if len(having) == 1 else 'have'} it" if having else ""
         raise BadInput(f"{setting}: {who}, expected one of {of_own} ({own}){others}")

@@ -19,7 +19,7 @@ SECRET = "theta_i,phi_i,theta_o,phi_o,R,G,B\n0.1,0,0.2,3,hunter2,1,1\n"
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("fit") / "fit.npz"
     source = homofact.read("material:phong-10", count=300)
-    homofact.fit(source, homofact.McCool(size=4)).save(str(path))
+    homofact.fit(source, homofact.McCool(size=4, grid="plain")).save(str(path))
     return path
 
 
@@ -85,7 +85,7 @@ def test_a_pipe_among_the_textures_is_refused(tmp_path: Path) -> None:
     from homofact.export.result import open_result
 
     source = homofact.read("material:phong-10", count=300)
-    fitted = homofact.fit(source, homofact.McCool(size=4)).factorization
+    fitted = homofact.fit(source, homofact.McCool(size=4, grid="plain")).factorization
     write_exported(tmp_path / "out", exported(fitted, format_named("png8")), {})
     (tmp_path / "out" / "texture_0.png").unlink()
     os.mkfifo(tmp_path / "out" / "texture_0.png")

@@ -94,7 +94,7 @@ def test_equal_seeds_give_equal_fits_and_others_do_not() -> None:
 
 def test_textures_but_the_first_have_zero_mean_and_the_mean_error_is_reported() -> None:
     samples = _draw(_product_of_ramps, 3000)
-    fit = fit_mccool(samples, McCool(size=8))
+    fit = fit_mccool(samples, McCool(size=8, grid="plain"))
     data = LogSamples.of(samples, fit.factorization.transform)
     for term in fit.factorization.terms[1:]:
         assert float(term.texture[term.mask].mean(0).abs().max()) < 1e-12
@@ -103,7 +103,7 @@ def test_textures_but_the_first_have_zero_mean_and_the_mean_error_is_reported() 
 
 def test_moving_constants_does_not_change_the_sum() -> None:
     samples = _draw(_product_of_ramps, 3000)
-    fit = fit_mccool(samples, McCool(size=8, smoothing=1e-3))
+    fit = fit_mccool(samples, McCool(size=8, smoothing=1e-3, grid="plain"))
     projections = tuple(term.projection for term in fit.factorization.terms)
     data = LogSamples.of(samples, fit.factorization.transform)
     problem = inner_problem(data, projections, ((8, 8), (8, 8)), 1e-3, tuple(t.mask for t in fit.factorization.terms))

@@ -87,7 +87,7 @@ def judge(
         ring_where=where if share > flux.LEAST_OF_THE_LIGHT else "",
         unmeasured=unmeasured,
         unresolved=flux.between_samples(drawn, light) if seen is None else 0.0,
-        texels_across=None if width is None else width * texels_per_radian(fitted),
+        texels_across=None if width is None or not fitted.textures else width * texels_per_radian(fitted),
         findings=(),
     )
     found_of = [

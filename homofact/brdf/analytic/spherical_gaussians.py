@@ -1,0 +1,64 @@
+"""Microfacets whose slopes are a sum of spherical Gaussians (Wang, Ren, Gong, Snyder and Guo 2009, section 3).
+
+f = kd/π + F G/(4 cosθi cosθo) Σ aⱼ exp(λⱼ (cosθh − 1))
+
+G = min(1, 2 (n·h)(n·ωo)/(h·ωo), 2 (n·h)(n·ωi)/(h·ωi)), the V-grooves of Torrance and Sparrow, and Schlick's F, one F0
+for all Gaussians. Wang et al. fit the same sum and take a shadowing term from it; this one has no parameters.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector
+from homofact.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """One Gaussian about the normal: `amplitude` aⱼ a channel, in sr⁻¹, and `sharpness` λⱼ > 0."""
+
+    amplitude: Colour
+    sharpness: float
+
+
+@dataclass(frozen=True)
+class SphericalGaussians(AnalyticModel):
+    """The formula of the module's head in sr⁻¹; `reflectance` is F0 in [0, 1]."""
+
+    diffuse: Colour
+    gaussians: tuple[Gaussian, ...]
+    reflectance: float
+
+    def __post_init__(self) -> None:
+        """Refuse colours that do not fit the channels, λ ≤ 0 and F0 outside [0, 1]."""
+        self.check_colour("diffuse")
+        for each in self.gaussians:
+            if len(each.amplitude) != len(self.channels) or not all(0 <= x < math.inf for x in each.amplitude):
+                raise BadInput(f"SphericalGaussians: amplitude is {each.amplitude}, expected one number >= 0 a channel")
+            if not 0 < each.sharpness < math.inf:
+                raise BadInput(f"SphericalGaussians: sharpness is {each.sharpness}, expected a number above 0")
+        if not 0 <= self.reflectance <= 1:
+            raise BadInput(f"SphericalGaussians: reflectance is {self.reflectance}, expected a number from 0 to 1")
+
+    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Diffuse term and the Gaussians."""
+        values = self.diffuse_term(self.diffuse, wi)
+        f0 = torch.tensor(self.reflectance, dtype=wi.dtype, device=wi.device)
+        for each in self.gaussians:
+            sharpness = torch.tensor(each.sharpness, dtype=wi.dtype, device=wi.device)
+            values = values + gaussian(sharpness, f0, wi, wo)[..., None] * self.colour(each.amplitude, wi)
+        return values
+
+
+def gaussian(sharpness: Tensor, f0: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
+    """F G exp(λ (cosθh − 1))/(4 cosθi cosθo) (N,), of scalars λ and F0."""
+    h, cosine = half_vector(wi, wo)
+    ni, no = grazing(wi[..., 2]), grazing(wo[..., 2])
+    # 1 − cosθh without cancellation: at a highlight it is all there is.
+    fallen = (h[..., 0] ** 2 + h[..., 1] ** 2) / (1 + h[..., 2].clamp_min(0))
+    groove = (2 * h[..., 2] * torch.minimum(ni, no) / grazing(cosine)).clamp(0, 1)
+    fresnel = f0 + (1 - f0) * (1 - cosine).clamp(0, 1) ** 5
+    return fresnel * groove / (4 * ni * no) * torch.exp(-sharpness * fallen)

@@ -1,0 +1,75 @@
+"""The non-parametric factor model of Bagher, Snyder and Nowrouzezahrai (2016): one-dimensional tables and a constant.
+
+π f = d + s D(θh) F(θd) G(θi) G(θo)/(cosθi cosθo)
+
+a channel each. D has `BINS` bins even in √θh, F and G in θ; a bin's value stands at its centre, between centres it is
+interpolated, and beyond the last ones it stays.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.analytic.common import AnalyticModel, grazing
+from homofact.errors import BadInput
+from homofact.geometry.coordinates import axes_of
+
+BINS = 90
+_AXES = ("theta_h", "theta_d", "theta_i", "theta_o")
+
+
+@dataclass(frozen=True)
+class FactoredBrdf(AnalyticModel):
+    """The model of the module's head: `table` (2 + 3 BINS, C) holds d, s, then D, G and F.
+
+    Raises BadInput for other shapes and numbers that are not finite.
+    """
+
+    table: Tensor
+
+    def __post_init__(self) -> None:
+        """Refuse other shapes and numbers that are not finite."""
+        expected = (2 + 3 * BINS, len(self.channels))
+        if tuple(self.table.shape) != expected or not bool(torch.isfinite(self.table).all()):
+            raise BadInput(f"table: found the shape {tuple(self.table.shape)}, expected {expected} of finite numbers")
+
+    @property
+    def nbytes(self) -> int:
+        """272 numbers a channel as float32."""
+        return 4 * self.table.numel()
+
+    @property
+    def fetches(self) -> int:
+        """Four tables are looked up."""
+        return 4
+
+    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """The tables at the pair's angles, negative sums cut."""
+        parts = self.table.to(wi).split((1, 1, BINS, BINS, BINS))
+        low, share = bins_of(wi, wo)
+        values = factored_values(parts, low, share)
+        cosines = grazing(wi[:, 2]) * grazing(wo[:, 2])
+        return ((parts[0] + parts[1] * values / cosines[:, None]) / math.pi).clamp_min(0)
+
+
+def bins_of(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
+    """(the lower bin, the share of the upper one), (N, 4) each, of θh, θd, θi and θo."""
+    angles = axes_of(_AXES, wi, wo) / (math.pi / 2)
+    angles = torch.cat((angles[:, :1].clamp_min(0).sqrt(), angles[:, 1:]), 1)
+    place = (angles * BINS - 0.5).clamp(0, BINS - 1)
+    low = place.floor().clamp(max=BINS - 2).long()
+    return low, place - low
+
+
+def factored_values(parts: tuple[Tensor, ...], low: Tensor, share: Tensor) -> Tensor:
+    """D F G G (N, C) of tables (BINS, C) d, s, D, G, F at places of `bins_of`."""
+    tables = (parts[2], parts[4], parts[3], parts[3])
+    found = None
+    for k, table in enumerate(tables):
+        s = share[:, k : k + 1]
+        value = (1 - s) * table[low[:, k]] + s * table[low[:, k] + 1]
+        found = value if found is None else found * value
+    assert found is not None
+    return found

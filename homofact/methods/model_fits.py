@@ -1,0 +1,33 @@
+"""Fits of the models that have no textures (`models`), on the samples and with the report of any other fit."""
+
+import time
+from dataclasses import replace
+
+from homofact.brdf.samples import Samples
+from homofact.errors import BadInput, Report, Status
+from homofact.linear.threads import one_thread
+from homofact.methods.fitting import Fit, Method, provenance_of, transform_of
+from homofact.methods.models import Gaussians, Ggx, Nbrdf
+from homofact.parametric.factored_fit import fit_factored
+from homofact.parametric.lobes import fit_gaussians, fit_ggx
+from homofact.parametric.model_fit import ModelFit
+from homofact.parametric.network import train
+
+
+@one_thread
+def fit_model(samples: Samples, settings: Method) -> Fit:
+    """The model of `settings` fitted to samples. Raises BadInput for a network of other than three channels."""
+    began = time.perf_counter()
+    if isinstance(settings, Ggx):
+        model, report = fit_ggx(samples, settings.lobes, settings.seed)
+    elif isinstance(settings, Gaussians):
+        model, report = fit_gaussians(samples, settings.lobes, settings.seed)
+    elif isinstance(settings, Nbrdf):
+        if len(samples.channels) != 3:
+            raise BadInput(f"nbrdf: found {len(samples.channels)} channels, expected the 3 that the network has")
+        model = replace(train(samples, settings.steps, settings.seed), channels=samples.channels)
+        report = Report(Status.BUDGET, settings.steps, settings.steps, 0.0, 0.0, settings.seed)
+    else:
+        model, report = fit_factored(samples, settings.seed)
+    fit = ModelFit(model, transform_of(samples, settings), provenance_of(samples, settings))
+    return Fit(fit, replace(report, seconds=time.perf_counter() - began))
