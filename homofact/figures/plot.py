@@ -69,4 +69,8 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row | SeedRows]) -> N
 
 def _name(several: SeedRows) -> str:
     found = dict.fromkeys(shapes([texture.size for texture in row.factorization.textures]) for row in several.rows)
-    return f"{several.first.settings.name}, {' or '.join(found)}"
+    settings = several.first.settings
+    if not several.first.factorization.textures:
+        lobes = getattr(settings, "lobes", 0)
+        return f"{settings.name}, {lobes} lobe{'' if lobes == 1 else 's'}" if lobes else settings.name
+    return f"{settings.name}, {' or '.join(found)}"
