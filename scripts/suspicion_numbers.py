@@ -6,8 +6,8 @@ Materials are drawn from the neural surrogates of MERL materials and the analyti
 five ways in turn: at pairs drawn in the discs, by lobes, on a goniometer's rings in the order of its angles, the same
 with 3% of noise, and the same in random order. Every fault of `brdf.suspicion.planting` is planted at each of its
 strengths, and all checks are asked as `homofact info` asks them. Named rightly: the fault's own check speaks, whatever
-else does; accused wrongly: others speak, and it does not. What is planted on a material that cannot show it (a highlight
-that is not there, colours of a grey one) counts as silent all the same.
+else does; accused wrongly: others speak, and it does not. What is planted on a material that cannot show it (no
+highlight, no colours) counts as silent all the same.
 """
 
 import math
@@ -15,6 +15,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import torch
@@ -107,6 +108,7 @@ def tables(found: list[Said]) -> str:
             words = ", ".join(f"{name} {count}" for name, count in instead.most_common(3))
             label = f"{fault.name} {strength:g}" if len(fault.strengths) > 1 else fault.name
             rows.append((label, fault.found_as[0], named, len(silent), sum(instead.values()), words or "–", accused))
+    header = ("planted", "check", "named rightly", "silent", "accused wrongly", "of what", "of clean ones")
     by_layout = [
         (layout, len(those), sum(bool(each.said) for each in those),
          ", ".join(f"{n} {c}" for n, c in Counter(n for each in those for n, _ in each.said).most_common()) or "–")
@@ -114,7 +116,7 @@ def tables(found: list[Said]) -> str:
     ]  # fmt: skip
     return "\n\n".join(
         [
-            markdown(("planted", "check", "named rightly", "silent", "accused wrongly", "of what", "of clean ones"), rows),
+            markdown(header, rows),
             "Clean materials, by how they are measured:",
             markdown(("measured", "materials", "accused", "of what"), by_layout),
             "Suspicions by the odds they are said with, all checks:",
@@ -126,7 +128,7 @@ def tables(found: list[Said]) -> str:
 def _by_odds(found: list[Said]) -> list[tuple[str, int, int, str]]:
     """(range, how often said, how often it is the planted fault's own check, share)."""
     rows = []
-    for low, high in zip(ODDS, ODDS[1:], strict=False):
+    for low, high in pairwise(ODDS):
         those = [name in each.right for each in found for name, odds in each.said if low <= odds < high]
         words = f"{low:,.0f} to {high:,.0f}" if high < math.inf else f"over {low:,.0f}"
         rows.append((words, len(those), sum(those), f"{sum(those) / len(those):.0%}" if those else "–"))

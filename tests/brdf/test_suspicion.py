@@ -15,8 +15,9 @@ from homofact.brdf.suspicion.evidence import Evidence
 from homofact.brdf.suspicion.planting import FAULTS, Planted
 from homofact.brdf.suspicion.suspects import suspicions, undone_evidence
 from homofact.brdf.suspicion.undo import UNDO, names_in, srgb_decoded, undone
+from homofact.brdf.symmetry import angles_of_pairs
 from homofact.errors import BadInput
-from homofact.geometry.directions import to_spherical
+from homofact.geometry.directions import from_spherical, to_spherical
 
 COUNT = 1000
 
@@ -173,3 +174,33 @@ def test_names_to_undo() -> None:
         names_in("sRGB")
     with pytest.raises(BadInput, match="undo: found 'nothing'"):
         undone(clean("phong-10"), ["nothing"])
+
+
+def on_rings(seed: int | None = None) -> Samples:
+    """A goniometer's samples in the order of its angles, or in a random one."""
+    theta_i = torch.arange(10.0, 81.0, 10.0, dtype=torch.float64).deg2rad()
+    theta_o = torch.linspace(8, 80, 10, dtype=torch.float64).deg2rad()
+    i, o, phi = torch.meshgrid(theta_i, theta_o, torch.linspace(0, math.pi, 12, dtype=torch.float64), indexing="ij")
+    wi, wo = from_spherical(i.reshape(-1), 0 * i.reshape(-1)), from_spherical(o.reshape(-1), phi.reshape(-1))
+    model = MATERIALS["cook-torrance-plastic"].model
+    samples = Samples.make(wi, wo, model.evaluate(wi, wo), channels=model.channels, isotropic=True)
+    if seed is None:
+        return samples
+    return samples.select(torch.randperm(len(samples), generator=torch.Generator().manual_seed(seed)))
+
+
+def test_a_drift_over_rows_that_are_sorted_by_angle_is_not_told_from_the_material() -> None:
+    drift = next(fault.plant for fault in FAULTS if fault.name == "drift in time")
+
+    def said(samples: Samples) -> set[str]:
+        return {each.name for each in suspicions(samples)}
+
+    assert said(on_rings(1)) == set()
+    assert "drift-in-time" in said(drift(on_rings(1), 0.6, 0))
+    assert said(on_rings()) == set()
+    assert "drift-in-time" not in said(drift(on_rings(), 0.6, 0))
+    # Whichever angle the rows are sorted by.
+    ordered = on_rings(1)
+    for angle in (ordered.wi[:, 2], ordered.wo[:, 2], angles_of_pairs(ordered.wi, ordered.wo)[:, 2]):
+        by_angle = ordered.select(angle.argsort(stable=True))
+        assert "drift-in-time" not in said(drift(by_angle, 0.6, 0))
