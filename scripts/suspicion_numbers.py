@@ -116,13 +116,24 @@ def tables(found: list[Said]) -> str:
     ]  # fmt: skip
     return "\n\n".join(
         [
-            markdown(header, rows),
+            markdown(header, rows, 2),
             "Clean materials, by how they are measured:",
             markdown(("measured", "materials", "accused", "of what"), by_layout),
+            "Suspicions by check, on clean materials and planted ones alike; right is what names the planted fault:",
+            markdown(("check", "said", "right", "share"), _by_check(found)),
             "Suspicions by the odds they are said with, all checks:",
             markdown(("odds to 1", "said", "right", "share"), _by_odds(found)),
         ]
     )  # fmt: skip
+
+
+def _by_check(found: list[Said]) -> list[tuple[str, int, int, str]]:
+    """(check, how often it speaks, how often of its own fault, share)."""
+    said: dict[str, list[bool]] = {}
+    for each in found:
+        for name, _ in each.said:
+            said.setdefault(name, []).append(name in each.right)
+    return [(name, len(those), sum(those), f"{sum(those) / len(those):.0%}") for name, those in sorted(said.items())]
 
 
 def _by_odds(found: list[Said]) -> list[tuple[str, int, int, str]]:
