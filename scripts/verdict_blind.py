@@ -95,7 +95,9 @@ def judged(given: Given, seed: int) -> Case:
         method = given.settings[given.choice % len(given.settings)]
         smoothing = getattr(method, "smoothing", None)
         what = f"{method.name} {getattr(method, 'textures', 2)} × {method.size}²"
-        what += f", smoothing {smoothing:g}" if smoothing not in (None, type(method)().smoothing) else ""
+        what += (
+            f", smoothing {smoothing:g}" if smoothing not in (None, getattr(type(method)(), "smoothing", None)) else ""
+        )
         samples = sample_model(given.material, COUNT, "lobe", seed)
         source = Source(given.name, "material", samples, given.material, 1e-5, 0.0)
     else:

@@ -282,8 +282,8 @@ def fresh_material(folder: Path, pick: Callable[[int], int]) -> tuple[str, Drawa
     names = material_names(networks)
     one, two = names[pick(len(names))], names[pick(len(names))]
     share = (1 + pick(9)) / 10
-    pair = (load(f"{networks}#{name}") for name in (one, two))
-    return f"{share:g} {one} + {1 - share:g} {two}", Mixture(*pair, share)
+    first, second = (load(f"{networks}#{name}") for name in (one, two))
+    return f"{share:g} {one} + {1 - share:g} {two}", Mixture(first, second, share)
 
 
 def _drawn_model(pick: Callable[[int], int]) -> tuple[str, Drawable]:

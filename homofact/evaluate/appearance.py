@@ -133,8 +133,8 @@ class _Looks:
         if transform is None:
             return None
         found = fit.evaluate(*self.pairs).to(torch.float64)
-        logs = (transform.forward(each) for each in (self.values, found))
-        return explained_variance(*logs, torch.ones(PAIRS, dtype=torch.float64))
+        expected, logs = (transform.forward(each) for each in (self.values, found))
+        return explained_variance(expected, logs, torch.ones(PAIRS, dtype=torch.float64))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import pytest
 import torch
 from PIL import Image
 
-from homofact.brdf.analytic import AnalyticModel, Lambert, Ward
+from homofact.brdf.analytic import AnalyticModel, BlinnPhong, Lambert, Ward
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.sampling import sample_model
 from homofact.geometry.directions import from_spherical, normalize
@@ -148,7 +148,8 @@ def test_what_cannot_be_known_is_told_by_samples_and_the_clean_material(
     script: Callable[[str], ModuleType],
 ) -> None:
     truth, cases = script("verdict_truth"), script("verdict_cases")
-    narrow = Ward((0.2,), (0.3,), alpha_x=0.01, alpha_y=0.01, channels=("Y",))
+    broad = BlinnPhong((0.3,), (0.5,), 10, channels=("Y",))
+    narrow = cases.Mixture(broad, Ward((0.0,), (0.6,), alpha_x=0.01, alpha_y=0.01, channels=("Y",)), 0.5)
     base = Lambert((0.2,), channels=("Y",))
     samples = sample_model(narrow, 3000, "discs", 0)
     far = samples.select(normalize(samples.wi + samples.wo)[:, 2] < math.cos(math.radians(5)))
@@ -165,7 +166,7 @@ def test_what_cannot_be_known_is_told_by_samples_and_the_clean_material(
             evaluate=lambda wi, wo: factor * model.evaluate(wi, wo),
         )
 
-    seen = truth.truth_of(fitted(base), narrow, far, None, 0)
+    seen = truth.truth_of(fitted(broad, 0.5), narrow, far, None, 0)
     assert seen.plainly_bad
     assert seen.plainly_unknowable == truth.BETWEEN
     # A scale is another material where it leaves the albedo under 1, and the fit is a good one of that.
