@@ -240,3 +240,10 @@ def test_levels_are_measured_by_how_many_values_come_twice() -> None:
     once = check_of("quantised").figures(Evidence.of(both))
     assert once is not None
     assert once[0] == 0
+
+
+def test_what_is_beyond_doubt_is_undone_before_the_instrument_is_asked() -> None:
+    turned, tilted = clean("blinn-phong-50"), clean("lafortune-clay")
+    assert {each.name for each in suspicions(undone(turned, ["elevation"]))} == {"elevation"}
+    found = suspicions(replace(tilted, values=tilted.values * tilted.wo[:, 2:] ** 2))
+    assert {each.name for each in found} == {"cosine-o-squared"}
