@@ -93,23 +93,47 @@ def reciprocity_of(reflectance: Reflectance, count: int = 2000, seed: int = 0) -
     return _spread(one, two)
 
 
-def reciprocity_of_samples(samples: Samples, seed: int = 0) -> dict[str, float] | None:
-    """The same of samples against those near their swapped places; None where fewer than ten have one.
+@dataclass(frozen=True)
+class Swapped:
+    """N samples (`chosen`, their rows) and for each the one nearest to its swapped place.
 
-    Pairs whose swapped place is their own (θi = θo within 1°) say nothing and are left out.
+    `tree` holds the places of all N (`here` (N, k)), `nearest` (N,) are numbers among them, `found` (N,) says where
+    one lies within the limit and the swapped place is another than the sample's own.
     """
-    some = samples.subset(_MOST_SAMPLES, seed)
+
+    chosen: Tensor
+    tree: KDTree
+    here: Tensor
+    nearest: Tensor
+    found: Tensor
+
+
+def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
+    """Who stands within 1° of each sample's swapped place, of at most 20 000 samples drawn by `seed`.
+
+    Pairs whose swapped place is their own (θi = θo within 1°) say nothing and count as not found.
+    """
+    chosen = torch.randperm(len(samples), generator=torch.Generator().manual_seed(seed))[:_MOST_SAMPLES]
+    wi, wo = samples.wi[chosen], samples.wo[chosen]
     if samples.isotropic:
-        here = angles_of_pairs(some.wi, some.wo)
+        here = angles_of_pairs(wi, wo)
         there = here[:, [1, 0, 2]]
     else:
-        here, there = torch.cat((some.wi, some.wo), 1), torch.cat((some.wo, some.wi), 1)
-    distance, nearest = KDTree(here.numpy()).query(there.numpy(), distance_upper_bound=_NEAR)
+        here, there = torch.cat((wi, wo), 1), torch.cat((wo, wi), 1)
+    tree = KDTree(here.numpy())
+    distance, nearest = tree.query(there.numpy(), distance_upper_bound=_NEAR)
     found = torch.from_numpy(np.isfinite(distance)) & ((here - there).norm(dim=1) > 2 * _NEAR)
+    return Swapped(chosen, tree, here, torch.from_numpy(np.asarray(nearest)), found)
+
+
+def reciprocity_of_samples(samples: Samples, seed: int = 0) -> dict[str, float] | None:
+    """The same of samples against those near their swapped places; None where fewer than ten have one."""
+    swapped = swapped_neighbours(samples, seed)
+    found = swapped.found
     if int(found.sum()) < 10:
         return None
-    values = some.values.mean(1)
-    return _spread(values[found], values[torch.from_numpy(nearest)[found]]) | {"pairs": int(found.sum())}
+    values = samples.values[swapped.chosen].mean(1)
+    return _spread(values[found], values[swapped.nearest[found]]) | {"pairs": int(found.sum())}
 
 
 def light_azimuths(isotropic: bool) -> tuple[float, ...]:

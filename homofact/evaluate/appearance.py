@@ -8,6 +8,9 @@ The energy is `evaluate.energy`'s. The pictures are of a sphere, each pair at on
   difference. Exposed for the middle and under the filmic curve, since a gloss reflects lamps many times as bright as
   white.
 
+Beside them what the fit explains of the logarithms of `PAIRS` pairs drawn anew in the discs, which no fit has seen: the
+few that a fit holds out say it no better than to several per cent.
+
 PSNR is of the pictures' encoded values. A source that merely interpolates samples has no light of its own to be
 compared: there is no answer then.
 """
@@ -23,11 +26,13 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.channels import display_of
+from homofact.brdf.pair_density import RIM
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import Source, made_of_samples
 from homofact.evaluate.energy import EnergyErrors, SourceLight
 from homofact.evaluate.image_metrics import psnr
-from homofact.geometry.directions import from_cosine
+from homofact.evaluate.metrics import explained_variance
+from homofact.geometry.directions import draw_in_discs, from_cosine
 from homofact.geometry.quadrature import hemisphere_nodes
 from homofact.render.fixed_lights import sky
 from homofact.render.light import DEFAULT_LIGHT
@@ -36,6 +41,8 @@ from homofact.render.surface import sphere_frames
 from homofact.render.tonemap import choose_exposure, choose_middle, displayed
 
 PIXELS, PLACES = 128, 128
+PAIRS = 4000
+_SEED = 20261122
 _RINGS, _SPOKES = 32, 12
 _VIEW = (0.0, 0.0, 1.0)
 
@@ -65,11 +72,16 @@ def mean_figures(several: Sequence[Figures]) -> Figures:
 
 @dataclass(frozen=True)
 class Appearance:
-    """`energy`, and the PSNR in dB of the sphere under a lamp and under the sky; infinite where nothing differs."""
+    """`energy`, and the PSNR in dB of the sphere under a lamp and under the sky; infinite where nothing differs.
+
+    `explained` is the share of the variance of the source's logarithms that the fit explains, of its worst channel;
+    None of a reflectance that has no transform to take logarithms by.
+    """
 
     energy: EnergyErrors
     psnr_light: float
     psnr_sky: float
+    explained: float | None = None
 
     @property
     def figures(self) -> Figures:
@@ -99,6 +111,8 @@ class _Looks:
         self.to_rgb = display_of(source.reflectance.channels)
         self.light = SourceLight.of(source.reflectance, source.samples.isotropic)
         self.pictures = self.draw(source.reflectance)
+        self.pairs = draw_in_discs(PAIRS, torch.Generator().manual_seed(_SEED), RIM)
+        self.values = source.reflectance.evaluate(*self.pairs).to(torch.float64)
 
     def draw(self, reflectance: Reflectance) -> tuple[SphereImage, SphereImage]:
         """The sphere under the lamp, and under the sky."""
@@ -110,7 +124,17 @@ class _Looks:
         energy = self.light.errors(fit)
         (lamp, sky), (own_lamp, own_sky) = self.draw(fit), self.pictures
         by_lamp = _psnr(own_lamp, lamp, choose_exposure(own_lamp), "srgb")
-        return Appearance(energy, by_lamp, _psnr(own_sky, sky, choose_middle(own_sky), "filmic"))
+        by_sky = _psnr(own_sky, sky, choose_middle(own_sky), "filmic")
+        return Appearance(energy, by_lamp, by_sky, self.explained(fit))
+
+    def explained(self, fit: Reflectance) -> float | None:
+        """What the fit explains of the logarithms of the source."""
+        transform = getattr(fit, "transform", None)
+        if transform is None:
+            return None
+        found = fit.evaluate(*self.pairs).to(torch.float64)
+        expected, logs = (transform.forward(each) for each in (self.values, found))
+        return explained_variance(expected, logs, torch.ones(PAIRS, dtype=torch.float64))
 
 
 @dataclass(frozen=True, eq=False)

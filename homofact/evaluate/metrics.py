@@ -54,3 +54,14 @@ def six_errors(found: Tensor, expected: Tensor, transform: LogTransform, weights
 def measure(reflectance: Reflectance, samples: Samples, transform: LogTransform) -> SixErrors:
     """The metrics of a reflectance on samples of the same channels; of lobes the means are over the discs."""
     return six_errors(reflectance.evaluate(samples.wi, samples.wo), samples.values, transform, disc_shares(samples))
+
+
+def explained_variance(expected: Tensor, found: Tensor, weights: Tensor) -> float:
+    """1 − Σw(found − expected)²/Σw(expected − mean)² of logs (N, C), of the worst channel, for weights (N,).
+
+    A constant BRDF has no variance to explain; what counts then is whether it is met.
+    """
+    weights = (weights / weights.sum())[:, None]
+    missed = (weights * (found - expected).square()).sum(0)
+    there = (weights * (expected - (weights * expected).sum(0)).square()).sum(0)
+    return float((1 - missed / there.clamp_min(1e-6)).min())

@@ -7,16 +7,19 @@ from functools import lru_cache
 import pytest
 import torch
 
+from homofact.brdf.analytic import BlinnPhong, Lambert
 from homofact.brdf.materials import MATERIALS
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.suspicion import conventions
+from homofact.brdf.suspicion.base import base_of
 from homofact.brdf.suspicion.evidence import Evidence
 from homofact.brdf.suspicion.planting import FAULTS, Planted
-from homofact.brdf.suspicion.suspects import suspicions, undone_evidence
+from homofact.brdf.suspicion.suspects import check_of, suspicions, undone_evidence
 from homofact.brdf.suspicion.undo import UNDO, names_in, srgb_decoded, undone
+from homofact.brdf.symmetry import angles_of_pairs
 from homofact.errors import BadInput
-from homofact.geometry.directions import to_spherical
+from homofact.geometry.directions import from_spherical, to_spherical
 
 COUNT = 1000
 
@@ -173,3 +176,74 @@ def test_names_to_undo() -> None:
         names_in("sRGB")
     with pytest.raises(BadInput, match="undo: found 'nothing'"):
         undone(clean("phong-10"), ["nothing"])
+
+
+def on_rings(seed: int | None = None) -> Samples:
+    """A goniometer's samples in the order of its angles, or in a random one."""
+    theta_i = torch.arange(10.0, 81.0, 10.0, dtype=torch.float64).deg2rad()
+    theta_o = torch.linspace(8, 80, 10, dtype=torch.float64).deg2rad()
+    i, o, phi = torch.meshgrid(theta_i, theta_o, torch.linspace(0, math.pi, 12, dtype=torch.float64), indexing="ij")
+    wi, wo = from_spherical(i.reshape(-1), 0 * i.reshape(-1)), from_spherical(o.reshape(-1), phi.reshape(-1))
+    model = MATERIALS["cook-torrance-plastic"].model
+    samples = Samples.make(wi, wo, model.evaluate(wi, wo), channels=model.channels, isotropic=True)
+    if seed is None:
+        return samples
+    return samples.select(torch.randperm(len(samples), generator=torch.Generator().manual_seed(seed)))
+
+
+def test_a_drift_over_rows_that_are_sorted_by_angle_is_not_told_from_the_material() -> None:
+    drift = next(fault.plant for fault in FAULTS if fault.name == "drift in time")
+
+    def said(samples: Samples) -> set[str]:
+        return {each.name for each in suspicions(samples)}
+
+    assert said(on_rings(1)) == set()
+    assert "drift-in-time" in said(drift(on_rings(1), 0.6, 0))
+    assert said(on_rings()) == set()
+    assert "drift-in-time" not in said(drift(on_rings(), 0.6, 0))
+    # Whichever angle the rows are sorted by.
+    ordered = on_rings(1)
+    for angle in (ordered.wi[:, 2], ordered.wo[:, 2], angles_of_pairs(ordered.wi, ordered.wo)[:, 2]):
+        by_angle = ordered.select(angle.argsort(stable=True))
+        assert "drift-in-time" not in said(drift(by_angle, 0.6, 0))
+
+
+def test_the_base_is_what_lies_off_the_highlight() -> None:
+    """Of a Lambertian base under a lobe: its albedo, and no cosine in it; of a base with cosines their exponent."""
+    glossy = sample_model(BlinnPhong((0.3,), (0.5,), 300, channels=("Y",)), 6000, "lobe", 1)
+    found = base_of(Evidence.of(glossy))
+    assert found is not None
+    assert found == pytest.approx((0.0, 0.3), abs=0.02)
+    tilted = replace(glossy, values=glossy.values * (glossy.wi[:, 2:] * glossy.wo[:, 2:]) ** 0.7)
+    found = base_of(Evidence.of(tilted))
+    assert found is not None
+    assert found[0] == pytest.approx(0.7, abs=0.03)
+
+
+def test_levels_are_measured_by_how_many_values_come_twice() -> None:
+    samples = sample_model(Lambert((0.5,), channels=("Y",)), 1200, "discs", 5)
+    number = torch.arange(1200, dtype=torch.float64)
+    # Levels 1.00, 1.01, ... of two samples each, as many that come once; the commonest value is left out.
+    twice = torch.where(number < 600, 1 + (number % 300) / 100, 10 + number).where(number < 1190, 0.5)
+    given = Evidence.of(replace(samples, values=twice[:, None]))
+    figures = check_of("quantised").figures(given)
+    assert figures is not None
+    assert figures[0] == pytest.approx(600 / 1189, abs=2e-3)
+    different = (1 + number / 100).where(number < 1190, 0.5)[:, None]
+    once = check_of("quantised").figures(Evidence.of(replace(samples, values=different)))
+    assert once is not None
+    assert once[0] == 0
+    # The same values at a swapped place are one.
+    joined = {name: torch.cat((getattr(samples, name), getattr(samples, other)))
+              for name, other in (("wi", "wo"), ("wo", "wi"))}  # fmt: skip
+    both = replace(samples, **joined, values=different.repeat(2, 1), weights=torch.ones(2400))
+    once = check_of("quantised").figures(Evidence.of(both))
+    assert once is not None
+    assert once[0] == 0
+
+
+def test_what_is_beyond_doubt_is_undone_before_the_instrument_is_asked() -> None:
+    turned, tilted = clean("blinn-phong-50"), clean("lafortune-clay")
+    assert {each.name for each in suspicions(undone(turned, ["elevation"]))} == {"elevation"}
+    found = suspicions(replace(tilted, values=tilted.values * tilted.wo[:, 2:] ** 2))
+    assert {each.name for each in found} == {"cosine-o-squared"}

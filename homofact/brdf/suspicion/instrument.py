@@ -9,11 +9,12 @@ import math
 import numpy as np
 
 from homofact.brdf.suspicion.check import Check, Figures
-from homofact.brdf.suspicion.evidence import Evidence
+from homofact.brdf.suspicion.evidence import Evidence, hats, robust_fit
 from homofact.brdf.suspicion.geometry import odd_columns
 
 _RINGS = 18
 _FEWEST_ON_A_RING = 12
+_TOLD = 0.5  # of the variance of a row's place, left when an angle is known
 _CONE, _AROUND = math.radians(6.0), math.radians(13.0)  # half of the angle between ωi and ωo is θd
 
 
@@ -26,9 +27,25 @@ def _spread(gains: np.ndarray, weight: np.ndarray) -> float:
     return float(np.sqrt(np.average((gains - mean) ** 2, weights=weight)))
 
 
+def _sorted_by_angle(evidence: Evidence) -> bool:
+    """Whether θi, θo or the azimuth between them tells where a row stands in the file."""
+    theta_i, theta_o = _thetas(evidence)
+    turn = np.arctan2(evidence.wi[:, 1], evidence.wi[:, 0]) - np.arctan2(evidence.wo[:, 1], evidence.wo[:, 0])
+    around = np.arccos(np.clip(np.cos(turn), -1, 1))
+    for angle in (theta_i, theta_o, around):
+        knots = np.unique(np.quantile(angle, np.linspace(0, 1, _RINGS + 1)))
+        residual = robust_fit(hats(angle, knots), evidence.place, np.ones(len(angle)))[1]
+        if residual.var() < _TOLD * evidence.place.var():
+            return True
+    return False
+
+
 def _time(evidence: Evidence) -> Figures | None:
-    """The log of the RMS of a slow gain over the rows, and by how much the fit's error falls with it."""
-    if len(np.unique(evidence.place)) < 100:
+    """The log of the RMS of a slow gain over the rows, and by how much the fit's error falls with it.
+
+    None where rows are sorted by an angle: a gain over the rows is one over the angle then, or the material itself.
+    """
+    if len(np.unique(evidence.place)) < 100 or _sorted_by_angle(evidence):
         return None
     odd = odd_columns(evidence)
     slow = np.polynomial.legendre.legvander(evidence.place, 5)[:, 1:]

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Any
 
 NAMES = (
-    "status", "condition", "light", "highlight", "narrow", "explained", "positivity", "energy", "reciprocity",
+    "status", "condition", "light", "highlight", "narrow", "explained", "positivity", "energy", "step", "reciprocity",
     "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring", "coverage", "sampling",
     "determined", "azimuth",
 )  # fmt: skip

@@ -16,21 +16,24 @@ from homofact.brdf.pair_density import solid_angles
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.scatter import places_of
-from homofact.brdf.symmetry import angles_of_pairs, light_azimuths, ring_numbers
+from homofact.brdf.symmetry import light_azimuths, ring_numbers, swapped_neighbours
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import from_spherical, to_spherical
 from homofact.geometry.quadrature import disc_nodes, hemisphere_nodes
 from homofact.linear.robust import scale_of
 
 ALBEDO_DEGREES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 85.0, 88.0)
+STEADY_DEGREES = 45.0
 BANDS = {"θi": (0, 15, 30, 45, 60, 75, 90), "θh": (0, 2, 5, 10, 20, 40, 90)}
 LEAST_IN_A_BAND, LEAST_OF_THE_LIGHT = 30, 0.02
 SURE = 2.0  # standard errors by which a band has to be off
 BRIGHTEST = 0.1  # of the samples' light: what is called their highlight
 BESIDE = 6
+INNERMOST, LEAST_GRAZING = 8, 70.0
+LEAST_HIDDEN, STEEPEST = 0.005, 1.9
+_LEAST_ANGLE = 1e-4
 LEAST_TIED = 3
 OUTLIER, FEW_OUTLIERS = 6.0, 0.05
-NEAR, MOST_SAMPLES = 1.0, 20_000
 _SAME = 1e-6  # directions this near are one
 _LEVELS, _RINGS, _SPOKES = 6, 32, 24
 
@@ -97,8 +100,9 @@ def brightest(samples: Samples, flux: Tensor, found: Tensor) -> float | None:
 def between_samples(samples: Samples, flux: Tensor) -> float:
     """By how much the brightest samples exceed their neighbours, as a share of their value: the median of them.
 
-    Those that hold `BRIGHTEST` of the light, each beside the mean of its `BESIDE` nearest. Where most of a bright
-    sample is gone at the next, the highlight is narrower than the sampling, and its light a matter of chance.
+    Those that hold `BRIGHTEST` of the light, each beside the mean of its `BESIDE` nearest, of an isotropic material in
+    (√θh, θd): what other angles of the light show of a highlight is known. Where most of a bright sample is gone at the
+    next, the highlight is narrower than the sampling, and its light a matter of chance.
     """
     if len(samples) < 4 * BESIDE:
         return 0.0
@@ -107,9 +111,43 @@ def between_samples(samples: Samples, flux: Tensor) -> float:
     own = (flux * values)[order]
     count = int((own.cumsum(0) < BRIGHTEST * own.sum()).sum()) + 1
     place = places_of(samples).numpy()
+    if samples.isotropic:
+        theta_h, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
+        place = torch.stack((theta_h.clamp_min(0).sqrt(), theta_d), 1).numpy()
     _, near = KDTree(place).query(place[order[:count].numpy()], k=BESIDE + 1)
     beside = values[torch.from_numpy(np.asarray(near)[:, 1:])].mean(1)
     return float((1 - beside / values[order[:count]].clamp_min(1e-300)).clamp_min(0).median())
+
+
+def rising(samples: Samples, flux: Tensor) -> float:
+    """The exponent at which samples rise towards the mirror direction where they end, f ~ θh^(−exponent).
+
+    Of the mean of the `INNERMOST` with the smallest θh, θd under `LEAST_GRAZING`, beside those at twice to three times
+    as much; less one standard error. A highlight whose top was measured is flat there; one that is still rising goes on
+    where no sample is, nobody knows how high. 0 where the samples are too few, or where what they rise to, carried on
+    to θh = 0, holds less than `LEAST_HIDDEN` of the light.
+    """
+    theta_h, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
+    upright = theta_d < math.radians(LEAST_GRAZING)
+    order = theta_h[upright].argsort(stable=True)
+    angle, values, flux = (
+        each[upright][order] for each in (theta_h.clamp_min(_LEAST_ANGLE), samples.values.mean(1), flux)
+    )
+    if len(angle) < INNERMOST:
+        return 0.0
+    edge = float(angle[INNERMOST - 1])
+    beside = (angle > 2 * edge) & (angle < 3 * edge)
+    parts = values[:INNERMOST], values[beside]
+    if min(len(part) for part in parts) < 4 or min(float(part.mean()) for part in parts) <= 0:
+        return 0.0
+    gap = float(angle[beside].log().mean() - angle[:INNERMOST].log().mean())
+    inner, outer = (float(part.mean()) for part in parts)
+    found = math.log(inner / outer) / gap
+    chance = math.hypot(*(float(part.std() / part.mean()) / math.sqrt(len(part)) for part in parts)) / gap
+    light = flux * values
+    # ∫ θ^(1 − p) dθ over that of a constant: what a power of θh under 2 holds up to the edge.
+    hidden = float(light[:INNERMOST].sum() / light.sum()) * 2 / (2 - min(found, STEEPEST))
+    return found - chance if hidden > LEAST_HIDDEN else 0.0
 
 
 def cut_light(flux: Tensor, expected: Tensor, is_cut: Tensor) -> float:
@@ -128,15 +166,17 @@ def standing_out(samples: Samples, flux: Tensor, found: Tensor, misses: Tensor) 
     return float(missed[far].sum() / light.sum().clamp_min(1e-300))
 
 
-def dark_light(samples: Samples, flux: Tensor) -> tuple[float, float]:
-    """(share of the samples that are zero in a channel, share of the light that is missing there), worst channels.
+def dark_light(samples: Samples, flux: Tensor) -> tuple[float, float, float]:
+    """(share of the samples that are zero in a channel, share of the light that is missing there, of white light).
 
-    What is missing is what the nearest sample that is not zero would have there.
+    Of the worst channels. What is missing is what the nearest sample that is not zero would have there; the third is
+    the share of the light that a white surface would have where samples are zero in all channels.
     """
     zero = samples.values == 0
     share, missing = float(zero.double().mean(0).max()), 0.0
     if share == 0:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
+    white = float((flux * zero.all(1)).sum() / flux.sum().clamp_min(1e-300))
     place = places_of(samples).numpy()
     for channel in range(zero.shape[1]):
         gone = zero[:, channel]
@@ -147,7 +187,7 @@ def dark_light(samples: Samples, flux: Tensor) -> tuple[float, float]:
         values = samples.values[there, channel]
         lost = float((flux[gone] * values[torch.from_numpy(np.asarray(near))]).sum())
         missing = max(missing, lost / (lost + float((flux[there] * values).sum())))
-    return share, missing
+    return share, missing, white
 
 
 def clipped_light(samples: Samples, flux: Tensor) -> float:
@@ -160,6 +200,21 @@ def clipped_light(samples: Samples, flux: Tensor) -> float:
         tied = (values == values.max()) & (values > 0)
         if LEAST_TIED <= int(tied.sum()) < len(values) / 2:
             found = max(found, float((flux * values)[tied].sum() / (flux * values).sum().clamp_min(1e-300)))
+    return found
+
+
+def rounded_light(samples: Samples, flux: Tensor) -> float:
+    """By how much of a channel's light rounding to equal steps misses, of the worst: a quarter of the step, on average.
+
+    The step is the least between any two values: next to nothing where they are not rounded.
+    """
+    found = 0.0
+    for values in samples.values.T:
+        levels = torch.unique(values)
+        steps = levels.diff()
+        steps = steps[steps > _SAME * levels[-1]]
+        if len(levels) > 2 and len(steps) == len(levels) - 1:
+            found = max(found, float(steps.min() / 4 * flux.sum() / (flux * values).sum().clamp_min(1e-300)))
     return found
 
 
@@ -199,17 +254,35 @@ def worst_ring(samples: Samples, flux: Tensor, found: Tensor) -> tuple[float, fl
     return worst
 
 
-def largest_albedo(fit: Reflectance, isotropic: bool) -> float:
-    """The largest ∫ f cosθo dωo over channels, `ALBEDO_DEGREES` and azimuths, by nodes that follow the lobe."""
+def albedos(fit: Reflectance, isotropic: bool) -> Tensor:
+    """∫ f cosθo dωo (angles, azimuths, C) at `ALBEDO_DEGREES`, by nodes that follow the lobe."""
     theta = torch.tensor(ALBEDO_DEGREES, dtype=torch.float64).deg2rad()
-    found = 0.0
+    found = []
     for azimuth in light_azimuths(isotropic):
         wi = from_spherical(theta, torch.full_like(theta, azimuth))
         wo, solid = hemisphere_nodes(wi, _RINGS, _SPOKES)
         values = fit.evaluate(wi[:, None].expand_as(wo).reshape(-1, 3), wo.reshape(-1, 3)).double()
-        albedos = (values.reshape(*solid.shape, -1) * (solid * wo[..., 2])[..., None]).sum(1)
-        found = max(found, float(albedos.max()))
-    return found
+        found.append((values.reshape(*solid.shape, -1) * (solid * wo[..., 2])[..., None]).sum(1))
+    return torch.stack(found, 1)
+
+
+def largest_step(found: Tensor) -> tuple[float, str]:
+    """(albedo at an angle over that at its neighbour nearer to `STEADY_DEGREES`, where), the farthest from 1.
+
+    Of `albedos`, up to `STEADY_DEGREES`, where the albedo of a material hardly depends on the angle.
+    """
+    worst = 1.0, ""
+    last = ALBEDO_DEGREES.index(STEADY_DEGREES)
+    for one, degrees in enumerate(ALBEDO_DEGREES[:last]):
+        here, there = found[one].reshape(-1), found[one + 1].reshape(-1)
+        lit = there > 0
+        if not bool(lit.any()):
+            continue
+        ratios = (here[lit] / there[lit]).clamp_min(1e-6)
+        ratio = float(ratios[int(ratios.log().abs().argmax())])
+        if abs(math.log(ratio)) > abs(math.log(worst[0])):
+            worst = ratio, f"θi = {degrees:g}° over {ALBEDO_DEGREES[one + 1]:g}°"
+    return worst
 
 
 def light_of(fit: Reflectance, train: Samples) -> tuple[float, float]:
@@ -234,28 +307,19 @@ def light_of(fit: Reflectance, train: Samples) -> tuple[float, float]:
 def asymmetry_of_samples(samples: Samples, flux: Tensor, seed: int) -> float | None:
     """Σ|f − f'| over Σ(f + f') of samples and those nearest to their swapped places, beyond what neighbours differ by.
 
-    Within `NEAR` degrees; pairs whose swapped place is their own say nothing. Where the nearest sample of the swapped
-    place is no farther off in value than the nearest of the sample's own place, that is 0: a highlight between two
-    samples is no lack of reciprocity. None where fewer than `LEAST_IN_A_BAND` samples have a neighbour there.
+    As `brdf.symmetry.swapped_neighbours` finds them. Where the nearest sample of the swapped place is no farther off
+    in value than the nearest of the sample's own place, that is 0: a highlight between two samples is no lack of
+    reciprocity. None where fewer than `LEAST_IN_A_BAND` samples have a neighbour there.
     """
-    chosen = torch.randperm(len(samples), generator=torch.Generator().manual_seed(seed))[:MOST_SAMPLES]
-    some, flux = samples.select(chosen), flux[chosen]
-    if samples.isotropic:
-        here = angles_of_pairs(some.wi, some.wo)
-        there = here[:, [1, 0, 2]]
-    else:
-        here, there = torch.cat((some.wi, some.wo), 1), torch.cat((some.wo, some.wi), 1)
-    near = math.radians(NEAR)
-    tree = KDTree(here.numpy())
-    distance, swapped = tree.query(there.numpy(), distance_upper_bound=near)
-    _, own = tree.query(here.numpy(), k=2)
-    found = torch.from_numpy(np.isfinite(distance)) & ((here - there).norm(dim=1) > 2 * near)
+    swapped = swapped_neighbours(samples, seed)
+    found = swapped.found
     if int(found.sum()) < LEAST_IN_A_BAND:
         return None
-    values, flux = some.values.mean(1), flux[found]
+    _, own = swapped.tree.query(swapped.here.numpy(), k=2)
+    values, flux = samples.values[swapped.chosen].mean(1), flux[swapped.chosen][found]
 
-    def apart(other: np.ndarray) -> float:
-        mine, theirs = values[found], values[torch.from_numpy(other)[found]]
+    def apart(other: Tensor) -> float:
+        mine, theirs = values[found], values[other[found]]
         return float((flux * (mine - theirs).abs()).sum() / (flux * (mine + theirs)).sum().clamp_min(1e-300))
 
-    return max(apart(np.asarray(swapped)) - apart(np.asarray(own)[:, 1]), 0.0)
+    return max(apart(swapped.nearest) - apart(torch.from_numpy(np.asarray(own)[:, 1])), 0.0)

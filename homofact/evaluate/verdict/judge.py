@@ -16,7 +16,7 @@ from homofact.brdf.scatter import local_scatter
 from homofact.brdf.suspicion.suspects import suspicions
 from homofact.errors import Report
 from homofact.evaluate.appearance import Appearance
-from homofact.evaluate.metrics import SixErrors
+from homofact.evaluate.metrics import SixErrors, explained_variance
 from homofact.evaluate.peak import texels_per_radian
 from homofact.evaluate.verdict import flux
 from homofact.evaluate.verdict.finding import ordered
@@ -52,9 +52,12 @@ def judge(
     zero = transform.forward(torch.zeros(1, len(train.channels), dtype=torch.float64))
     is_cut = (found <= zero + 1e-9) & (expected > zero + math.log(2))
     scatter = local_scatter(drawn, settings.seed)
-    zeros, dark = flux.dark_light(drawn, light)
+    zeros, dark, black = flux.dark_light(drawn, light)
+    albedos = flux.albedos(fitted, train.isotropic)
+    step, step_where = flux.largest_step(albedos)
     ring, share, where = flux.worst_ring(drawn, light, values)
     asymmetry, unmeasured = flux.light_of(fitted, train)
+    apart = None if seen is None else seen.explained
     off, off_where = _off(seen, drawn, light, values)
     width = None if seen is None else seen.energy.half_width
     verdict = Verdict(
@@ -62,13 +65,15 @@ def judge(
         condition=report.details.get("condition"),
         determined=report.details.get("determined"),
         gap=held_out / max(errors[0].log_mse, 1e-300),
-        explained=_explained(expected, found, over_discs(test)),
+        explained=explained_variance(expected, found, over_discs(test)) if apart is None else apart,
         misplaced=flux.misplaced(held_light, test.values, held),
         off=off,
         off_where=off_where,
         highlight=flux.brightest(drawn, light, values) if seen is None else seen.energy.highlight,
         cut=flux.cut_light(held_light, test.values, is_cut),
-        albedo=flux.largest_albedo(fitted, train.isotropic),
+        albedo=float(albedos.max()),
+        step=step,
+        step_where=step_where,
         source_albedo=None if seen is None else max(max(row) for row in seen.energy.source_albedo),
         reciprocity=asymmetry,
         data_reciprocity=flux.asymmetry_of_samples(drawn, light, settings.seed)
@@ -81,19 +86,22 @@ def judge(
         zeros=zeros,
         gamut=_cut_by_the_gamut(train),
         dark=dark,
+        black=black,
         clipped=flux.clipped_light(train, flux.flux_of(train)),
+        rounded=flux.rounded_light(train, flux.flux_of(train)),
         repeated=flux.differing_light(drawn, light),
         ring=ring,
         ring_where=where if share > flux.LEAST_OF_THE_LIGHT else "",
         unmeasured=unmeasured,
         unresolved=flux.between_samples(drawn, light) if seen is None else 0.0,
+        rising=flux.rising(drawn, light) if seen is None and scheme_of(train) is None else 0.0,
         texels_across=None if width is None or not fitted.textures else width * texels_per_radian(fitted),
         findings=(),
     )
     found_of = [
         *faults_of_the_fit(verdict, settings),
         *oddities_of_the_data(verdict, transform.epsilon, held_out),
-        *(suspected(suspicions(train, settings.seed)) if scheme_of(train) is None else ()),
+        *(suspected(suspicions(train, settings.seed), verdict.rounded) if scheme_of(train) is None else ()),
         *unknowns(verdict, train),
     ]
     return replace(verdict, findings=ordered(found_of))
@@ -114,12 +122,3 @@ def _off(seen: Appearance | None, samples: Samples, light: Tensor, values: Tenso
         return ratio, f"{samples.channels[channel]} at θi = {degrees:g}°"
     found = flux.worst_band(samples, light, values)
     return (None, "") if found is None else found
-
-
-def _explained(expected: Tensor, found: Tensor, weights: Tensor) -> float:
-    """1 − Σw(found − expected)²/Σw(expected − mean)², of the worst channel; 1 for a channel without variance met."""
-    weights = (weights / weights.sum())[:, None]
-    missed = (weights * (found - expected).square()).sum(0)
-    there = (weights * (expected - (weights * expected).sum(0)).square()).sum(0)
-    # A constant BRDF has no variance to explain; what counts then is whether it is met.
-    return float((1 - missed / there.clamp_min(1e-6)).min())

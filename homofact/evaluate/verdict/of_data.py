@@ -16,6 +16,7 @@ LARGEST_SCATTER = 0.2
 WORTH_A_FLOOR = 1e-3
 WELL_MET = 0.0025  # held-out log MSE, an RMS of 5%: nothing in such data stood in the fit's way
 LARGEST_DARK = 0.01
+LARGEST_BLACK = 0.05  # of the light of a white surface
 LARGEST_OUTLIERS = 0.02
 LARGEST_DIFFERENCE = 0.05
 RING_OFF = 0.1
@@ -25,9 +26,10 @@ LARGEST_CLIPPED = 0.003
 SURE_ODDS = 80.0
 OTHER_ODDS = {"drift-in-time": 1000.0, "drift-with-angle": 1000.0, "quantised": math.inf}
 _SEEN_BY_LIGHT = ("zeros", "ring", "clipped")  # findings of their own, with the light that they concern
-LARGEST_HOLES = 0.3
-LARGEST_UNMEASURED = 0.03
+LARGEST_HOLES, MOSTLY_HOLES = 0.3, 0.6
+LARGEST_UNMEASURED, MUCH_UNMEASURED = 0.03, 0.05
 LARGEST_UNRESOLVED = 0.5
+STEEPEST = 0.5
 LEAST_DETERMINED, HARDLY_DETERMINED = 0.5, 0.25
 SPREAD_OF_AZIMUTHS = 0.2
 
@@ -78,14 +80,17 @@ def oddities_of_the_data(verdict: Verdict, epsilon: float, held_out_log_mse: flo
             "fit the spectrum, or luminance alone",
             "--channels spectral",
         )
-    elif verdict.dark > LARGEST_DARK and epsilon < 1:
-        yield _finding(
+    elif (verdict.dark > LARGEST_DARK or verdict.black > LARGEST_BLACK) and epsilon < 1:
+        yield Finding(
             "zeros",
+            About.DATA,
             verdict.dark,
             f"{verdict.zeros:.1%} of the samples are exactly zero in a channel, where {verdict.dark:.1%} of its light"
             f" should be by their neighbours, expected {LARGEST_DARK:.0%}",
             "a larger epsilon, or a measurement whose negative values were not cut",
             "--epsilon 0.1",
+            # Nothing is black in so many directions: how much was cut off there nobody knows.
+            least=Grade.VISIBLE if verdict.black > LARGEST_BLACK else Grade.SLIGHT,
         )
     if verdict.clipped > LARGEST_CLIPPED:
         yield Finding(
@@ -124,8 +129,11 @@ def oddities_of_the_data(verdict: Verdict, epsilon: float, held_out_log_mse: flo
         )
 
 
-def suspected(found: Sequence[Suspicion]) -> Iterator[Finding]:
-    """The findings about units, conventions and the instrument, from what is suspected of a measurement's samples."""
+def suspected(found: Sequence[Suspicion], rounded: float = 0.0) -> Iterator[Finding]:
+    """The findings about units, conventions and the instrument, from what is suspected of a measurement's samples.
+
+    `rounded` is the share of the light that levels miss, which says what those of `quantised` matter.
+    """
     for each in found:
         if each.name in _SEEN_BY_LIGHT:
             continue
@@ -133,7 +141,7 @@ def suspected(found: Sequence[Suspicion]) -> Iterator[Finding]:
         yield Finding(
             each.name,
             About.DATA,
-            None,
+            rounded if each.name == "quantised" else None,
             f"{each.words}, odds of {min(each.odds, 1e6):,.0f} to 1",
             f"{each.remedy} if that is so",
             least=Grade.VISIBLE if each.odds >= sure else Grade.SLIGHT,
@@ -145,12 +153,15 @@ def unknowns(verdict: Verdict, train: Samples) -> Iterator[Finding]:
     empty = holes(train)["share"] if train.isotropic else 0.0
     if verdict.unmeasured > LARGEST_UNMEASURED or empty > LARGEST_HOLES:
         also = f"; {empty:.0%} of the pairs of directions hold no sample" if empty > LARGEST_HOLES else ""
+        much = verdict.unmeasured > MUCH_UNMEASURED or empty > MOSTLY_HOLES
         yield _unknown(
             "coverage",
             verdict.unmeasured,
             f"{verdict.unmeasured:.0%} of the fit's light is at directions that were not measured, expected"
             f" {LARGEST_UNMEASURED:.0%}{also}",
             "measure there; until then the fit is a guess in these places",
+            # The share is the fit's own guess, of what may be twice as much.
+            Grade.VISIBLE if much else Grade.SLIGHT,
         )
     if verdict.determined is not None and verdict.determined < LEAST_DETERMINED:
         yield _unknown(
@@ -161,17 +172,7 @@ def unknowns(verdict: Verdict, train: Samples) -> Iterator[Finding]:
             "smaller textures, fewer of them, or more samples",
             Grade.VISIBLE if verdict.determined < HARDLY_DETERMINED else Grade.SLIGHT,
         )
-    noise = verdict.scatter or 0
-    # Of noisy samples the brightest exceed their neighbours too.
-    if verdict.unresolved > LARGEST_UNRESOLVED + noise:
-        yield _unknown(
-            "sampling",
-            None,
-            f"the brightest samples lose {verdict.unresolved:.0%} of their value to the next ones, expected"
-            f" {LARGEST_UNRESOLVED:.0%}: the highlight stands between samples",
-            "measure it more finely; how bright it is here is a matter of where samples fell",
-            Grade.VISIBLE,
-        )
+    yield from _between(verdict)
     if not train.isotropic and _azimuths(train) < SPREAD_OF_AZIMUTHS:
         yield _unknown(
             "azimuth",
@@ -179,6 +180,26 @@ def unknowns(verdict: Verdict, train: Samples) -> Iterator[Finding]:
             "an anisotropic material was lit from one azimuth only",
             "measure other azimuths, or state that it is isotropic",
         )
+
+
+def _between(verdict: Verdict) -> Iterator[Finding]:
+    """A highlight whose top no sample shows."""
+    noise = verdict.scatter or 0
+    # Of noisy samples the brightest exceed their neighbours too.
+    if verdict.unresolved > LARGEST_UNRESOLVED + noise:
+        found = (
+            f"the brightest samples lose {verdict.unresolved:.0%} of their value to the next ones, expected"
+            f" {LARGEST_UNRESOLVED:.0%}: the highlight stands between samples"
+        )
+    elif verdict.rising > STEEPEST:
+        found = (
+            f"the samples nearest to the mirror direction still rise as θh^-{verdict.rising:.2g}, expected at most"
+            f" θh^-{STEEPEST:g}: the top of the highlight stands where there are none"
+        )
+    else:
+        return
+    remedy = "measure it more finely; how bright it is here is a matter of where samples fell"
+    yield _unknown("sampling", None, found, remedy, Grade.VISIBLE)
 
 
 def _finding(name: str, light: float | None, found: str, remedy: str, options: str = "") -> Finding:

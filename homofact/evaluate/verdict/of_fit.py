@@ -16,6 +16,7 @@ LEAST_ACROSS = 0.5  # texels that the half width of a highlight takes
 LARGEST_CUT = 0.01
 LARGEST_ASYMMETRY = 0.05
 LARGEST_ALBEDO = 1.02
+LARGEST_STEP = 1.5  # of the albedo from one angle to the next, away from grazing
 WORTH_NAMING = 0.01  # a source's own floor, relative RMS
 
 
@@ -34,11 +35,12 @@ def faults_of_the_fit(verdict: Verdict, settings: Method) -> Iterator[Finding]:
             Grade.VISIBLE,
         )
     yield from _light(verdict, settings)
+    whose = "held-out" if verdict.source_albedo is None else "source's"
     if not verdict.explained >= LEAST_EXPLAINED or not verdict.misplaced <= MISPLACED:
         yield _finding(
             "explained",
             verdict.misplaced,
-            f"{max(verdict.explained, 0):.0%} of the variation of the held-out logarithms is explained, expected"
+            f"{max(verdict.explained, 0):.0%} of the variation of the {whose} logarithms is explained, expected"
             f" {LEAST_EXPLAINED:.0%}; {verdict.misplaced:.0%} of the held-out light is misplaced, expected"
             f" {MISPLACED:.0%}{floor_of(verdict)}",
             "more textures or texels, another method; or data that contradict themselves",
@@ -60,6 +62,15 @@ def faults_of_the_fit(verdict: Verdict, settings: Method) -> Iterator[Finding]:
             f"the fit's directional albedo is {verdict.albedo:.3g} at some angle up to 88°, expected at most"
             f" {LARGEST_ALBEDO:g}",
             "check the measurement's units and its grazing angles (homofact info)",
+        )
+    if abs(math.log(verdict.step)) > math.log(LARGEST_STEP):
+        yield _finding(
+            "step",
+            abs(verdict.step - 1),
+            f"the fit's directional albedo at {verdict.step_where} is {verdict.step:.3g}, expected 1 within a factor of"
+            f" {LARGEST_STEP:g}",
+            "single samples that are wrong, or too few there: robust weights, more smoothing or more samples",
+            "--robust",
         )
     own = verdict.data_reciprocity or 0
     # A search that decides by itself has asked samples that nobody else can tell more of.

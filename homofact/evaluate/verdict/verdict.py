@@ -22,7 +22,8 @@ class Verdict:
     condition : 1-norm condition number of the normal matrix; None where no linear system was solved.
     determined : share of texels that samples hold rather than smoothing; None likewise.
     gap : held-out over training log MSE.
-    explained : share of the variance of the held-out logs, over the discs, that the fit explains, of its worst channel.
+    explained : share of the variance of the logs, over the discs, that the fit explains, of its worst channel: of the
+        source's at pairs drawn anew where it can be asked, else of the held-out ones.
     misplaced : Σ|f̂ − f| over Σ f of the held-out light.
     off : the fit's light over the source's, farthest from 1: of a channel at an angle of incidence where the source can
         be asked everywhere, else of the samples in a band of θi or θh; None where too few samples tell.
@@ -30,6 +31,7 @@ class Verdict:
     highlight : the same of the brightest part of the light.
     cut : share of the held-out light that is cut at zero.
     albedo : largest ∫ f cosθo dωo of the fit over channels and angles up to 88°.
+    step, step_where : its albedo at an angle up to 45° over that at the next, farthest from 1; which.
     source_albedo : that of the source at up to 75°, None where it cannot be asked.
     reciprocity : Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, of the fit's light.
     data_reciprocity : of the source's light, or of samples and their swapped neighbours beyond what neighbours differ
@@ -40,12 +42,16 @@ class Verdict:
     outliers : light by which a few samples stand out.
     zeros, dark : share of the samples that are exactly zero in a channel, and of the light that their neighbours
         say is missing there.
+    black : share of the light of a white surface that falls where they are zero in all channels.
     gamut : share of the samples that their reader cut at zero in a channel, their colour being outside sRGB.
     clipped : share of the light at samples that share their channel's largest value.
+    rounded : share of the light of a channel that rounding to equal steps misses, on average.
     repeated : light by which samples of the same directions differ from each other.
     ring, ring_where : light of a ring of θi or θo over that of its neighbours under the fit, farthest from 1; which.
     unmeasured : share of the fit's light at pairs of directions that lie beyond the measurement.
     unresolved : share of the brightest part of a measurement's light that stands between samples, as `flux` says.
+    rising : exponent at which a measurement still rises towards the mirror direction where its samples end, as `flux`
+        says; 0 where the source can be asked.
     texels_across : half width of the source's highlight in texels of the finest texture; None where there is none.
     findings : what is off, the worst first.
     """
@@ -61,6 +67,8 @@ class Verdict:
     highlight: float | None
     cut: float
     albedo: float
+    step: float
+    step_where: str
     source_albedo: float | None
     reciprocity: float
     data_reciprocity: float | None
@@ -70,13 +78,16 @@ class Verdict:
     outliers: float
     zeros: float
     dark: float
+    black: float
     gamut: float
     clipped: float
+    rounded: float
     repeated: float
     ring: float
     ring_where: str
     unmeasured: float
     unresolved: float
+    rising: float
     texels_across: float | None
     findings: tuple[Finding, ...]
 
