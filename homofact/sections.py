@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, MOST_COUNT, SCHEMES
+from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, GAINS, MOST_COUNT, SCHEMES
 from homofact.errors import BadInput
 from homofact.methods.search import Search
 from homofact.methods.table import METHODS, made, made_each
@@ -38,7 +38,8 @@ class SourceSettings:
     """What is read: a file's path or `material:NAME`, its channels, and how a model is sampled.
 
     `count` (pairs of directions) and `scheme` count for analytic models only. `subset` above 0 is the most samples
-    that a fit is given, drawn by cells (`brdf.stratified`).
+    that a fit is given, drawn by cells (`brdf.stratified`). `calibrate` and `clipped` mend a measurement
+    (`brdf.mending`).
     """
 
     path: str | None = option(
@@ -52,6 +53,14 @@ class SourceSettings:
     )
     count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, most=MOST_COUNT, panel=SOURCE)
     scheme: str = option(DEFAULT_SCHEME, "How they are drawn", choices=SCHEMES, panel=SOURCE)
+    calibrate: tuple[str, ...] = option(
+        (), "Gains of the instrument to estimate and divide out", choices=GAINS, separators="+,", metavar="A+B",
+        expected_instead=_none_twice, panel=SOURCE,
+    )  # fmt: skip
+    clipped: float | str | None = option(
+        None, "Values of so many sr⁻¹ and more are clipped: known not to be less; found looks for the level itself",
+        choices=("found",), above=0, unit="a level", metavar="LEVEL", none="none are", panel=SOURCE,
+    )  # fmt: skip
     subset: int = option(0, "Most samples that a fit is given, drawn by cells; 0 is all", least=0, panel=SOURCE)
 
     def __post_init__(self) -> None:

@@ -50,6 +50,7 @@ def convert(
     check_file(target, *_ENDINGS)
     if target.exists() and not settings.output.force:
         raise BadInput(f"{target}: exists already, expected a new file (or --force)")
+    from homofact.brdf.mending import mending_lines
     from homofact.brdf.suspicion.undo import names_in, undone
 
     names = names_in(undo)
@@ -71,6 +72,7 @@ def convert(
         facts["notes"].append(
             f"undone: {', '.join(names)}" + (f"; {lost} samples at the horizon left out" if lost else "")
         )
+    facts["notes"] += mending_lines(subject.samples.provenance)
     answer = {"source": subject.name, "out": str(target), "bytes": target.stat().st_size, **facts}
     if not quiet:
         screen.show(f"{target}: {facts['format']}, {answer['bytes']} bytes", *facts["notes"])

@@ -30,7 +30,7 @@ class McCool:
         metavar="A+B", expected_instead=_expected_projections,
     )  # fmt: skip
     size: int = shared.size()
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     reciprocal: bool = shared.reciprocal()
     solver: str = shared.solver()
     smoothing: float = shared.smoothing(shared.DEFAULT_SMOOTHING)

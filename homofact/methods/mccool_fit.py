@@ -13,7 +13,7 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
-from homofact.methods.fitting import Fit, at_azimuths, provenance_of, transform_of
+from homofact.methods.fitting import Fit, at_azimuths, provenance_of, transform_of, trusted_samples
 from homofact.methods.mccool import McCool
 from homofact.methods.memory import refuse_too_large
 
@@ -23,6 +23,7 @@ def fit_mccool(samples: Samples, settings: McCool) -> Fit:
     """Textures for `settings.projections` from samples as measured, copied to other azimuths where one knows them."""
     began = time.perf_counter()
     provenance = provenance_of(samples, settings)
+    samples, taken = trusted_samples(samples, settings)
     projections = tuple(fixed_projection(name, settings.reciprocal) for name in settings.projections)
     samples = at_azimuths(samples, settings, not all(projection.system.isotropic for projection in projections))
     lookups = sum(projection.lookups for projection in projections)
@@ -30,11 +31,14 @@ def fit_mccool(samples: Samples, settings: McCool) -> Fit:
     refuse_too_large(settings, shapes, lookups * len(samples))
     transform = transform_of(samples, settings)
     data = LogSamples.of(samples, transform)
-    solved = solve_terms(data, projections, shapes, settings.smoothing, settings.solver, settings.robust)
+    solved = solve_terms(data, projections, shapes, settings.smoothing, settings.solver)
     terms = solved.terms
     if settings.confidence:
         terms = with_deviations(data, terms, settings.smoothing)
     factorization = Factorization(terms, transform, samples.channels, provenance)
     error = float((residual(data, solved.terms) ** 2).mean())
     seconds = time.perf_counter() - began
-    return Fit(factorization, Report(solved.status, 1, 1, seconds, error, settings.seed, details=solved.details()))
+    return Fit(
+        factorization,
+        Report(solved.status, 1, 1, seconds, error, settings.seed, details=solved.details() | {"outliers": taken}),
+    )
