@@ -2,7 +2,7 @@
 
 .csv, .npz and .dat (ALTA text) hold samples: those of the measurement, or drawn from the model. .binary (MERL)
 is a full table: the source's own where it is one, else the model or the interpolated samples at its bins. With --undo
-samples lose what `brdf.suspicion.undo` knows: a cosine, an encoding, a wrong angle.
+samples lose what `brdf.suspicion.undo` knows: a cosine, an encoding, a wrong angle; with --calibrate their gains.
 """
 
 from dataclasses import replace
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _ENDINGS = (".binary", ".csv", ".npz", ".dat")
 
 
-@o.configured("output.force", "source", "seed", but=("source.path", "source.subset"))
+@o.configured("output.force", "source", "seed", but=("source.path", "source.subset", "source.clipped"))
 def convert(
     settings: "Config",
     source: Annotated[str, typer.Argument(metavar="IN", help="A measurement's file, or material:NAME.")],

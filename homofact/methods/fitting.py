@@ -209,6 +209,8 @@ def at_azimuths(samples: Samples, method: Copying, knows_azimuth: bool) -> Sampl
 def quantized(fitted: F, samples: Samples, method: Quantizing, storage: str) -> F:
     """A fit of `samples` by `method` with texels that `storage` ("png8", "png16") holds. Raises BadInput for others."""
     if is_solved(fitted):
+        if getattr(method, "robust", False):
+            samples, _ = without_outliers(samples, method.seed)
         samples = at_azimuths(samples, cast("Copying", method), not fitted.evaluation.isotropic)
     return quantize(fitted, samples, storage)
 

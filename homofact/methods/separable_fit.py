@@ -147,6 +147,8 @@ def fit_nmf(samples: Samples, settings: Nmf) -> Fit:
 
 
 def _resampled_matrix(samples: Samples, settings: Svd | Nmf) -> BrdfMatrix:
+    if samples.clipped is not None:
+        raise BadInput(f"clipped: {settings.name} takes no values as bounds, expected search, cole or mccool with it")
     return brdf_matrix(
         resampled(samples, settings.reciprocal),
         direction_map(settings.map),
