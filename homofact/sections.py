@@ -25,6 +25,10 @@ def _expected_channels(value: str) -> str | None:
     return f"{', '.join(CHANNELS)}, or one channel such as G or 550nm"
 
 
+def _expected_level(value: float | str) -> str | None:
+    return "a number above 0, or found" if isinstance(value, str) and value != "found" else None
+
+
 def _several(value: tuple[Any, ...]) -> str | None:
     return None if value and len(set(value)) == len(value) else "at least one, none twice"
 
@@ -58,8 +62,8 @@ class SourceSettings:
         expected_instead=_none_twice, panel=SOURCE,
     )  # fmt: skip
     clipped: float | str | None = option(
-        None, "Values of so many sr⁻¹ and more are clipped: known not to be less; found looks for the level itself",
-        choices=("found",), above=0, unit="a level", metavar="LEVEL", none="none are", panel=SOURCE,
+        None, "The level in sr⁻¹ from which on values are clipped, known only not to be less; found looks for it",
+        above=0, metavar="LEVEL", none="none are", expected_instead=_expected_level, panel=SOURCE,
     )  # fmt: skip
     subset: int = option(0, "Most samples that a fit is given, drawn by cells; 0 is all", least=0, panel=SOURCE)
 

@@ -31,9 +31,13 @@ def epsilon() -> Any:
 
     "floor" takes the noise floor of the samples (`brdf.noise_floor`).
     """
+
+    def expected(value: float | str) -> str | None:
+        return "a number above 0, or floor" if isinstance(value, str) and value != "floor" else None
+
     return option(
-        None, "ε of the log transform, in units of the mean, or floor: the noise of the samples' own dark quarter",
-        choices=("floor",), above=0, none="by the source", metavar="NUMBER",
+        None, "ε of the log transform, in units of the mean; floor takes the noise of the darkest samples",
+        above=0, none="by the source", metavar="NUMBER", expected_instead=expected,
     )  # fmt: skip
 
 
