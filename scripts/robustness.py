@@ -209,7 +209,7 @@ def main(arguments: list[str] | None = None) -> int:
     header = ["what is wrong", "strength", "option", "method", "light", "explained", "good", "light with it",
               "explained with it", "good with it"]  # fmt: skip
     said = f"{bad} of {seeds * len(rows)} fits are bad without the option, {turned} of them good with it;"
-    table = f"{said} {spoiled} good ones are bad with it.\n\n{markdown(header, rows, 4)}\n\nMade on {machine()}.\n"
+    table = f"{said} of the good ones, bad with it: {spoiled}.\n\n{markdown(header, rows, 4)}\n\nMade on {machine()}.\n"
     print(table)
     if options.out is not None:
         write(options.out, f"{HEAD.format(seeds=seeds)}\n{table}\n{TAIL}")
