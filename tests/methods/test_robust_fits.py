@@ -68,7 +68,7 @@ def test_the_highlight_of_a_glossy_material_is_kept_beside_outliers() -> None:
     samples, test = drawn(GLOSSY, "lobe"), drawn(GLOSSY, "discs", 1, 20_000)
     bright = test.select((test.values.mean(1) > 0.3 * float(test.values.mean(1).max())).nonzero()[:, 0])
     fits = [
-        Search(**(SEARCH | {"size": 16}), robust=robust).fit(each)
+        replace(Search(**SEARCH), size=16, robust=robust).fit(each)
         for robust, each in ((False, samples), (True, samples), (True, spoiled(samples)))
     ]
     plain, robust, mended = (light(fit, bright) for fit in fits)
@@ -151,7 +151,7 @@ def test_epsilon_is_the_noise_floor_where_that_is_asked_for() -> None:
     transform = LogTransform.of(test, 1e-2)
     errors = []
     for epsilon in (1e-2, "floor"):
-        fit = Search(**(SEARCH | {"epsilon": epsilon})).fit(noisy)
+        fit = replace(Search(**SEARCH), epsilon=epsilon).fit(noisy)
         found = transform.forward(fit.evaluate(test.wi, test.wo)) - transform.forward(test.values)
         errors.append(float(found.square().mean()))
     assert fit.factorization.transform.epsilon == pytest.approx(noise_floor(noisy))
