@@ -7,6 +7,7 @@ fitted.save("paint.npz")
 same = homofact.load("paint.npz")
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,13 +27,24 @@ from homofact.methods.table import made
 
 
 def read(
-    source: str, *, channels: str = "rgb", count: int = DEFAULT_COUNT, scheme: str = DEFAULT_SCHEME, seed: int = 0
+    source: str,
+    *,
+    channels: str = "rgb",
+    count: int = DEFAULT_COUNT,
+    scheme: str = DEFAULT_SCHEME,
+    seed: int = 0,
+    calibrate: Sequence[str] = (),
+    clipped: float | str | None = None,
 ) -> Source:
     """Read a measurement (content sniffed) or draw `count` pairs of "material:NAME" by a `scheme`.
 
+    `calibrate` divides gains of the instrument out, some of "rings" and "rows" (`brdf.gains`); values of `clipped` sr⁻¹
+    and more, or of the level that is "found", are taken as bounds (`brdf.clipping`): both for measured samples only.
     The result has `.samples` and `.reflectance`. Raises BadInput for what cannot be read.
     """
-    return open_source(source, channels=channels, count=count, scheme=scheme, seed=seed)
+    return open_source(
+        source, channels=channels, count=count, scheme=scheme, seed=seed, calibrate=calibrate, clipped=clipped
+    )
 
 
 def fit(

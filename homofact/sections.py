@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, MOST_COUNT, SCHEMES
+from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, GAINS, MOST_COUNT, SCHEMES
 from homofact.errors import BadInput
 from homofact.methods.search import Search
 from homofact.methods.table import METHODS, MODELS_BY_NAME, made, made_each
@@ -25,6 +25,10 @@ def _expected_channels(value: str) -> str | None:
     return f"{', '.join(CHANNELS)}, or one channel such as G or 550nm"
 
 
+def _expected_level(value: float | str) -> str | None:
+    return "a number above 0, or found" if isinstance(value, str) and value != "found" else None
+
+
 def _several(value: tuple[Any, ...]) -> str | None:
     return None if value and len(set(value)) == len(value) else "at least one, none twice"
 
@@ -38,7 +42,8 @@ class SourceSettings:
     """What is read: a file's path or `material:NAME`, its channels, and how a model is sampled.
 
     `count` (pairs of directions) and `scheme` count for analytic models only. `subset` above 0 is the most samples
-    that a fit is given, drawn by cells (`brdf.stratified`).
+    that a fit is given, drawn by cells (`brdf.stratified`). `calibrate` and `clipped` mend a measurement
+    (`brdf.mending`).
     """
 
     path: str | None = option(
@@ -52,6 +57,14 @@ class SourceSettings:
     )
     count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, most=MOST_COUNT, panel=SOURCE)
     scheme: str = option(DEFAULT_SCHEME, "How they are drawn", choices=SCHEMES, panel=SOURCE)
+    calibrate: tuple[str, ...] = option(
+        (), "Gains of the instrument to estimate and divide out", choices=GAINS, separators="+,", metavar="A+B",
+        expected_instead=_none_twice, panel=SOURCE,
+    )  # fmt: skip
+    clipped: float | str | None = option(
+        None, "The level in sr⁻¹ from which on values are clipped, known only not to be less; found looks for it",
+        above=0, metavar="LEVEL", none="none are", expected_instead=_expected_level, panel=SOURCE,
+    )  # fmt: skip
     subset: int = option(0, "Most samples that a fit is given, drawn by cells; 0 is all", least=0, panel=SOURCE)
 
     def __post_init__(self) -> None:

@@ -26,7 +26,6 @@ import torch
 from conditions import data_folder, markdown, parser_of, write
 from torch import Tensor
 
-from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.evaluate.appearance import appearance
@@ -38,6 +37,7 @@ from homofact.factor.textures import solve_terms, texture_shape
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.linear.normal import warm_up
 from homofact.linear.threads import one_thread
+from homofact.methods.fitting import transform_of
 from homofact.methods.search import Search
 from homofact.methods.search_fit import Data
 
@@ -96,8 +96,7 @@ def solved(
     samples: Samples, projections: tuple[Projection, ...], size: int, smoothing: tuple[float, ...], settings: Search
 ) -> Factorization:
     """Textures for given projections, as the search ends: the masked solve, then the light kept."""
-    assert settings.epsilon is not None
-    transform = LogTransform.of(samples, settings.epsilon)
+    transform = transform_of(samples, settings)
     data = Data.of(samples, transform, settings, knows_azimuth=False)
     shapes = tuple(texture_shape(projection, size) for projection in projections)
     terms = solve_terms(data.judged, projections, shapes, smoothing, settings.solver).terms

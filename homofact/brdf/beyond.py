@@ -38,6 +38,7 @@ CHECKED = 60_000  # pairs at which a fit is held against what it may not exceed
 FAR, LEAST_FAR = 3.0, 0.08
 EXCESS, MOST = 1.2, 0.05  # what a fit may be of the largest sample that bounds it; the weight that holds it there
 NEIGHBOURS = 16  # two or three samples each way
+OVER_CLIPPED = 20.0  # times the largest sample: the bound where that is only known not to be less
 LEAST_BOUND = 1e-2  # of the mean: what is darker is noise, under ε of the logarithms
 GAP = math.radians(15.0)
 _SEED = 20261122
@@ -102,7 +103,10 @@ class Beyond:
     def _bound(self, pairs: Samples) -> Tensor:
         """The largest sample, beyond the measured range the largest of the nearest, at `pairs` (N, C)."""
         values = self._samples.values
-        bound = values.amax(0).expand(len(pairs), -1).clone()
+        largest = values.amax(0)
+        if self._samples.clipped is not None:
+            largest = torch.where(self._samples.clipped.any(0), OVER_CLIPPED * largest, largest)
+        bound = largest.expand(len(pairs), -1).clone()
         outside = self._outside(pairs)
         if bool(outside.any()):
             count = min(NEIGHBOURS, len(values))
@@ -126,7 +130,7 @@ class Beyond:
 
     def _at(self, wi: Tensor, wo: Tensor) -> Samples:
         values = self._samples.values[:1].expand(len(wi), -1)
-        return replace(self._samples, wi=wi, wo=wo, values=values, weights=torch.ones_like(wi[:, 0]))
+        return replace(self._samples, wi=wi, wo=wo, values=values, weights=torch.ones_like(wi[:, 0]), clipped=None)
 
     def _far_from(self, known: KDTree, pairs: Samples) -> tuple[Tensor, Tensor]:
         """(whether each of `pairs` is not measured, the number of the sample nearest to it), (N,) each."""

@@ -6,3 +6,4 @@ DEFAULT_SCHEME = "lobe"
 DEFAULT_COUNT = 45_000
 MOST_COUNT = 10_000_000  # pairs: a gigabyte of samples
 MATERIAL_PREFIX = "material:"
+GAINS = ("rings", "rows")  # what `brdf.gains` can divide out

@@ -33,6 +33,7 @@ class Samples:
     channels : C names.
     isotropic : whether the material may be turned about its normal (and mirrored) freely.
     all_azimuths : whether the samples lie at all azimuths as they are, so that a fit needs no copies of them.
+    clipped : (N, C) bool, where a value is only known not to be less (`brdf.clipping`); None where there is none.
     provenance : where the samples come from and what was done to them (JSON-able).
     """
 
@@ -44,6 +45,7 @@ class Samples:
     isotropic: bool
     provenance: dict[str, Any] = field(default_factory=dict)
     all_azimuths: bool = False
+    clipped: Tensor | None = None
 
     def __post_init__(self) -> None:
         """Refuse shapes that disagree, values that are not finite or negative, directions under the horizon."""
@@ -54,6 +56,8 @@ class Samples:
             "values": (self.values, (count, len(self.channels))),
             "weights": (self.weights, (count,)),
         }
+        if self.clipped is not None:
+            expected["clipped"] = (self.clipped, (count, len(self.channels)))
         for name, (tensor, shape) in expected.items():
             if tuple(tensor.shape) != shape:
                 raise BadInput(f"samples: {name} has shape {tuple(tensor.shape)}, expected {shape}")
@@ -115,16 +119,17 @@ class Samples:
 
     def select(self, index: Tensor) -> "Samples":
         """The samples at `index` (integer or boolean), in that order."""
-        return replace(
-            self, wi=self.wi[index], wo=self.wo[index], values=self.values[index], weights=self.weights[index]
-        )
+        clipped = None if self.clipped is None else self.clipped[index]
+        parts = {name: getattr(self, name)[index] for name in ("wi", "wo", "values", "weights")}
+        return replace(self, **parts, clipped=clipped)
 
     def channel(self, name: str) -> "Samples":
         """One channel alone. Raises BadInput naming the channels there are."""
         if name not in self.channels:
             raise BadInput(f"channel: found {name!r}, expected one of {', '.join(self.channels)}")
-        column = self.channels.index(name)
-        return replace(self, values=self.values[:, column : column + 1], channels=(name,))
+        column = slice(self.channels.index(name), self.channels.index(name) + 1)
+        clipped = None if self.clipped is None else self.clipped[:, column]
+        return replace(self, values=self.values[:, column], channels=(name,), clipped=clipped)
 
     def split(self, fraction: float, seed: int) -> tuple["Samples", "Samples"]:
         """(training, held out): `fraction` of the samples, drawn by `seed`, are held out."""

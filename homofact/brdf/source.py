@@ -3,6 +3,7 @@
 import math
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +14,7 @@ from homofact.brdf.faults import evaluated_faults
 from homofact.brdf.formats import open_file
 from homofact.brdf.formats.reading import Drawing
 from homofact.brdf.materials import material
+from homofact.brdf.mending import mended
 from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME, MATERIAL_PREFIX
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -31,7 +33,7 @@ MEASURED_EPSILON = 1e-2
 class Opening:
     """How a source was opened: what `open_source` was given, and the working folder that a relative path was of.
 
-    `folder` is empty for a material and for an absolute path.
+    `folder` is empty for a material and for an absolute path. `calibrate` and `clipped` are how samples were mended.
     """
 
     path: str
@@ -40,6 +42,8 @@ class Opening:
     scheme: str
     seed: int
     folder: str = ""
+    calibrate: tuple[str, ...] = ()
+    clipped: float | str | None = None
 
     @property
     def is_material(self) -> bool:
@@ -49,7 +53,8 @@ class Opening:
     def open(self, path: str | None = None) -> "Source":
         """The source again, opened alike; from another `path` where one is given. Raises as `open_source`."""
         given = self.path if path is None else path
-        return open_source(given, channels=self.channels, count=self.count, scheme=self.scheme, seed=self.seed)
+        drawing = {"count": self.count, "scheme": self.scheme, "seed": self.seed}
+        return open_source(given, channels=self.channels, calibrate=self.calibrate, clipped=self.clipped, **drawing)
 
 
 @dataclass(frozen=True)
@@ -73,22 +78,43 @@ class Source:
 
 
 def open_source(
-    text: str, *, channels: str = "rgb", count: int = DEFAULT_COUNT, scheme: str = DEFAULT_SCHEME, seed: int = 0
+    text: str,
+    *,
+    channels: str = "rgb",
+    count: int = DEFAULT_COUNT,
+    scheme: str = DEFAULT_SCHEME,
+    seed: int = 0,
+    calibrate: Sequence[str] = (),
+    clipped: float | str | None = None,
 ) -> Source:
     """The source that `text` names: material:NAME, or the path of a file whose content is sniffed.
 
     `channels` are "rgb", "luminance", "spectral", or one channel's name ("G", "550nm"). `count`, `scheme` and `seed`
     are how a material, or a model in a file, is sampled; a measurement has the samples it has. FILE#NAME picks one
-    material of a file that holds several. Raises BadInput for an unknown material, all that is wrong with a file, and
-    channels that the source cannot give.
+    material of a file that holds several. `calibrate` and `clipped` mend a measurement (`brdf.mending`).
+
+    Raises BadInput for an unknown material, all that is wrong with a file, channels that the source cannot give, and
+    mending of what is no list of samples.
     """
     kind, single = reading_of(channels)
     source = _opened(text, kind, count, scheme, seed)
+    if calibrate or clipped is not None:
+        source = _mended(source, text, calibrate, clipped)
     if single:
         reflectance = OneChannel(source.reflectance, single)
         source = replace(source, samples=source.samples.channel(single), reflectance=reflectance)
     relative = not text.startswith(MATERIAL_PREFIX) and not os.path.isabs(text)
-    return replace(source, opening=Opening(text, channels, count, scheme, seed, os.getcwd() if relative else ""))
+    folder = os.getcwd() if relative else ""
+    return replace(source, opening=Opening(text, channels, count, scheme, seed, folder, tuple(calibrate), clipped))
+
+
+def _mended(source: Source, text: str, calibrate: Sequence[str], clipped: float | str | None) -> Source:
+    """The source with mended samples, interpolated anew."""
+    if not made_of_samples(source.reflectance):
+        option = "calibrate" if calibrate else "clipped"
+        raise BadInput(f"{option}: {text} can be evaluated anywhere, expected a measurement's samples with it")
+    samples = mended(source.samples, calibrate, clipped)
+    return replace(source, samples=samples, reflectance=Scattered(samples, epsilon=source.default_epsilon))
 
 
 def _opened(text: str, channels: str, count: int, scheme: str, seed: int) -> Source:
@@ -189,6 +215,8 @@ def describe(source: Source) -> dict[str, Any]:
         | {"holes": holes(samples)},
         "colour": facts.get("colour"),
         "sampling": facts.get("sampling"),
+        "gains": facts.get("gains"),
+        "clipped": facts.get("clipped"),
         "material": {key: facts[key] for key in ("material", "model", "parameters") if key in facts} or None,
         "default_epsilon": source.default_epsilon,
         "seconds_read": source.seconds_read,

@@ -2,7 +2,7 @@
 
 .csv, .npz and .dat (ALTA text) hold samples: those of the measurement, or drawn from the model. .binary (MERL)
 is a full table: the source's own where it is one, else the model or the interpolated samples at its bins. With --undo
-samples lose what `brdf.suspicion.undo` knows: a cosine, an encoding, a wrong angle.
+samples lose what `brdf.suspicion.undo` knows: a cosine, an encoding, a wrong angle; with --calibrate their gains.
 """
 
 from dataclasses import replace
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _ENDINGS = (".binary", ".csv", ".npz", ".dat")
 
 
-@o.configured("output.force", "source", "seed", but=("source.path", "source.subset"))
+@o.configured("output.force", "source", "seed", but=("source.path", "source.subset", "source.clipped"))
 def convert(
     settings: "Config",
     source: Annotated[str, typer.Argument(metavar="IN", help="A measurement's file, or material:NAME.")],
@@ -50,6 +50,7 @@ def convert(
     check_file(target, *_ENDINGS)
     if target.exists() and not settings.output.force:
         raise BadInput(f"{target}: exists already, expected a new file (or --force)")
+    from homofact.brdf.mending import mending_lines
     from homofact.brdf.suspicion.undo import names_in, undone
 
     names = names_in(undo)
@@ -71,6 +72,7 @@ def convert(
         facts["notes"].append(
             f"undone: {', '.join(names)}" + (f"; {lost} samples at the horizon left out" if lost else "")
         )
+    facts["notes"] += mending_lines(subject.samples.provenance)
     answer = {"source": subject.name, "out": str(target), "bytes": target.stat().st_size, **facts}
     if not quiet:
         screen.show(f"{target}: {facts['format']}, {answer['bytes']} bytes", *facts["notes"])

@@ -42,6 +42,7 @@ def factorize(
     check_folder(folder, settings.output.force)
 
     from homofact.brdf.channels import display_of
+    from homofact.brdf.mending import mending_lines
     from homofact.evaluate.compare import fit_and_measure
     from homofact.export.result import write_result
     from homofact.figures.compare_picture import compare_picture
@@ -63,7 +64,8 @@ def factorize(
                 subject, baseline, settings.evaluate.held_out, subset=settings.source.subset
             )
         records = {label: each.record() for label, each in rows.items()}
-        record = {**records[fit.name], "opened": settings.source.path, "out": str(folder)}
+        mended = {name: subject.samples.provenance.get(name) for name in ("gains", "clipped")}
+        record = {**records[fit.name], **mended, "opened": settings.source.path, "out": str(folder)}
         if "McCool" in records:
             record["mccool"] = records["McCool"]
         bar.stage("drawing and writing")
@@ -87,6 +89,7 @@ def factorize(
     say_ending(screen, row.report)
     say_subset(screen, record)
     if not quiet:
+        screen.show(*map(Text, mending_lines(subject.samples.provenance)))
         screen.show(
             error_table(records),
             *appearance_tables(records),

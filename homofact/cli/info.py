@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.places import check_file
@@ -30,6 +31,7 @@ def info(
     if drawing is not None:
         check_file(drawing, ".png")
 
+    from homofact.brdf.mending import mending_lines
     from homofact.brdf.source import describe
     from homofact.brdf.suspicion.suspects import suspicions
 
@@ -45,8 +47,9 @@ def info(
             bar.stage("drawing")
             facts |= _draw(drawing, subject)
     # A model's name and parameters read better as rows of their own.
-    rows = {name: value for name, value in facts.items() if name not in ("material", "suspected")}
+    rows = {name: value for name, value in facts.items() if name not in ("material", "suspected", "gains", "clipped")}
     screen.show(facts_table(subject.name, rows | (facts.get("material") or {})))
+    screen.show(*map(Text, mending_lines(subject.samples.provenance)))
     if facts.get("suspected"):
         screen.show("Suspected, with the odds against the data as they stand:", *map(_line, facts["suspected"]))
     screen.answer(facts)

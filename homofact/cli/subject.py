@@ -25,7 +25,13 @@ def open_subject(settings: "Config") -> "Source":
     check_source(settings)
     asked = settings.source
     return open_source(
-        str(asked.path), channels=asked.channels, count=asked.count, scheme=asked.scheme, seed=settings.seed
+        str(asked.path),
+        channels=asked.channels,
+        count=asked.count,
+        scheme=asked.scheme,
+        seed=settings.seed,
+        calibrate=asked.calibrate,
+        clipped=asked.clipped,
     )
 
 

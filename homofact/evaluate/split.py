@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from homofact.brdf.names import MOST_COUNT
+from homofact.brdf.names import GAINS, MOST_COUNT
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Opening, Source
 from homofact.brdf.stratified import stratified_subset
@@ -44,6 +44,14 @@ def _name(path: str) -> str:
     return Path(path).name
 
 
+def _clipped(opening: Fields) -> float | str | None:
+    """At which level values were said to be clipped: a number, "found", or None, which older results do not state."""
+    level = opening.found.get("clipped")
+    if level is None:
+        return None
+    return opening.text("clipped", ("found",)) if isinstance(level, str) else opening.number("clipped", 0)
+
+
 def samples_digest(samples: Samples) -> str:
     """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels, azimuths.
 
@@ -54,6 +62,8 @@ def samples_digest(samples: Samples) -> str:
         digest.update(str(tuple(tensor.shape)).encode())
         # + 0 makes one zero of two.
         digest.update((tensor.to(torch.float32) + 0).cpu().contiguous().numpy().tobytes())
+    if samples.clipped is not None:
+        digest.update(samples.clipped.cpu().contiguous().numpy().tobytes())
     return digest.hexdigest()[:16]
 
 
@@ -107,6 +117,8 @@ class Split:
                 inner.text("scheme"),
                 inner.whole("seed", 0, _MOST),
                 inner.text("folder"),
+                tuple(inner.texts("calibrate", len(GAINS))) if inner.found.get("calibrate") else (),
+                _clipped(inner),
             )
         held_out = fields.number("held_out")
         if not 0 <= held_out < 1:
@@ -122,7 +134,10 @@ class Split:
 
     def record(self) -> dict[str, Any]:
         """The JSON form, which `saved_with` reads."""
-        return asdict(self)
+        found = asdict(self)
+        if self.opening is not None:
+            found["opening"]["calibrate"] = list(self.opening.calibrate)
+        return found
 
     def matches(self, source: Source) -> bool:
         """Whether a source has the very samples that were split."""

@@ -39,6 +39,9 @@ def with_deviations(samples: LogSamples, terms: tuple[Term, ...], smoothing: Smo
     found = scipy.linalg.inv(matrix.cpu().numpy(), overwrite_a=True, check_finite=False)
     inverse = torch.from_numpy(found).to(matrix.device)
     errors = residual(samples, terms)
+    if samples.clipped is not None:
+        # Over its bound a clipped value is met.
+        errors = torch.where(samples.clipped, errors.clamp_min(0), errors)
     freedom = float(samples.weights.sum()) - float((inverse * data).sum())
     squares = (samples.weights[:, None] * errors**2).sum(0)
     variance = squares / max(freedom, np.finfo(float).tiny)

@@ -135,6 +135,7 @@ class _Light:
         masks = tuple(term.mask.cpu() for term in terms)
         projections = tuple(term.projection for term in terms)
         near = LogSamples(*(each.cpu() for each in (samples.wi, samples.wo, samples.logs, samples.weights)))
+        self._clipped = None if samples.clipped is None else samples.clipped.cpu().numpy()
         problem = inner_problem(near, projections, self._layout.shapes, smoothing, masks)
         kept = self._kept = problem.kept.numpy()
         numbers, values = stencil_rows(problem.coordinates, problem.lookups)
@@ -172,6 +173,9 @@ class _Light:
         """(J, its slope by z), over Σ w."""
         texels = self._of(z)
         logs = self._sums(texels)
+        if self._clipped is not None:
+            # What is only known not to be less costs nothing where it is more.
+            logs = np.where(self._clipped, np.minimum(logs, self._logs), logs)
         off, found = logs - self._logs, np.exp(np.minimum(logs, MOST))
         rough = self._penalty @ texels
         value = (self._hold * off**2).sum() + (texels * rough).sum()

@@ -96,7 +96,8 @@ def _solved(fitted: F, samples: Samples, storage: str) -> F:
     if objective != "log":
         plain = replace(logs, weights=samples.weights)
         logs = replace(plain, weights=Flux.of(samples, fitted.transform, objective).weights_of(plain))
-    solved_anew = not settings.get("robust", False) and objective == "log" and settings.get("refine", "none") == "none"
+    plainly = samples.clipped is None and not settings.get("robust", False) and settings.get("refine", "none") == "none"
+    solved_anew = plainly and objective == "log"
     terms = quantized_terms(logs, tuple(fitted.terms), smoothing, LEVELS[storage], solved_anew)
     texels, grids = [term.flat().texture for term in terms], [term.grid for term in terms]
     return fitted.with_textures(texels, grids, {"quantize": storage})
@@ -108,7 +109,7 @@ def quantized_terms(
     """The terms with the best texels of `levels` + 1 values a channel, and their grids.
 
     `solved_anew` takes y from these samples and the sampler's weights; else y are the terms' own texels, as it should
-    be where these are not the minimum of the plain problem (robust weights, an objective of energy).
+    be where these are not the minimum of the plain problem (clipped samples, an objective of energy).
     """
     masks = tuple(term.mask for term in terms)
     projections = tuple(term.projection for term in terms)

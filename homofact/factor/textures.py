@@ -26,15 +26,13 @@ from homofact.linear.layout import Shape, TexelLayout
 from homofact.linear.least_squares import LeastSquares, Roughness
 from homofact.linear.mask import covered, filled, grown
 from homofact.linear.normal import Lookup
-from homofact.linear.robust import huber_weights
 from homofact.linear.size import is_dense
-from homofact.linear.solvers import solve
+from homofact.linear.solvers import Solution, solve
 from homofact.linear.sparse_solve import condition_from_below
 
 CHUNK = 65_536
 REACH = 1 / 8  # of a texture's side: how far from the samples smoothing may fill texels
-ROBUST_STEPS = 20
-ROBUST_ENDS = 1e-4  # change of the weight taken away, in shares of all weight
+ONE_SIDED_STEPS = 12
 # λ of all textures, or of each.
 Smoothing = float | tuple[float, ...]
 
@@ -43,27 +41,34 @@ Smoothing = float | tuple[float, ...]
 class LogSamples:
     """Samples after the log transform: what the inner problem sees.
 
-    `wi`, `wo` (N, 3); `logs` (N, C), f̃; `weights` (N,).
+    `wi`, `wo` (N, 3); `logs` (N, C), f̃; `weights` (N,); `clipped` (N, C) where f̃ may be more, None for nowhere.
     """
 
     wi: Tensor
     wo: Tensor
     logs: Tensor
     weights: Tensor
+    clipped: Tensor | None = None
 
     @classmethod
     def of(cls, samples: Samples, transform: LogTransform) -> "LogSamples":
         """The samples under `transform`, weighted for the Cole error: over the discs (`brdf.pair_density`)."""
-        return cls(samples.wi, samples.wo, transform.forward(samples.values), over_discs(samples))
+        logs = transform.forward(samples.values)
+        return cls(samples.wi, samples.wo, logs, over_discs(samples), samples.clipped)
 
     def with_more(self, more: "LogSamples") -> "LogSamples":
         """These samples and `more` behind them."""
         pairs = ((self.wi, more.wi), (self.wo, more.wo), (self.logs, more.logs), (self.weights, more.weights))
-        return LogSamples(*(torch.cat((one, other.to(one))) for one, other in pairs))
+        clipped = None
+        if self.clipped is not None:
+            clipped = torch.cat((self.clipped, torch.zeros_like(more.logs, dtype=torch.bool)))
+        wi, wo, logs, weights = (torch.cat((one, other.to(one))) for one, other in pairs)
+        return LogSamples(wi, wo, logs, weights, clipped)
 
     def select(self, index: Tensor) -> "LogSamples":
         """The samples at `index`, in that order."""
-        return LogSamples(self.wi[index], self.wo[index], self.logs[index], self.weights[index])
+        clipped = None if self.clipped is None else self.clipped[index]
+        return LogSamples(self.wi[index], self.wo[index], self.logs[index], self.weights[index], clipped)
 
 
 def texture_shape(projection: Projection, size: int) -> Shape:
@@ -122,20 +127,18 @@ class Solved:
     """Finished terms and how sound their system was.
 
     `condition` is the 1-norm condition number of the normal matrix; `determined` the share of solved texels that
-    samples hold rather than smoothing alone; `outliers` the share of the samples' weight that a robust solve took away;
-    `steps` the last solve's iterations, 0 where it had none.
+    samples hold rather than smoothing alone; `steps` the last solve's iterations, 0 where it had none.
     """
 
     terms: tuple[Term, ...]
     status: Status
     condition: float
     determined: float
-    outliers: float = 0.0
     steps: int = 0
 
     def details(self) -> dict[str, float]:
         """The figures by name, JSON-able, for a report."""
-        return {"condition": self.condition, "determined": self.determined, "outliers": self.outliers}
+        return {"condition": self.condition, "determined": self.determined}
 
 
 def solve_terms(
@@ -144,13 +147,12 @@ def solve_terms(
     shapes: tuple[Shape, ...],
     smoothing: Smoothing,
     solver: str,
-    robust: bool = False,
 ) -> Solved:
     """The masked solve: finished terms for fixed projections, constants gathered in the first texture.
 
     The unknowns are the texels in reach of a sample; the others of the projected domain take the value of the
     nearest of these, since smoothing alone would carry the last ramp on into the dark. The gauge is held in closed
-    form (`factor.gauge`). `robust` solves again with Huber's weights until they settle.
+    form (`factor.gauge`). Clipped samples are one-sided (`one_sided`).
     """
     layout = layout_of(projections, shapes)
     domains = domain_masks(projections, shapes, samples.wi.device)
@@ -158,14 +160,9 @@ def solve_terms(
     masks = _reached(whole.diagonal, domains, layout)
     kept = layout.join(masks)
     problem = whole.within(kept, Roughness.of(layout, masks), gauge_rows(projections, masks))
-    solution, taken = solve(problem, solver), 0.0
-    for _ in range(ROBUST_STEPS if robust else 0):
-        share = huber_weights(problem.residuals(solution.texels))
-        before, taken = taken, 1 - float((share * samples.weights).sum() / samples.weights.sum())
-        problem = replace(problem, weights=samples.weights * share)
-        solution = solve(problem, solver)
-        if abs(taken - before) < ROBUST_ENDS:
-            break
+    solution = solve(problem, solver)
+    if samples.clipped is not None and bool(samples.clipped.any()):
+        solution = one_sided(problem, samples.clipped, solution, solver)
     condition = solution.condition
     if condition is None:
         dense = is_dense(problem.unknowns)
@@ -180,9 +177,30 @@ def solve_terms(
         solution.status,
         condition,
         determined_share(data, float(samples.weights.mean())),
-        taken,
         solution.iterations,
     )
+
+
+def one_sided(problem: LeastSquares, clipped: Tensor, solution: Solution, solver: str) -> Solution:
+    """The solution in which values that are `clipped` (N, C) only pull upwards, from that in which they count fully.
+
+    Min Σ w r² over the others + Σ w max(r, 0)² over these, r = f̃ − By: convex, and quadratic for a given set of
+    clipped values that lie under their bound. That set is found anew from each solution until it stays, channel by
+    channel. Channels without clipped values keep their texels.
+    """
+    texels = solution.texels.clone()
+    for channel in clipped.any(0).nonzero()[:, 0].tolist():
+        own = replace(problem, targets=problem.targets[:, channel : channel + 1])
+        found = texels[:, channel : channel + 1]
+        over = torch.zeros_like(clipped[:, channel])
+        for _ in range(ONE_SIDED_STEPS):
+            now = clipped[:, channel] & (own.residuals(found)[:, 0] < 0)
+            if torch.equal(now, over):
+                break
+            over = now
+            found = solve(replace(own, weights=torch.where(over, 0.0, problem.weights)), solver).texels
+        texels[:, channel] = found[:, 0]
+    return replace(solution, texels=texels)
 
 
 def _reached(diagonal: Tensor, domains: tuple[Tensor, ...], layout: TexelLayout) -> tuple[Tensor, ...]:

@@ -24,7 +24,7 @@ class Cole:
 
     textures: int = shared.textures()
     size: int = shared.size()
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     coordinates: str = shared.coordinates("half-diff")
     reciprocal: bool = shared.reciprocal()
     solver: str = shared.solver()

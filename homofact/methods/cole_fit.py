@@ -33,6 +33,7 @@ from homofact.methods.fitting import (
     coarse_size,
     provenance_of,
     transform_of,
+    trusted_samples,
 )
 from homofact.methods.memory import refuse_too_large
 
@@ -52,7 +53,7 @@ def solve_greedily(samples: LogSamples, projections: tuple[Projection, ...], set
         rest = replace(samples, logs=residual(samples, terms))
         last = projections[begin:count]
         shapes = tuple(texture_shape(p, settings.size) for p in last)
-        solved = solve_terms(rest, last, shapes, settings.smoothing, settings.solver, settings.robust)
+        solved = solve_terms(rest, last, shapes, settings.smoothing, settings.solver)
         terms = (*terms, *solved.terms)
     assert solved is not None  # there is at least one projection
     return replace(solved, terms=terms)
@@ -70,6 +71,7 @@ def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None
     began = time.perf_counter()
     deadline = math.inf if settings.budget is None else began + settings.budget
     provenance = provenance_of(samples, settings)
+    samples, taken = trusted_samples(samples, settings)
     # Both coordinates know the azimuth.
     samples = at_azimuths(samples, settings, knows_azimuth=True)
     textures = settings.textures
@@ -129,7 +131,7 @@ def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None
         residual=error,
         seed=settings.seed,
         notes=notes,
-        details=made | solved.details(),
+        details=made | solved.details() | {"outliers": taken},
     )
     return Fit(Factorization(terms, transform, samples.channels, made), report)
 

@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeVar, cast
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.noise_floor import noise_floor
+from homofact.brdf.outliers import without_outliers
 from homofact.brdf.reflectance import Directions
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import NOISE_FREE_EPSILON
-from homofact.errors import Report
+from homofact.errors import BadInput, Report
 from homofact.factor.fitted import Fitted
 from homofact.factor.quantize import is_solved, quantize
 from homofact.version import __version__
@@ -94,8 +96,8 @@ class Method(Protocol):
         ...
 
     @property
-    def epsilon(self) -> float | None:
-        """ε of the log transform; None takes the source's, or that of noise-free data."""
+    def epsilon(self) -> float | str | None:
+        """ε of the log transform; None takes the source's, or that of noise-free data, "floor" the noise floor."""
         ...
 
     @property
@@ -139,6 +141,15 @@ class Copying(Quantizing, Protocol):
         ...
 
 
+class Robust(Method, Protocol):
+    """A method that can leave gross errors out."""
+
+    @property
+    def robust(self) -> bool:
+        """Whether it does."""
+        ...
+
+
 class Coarse(Method, Protocol):
     """A method that searches on smaller textures."""
 
@@ -154,8 +165,28 @@ def coarse_size(method: Coarse) -> int:
 
 
 def transform_of(samples: Samples, method: Method) -> LogTransform:
-    """The log transform of a fit: the method's ε, or the one for noise-free data, and A of `samples`."""
-    return LogTransform.of(samples, NOISE_FREE_EPSILON if method.epsilon is None else method.epsilon)
+    """The log transform of a fit: the method's ε, or the one for noise-free data, and A of `samples`.
+
+    The noise floor is never taken as less than that of noise-free data.
+    """
+    epsilon = method.epsilon
+    if epsilon == "floor":
+        epsilon = max(noise_floor(samples, method.seed) or 0.0, NOISE_FREE_EPSILON)
+    return LogTransform.of(samples, NOISE_FREE_EPSILON if epsilon is None else float(epsilon))
+
+
+def refuse_bounds(samples: Samples, method: Method) -> None:
+    """Raise BadInput for samples that are bounds (clipped ones), where a method takes values alone."""
+    if samples.clipped is not None:
+        raise BadInput(f"clipped: {method.name} takes no values as bounds, expected search, cole or mccool with it")
+
+
+def trusted_samples(samples: Samples, method: Robust) -> tuple[Samples, float]:
+    """(the samples without their outliers, the share of the weight that these had) where the method is robust.
+
+    Before A, the flux and the folds are made of them: an outlier in any of these pulls on the whole fit.
+    """
+    return without_outliers(samples, method.seed) if method.robust else (samples, 0.0)
 
 
 def provenance_of(samples: Samples, method: Method) -> dict[str, Any]:
@@ -184,6 +215,8 @@ def at_azimuths(samples: Samples, method: Copying, knows_azimuth: bool) -> Sampl
 def quantized(fitted: F, samples: Samples, method: Quantizing, storage: str) -> F:
     """A fit of `samples` by `method` with texels that `storage` ("png8", "png16") holds. Raises BadInput for others."""
     if is_solved(fitted):
+        if getattr(method, "robust", False):
+            samples, _ = without_outliers(samples, method.seed)
         samples = at_azimuths(samples, cast("Copying", method), not fitted.evaluation.isotropic)
     return quantize(fitted, samples, storage)
 

@@ -38,7 +38,7 @@ class McCool:
     grid: str = option(
         "better", "Where texels of parabolic maps lie: a texel in the middle, none, or what comes nearer", choices=GRIDS
     )
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     reciprocal: bool = shared.reciprocal()
     solver: str = shared.solver()
     smoothing: float = shared.smoothing(shared.DEFAULT_SMOOTHING)

@@ -18,7 +18,7 @@ from homofact.factor.projection import Projection, fixed_projection
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.layout import Shape
 from homofact.linear.threads import one_thread
-from homofact.methods.fitting import Fit, at_azimuths, provenance_of, transform_of
+from homofact.methods.fitting import Fit, at_azimuths, provenance_of, transform_of, trusted_samples
 from homofact.methods.mccool import McCool
 from homofact.methods.memory import refuse_too_large
 
@@ -28,6 +28,7 @@ def fit_mccool(samples: Samples, settings: McCool) -> Fit:
     """Textures for `settings.projections` from samples as measured, copied to other azimuths where one knows them."""
     began = time.perf_counter()
     provenance = provenance_of(samples, settings)
+    samples, taken = trusted_samples(samples, settings)
     projections = tuple(fixed_projection(name, settings.reciprocal) for name in settings.projections)
     samples = at_azimuths(samples, settings, not all(projection.system.isotropic for projection in projections))
     lookups = sum(projection.lookups for projection in projections)
@@ -41,7 +42,7 @@ def fit_mccool(samples: Samples, settings: McCool) -> Fit:
     transform = transform_of(samples, settings)
     data = LogSamples.of(samples, transform)
     tried = {
-        shapes: solve_terms(data, projections, shapes, settings.smoothing, settings.solver, settings.robust)
+        shapes: solve_terms(data, projections, shapes, settings.smoothing, settings.solver)
         for shapes in dict.fromkeys(grids.values())
     }
     solved = min(tried.values(), key=lambda each: float((residual(data, each.terms) ** 2).mean()))
@@ -52,7 +53,16 @@ def fit_mccool(samples: Samples, settings: McCool) -> Fit:
     error = float((residual(data, solved.terms) ** 2).mean())
     seconds = time.perf_counter() - began
     return Fit(
-        factorization, Report(solved.status, 1, len(tried), seconds, error, settings.seed, details=solved.details())
+        factorization,
+        Report(
+            solved.status,
+            1,
+            len(tried),
+            seconds,
+            error,
+            settings.seed,
+            details=solved.details() | {"outliers": taken},
+        ),
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.linear.threads import one_thread
-from homofact.methods.fitting import Fit, Method, provenance_of, transform_of
+from homofact.methods.fitting import Fit, Method, provenance_of, refuse_bounds, transform_of
 from homofact.methods.models import Gaussians, Ggx, Nbrdf
 from homofact.parametric.factored_fit import fit_factored
 from homofact.parametric.lobes import fit_gaussians, fit_ggx
@@ -16,8 +16,9 @@ from homofact.parametric.network import train
 
 @one_thread
 def fit_model(samples: Samples, settings: Method) -> Fit:
-    """The model of `settings` fitted to samples. Raises BadInput for a network of other than three channels."""
+    """The model of `settings` fitted to samples. Raises BadInput for bounds, and a network of other channels than 3."""
     began = time.perf_counter()
+    refuse_bounds(samples, settings)
     if isinstance(settings, Ggx):
         model, report = fit_ggx(samples, settings.lobes, settings.seed)
     elif isinstance(settings, Gaussians):

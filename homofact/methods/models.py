@@ -47,7 +47,7 @@ class Ggx(_Model):
     name: ClassVar[str] = "ggx"
 
     lobes: int = option(1, "How many lobes over the diffuse base", least=1, most=4)
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     seed: int = shared.seed()
 
 
@@ -58,7 +58,7 @@ class Gaussians(_Model):
     name: ClassVar[str] = "gaussians"
 
     lobes: int = option(3, "How many lobes over the diffuse base", least=1, most=4)
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     seed: int = shared.seed()
 
 
@@ -68,7 +68,7 @@ class Npf(_Model):
 
     name: ClassVar[str] = "npf"
 
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     seed: int = shared.seed()
 
 
@@ -79,7 +79,7 @@ class Nbrdf(_Model):
     name: ClassVar[str] = "nbrdf"
 
     steps: int = option(20_000, "Steps of its training, of 512 pairs each", least=1, most=10**7)
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     seed: int = shared.seed()
 
 

@@ -22,7 +22,7 @@ class Nmf:
 
     textures: int = shared.terms()
     size: int = shared.size()
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     coordinates: str = shared.coordinates("half-diff")
     reciprocal: bool = shared.reciprocal()
     map: str = shared.direction_map()

@@ -43,7 +43,7 @@ class Search:
 
     textures: int = shared.textures()
     size: int = shared.size()
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     projections: tuple[str, ...] | None = option(
         None, "What textures are indexed by, one name for all or one each, joined by +", choices=KINDS, separators="+,",
         none="found from the data", metavar="A+B",

@@ -22,7 +22,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.linear.threads import one_thread
-from homofact.methods.fitting import Fit, provenance_of, transform_of
+from homofact.methods.fitting import Fit, provenance_of, refuse_bounds, transform_of
 from homofact.methods.nmf import Nmf
 from homofact.methods.svd import Svd
 from homofact.separable.decompositions import Factors, eigen, imputed, normalized, power, svd
@@ -147,6 +147,7 @@ def fit_nmf(samples: Samples, settings: Nmf) -> Fit:
 
 
 def _resampled_matrix(samples: Samples, settings: Svd | Nmf) -> BrdfMatrix:
+    refuse_bounds(samples, settings)
     return brdf_matrix(
         resampled(samples, settings.reciprocal),
         direction_map(settings.map),

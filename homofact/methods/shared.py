@@ -27,8 +27,18 @@ def size() -> Any:
 
 
 def epsilon() -> Any:
-    """ε of the log transform; None takes the source's own, or that of noise-free data for bare samples."""
-    return option(None, "ε of the log transform, in units of the mean", above=0, none="by the source")
+    """ε of the log transform; None takes the source's own, or that of noise-free data for bare samples.
+
+    "floor" takes the noise floor of the samples (`brdf.noise_floor`).
+    """
+
+    def expected(value: float | str) -> str | None:
+        return "a number above 0, or floor" if isinstance(value, str) and value != "floor" else None
+
+    return option(
+        None, "ε of the log transform, in units of the mean; floor takes the noise of the darkest samples",
+        above=0, none="by the source", metavar="NUMBER", expected_instead=expected,
+    )  # fmt: skip
 
 
 def reciprocal() -> Any:
@@ -93,8 +103,8 @@ def bound() -> Any:
 
 
 def robust() -> Any:
-    """Whether outliers get little weight in the last solve (Huber's weights, `linear.robust`)."""
-    return option(False, "Give outliers little weight in the last solve (Huber)")
+    """Whether gross errors are left out before anything is made of the samples (`brdf.outliers`)."""
+    return option(False, "Leave gross errors out: samples far from all their neighbours")
 
 
 def confidence() -> Any:

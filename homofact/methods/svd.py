@@ -25,7 +25,7 @@ class Svd:
 
     textures: int = shared.terms()
     size: int = shared.size()
-    epsilon: float | None = shared.epsilon()
+    epsilon: float | str | None = shared.epsilon()
     coordinates: str = shared.coordinates("in-out")
     reciprocal: bool = shared.reciprocal()
     map: str = shared.direction_map()

@@ -33,6 +33,31 @@ CASES = {
     "no textures": ([*FIT, "--textures", "0", *OUT], r"textures: found 0, expected"),
     "negative smoothing": ([*COMPARE, "--smoothing", "-1"], r"smoothing: found -1\.0, expected"),
     "zero epsilon": ([*COMPARE, "--epsilon", "0"], r"epsilon: found 0\.0, expected"),
+    "an epsilon by another name": (
+        [*COMPARE, "--epsilon", "noise"],
+        r"epsilon: found 'noise', expected a number above 0, or fl",
+    ),
+    "gains of another kind": (
+        [*FIT, "--calibrate", "ring", *OUT],
+        r"calibrate: found 'ring', expected one of rings, r",
+    ),
+    "gains twice": ([*FIT, "--calibrate", "rows+rows", *OUT], r"calibrate: found rows, rows, expected none twice"),
+    "gains of a model": (
+        [*FIT, "--calibrate", "rings", *OUT],
+        r"calibrate: material:phong-10 can be evaluated anywher",
+    ),
+    "a model clipped": ([*INFO, "--clipped", "0.5"], r"clipped: material:phong-10 can be evaluated anywhere, expected"),
+    "clipped at nothing": (
+        [*INFO, "--clipped", "0"],
+        r"clipped: found 0\.0, expected a number above 0",
+    ),
+    "clipped by no name": ([*INFO, "--clipped", "yes"], r"clipped: found 'yes', expected a number above 0, or found"),
+    "gains of few samples": (
+        ["info", "{paint}", "--calibrate", "rows"],
+        r"calibrate: found 30 samples, expected at le",
+    ),
+    "nothing is clipped": (["info", "{paint}", "--clipped", "found"], r"clipped: no channel has its largest value 3 t"),
+    "a level too high": (["factorize", "{paint}", "--clipped", "9e9", *OUT], r"clipped: no value is 9e\+09 or"),
     "no restarts": ([*COMPARE, "--restarts", "0"], r"restarts: found 0, expected"),
     "no samples": ([*COMPARE, "--count", "0"], r"count: found 0, expected a whole number from 1 to 10000000"),
     "too many samples": ([*COMPARE, "--count", "1000000000"], r"count: found 1000000000, expected a whole number"),
@@ -122,7 +147,10 @@ def test_one_line_names_what_is_wrong(
     file.write_text("mine")
     pipe = tmp_path_factory.mktemp("pipes") / "pipe"
     os.mkfifo(pipe)
-    code = main([each.format(here=tmp_path, file=file, pipe=pipe) for each in arguments])
+    paint = pipe.with_name("paint.csv")
+    few = [f"{theta},0,{theta + 5},180,0.1,0.{theta},0.3" for theta in range(10, 70, 2)]
+    paint.write_text("\n".join(["# isotropic: true", "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,R,G,B", *few]) + "\n")
+    code = main([each.format(here=tmp_path, file=file, pipe=pipe, paint=paint) for each in arguments])
     out, err = capsys.readouterr()
     assert (code, out) == (2, "")
     assert re.fullmatch(r"homofact: [^\n]+\n", err), err

@@ -172,6 +172,14 @@ def test_a_network_has_three_channels() -> None:
     assert homofact.Ggx().fit(grey).channels == ("Y",)
 
 
+def test_bounds_are_refused_since_a_model_takes_values_alone() -> None:
+    samples = sample_model(GGX, 300, "lobe", 0)
+    bounded = replace(samples, clipped=samples.values > 0.5)
+    for label in ("ggx", "npf", "nbrdf"):
+        with pytest.raises(BadInput, match=rf"clipped: {label} takes no values as bounds"):
+            made(label, {}).fit(bounded)
+
+
 def test_what_wants_textures_refuses_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = tmp_path / "a.npz"
     homofact.Ggx().fit(sample_model(GGX, 300, "lobe", 0)).save(place)

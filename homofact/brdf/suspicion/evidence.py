@@ -141,9 +141,12 @@ def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def robust_fit(
-    columns: np.ndarray, target: np.ndarray, weight: np.ndarray, ridge: float = _RIDGE
+    columns: np.ndarray, target: np.ndarray, weight: np.ndarray, ridge: float | np.ndarray = _RIDGE
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """(coefficients (K,), residuals (N,), their scale) of weighted least squares with Cauchy's weights."""
+    """(coefficients (K,), residuals (N,), their scale) of weighted least squares with Cauchy's weights.
+
+    `ridge` is one for all columns, each in units of its RMS, or one each (K,).
+    """
     size = np.sqrt((weight[:, None] * columns**2).sum(0) / max(weight.sum(), 1e-300)) + 1e-12
     scaled, now = columns / size, weight
     coefficients, residual, scale = np.zeros(columns.shape[1]), target, 1.0

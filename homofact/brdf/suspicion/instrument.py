@@ -161,16 +161,17 @@ _MEASURE_AGAIN = "measure again, or take it out of the file"
 CHECKS = (
     Check(
         "drift-in-time", _time, lambda f: f"the gain drifts along the rows by {math.exp(f[0]):.0%} RMS: the lamp",
-        remedy="divide by the lamp's monitor, or measure again",
+        remedy="divide by the lamp's monitor, or by what --calibrate rows estimates",
     ),
     Check(
         "drift-with-angle", _angle,
         lambda f: f"swapped directions differ by a smooth gain over the angle, {math.exp(f[0]):.0%} RMS",
-        remedy="check the lamp's and the detector's gain over their angles; --no-reciprocal follows the data",
+        remedy="check the lamp's and the detector's gain over their angles; --calibrate rings divides it out,"
+        " --no-reciprocal follows the data",
     ),
     Check(
         "ring", _ring, lambda f: f"one ring of angles is off its neighbours by {_percent(math.exp(f[0]))}",
-        remedy=_MEASURE_AGAIN,
+        remedy=f"{_MEASURE_AGAIN}, or --calibrate rings",
     ),
     Check(
         "shadow", _shadow,

@@ -139,7 +139,7 @@ def method_for(name: str, problem: Problem, base: Mapping[str, Any]) -> Method |
 def judge_fit(problem: Problem, settings: Method, fitter: Fitter) -> Judged:
     """Fit the problem and judge the fit on its clean samples. Raises what the fit raises."""
     samples = replace(problem.samples, all_azimuths=problem.kind != "measurement")
-    source = Source("atlas", problem.kind, samples, Unasked(samples.channels), settings.epsilon or 0.0, 0.0)
+    source = Source("atlas", problem.kind, samples, Unasked(samples.channels), 0.0, 0.0)
     row = fitter(source, settings)
     clean = problem.clean
     transform = LogTransform.of(clean, JUDGING_EPSILON)

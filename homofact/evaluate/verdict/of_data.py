@@ -99,7 +99,9 @@ def oddities_of_the_data(verdict: Verdict, epsilon: float, held_out_log_mse: flo
             verdict.clipped,
             f"{verdict.clipped:.1%} of the light of a channel is at samples that share its largest value, expected"
             f" {LARGEST_CLIPPED:.1%}",
-            "the detector was at its end: what is brighter is not known; measure with a shorter exposure",
+            "the detector was at its end: what is brighter is not known; measure with a shorter exposure, or take the"
+            " values as bounds",
+            "--clipped found",
             # How much more there was nobody knows.
             least=Grade.VISIBLE,
         )
@@ -126,6 +128,7 @@ def oddities_of_the_data(verdict: Verdict, epsilon: float, held_out_log_mse: flo
             f"the samples at {verdict.ring_where} hold {verdict.ring:.3g} of the light that those beside them"
             f" lead to expect, expected 1 within {RING_OFF:.0%}",
             "a ring that was measured with another gain, or in a shadow: leave it out, or correct it",
+            "--calibrate rings",
         )
 
 

@@ -1,4 +1,4 @@
-"""Condition estimates against the singular values, and Huber's weights against their definition."""
+"""Condition estimates against the singular values, and the robust scale against the Gaussian's."""
 
 import math
 
@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from homofact.linear.condition import condition_estimate, condition_of_factor, determined_share
 from homofact.linear.definite import solve_lower
-from homofact.linear.robust import TUNING, huber_weights, scale_of
+from homofact.linear.robust import scale_of
 
 
 @pytest.mark.parametrize("decades", [0, 3, 8, 12])
@@ -33,18 +33,6 @@ def test_determined_counts_what_a_sample_in_the_middle_of_four_texels_gives_twic
     assert determined_share(diagonal * 7, 7.0) == 0.5
 
 
-def test_huber_weights_by_their_definition() -> None:
-    residuals = torch.tensor([[1.0], [-1.0], [1.0], [-1.0], [100.0]], dtype=torch.float64)
-    weights = huber_weights(residuals)
-    limit = TUNING * scale_of(residuals[:, 0])
-    assert scale_of(residuals[:, 0]) == pytest.approx(1.4826)
-    assert weights.tolist() == pytest.approx([1, 1, 1, 1, limit / 100])
-
-
-def test_residuals_that_are_mostly_zero_change_nothing() -> None:
-    assert huber_weights(torch.tensor([[0.0], [0.0], [0.0], [9.0]], dtype=torch.float64)).tolist() == [1, 1, 1, 1]
-
-
 def gaussian(count: int, deviation: float) -> torch.Tensor:
     """Residuals (count, 1) that are distributed as a Gaussian as well as so many can be."""
     quantiles = norm.ppf((torch.arange(count).double() + 0.5).numpy() / count)
@@ -53,21 +41,6 @@ def gaussian(count: int, deviation: float) -> torch.Tensor:
 
 def test_the_scale_of_gaussian_residuals_is_their_deviation() -> None:
     assert scale_of(gaussian(20_001, 0.7)[:, 0]) == pytest.approx(0.7, rel=1e-3)
-
-
-def test_the_weights_lose_five_percent_at_the_gaussian() -> None:
-    """Huber 1981: with c = 1.345 the asymptotic efficiency (E ψ')² / E ψ² at the Gaussian is 95%."""
-    residuals = gaussian(200_001, 2.0)
-    weights = huber_weights(residuals)
-    pull = weights * residuals[:, 0] / 2.0
-    share = float((weights == 1).double().mean())
-    assert share**2 / float(pull.square().mean()) == pytest.approx(0.95, abs=5e-4)
-
-
-def test_a_far_residual_pulls_as_one_at_the_limit() -> None:
-    residuals = torch.cat((gaussian(20_001, 0.5), torch.tensor([[5.0], [-50.0]], dtype=torch.float64)))
-    weights = huber_weights(residuals)
-    assert (weights[-2:] * residuals[-2:, 0]).tolist() == pytest.approx([1.345 * 0.5, -1.345 * 0.5], rel=2e-3)
 
 
 def test_a_factor_at_hand_gives_the_same_condition() -> None:
