@@ -55,16 +55,16 @@ def sources(folder: Path, short: bool) -> tuple[list[str], list[str]]:
     return found, missing
 
 
-def collect(job: tuple[str, tuple[str, ...], FitOptions]) -> dict:
-    """Bytes, fetches and errors by lighting of every rung on one source, with the seconds it took."""
-    text, lightings, options = job
+def collect(job: tuple[str, tuple[str, ...], FitOptions, int]) -> dict:
+    """Bytes, fetches and errors by lighting of every rung up to so many texels a side, with the seconds it took."""
+    text, lightings, options, largest = job
     began = time.perf_counter()
     bench = Bench(text, options)
     source = bench.source
     judges = {name: Judge(source, Stage.of(named_lighting(name), options.seed), options) for name in lightings}
     reads = {name: judge.lighting.reads for name, judge in judges.items()}
     rows = []
-    for candidate in bench.rungs:
+    for candidate in (each for each in bench.rungs if each.size <= largest):
         rung = [candidate.method, candidate.textures, candidate.size, candidate.storage]
         if candidate.method in COLOURS:
             errors = {
@@ -237,7 +237,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         # A smoke test leaves most of each search undone, by the clock.
         options = FitOptions(effort=1, budget=0.05, count=400) if given.short else FitOptions(EFFORT, count=COUNT)
         warm_up()
-        work = [(text, LIGHTINGS[:1] if given.short else LIGHTINGS, options) for text in found]
+        lightings, largest = (LIGHTINGS[:1], 8) if given.short else (LIGHTINGS, 64)
+        work = [(text, lightings, options, largest) for text in found]
         if given.jobs > 1 and not given.short:
             with multiprocessing.get_context("spawn").Pool(given.jobs) as pool:
                 tables = pool.map(collect, work, chunksize=1)

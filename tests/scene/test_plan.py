@@ -36,7 +36,7 @@ from homofact.scene.plan.ladder import (
 from homofact.scene.plan.measure import Judge, best_colour
 from homofact.scene.plan.plan import MaterialPlan, plan_material, plan_scene
 from homofact.scene.plan.scene import Budget, Scene, SceneMaterial
-from homofact.scene.plan.search import Outcome, Walk, walk
+from homofact.scene.plan.search import Outcome, Walk, _settled, walk
 from homofact.scene.plan.stage import Stage
 from homofact.scene.plan.theory import Lobes, colour_error, lost_above, mean_square, order_needed, terms_needed
 from homofact.scene.plan.tolerance import MARGINS, Tolerance
@@ -251,6 +251,14 @@ def test_equal_seeds_give_equal_rungs() -> None:
     assert first.report.status is not Status.GUARD
     wi, wo = source.samples.wi, source.samples.wo
     assert torch.equal(first.evaluate(wi, wo), second.evaluate(wi, wo))
+
+
+def test_what_a_search_came_out_with_settles_more_textures_but_not_its_own_storage() -> None:
+    floats = Candidate("search", 3, 16)
+    asked = {floats: Outcome(0.5, 6144, 2, 2)}
+    assert not _settled(Candidate("search", 3, 16, WHOLE), asked)
+    assert _settled(Candidate("search", 5, 16, WHOLE), asked)
+    assert not _settled(Candidate("search", 2, 16), asked)
 
 
 def test_a_budget_is_kept_and_may_leave_nothing() -> None:

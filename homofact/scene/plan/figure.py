@@ -112,7 +112,9 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
         words = "nothing in the budget" if choice is None or found is None else f"{choice.label}, {found.bytes} bytes"
         share = "" if each.material.pixels is None else f", {each.material.pixels} pixels"
         name = each.name if len(each.name) <= _MOST_LETTERS else each.name[: _MOST_LETTERS - 1] + "…"
-        axes.text(0, place, f"{name}{share}: {words}", color=colour, va="center", fontsize=8.5, fontweight="bold")
+        behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1}
+        title = f"{name}{share}: {words}"
+        axes.text(0, place, title, color=colour, va="center", fontsize=8.5, fontweight="bold", bbox=behind)
         place += 1
         for label, part, with_margin in own:
             shown = [value if math.isfinite(value) else 0.0 for value in (part, with_margin)]
