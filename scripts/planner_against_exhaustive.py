@@ -1,9 +1,9 @@
 """The planner held against exhaustive search: every rung of the ladder fitted once a material, then walks replayed.
 
-Each material's rungs are fitted once (EFFORT of a search, COUNT samples of a model) and measured under each
-lighting. The exhaustive optimum is the fewest bytes of all rungs that meet a tolerance; the planner, which sees none
-of this, asks for single rungs and is counted by what it asks. One colour is no fit and counts on neither side. Errors
-are those of samples and directions that no fit has seen.
+Each material's rungs are fitted once (EFFORT of a search, COUNT samples of a model), stored in 8 bits too, and measured
+under each lighting. The exhaustive optimum is the fewest bytes of all rungs that meet a tolerance; the planner, which
+sees none of this, asks for single rungs and is counted by the fits that these take. One colour is no fit and counts on
+neither side. Errors are those of samples and directions that no fit has seen, without the margins for other views.
 
     OMP_NUM_THREADS=1 python scripts/planner_against_exhaustive.py [--jobs 2] [--data FOLDER] [--keep FILE] [--short]
 """
@@ -18,14 +18,15 @@ from pathlib import Path
 
 from conditions import CORNELL, data_folder, figure, markdown, parser_of, write
 
-from homofact.brdf.source import open_source
 from homofact.errors import HomofactError
 from homofact.evaluate.machine import machine
 from homofact.linear.normal import warm_up
 from homofact.scene.lighting import named_lighting
-from homofact.scene.plan.ladder import COLOURS, CONSTANT, LAMBERT, Candidate, FitOptions, fit_candidate, ladder
-from homofact.scene.plan.measure import Judge
+from homofact.scene.plan.bench import Bench
+from homofact.scene.plan.ladder import COLOURS, CONSTANT, LAMBERT, Candidate, FitOptions, fits_among
+from homofact.scene.plan.measure import Judge, best_colour
 from homofact.scene.plan.search import Outcome, walk
+from homofact.scene.plan.stage import Stage
 
 EFFORT, COUNT = 20, 6000
 LIGHTINGS = ("sun", "overcast", "studio")
@@ -54,29 +55,34 @@ def sources(folder: Path, short: bool) -> tuple[list[str], list[str]]:
     return found, missing
 
 
-def collect(job: tuple[str, tuple[str, ...], FitOptions]) -> dict:
-    """Bytes, fetches and errors by lighting of every rung on one source, with the seconds it took."""
-    text, lightings, options = job
+def collect(job: tuple[str, tuple[str, ...], FitOptions, int]) -> dict:
+    """Bytes, fetches and errors by lighting of every rung up to so many texels a side, with the seconds it took."""
+    text, lightings, options, largest = job
     began = time.perf_counter()
-    source = open_source(text, count=options.count, seed=options.seed)
-    judges = {name: Judge(source, named_lighting(name), options) for name in lightings}
+    bench = Bench(text, options)
+    source = bench.source
+    judges = {name: Judge(source, Stage.of(named_lighting(name), options.seed), options) for name in lightings}
     reads = {name: judge.lighting.reads for name, judge in judges.items()}
     rows = []
-    for candidate in ladder(len(source.samples.channels), source.samples.isotropic):
+    for candidate in (each for each in bench.rungs if each.size <= largest):
+        rung = [candidate.method, candidate.textures, candidate.size, candidate.storage]
         if candidate.method in COLOURS:
             errors = {
-                name: {kind: judge.colour_errors(candidate, kind)[1].of(kind) for kind in TOLERANCES}
+                name: {
+                    kind: judge.colour_errors(candidate, best_colour((judge,), kind != "cole"), (kind,)).of(kind)
+                    for kind in TOLERANCES
+                }
                 for name, judge in judges.items()
             }
             found = {"bytes": candidate.most_bytes(len(source.samples.channels)), "fetches": 0}
         else:
             try:
-                fitted = fit_candidate(candidate, source, options).factorization
+                fitted = bench.fitted(candidate)[0]
             except HomofactError:
                 nothing = {kind: math.inf for kind in TOLERANCES}
                 most = candidate.most_bytes(len(source.samples.channels))
                 row = {"errors": dict.fromkeys(judges, nothing), "bytes": most, "fetches": candidate.most_fetches(True)}
-                rows.append({"candidate": [candidate.method, candidate.textures, candidate.size], **row})
+                rows.append({"candidate": rung, **row})
                 continue
             cole = None
             errors = {}
@@ -85,8 +91,9 @@ def collect(job: tuple[str, tuple[str, ...], FitOptions]) -> dict:
                 errors[name] = asdict(judge.errors(fitted, kinds))
                 cole = errors[name]["cole"] if cole is None else cole
                 errors[name]["cole"] = cole
-            found = {"bytes": fitted.nbytes, "fetches": fitted.fetches, "terms": len(fitted.terms)}
-        rows.append({"candidate": [candidate.method, candidate.textures, candidate.size], "errors": errors, **found})
+            nbytes = fitted.nbytes * candidate.texel_bytes // 4
+            found = {"bytes": nbytes, "fetches": fitted.fetches, "terms": len(fitted.terms)}
+        rows.append({"candidate": rung, "errors": errors, **found})
     seconds = time.perf_counter() - began
     isotropic = source.samples.isotropic
     return {"source": source.name, "isotropic": isotropic, "rows": rows, "seconds": seconds, "reads": reads}
@@ -150,7 +157,7 @@ def replay(table: dict, lighting: str, kind: str, tolerance: float) -> Case:
         chosen.error if chosen is not None else math.inf,
         min(each.error for each in rows.values()),
         found.fits,
-        sum(not each.is_colour for each in rows),
+        fits_among(rows),
     )
 
 
@@ -230,7 +237,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         # A smoke test leaves most of each search undone, by the clock.
         options = FitOptions(effort=1, budget=0.05, count=400) if given.short else FitOptions(EFFORT, count=COUNT)
         warm_up()
-        work = [(text, LIGHTINGS[:1] if given.short else LIGHTINGS, options) for text in found]
+        lightings, largest = (LIGHTINGS[:1], 8) if given.short else (LIGHTINGS, 64)
+        work = [(text, lightings, options, largest) for text in found]
         if given.jobs > 1 and not given.short:
             with multiprocessing.get_context("spawn").Pool(given.jobs) as pool:
                 tables = pool.map(collect, work, chunksize=1)

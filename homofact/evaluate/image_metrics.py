@@ -51,11 +51,16 @@ def ssim(source: Tensor, fit: Tensor, mask: Tensor) -> float:
 
 def ciede2000(source: Tensor, fit: Tensor, mask: Tensor) -> float:
     """Mean CIEDE2000 difference (CIE 142-2001), L*a*b* against the D65 white of sRGB; 1 is about just noticeable."""
+    return float(np.mean(ciede2000_of_pixels(source, fit, mask)))
+
+
+def ciede2000_of_pixels(source: Tensor, fit: Tensor, mask: Tensor) -> np.ndarray:
+    """The CIEDE2000 difference of each of the mask's pixels (n,), row by row; `ciede2000` is its mean."""
     colour = _library("colour-science")
     labs = [
         colour.XYZ_to_Lab(xyz, colour.RGB_COLOURSPACES["sRGB"].whitepoint) for xyz in _xyz(colour, source, fit, mask)
     ]
-    return float(np.mean(colour.delta_E(*labs, method="CIE 2000")))
+    return np.asarray(colour.delta_E(*labs, method="CIE 2000"))
 
 
 def delta_e_itp(source: Tensor, fit: Tensor, mask: Tensor) -> float:

@@ -1,8 +1,9 @@
 """A TOML table into a frozen dataclass, strictly, by the dataclass's own type hints.
 
-A field of another dataclass is a section, one of a tuple of them an array of sections ([[name]]); numbers, texts,
-true or false, tuples of these and alternatives (`int | None`) are values. Whole numbers pass for floats and arrays
-become tuples, nothing else bends. What is wrong is said with its place, what was found and what is expected:
+A field of another dataclass is a section, one of a tuple of them an array of sections ([[name]]), one of both whichever
+stands there; numbers, texts, true or false, tuples of these and alternatives (`int | None`) are values. Whole numbers
+pass for floats and arrays become tuples, nothing else bends. What is wrong is said with its place, what was found and
+what is expected:
 
     scene.toml: budget.bytes: found 1, expected a whole number of at least 4
     scene.toml: unknown key lighting.name, the nearest known one is lighting.named
@@ -157,7 +158,7 @@ class _Reader:
         section = _section_in(hint)
         if section is None:
             return plain_value(value, kinds_of(hint), f"{self.place}{name}", field.metadata.get(_LIMITS))
-        if section in kinds_of(hint):
+        if section in kinds_of(hint) and not (isinstance(value, list) and len(kinds_of(hint)) > 1):
             return self.build(section, value, name)
         if not isinstance(value, list):
             self.refuse(name, described(value), _expected(hint, field))

@@ -100,13 +100,40 @@ class Surroundings(NamedTuple):
     ) -> "Surroundings":
         """`light` for pictures of size × size pixels. Raises BadInput for a size below 8 and a view of length 0."""
         coverage, surface = seen_surface(size, view)
-        pyramid = Pyramid.of(light, surface.axes)
-        normal = surface.frame[:, 2] @ surface.axes.T
+        return cls._around(
+            light, coverage, surface.pixels, surface.frame[:, 2] @ surface.axes.T, surface.axes, fineness
+        )
+
+    @classmethod
+    def at_normals(
+        cls,
+        light: EnvironmentMap,
+        normals: torch.Tensor,
+        view: tuple[float, float, float],
+        fineness: Fineness = FULL,
+    ) -> "Surroundings":
+        """`light` at unit normals (P, 3) in the world, none turned away from the view: a picture of one row."""
+        axes, count = view_axes(view), len(normals)
+        coverage = torch.ones(1, count, dtype=torch.float64)
+        return cls._around(light, coverage, torch.arange(count), normals @ axes.T, axes, fineness)
+
+    @classmethod
+    def _around(
+        cls,
+        light: EnvironmentMap,
+        coverage: torch.Tensor,
+        pixels: torch.Tensor,
+        normal: torch.Tensor,
+        axes: torch.Tensor,
+        fineness: Fineness,
+    ) -> "Surroundings":
+        """With the normals (P, 3) of `pixels` in the frame whose unit vectors are the rows of `axes`, the view last."""
+        pyramid = Pyramid.of(light, axes)
         return cls(
             light,
             coverage,
-            surface.pixels,
-            torch.acos(surface.wo[:, 2].clamp(-1, 1)).numpy(),
+            pixels,
+            torch.acos(normal[:, 2].clamp(-1, 1)).numpy(),
             torch.atan2(normal[:, 1], normal[:, 0]).numpy(),
             pyramid,
             pyramid.lamps(*fineness.cells),

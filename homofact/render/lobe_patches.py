@@ -55,6 +55,8 @@ class Fineness(NamedTuple):
 FULL = Fineness(Grid(64, 1, 28, 36, 4, 48), Grid(64, 1, 28, 36, 1, 48), Grid(24, 36, 28, 36, 2, 32), (32, 128), 192)
 # For spheres of some 200 pixels: under a smooth light, and a lobe under any, within a percent of the full picture.
 DRAFT = Fineness(Grid(32, 1, 16, 16, 3, 32), Grid(32, 1, 16, 16, 2, 32), Grid(16, 24, 16, 16, 3, 24), (16, 64), 96)
+# For errors of a fit: alike on both sides, what they have in common cancels.
+COARSE = Fineness(Grid(36, 1, 16, 16, 2, 24), Grid(36, 1, 16, 16, 1, 24), Grid(12, 12, 12, 12, 2, 16), (16, 64), 48)
 
 
 class Lobe(NamedTuple):

@@ -112,7 +112,7 @@ def environment_coefficients(light: EnvironmentMap, order: int) -> Tensor:
     radiance = _resized(light.radiance)
     rows, columns, channels = radiance.shape
     w = texel_directions(rows, columns, light.turn)
-    weighted = radiance.reshape(-1, channels) * _solid_angles(rows, columns)[:, None]
+    weighted = radiance.reshape(-1, channels) * solid_angles(rows, columns)[:, None]
     total = torch.zeros((order + 1) ** 2, channels, dtype=torch.float64)
     for part in torch.arange(len(w)).split(2048):
         total += harmonics(order, w[part]).T @ weighted[part]
@@ -144,7 +144,7 @@ def _sky(ground: float, level: Callable[[Tensor], Tensor], name: str) -> Environ
     """A sky of radiance level(sin of the elevation) over ground that reflects `ground` of it, Lambertian."""
     sine = texel_directions(_ROWS, 2 * _ROWS)[:, 1]
     above = torch.where(sine > 0, level(sine.clamp_min(0)), torch.zeros_like(sine))
-    irradiance = float((above * sine.clamp_min(0) * _solid_angles(_ROWS, 2 * _ROWS)).sum())
+    irradiance = float((above * sine.clamp_min(0) * solid_angles(_ROWS, 2 * _ROWS)).sum())
     values = torch.where(sine > 0, above, torch.full_like(sine, ground * irradiance / math.pi))
     return EnvironmentMap((values / irradiance * math.pi).reshape(_ROWS, 2 * _ROWS, 1), name=name)
 
@@ -190,7 +190,7 @@ def _levels(light: Light) -> tuple[float, ...]:
     return (0.0,) * int(light.radiance.shape[2]) if isinstance(light, EnvironmentMap) else light.levels()
 
 
-def _solid_angles(rows: int, columns: int) -> Tensor:
+def solid_angles(rows: int, columns: int) -> Tensor:
     """Steradians of each texel (rows·columns,)."""
     edges = torch.cos(torch.arange(rows + 1, dtype=torch.float64) * (math.pi / rows))
     return ((edges[:-1] - edges[1:]) * (2 * math.pi / columns)).repeat_interleave(columns)
@@ -205,7 +205,7 @@ def _resized(radiance: Tensor) -> Tensor:
     block = rows // _ROWS
     if block < 2 or rows % block or columns % block:
         return radiance
-    weights = _solid_angles(rows, columns).reshape(rows, columns, 1)
+    weights = solid_angles(rows, columns).reshape(rows, columns, 1)
 
     def summed(values: Tensor) -> Tensor:
         return values.reshape(rows // block, block, columns // block, block, -1).sum((1, 3))

@@ -1,10 +1,15 @@
 """`homofact plan` on the command line: the table, the files it leaves, the scenes it refuses."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from homofact.brdf.analytic.lambert import Lambert
+from homofact.brdf.formats.csv import write as write_csv
+from homofact.brdf.sampling import sample_model
 from homofact.cli.main import main
 
 SCENE = """
@@ -17,7 +22,7 @@ share = 0.25
 [lighting]
 named = "sun"
 [tolerance]
-reflected = 0.25
+reflected = 0.7
 """
 # The guard: which rung is chosen does not hang on it here.
 QUICK = ["--effort", "10", "--budget", "0.1", "--count", "800"]
@@ -41,13 +46,22 @@ def test_a_plan_leaves_its_choices_and_a_figure(
     assert clay["choice"]["method"] == "constant"
     assert clay["choice"]["bytes"] == 12
     assert plastic["choice"]["method"] == "search"
-    assert plastic["error"] <= 0.25
-    assert plastic["fits"] <= 28 / 5
-    assert plastic["predicted_terms"] > found["against"]["materials"][1]["predicted_terms"]
+    assert plastic["error"] <= 0.7
+    assert plastic["of_tolerance"] <= 1
+    assert plastic["error"] * found["margins"]["reflected"] / 0.7 == plastic["of_tolerance"]
+    assert plastic["fits"] <= 31 / 5
+    assert plastic["needed_terms"] > found["against"]["materials"][1]["needed_terms"]
+    assert {"summary", "findings", "trusted"} <= set(plastic["verdict"])
+    assert "predicted_reflected" not in json.dumps(found)
+    assert set(clay["asked"][0]["reflected_over_all_turnings"]) == {"sun"}
+    assert not any("reflected_over_all_turnings" in each for each in plastic["asked"] if each["textures"])
     assert found["against"]["bytes"] < found["bytes"]
     assert found["fits"] <= found["exhaustive_fits"] / 5
     assert json.loads((out / "1-lafortune-clay" / "colour.json").read_text())["method"] == "constant"
-    assert (out / "2-cook-torrance-plastic" / "factorization.npz").is_file()
+    assert plastic["choice"]["storage"] == "png8"
+    assert (out / "2-cook-torrance-plastic" / "texture_0.png").is_file()
+    written = json.loads((out / "2-cook-torrance-plastic" / "manifest.json").read_text())
+    assert (written["texture_format"], written["textures"][0]["storage"]) == ("png8", "unorm8")
     assert json.loads((out / "plan.json").read_text())["materials"][1]["folder"] == "2-cook-torrance-plastic"
     assert figure.stat().st_size > 5000
     assert main([*command]) == 2
@@ -58,8 +72,9 @@ def test_an_impossible_tolerance_is_a_warning_or_refused(scene: Path, capsys: py
     scene.write_text(SCENE.replace("0.25\n[lighting]", "0.25\n[budget]\nfetches = 0\n[lighting]"))
     assert main(["plan", str(scene), *QUICK]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert "Warning: cook-torrance-plastic: reflected 0.25 cannot be met; the best reachable is 0.4" in shown
+    assert "Warning: cook-torrance-plastic: reflected 0.7 cannot be met; the best reachable is 0." in shown
     assert "missing it by" in shown
+    assert "with the margin of" in shown
     assert main(["plan", str(scene), *QUICK, "--strict"]) == 2
     assert "cannot be met; the best reachable is" in capsys.readouterr().err
 
@@ -84,3 +99,50 @@ def test_a_folder_with_something_else_is_left_alone(
     (tmp_path / "o" / "thesis.txt").write_text("years of work")
     assert main(["plan", str(scene), "--write", str(tmp_path / "o"), "--force"]) == 2
     assert "found thesis.txt in it" in capsys.readouterr().err
+
+
+def test_bytes_are_shared_out_over_several_lightings(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """12 and 48 bytes would meet the tolerance."""
+    text = SCENE.replace("share = 0.25", "share = 0.25\npixels = 60")
+    text = text.replace("[lighting]", '[[lighting]]\nnamed = "overcast"\n[[lighting]]')
+    scene.write_text(text + "[budget]\nbytes = 50\n")
+    assert main(["plan", str(scene), *QUICK, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["bytes"] <= 50
+    assert found["budget"] == {"bytes": 50, "fetches": None, "shared_out": True}
+    assert [each["name"] for each in found["lightings"]] == ["overcast", "sun"]
+    assert set(found["materials"][1]["measured"]) == {"overcast", "sun"}
+    assert found["materials"][1]["highlight_pixels"] > 0
+    assert "within 50 bytes" in found["warnings"][0]
+
+
+def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Half of the samples tripled: planned as one colour, but not without a word."""
+    samples = sample_model(Lambert((0.2, 0.2, 0.2)), 3000)
+    values = samples.values.clone()
+    values[::2] *= 3
+    write_csv(tmp_path / "odd.csv", replace(samples, values=values))
+    file = tmp_path / "scene.toml"
+    file.write_text(
+        '[[material]]\nsource = "odd.csv"\nshare = 1\n[lighting]\nnamed = "overcast"\n[tolerance]\nreflected = 5\n'
+    )
+    assert main(["plan", str(file), *QUICK]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert re.search("odd in the data, (visible|severe): neighbouring samples disagree by", shown)
+    assert main(["plan", str(file), *QUICK, "--strict", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)["materials"][0]
+    assert record["met"]
+    assert "scatter" in [each["name"] for each in record["verdict"]["findings"]]
+    assert main(["plan", str(file), *QUICK, "--refuse", "scatter"]) == 2
+    assert "refused by --refuse, neighbouring samples disagree" in capsys.readouterr().err
+    assert main(["plan", str(file), *QUICK, "--refuse", "scater"]) == 2
+    assert "--refuse: found 'scater', expected some of" in capsys.readouterr().err
+
+
+def test_strict_refuses_a_fit_whose_fault_a_picture_shows(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", str(scene), *QUICK, "--json"]) == 0
+    plastic = json.loads(capsys.readouterr().out)["materials"][1]
+    assert plastic["met"]
+    assert not plastic["verdict"]["trusted"]
+    assert main(["plan", str(scene), *QUICK, "--strict"]) == 2
+    assert "refused by --strict" in capsys.readouterr().err

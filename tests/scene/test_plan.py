@@ -1,11 +1,10 @@
 """The planner: what lighting leaves of a lobe, walks over ladders, laws of the choice, scenes that are refused."""
 
 import math
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import OpenEXR
 import pytest
 import torch
 
@@ -14,46 +13,37 @@ from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.sampling import Drawable, sample_model
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, Report, Status
+from homofact.export.result import open_result
 from homofact.factor.fitted import Fitted
 from homofact.methods.search import Search
 from homofact.render.light import DirectionalLight, EnvironmentMap
 from homofact.scene.harmonics import harmonics, quadrature
 from homofact.scene.lighting import NAMED, ORDER, Lighting, named_lighting
+from homofact.scene.plan.bench import Bench, as_texture, fitted_by_method
+from homofact.scene.plan.export import write_plan
 from homofact.scene.plan.ladder import (
     CONSTANT,
+    FITS,
     LADDER,
     LAMBERT,
+    WHOLE,
     Candidate,
     FitOptions,
     fit_candidate,
     ladder,
     method_of,
 )
-from homofact.scene.plan.measure import Judge, pixel_normals
-from homofact.scene.plan.plan import Bench, MaterialPlan, fitted_by_method, plan_material, plan_scene
-from homofact.scene.plan.scene import Budget, Scene, SceneMaterial, Tolerance, read_scene
-from homofact.scene.plan.search import Outcome, Walk, walk
-from homofact.scene.plan.theory import (
-    Lobes,
-    lost_above,
-    mean_square,
-    order_needed,
-    predicted_error,
-    terms_needed,
-)
+from homofact.scene.plan.measure import Judge, best_colour
+from homofact.scene.plan.plan import MaterialPlan, plan_material, plan_scene
+from homofact.scene.plan.scene import Budget, Scene, SceneMaterial
+from homofact.scene.plan.search import Outcome, Walk, _settled, walk
+from homofact.scene.plan.stage import Stage
+from homofact.scene.plan.theory import Lobes, colour_error, lost_above, mean_square, order_needed, terms_needed
+from homofact.scene.plan.tolerance import MARGINS, Tolerance
 
 QUICK = FitOptions(effort=10, count=800)
 WHITE = Lambert((0.6, 0.3, 0.1))
 PAINT = CookTorrance((0.4, 0.2, 0.1), (1.0, 1.0, 1.0), roughness=0.15, reflectance=0.1)
-SCENE = """
-[[material]]
-source = "material:phong-30"
-share = 1
-[lighting]
-named = "sun"
-[tolerance]
-reflected = 0.1
-"""
 
 
 def bench_of(model: Drawable, name: str = "own") -> Bench:
@@ -64,12 +54,19 @@ def bench_of(model: Drawable, name: str = "own") -> Bench:
     return bench
 
 
+@lru_cache
+def stage_of(light: str) -> Stage:
+    return Stage.of(named_lighting(light))
+
+
 def planned(
     bench: Bench, light: str, value: float, kind: str = "reflected", budget: Budget | None = None
 ) -> MaterialPlan:
+    """A plan whose limit is `value` times the margin of its kind, so that errors up to `value` meet it."""
     material = SceneMaterial(bench.text, 1.0)
     used = Budget() if budget is None else budget
-    return plan_material(material, bench, named_lighting(light), Tolerance(kind, value), used)
+    tolerance = Tolerance(((kind, value * MARGINS[kind]),))
+    return plan_material(material, bench, (stage_of(light),), tolerance, used)
 
 
 # Lighting
@@ -131,22 +128,36 @@ def test_the_spectra_predict_the_mean_square_over_all_turnings() -> None:
     assert float(by_order[1:].sum()) == pytest.approx(float(torch.stack(lit).var()), rel=0.12)
 
 
+def pooled_error(judge: Judge, model: Drawable, colour: Lambert, method: str) -> float:
+    """√(Σ |B − B̂|²/Σ |B|²) over all views together, as theory has it over all turnings."""
+    drawn = judge.stage.draw(colour)
+    pairs = zip(judge.stage.draw(model), drawn if method == CONSTANT else judge.cut(colour, drawn), strict=True)
+    lost = whole = 0.0
+    for (own, other), view in zip(pairs, judge.stage.views, strict=True):
+        lost += float((view.weights[:, None] * (own - other) ** 2).sum())
+        whole += float((view.weights[:, None] * own**2).sum())
+    return math.sqrt(lost / whole)
+
+
 def test_theory_of_one_colour_agrees_with_the_measured_error() -> None:
     model = BlinnPhong((0.15, 0.35, 0.15), (0.4, 0.4, 0.4), exponent=50)
     bench = bench_of(model)
     for name in ("sun", "overcast", "studio", "uniform"):
         light = named_lighting(name)
         for method in (CONSTANT, LAMBERT):
-            measured = Judge(bench.source, light, QUICK).colour_errors(Candidate(method), "reflected")[1].reflected
-            assert predicted_error(Candidate(method), bench.lobes, light) == pytest.approx(measured, rel=0.12)
+            stage = stage_of(name)
+            judge = Judge(bench.source, stage, QUICK)
+            colour = best_colour((judge,), True)
+            measured = pooled_error(judge, model, colour, method)
+            assert colour_error(Candidate(method), bench.lobes, light) == pytest.approx(measured, rel=0.2)
 
 
 def test_nine_terms_of_the_sun_cost_a_white_sphere_some_percent() -> None:
     bench, sun = bench_of(WHITE), named_lighting("sun")
-    judge = Judge(bench.source, sun, QUICK)
-    # √(1 − .992) over the whole sphere; a viewer sees more of its lit side.
-    assert predicted_error(Candidate(LAMBERT), bench.lobes, sun) == pytest.approx(0.0883, abs=0.001)
-    assert 0.04 < judge.colour_errors(Candidate(LAMBERT), "reflected")[1].reflected < 0.07
+    judge = Judge(bench.source, stage_of("sun"), QUICK)
+    # √(1 − .992) over the whole sphere; in pictures what the 9 terms have below 0 is cut, which mends some.
+    assert colour_error(Candidate(LAMBERT), bench.lobes, sun) == pytest.approx(0.0883, abs=0.001)
+    assert 0.07 < pooled_error(judge, WHITE, best_colour((judge,), True), LAMBERT) < 0.0883
 
 
 def test_a_map_with_a_small_sun_excites_every_order_looked_at() -> None:
@@ -167,15 +178,6 @@ def test_low_orders_are_needed_where_only_they_are_lit() -> None:
     assert [terms_needed(order) for order in (0, 1, 3)] == [1, 2, 8]
 
 
-def test_more_texels_and_terms_are_never_predicted_worse() -> None:
-    lobes, light = Lobes.of(PAINT), named_lighting("sun")
-    by_size = [predicted_error(Candidate("search", 1, size), lobes, light) for size in (4, 8, 16, 32)]
-    by_terms = [predicted_error(Candidate("svd", count, 32), lobes, light) for count in (1, 2, 5, 50)]
-    for errors in (by_size, by_terms):
-        assert errors == sorted(errors, reverse=True)
-        assert errors[0] > errors[-1]
-
-
 # Walks
 
 
@@ -188,6 +190,7 @@ def oracle(level: float) -> dict[Candidate, Outcome]:
         else:
             factor = {"search": 1.0, "svd": 6.0, "mccool": 3.0}[each.method]
             error = factor * level * each.textures**-0.5 * (each.size / 8) ** -0.7
+            error *= 1.02 if each.storage == WHOLE else 1.0
             found[each] = Outcome(error, each.most_bytes(3), each.most_fetches(True), each.textures)
     return found
 
@@ -208,8 +211,8 @@ def test_a_walk_finds_the_optimum_with_few_questions() -> None:
                 assert found.asked[found.choice].error <= tolerance
                 assert found.asked[found.choice].bytes == min(meeting)
             fits, cases = fits + found.fits, cases + 1
-    # Of 28; these errors fall twice as fast with textures as the prior believes.
-    assert fits / cases <= 9
+    # Of 31; these errors fall twice as fast with textures as the prior believes.
+    assert fits / cases <= 10
 
 
 def test_a_looser_tolerance_never_costs_more() -> None:
@@ -229,7 +232,7 @@ def test_what_cannot_be_met_is_answered_with_the_best() -> None:
     assert not found.met
     assert found.choice is not None
     assert answers[found.choice].error == min(each.error for each in answers.values())
-    assert found.fits <= 28 / 5 + 1
+    assert found.fits <= len(FITS) / 5 + 1
 
 
 def test_a_rung_is_fitted_by_the_effort_and_the_guard_asked_for() -> None:
@@ -250,12 +253,20 @@ def test_equal_seeds_give_equal_rungs() -> None:
     assert torch.equal(first.evaluate(wi, wo), second.evaluate(wi, wo))
 
 
+def test_what_a_search_came_out_with_settles_more_textures_but_not_its_own_storage() -> None:
+    floats = Candidate("search", 3, 16)
+    asked = {floats: Outcome(0.5, 6144, 2, 2)}
+    assert not _settled(Candidate("search", 3, 16, WHOLE), asked)
+    assert _settled(Candidate("search", 5, 16, WHOLE), asked)
+    assert not _settled(Candidate("search", 2, 16), asked)
+
+
 def test_a_budget_is_kept_and_may_leave_nothing() -> None:
     answers = oracle(1.0)
-    found = walked(answers, 0.5, most_bytes=1000)
+    found = walked(answers, 0.5, most_bytes=200)
     assert found.choice is not None
     assert not found.met
-    assert answers[found.choice].bytes <= 1000
+    assert answers[found.choice].bytes <= 200
     few = walked(answers, 0.4, most_fetches=1)
     assert few.choice is not None
     assert answers[few.choice].fetches <= 1
@@ -284,13 +295,13 @@ def test_equal_bytes_are_decided_by_reads_of_the_light() -> None:
 
 @pytest.mark.parametrize("light", list(NAMED))
 def test_a_lambertian_material_is_one_colour_without_error(light: str) -> None:
-    found = planned(bench_of(WHITE), light, 1e-6)
+    found = planned(bench_of(WHITE), light, 1e-5)
     assert found.walk.choice == Candidate(CONSTANT)
     assert found.walk.fits == 0
     assert found.outcome is not None
-    assert found.outcome.error < 1e-9
-    assert found.judge.colour("reflected").diffuse == pytest.approx((0.6, 0.3, 0.1), rel=1e-9)
-    assert found.judge.colour("cole").diffuse == pytest.approx((0.6, 0.3, 0.1), rel=1e-9)
+    assert found.outcome.value < 1e-6
+    for of_light in (True, False):
+        assert best_colour(found.judges, of_light).diffuse == pytest.approx((0.6, 0.3, 0.1), rel=1e-6)
 
 
 def test_a_glossy_paint_costs_less_under_an_overcast_sky() -> None:
@@ -301,8 +312,8 @@ def test_a_glossy_paint_costs_less_under_an_overcast_sky() -> None:
         assert sun.walk.met
         assert overcast.outcome is not None
         assert sun.outcome is not None
-        assert overcast.outcome.bytes == 12 < sun.outcome.bytes
-        assert overcast.needed_order < sun.needed_order
+        assert overcast.outcome.bytes < sun.outcome.bytes
+        assert overcast.needed_orders < sun.needed_orders
 
 
 def test_the_lighting_does_not_change_a_plan_by_cole_error() -> None:
@@ -330,106 +341,97 @@ def test_a_rung_that_cannot_be_fitted_is_passed_over() -> None:
     assert set(bench.refused.values()) == {"samples: too few, expected more"}
 
 
-def test_the_normals_of_the_pictures_are_unit_and_face_the_viewer() -> None:
-    n = pixel_normals((0.0, 0.0, 1.0)).reshape(-1, 3)
-    seen = n.norm(dim=1) > 0.5
-    assert float((n[seen].norm(dim=1) - 1).abs().max()) < 1e-9
-    assert bool((n[seen, 2] >= 0).all())
-
-
 def test_a_scene_is_planned_and_compared_with_one_size_for_all() -> None:
     benches = {"a": bench_of(WHITE, "a"), "b": bench_of(PAINT, "b")}
     materials = (SceneMaterial("a", 0.5), SceneMaterial("b", 0.3), SceneMaterial("a", 0.2))
-    scene = Scene("two", materials, named_lighting("sun"), Tolerance("reflected", 0.25))
+    scene = Scene("two", materials, (named_lighting("sun"),), Tolerance.of(reflected=0.5))
     found = plan_scene(scene, QUICK, benches)
     assert found.materials[0].walk is found.materials[2].walk
     assert found.bytes < found.one_size.bytes if found.one_size is not None else False
     paint = found.materials[1].outcome
     assert paint is not None
     assert found.fetches == pytest.approx(0.3 * paint.fetches)
-    assert found.exhaustive_fits == 2 * sum(not each.is_colour for each in LADDER)
+    assert found.exhaustive_fits == 2 * len(FITS)
     assert found.planning_fits <= found.exhaustive_fits / 5
     assert found.warnings == ()
 
 
-# Scenes
+def test_a_tolerance_holds_under_each_lighting() -> None:
+    bench = bench_of(PAINT)
+    stages = tuple(stage_of(name) for name in ("overcast", "sun"))
+    material, tolerance = SceneMaterial("own", 1.0), Tolerance.of(reflected=0.9)
+    alone = plan_material(material, bench, stages[:1], tolerance, Budget())
+    both = plan_material(material, bench, stages, tolerance, Budget())
+    assert alone.walk.choice in (Candidate(LAMBERT), Candidate(CONSTANT))
+    assert both.outcome is not None
+    assert both.outcome.bytes > 12
+    assert both.outcome.lighting == "sun"
+    assert both.walk.met
+    assert [errors.reflected <= 0.9 / MARGINS["reflected"] for errors in both.errors] == [True, True]
 
 
-def test_a_scene_is_read(tmp_path: Path) -> None:
-    file = tmp_path / "shop.toml"
-    file.write_text(SCENE + "[budget]\nbytes = 5000\n")
-    found = read_scene(file)
-    assert (found.name, found.lighting.name, found.tolerance) == ("shop", "sun", Tolerance("reflected", 0.1))
-    assert found.budget == Budget(5000, None)
-    assert found.materials == (SceneMaterial("material:phong-30", 1.0),)
+def test_all_limits_hold_and_the_one_that_is_met_worst_is_named() -> None:
+    bench, stages = bench_of(PAINT), (stage_of("studio"),)
+    tolerance = Tolerance.of(delta_e=4.0, delta_e_peak=40.0)
+    found = plan_material(SceneMaterial("own", 1.0), bench, stages, tolerance, Budget())
+    assert found.outcome is not None
+    errors = found.errors[0]
+    parts = {kind: errors.of(kind) * MARGINS[kind] / limit for kind, limit in tolerance.limits}
+    assert found.outcome.error == pytest.approx(max(parts.values()))
+    assert parts[found.outcome.kind] == max(parts.values())
+    assert found.walk.met == (max(parts.values()) <= 1)
+    mean_alone = plan_material(SceneMaterial("own", 1.0), bench, stages, Tolerance.of(delta_e=4.0), Budget())
+    assert mean_alone.outcome is not None
+    assert mean_alone.outcome.bytes <= found.outcome.bytes
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("share = 1", "share = 0.7", "the shares add up to 0.7, expected 1"),
-        ("share = 1", "share = 0", r"material\[0\].share: found 0, expected a number above 0 and at most 1"),
-        ("share = 1", 'share = "all"', "share: found the string 'all', expected a number"),
-        ("material:phong-30", "material:phong-31", "material: found 'phong-31'"),
-        ("material:phong-30", "paint.brdf", "no file .*paint.brdf, expected a measurement"),
-        ("share = 1", "share = 1\ncolour = 2", r"unknown key material\[0\].colour, the nearest known one is "),
-        ('named = "sun"', 'name = "sun"', "unknown key lighting.name, the nearest known one is lighting.named"),
-        ('named = "sun"', 'named = "sun"\nenvironment = "x.hdr"', "found environment and named, expected exactly one"),
-        ('named = "sun"', 'environment = "none.hdr"', "none.hdr: no such file, expected a .hdr or .exr"),
-        ('named = "sun"', "lights = []", "lighting: found no lights, expected some light"),
-        ('named = "sun"', "lights = [{direction = [0, 0, 1], radiance = 0}]", "only lights of radiance 0"),
-        ('named = "sun"', "lights = [{direction = [0, 0, 0]}]", "light direction: found"),
-        ('named = "sun"', "lights = [{direction = [0, 0, 1], radiance = [1, 2]}]", "expected 1 or 3 numbers"),
-        ("reflected = 0.1", "reflected = 0", "tolerance.reflected: found 0, expected a number above 0"),
-        ("reflected = 0.1", "reflected = 0.1\ncole = 0.1", "tolerance: found cole and reflected"),
-        ("reflected = 0.1", "", "tolerance: found none, expected exactly one of"),
-        ("[tolerance]", "[tolerances]", r"unknown section \[tolerances\], the nearest known one is \[tolerance\]"),
-        (
-            "[lighting]",
-            "[budget]\nbytes = 1\n[lighting]",
-            "budget.bytes: found 1, expected a whole number of at least 4",
-        ),
-        ("[[material]]", "[material]", r"material: found a section, expected sections \[\[material\]\]"),
-        ("[lighting]", "[lighting", "not TOML"),
-    ],
-)
-def test_a_scene_that_cannot_be_meant(old: str, new: str, message: str, tmp_path: Path) -> None:
-    file = tmp_path / "scene.toml"
-    assert old in SCENE
-    file.write_text(SCENE.replace(old, new))
-    with pytest.raises(BadInput, match=message) as refused:
-        read_scene(file)
-    assert str(file) in str(refused.value)
-    assert "\n" not in str(refused.value)
+def test_whole_texels_take_a_quarter_and_no_fit_of_their_own(tmp_path: Path) -> None:
+    bench = bench_of(PAINT)
+    floats, whole = Candidate("search", 1, 8), Candidate("search", 1, 8, WHOLE)
+    fitted, stored = bench.fitted(floats)[0], bench.fitted(whole)[0]
+    assert list(bench.fits) == [floats]
+    assert all(texture.grid is not None and texture.grid.levels == 255 for texture in stored.textures)
+    found = planned(bench, "sun", 0.3)
+    assert found.walk.choice is not None
+    assert found.outcome is not None
+    assert found.walk.choice.storage == WHOLE
+    stored = bench.fitted(found.walk.choice)[0]
+    texels = sum(texture.texels.numel() for texture in stored.textures)
+    assert found.outcome.bytes == texels == stored.nbytes // 4
+    assert fitted.nbytes == 4 * sum(texture.texels.numel() for texture in fitted.textures)
+    scene = Scene("one", (SceneMaterial("own", 1.0),), (named_lighting("sun"),), Tolerance.of(reflected=0.5))
+    plan = plan_scene(scene, QUICK, {"own": bench})
+    folder = tmp_path / "plan" / write_plan(tmp_path / "plan", plan)["own"]
+    assert (folder / "texture_0.png").read_bytes()[24] == 8
+    assert (folder / "brdf.glsl").is_file()
+    wi, wo = bench.source.samples.wi, bench.source.samples.wo
+    torch.testing.assert_close(open_result(folder).evaluate(wi, wo), stored.evaluate(wi, wo), rtol=1e-5, atol=1e-7)
 
 
-def test_no_scene(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="no such file, expected a scene in TOML"):
-        read_scene(tmp_path / "none.toml")
+def test_a_plan_is_replaced_by_one_of_other_kinds(tmp_path: Path) -> None:
+    bench, folder = bench_of(PAINT), tmp_path / "plan"
+    for limit, mark in ((0.5, "brdf.glsl"), (3.0, "colour.json"), (0.5, "brdf.glsl")):
+        scene = Scene("one", (SceneMaterial("own", 1.0),), (named_lighting("sun"),), Tolerance.of(reflected=limit))
+        write_plan(folder, plan_scene(scene, QUICK, {"own": bench}), force=True)
+        marks = {each.name for each in (folder / "1-own").iterdir()} & {"brdf.glsl", "colour.json"}
+        assert marks == {mark}
 
 
-@pytest.mark.parametrize(("bad", "word"), [(math.nan, "not finite"), (-1.0, "negative"), (math.inf, "not finite")])
-def test_an_environment_that_is_no_light(bad: float, word: str, tmp_path: Path) -> None:
-    pixels = np.ones((8, 16, 3), dtype=np.float32)
-    pixels[3, 5, 1] = bad
-    _write_exr(tmp_path / "sky.exr", pixels)
-    file = tmp_path / "scene.toml"
-    file.write_text(SCENE.replace('named = "sun"', 'environment = "sky.exr"'))
-    with pytest.raises(BadInput, match=f"sky.exr: pixel row 3, column 5 is {word}"):
-        read_scene(file)
+def test_one_colour_is_judged_as_an_even_texture() -> None:
+    bench = bench_of(PAINT)
+    made = as_texture(WHITE, bench.training, 1e-5)
+    wi, wo = bench.source.samples.wi, bench.source.samples.wo
+    torch.testing.assert_close(made.evaluate(wi, wo), WHITE.evaluate(wi, wo), rtol=1e-9, atol=0)
 
 
-def test_a_black_environment_and_one_that_is_light(tmp_path: Path) -> None:
-    file = tmp_path / "scene.toml"
-    file.write_text(SCENE.replace('named = "sun"', 'environment = "sky.exr"'))
-    _write_exr(tmp_path / "sky.exr", np.zeros((8, 16, 3), dtype=np.float32))
-    with pytest.raises(BadInput, match="every pixel is 0, expected some light"):
-        read_scene(file)
-    _write_exr(tmp_path / "sky.exr", np.ones((8, 16, 3), dtype=np.float32))
-    assert read_scene(file).lighting.last_excited == 0
-
-
-def _write_exr(path: Path, pixels: np.ndarray) -> None:
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with OpenEXR.File(header, {"RGB": pixels}) as file:
-        file.write(str(path))
+def test_a_choice_has_a_verdict_and_a_colour_none_on_what_it_lacks() -> None:
+    bench = bench_of(PAINT)
+    found = planned(bench, "overcast", 0.4)
+    assert found.walk.choice is not None
+    assert found.walk.choice.is_colour
+    assert found.verdict is not None
+    assert [each for each in found.verdict.findings if each.about.value == "fit"] == []
+    textured = planned(bench, "sun", 0.3)
+    assert textured.verdict is not None
+    assert textured.verdict.determined is None or 0 <= textured.verdict.determined <= 1
+    assert textured.verdict.summary

@@ -4,11 +4,15 @@ import math
 from pathlib import Path
 from typing import Any
 
+from homofact.containers.formats import format_named
+from homofact.export.exported import exported, write_exported
 from homofact.export.manifest import write_json
 from homofact.export.result import write_result
 from homofact.files.folder import check_new_folder
-from homofact.files.kinds import PLAN
+from homofact.files.kinds import PLAN, is_ours
+from homofact.scene.plan.ladder import CONSTANT, WHOLE, Candidate
 from homofact.scene.plan.plan import MaterialPlan, ScenePlan
+from homofact.scene.plan.record import material_record, plan_record
 
 COLOUR = "colour.json"
 
@@ -19,43 +23,53 @@ def check_plan_folder(folder: Path, force: bool) -> None:
 
 
 def write_plan(folder: Path, plan: ScenePlan, force: bool = False) -> dict[str, str]:
-    """Write every choice to its folder, plan.json last; the folders' names by source.
+    """Write every choice to its folder, plan.json last; the folders' names by source (and pixels, where given).
 
-    A fit is written as `export.result` does, one colour as colour.json: `f` per channel in sr⁻¹, and for lambert-9
-    the lighting's 9 terms. Raises BadInput as `check_plan_folder`, and for places that cannot be written.
+    A fit is written as `export.result` does, one of whole texels as `export.exported` does (PNG of 8 bits with their
+    shaders), one colour as colour.json: `f` per channel in sr⁻¹, and for lambert-9 each lighting's 9 terms. Raises
+    BadInput as `check_plan_folder`, and for places that cannot be written.
     """
     check_plan_folder(folder, force)
     folder.mkdir(parents=True, exist_ok=True)
     names: dict[str, str] = {}
-    for place, each in enumerate({each.material.source: each for each in plan.materials}.values(), 1):
+    for place, each in enumerate(plan.distinct, 1):
         if each.walk.choice is None:
             continue
-        stem = "".join(c if c.isalnum() or c in "-_" else "-" for c in Path(each.bench.source.name).stem)
-        names[each.material.source] = f"{place}-{stem}"
-        _write_choice(folder / names[each.material.source], each, force)
-    record = plan.record()
+        stem = "".join(c if c.isalnum() or c in "-_" else "-" for c in Path(each.name).stem)
+        names[_key(each.material.source, each.material.pixels)] = f"{place}-{stem}"
+        _write_choice(folder / f"{place}-{stem}", each, each.walk.choice, force)
+    record = plan_record(plan)
     for entry in record["materials"]:
-        entry["folder"] = names.get(entry["source"])
+        entry["folder"] = names.get(_key(entry["source"], entry["pixels"]))
     write_json(folder / PLAN.mark, record)
     return names
 
 
-def _write_choice(folder: Path, each: MaterialPlan, force: bool) -> None:
-    choice = each.walk.choice
-    if choice is None:
+def _key(source: str, pixels: int | None) -> str:
+    return source if pixels is None else f"{source} at {pixels} pixels"
+
+
+def _write_choice(folder: Path, each: MaterialPlan, choice: Candidate, force: bool) -> None:
+    if force and folder.is_dir():
+        # The plan before may have chosen another kind of thing.
+        for entry in folder.iterdir():
+            if is_ours(entry) or entry.name == COLOUR:
+                entry.unlink()
+    if each.colour is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        record: dict[str, Any] = {
+            "method": choice.method,
+            "channels": list(each.colour.channels),
+            "f_per_sr": [float(x) / math.pi for x in each.colour.diffuse],
+        }
+        if choice.method != CONSTANT:
+            terms = {judge.lighting.name: judge.lighting.coefficients[:9].tolist() for judge in each.judges}
+            record["lighting_terms"] = terms
+        write_json(folder / COLOUR, record)
         return
-    if not choice.is_colour:
-        fit, report = each.bench.fitted(choice)
-        facts: dict[str, Any] = each.record() | {"fit": {"status": report.status.value, "seconds": report.seconds}}
-        write_result(folder, factorization=fit, report=facts, force=force)
+    fit, report = each.bench.fitted(choice)
+    if choice.storage == WHOLE:
+        write_exported(folder, exported(fit, format_named(WHOLE)), {"plan": material_record(each)["measured"]}, force)
         return
-    model = each.judge.colour(each.tolerance.kind)
-    folder.mkdir(parents=True, exist_ok=True)
-    record: dict[str, Any] = {
-        "method": choice.method,
-        "channels": list(model.channels),
-        "f_per_sr": [float(x) / math.pi for x in model.diffuse],
-    }
-    if choice.method != "constant":
-        record["lighting_terms"] = each.judge.lighting.coefficients[:9].tolist()
-    write_json(folder / COLOUR, record)
+    facts: dict[str, Any] = material_record(each) | {"fit": {"status": report.status.value, "seconds": report.seconds}}
+    write_result(folder, factorization=fit, report=facts, force=force)

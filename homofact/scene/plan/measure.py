@@ -1,12 +1,12 @@
-"""What a representation is judged by: the Cole error, the light it reflects, the colour it shows; and the theory.
+"""What a representation is judged by: the Cole error on held-out samples, and the light that it reflects.
 
-The reflected light is that of two lit spheres (`render.sphere`), seen from two sides: some 1700 pairs of normal and
-view, none of them a sample of the fit, each integrated over the same directions of light for source and candidate.
-`reflected` is √(Σ |B − B̂|² / Σ |B|²) over pixels, channels and views; `delta_e` the mean CIEDE2000 of the pixels at
-the source's exposure. The Cole error knows nothing of the lighting: it weighs all pairs of directions alike.
+The light is that of lit spheres (`plan.stage`): some thousand pairs of normal and view, none of them a sample of the
+fit, the same for source and candidate. All kinds of error are `plan.tolerance`'s. One exposure takes the 99th
+percentile of the source's pixels, over all views, to .9.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,42 +19,42 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import Source
 from homofact.errors import BadInput
 from homofact.evaluate.compare import held_out_samples
-from homofact.evaluate.image_metrics import ciede2000
+from homofact.evaluate.image_metrics import ciede2000_of_pixels
 from homofact.evaluate.metrics import measure
-from homofact.render.light import DirectionalLight
-from homofact.render.sphere import SphereImage, render_sphere
-from homofact.render.tonemap import choose_exposure, displayed
+from homofact.render.sphere import SphereImage
+from homofact.render.tonemap import PERCENTILE, TARGET, displayed
 from homofact.scene.lighting import Lighting
 from homofact.scene.plan.ladder import CONSTANT, Candidate, FitOptions
+from homofact.scene.plan.stage import Stage
+from homofact.scene.plan.tolerance import KINDS, SEEN, Errors
 
-KINDS = ("cole", "delta_e", "reflected")
-PIXELS = 36
-DIRECTIONS = 64
-VIEWS = ((0.0, 0.0, 1.0), (0.8, 0.3, 0.5))
-# The colour of "constant" is fitted to this view and judged by the others.
-FIT_VIEW = (-0.5, 0.6, 0.6)
+_P95 = 0.95
 
 
 @dataclass(frozen=True)
-class Errors:
-    """All three errors of one representation under one lighting (no unit; `delta_e` in CIEDE2000 units)."""
+class Picture:
+    """What is seen of one view: radiance (P, C) of pixels or nodes, and the share of the disc of each, (P,)."""
 
-    cole: float
-    delta_e: float
-    reflected: float
-
-    def of(self, kind: str) -> float:
-        """The error that a tolerance of this kind speaks of."""
-        return float(getattr(self, kind))
+    radiance: Tensor
+    weights: Tensor
 
 
 @dataclass(frozen=True)
 class Judge:
-    """Measures representations of one source under one lighting; its own pictures are drawn once."""
+    """Measures representations of one source on one stage; its own pictures are drawn once.
+
+    `pixels` are those that the sphere is across, None from close by (`plan.stage`).
+    """
 
     source: Source
-    lighting: Lighting
+    stage: Stage
     options: FitOptions
+    pixels: int | None = None
+
+    @property
+    def lighting(self) -> Lighting:
+        """The light on the stage."""
+        return self.stage.lighting
 
     @cached_property
     def transform(self) -> LogTransform:
@@ -62,107 +62,142 @@ class Judge:
         train = self.source.samples.split(self.options.held_out, self.options.seed)[0]
         return LogTransform.of(train, self.source.default_epsilon)
 
-    def _check_light(self) -> None:
-        """Raise BadInput for what the source itself cannot be drawn with."""
-        if not any(bool(each.radiance.any()) for each in self._pictures):
+    @cached_property
+    def _drawn(self) -> list[Tensor]:
+        """The source's radiance at the nodes. Raises BadInput for what the source itself cannot be drawn with."""
+        found = self.stage.draw(self.source.reflectance)
+        if not any(bool(each.any()) for each in found):
             raise BadInput(f"lighting: {self.source.name} reflects none of {self.lighting.name}, expected some light")
+        return found
 
     @cached_property
-    def _pictures(self) -> tuple[SphereImage, ...]:
-        return tuple(self._draw(self.source.reflectance, view) for view in VIEWS)
+    def _pictures(self) -> list[Picture]:
+        return self._seen(self._drawn)
 
     @cached_property
     def _exposure(self) -> float:
-        return choose_exposure(self._pictures[0])
+        return exposure(self._pictures)
 
     def errors(self, reflectance: Reflectance, kinds: tuple[str, ...] = KINDS) -> Errors:
         """The errors of a fitted representation; those not asked for are NaN, infinite where it is not finite."""
-        pictures: list[SphereImage] = []
-        if "reflected" in kinds or "delta_e" in kinds:
+        drawn: list[Tensor] = []
+        if set(kinds) != {"cole"}:
             # The source's come first: what is wrong with the lighting is no fault of the fit.
-            self._check_light()
+            _ = self._drawn
             try:
-                pictures = [self._draw(reflectance, view) for view in VIEWS]
+                drawn = self.stage.draw(reflectance)
             except BadInput:
-                return Errors(math.inf, math.inf, math.inf)
-        return self._judged(reflectance, pictures, kinds)
+                return Errors(*(math.inf,) * len(KINDS))
+        return self._judged(reflectance, drawn, kinds)
 
-    def colour_errors(self, candidate: Candidate, kind: str) -> tuple[Lambert, Errors]:
-        """(the one colour that suits tolerances of this kind, its errors as "constant" or "lambert-9")."""
-        self._check_light()
-        model = self.colour(kind)
-        if candidate.method == CONSTANT:
-            return model, self.errors(model)
-        return model, self._judged(model, [self._draw_cut(model, view) for view in VIEWS], KINDS)
+    def colour_errors(self, candidate: Candidate, model: Lambert, kinds: tuple[str, ...] = KINDS) -> Errors:
+        """The errors of one colour as "constant" or "lambert-9"."""
+        drawn: list[Tensor] = []
+        if set(kinds) != {"cole"}:
+            drawn = self.stage.draw(model)
+            drawn = drawn if candidate.method == CONSTANT else self.cut(model, drawn)
+        return self._judged(model, drawn, kinds)
 
     @cached_property
-    def _fit_picture(self) -> SphereImage:
-        return self._draw(self.source.reflectance, FIT_VIEW)
-
-    def colour(self, kind: str) -> Lambert:
-        """f = c that minimises the error: of logs at the training samples for "cole", else of light on another view."""
+    def to_white(self) -> tuple[Tensor, Tensor]:
+        """Σ B E and Σ E² (C,) over the nodes, by Σ B²: of the source's light B and that of a white sphere, E."""
         names = self.source.samples.channels
-        if kind == "cole":
-            train = self.source.samples.split(self.options.held_out, self.options.seed)[0]
-            weights = train.weights / train.weights.sum()
-            values = self.transform.inverse((self.transform.forward(train.values) * weights[:, None]).sum(0))
-        else:
-            white = Lambert((1.0,) * len(names), channels=names)
-            own, one = self._fit_picture, self._draw(white, FIT_VIEW)
-            inside = one.coverage > 0
-            e = one.radiance[inside].expand(-1, len(names))
-            values = (own.radiance[inside] * e).sum(0) / (e**2).sum(0).clamp_min(1e-300) / math.pi
-        return Lambert(tuple(math.pi * float(c) for c in values), channels=names)
+        white = self.stage.draw(Lambert((1.0,) * len(names), channels=names))
+        met = there = torch.zeros(len(names), dtype=torch.float64)
+        whole = 0.0
+        for own, one, view in zip(self._drawn, white, self.stage.views, strict=True):
+            sums = [(view.weights[:, None] * each).sum(0) for each in (own * one, one * one)]
+            # A grey material may stand in coloured light.
+            met, there = (a + (b if len(b) == len(names) else b.sum()) for a, b in zip((met, there), sums, strict=True))
+            whole += _energy(own, view.weights)
+        return met / whole, there / whole
 
-    def _judged(self, reflectance: Reflectance, pictures: list[SphereImage], kinds: tuple[str, ...]) -> Errors:
-        cole = reflected = delta = math.nan
+    @cached_property
+    def of_logs(self) -> Tensor:
+        """f (C,) whose logarithm is the mean of the training samples'."""
+        train = self.source.samples.split(self.options.held_out, self.options.seed)[0]
+        weights = train.weights / train.weights.sum()
+        return self.transform.inverse((self.transform.forward(train.values) * weights[:, None]).sum(0))
+
+    def _judged(self, reflectance: Reflectance, drawn: list[Tensor], kinds: tuple[str, ...]) -> Errors:
+        found: dict[str, float] = {}
         if "cole" in kinds:
             held = held_out_samples(self.source, self.options.held_out, self.options.seed)
-            cole = measure(reflectance, held, self.transform).log_mse
-        if "reflected" in kinds:
-            pairs = list(zip(self._pictures, pictures, strict=True))
-            lost = sum(_energy(a.radiance - b.radiance, a.coverage) for a, b in pairs)
-            reflected = math.sqrt(lost / sum(_energy(a.radiance, a.coverage) for a, _ in pairs))
-        if "delta_e" in kinds:
-            shown = [
-                ciede2000(displayed(a, self._exposure), displayed(b, self._exposure), a.coverage > 0)
-                for a, b in zip(self._pictures, pictures, strict=True)
-            ]
-            delta = sum(shown) / len(shown)
-        return Errors(cole, delta, reflected)
+            found["cole"] = measure(reflectance, held, self.transform).log_mse
+        if set(kinds) != {"cole"}:
+            found |= picture_errors(self._pictures, self._seen(drawn), self._exposure, kinds)
+        return Errors(**found)
 
-    def _draw(self, reflectance: Reflectance, view: tuple[float, float, float]) -> SphereImage:
-        return render_sphere(
-            reflectance, self.lighting.lights, PIXELS, view=view, samples=DIRECTIONS, seed=self.options.seed
-        )
+    def _seen(self, drawn: list[Tensor]) -> list[Picture]:
+        return [Picture(*view.blurred(each, self.pixels)) for view, each in zip(self.stage.views, drawn, strict=True)]
 
-    def _draw_cut(self, model: Lambert, view: tuple[float, float, float]) -> SphereImage:
-        """Under the 9 terms alone: what the light above them adds is taken off, exactly, at each pixel's normal."""
-        whole = self._draw(model, view)
-        n = pixel_normals(view)
-        lost = self.lighting.irradiance(n.reshape(-1, 3), None) - self.lighting.irradiance(n.reshape(-1, 3), 2)
+    def cut(self, model: Lambert, drawn: list[Tensor]) -> list[Tensor]:
+        """Under the 9 terms alone: what the light above them adds is taken off, exactly, at each node's normal."""
         albedo = torch.tensor(model.diffuse, dtype=torch.float64)
-        taken = (lost * albedo / math.pi).reshape(*n.shape[:2], -1) * (whole.coverage > 0)[..., None]
-        return SphereImage((whole.radiance - taken).clamp_min(0), whole.coverage)
+        found = []
+        for view, each in zip(self.stage.views, drawn, strict=True):
+            lost = self.lighting.irradiance(view.normals, None) - self.lighting.irradiance(view.normals, 2)
+            found.append((each - lost * albedo / math.pi).clamp_min(0))
+        return found
 
 
-def pixel_normals(view: tuple[float, float, float]) -> Tensor:
-    """The unit normals (PIXELS, PIXELS, 3) that a sphere's pixels are shaded with; zero beside it.
+def best_colour(judges: Sequence[Judge], of_light: bool) -> Lambert:
+    """f = c that minimises a source's error: of the light in all views, each lighting's relative, else of the logs.
 
-    Read off a white sphere: under a light of irradiance π along an axis its radiance is the clamped cosine.
+    The logs are those of the training samples; `judges` are of one source, one a lighting.
     """
-    white = Lambert((1.0,), channels=("Y",))
-    axes = torch.eye(3, dtype=torch.float64).tolist()
-    parts = []
-    for x, y, z in axes:
-        lit, back = (
-            render_sphere(white, DirectionalLight(direction), PIXELS, view=view).radiance[..., 0]
-            for direction in ((x, y, z), (-x, -y, -z))
-        )
-        parts.append(lit - back)
-    return torch.stack(parts, 2)
+    if of_light:
+        met, there = (torch.stack(each).sum(0) for each in zip(*(judge.to_white for judge in judges), strict=True))
+        values = met / there.clamp_min(1e-300) / math.pi
+    else:
+        values = judges[0].of_logs
+    return Lambert(tuple(math.pi * float(c) for c in values), channels=judges[0].source.samples.channels)
 
 
-def _energy(radiance: Tensor, coverage: Tensor) -> float:
-    """Σ B² over pixels and channels, each pixel by the part of it that the sphere covers."""
-    return float((radiance**2 * coverage[..., None]).sum())
+def picture_errors(
+    own: list[Picture], other: list[Picture], exposed: float, kinds: tuple[str, ...]
+) -> dict[str, float]:
+    """The errors of light of pictures against the source's `own`, by kind: those of `kinds` that are asked for."""
+    found: dict[str, float] = {}
+    pairs = list(zip(own, other, strict=True))
+    if "reflected" in kinds:
+        lit = [(a, b) for a, b in pairs if bool(a.radiance.any())]
+        lost = [_energy(a.radiance - b.radiance, a.weights) / _energy(a.radiance, a.weights) for a, b in lit]
+        found["reflected"] = math.sqrt(sum(lost) / len(lost))
+    if set(kinds) & set(SEEN):
+        views = []
+        for a, b in pairs:
+            shown = [_displayed(each, exposed) for each in (a, b)]
+            apart = torch.from_numpy(ciede2000_of_pixels(shown[0], shown[1], _all(a)))
+            views.append((float((apart * a.weights).sum()), quantile(apart, a.weights, _P95), float(apart.max())))
+        worst = map(max, zip(*views, strict=True))
+        found |= {kind: value for kind, value in zip(SEEN, worst, strict=True) if kind in kinds}
+    return found
+
+
+def exposure(pictures: list[Picture]) -> float:
+    """The factor that takes the 99th percentile of the pixels' largest channel, over all pictures, to .9."""
+    brightest = torch.cat([each.radiance.max(1).values for each in pictures])
+    level = quantile(brightest, torch.cat([each.weights for each in pictures]), PERCENTILE / 100)
+    return TARGET / (level if level > 0 else float(brightest.max()))
+
+
+def quantile(values: Tensor, weights: Tensor, part: float) -> float:
+    """The least of `values` (N,) that `part` of the `weights` (N,) do not exceed."""
+    order = values.argsort()
+    running = weights[order].cumsum(0)
+    place = int(torch.searchsorted(running, part * running[-1]))
+    return float(values[order[min(place, len(order) - 1)]])
+
+
+def _displayed(picture: Picture, exposed: float) -> Tensor:
+    return displayed(SphereImage(picture.radiance[None], torch.ones(1, len(picture.weights))), exposed)
+
+
+def _all(picture: Picture) -> Tensor:
+    return torch.ones(1, len(picture.weights), dtype=torch.bool)
+
+
+def _energy(radiance: Tensor, weights: Tensor) -> float:
+    """Σ B² over pixels and channels, each pixel by its share."""
+    return float((radiance**2 * weights[:, None]).sum())

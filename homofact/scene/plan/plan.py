@@ -1,84 +1,49 @@
-"""The planner: per material the cheapest representation that meets a tolerance under a scene's lighting.
+"""The planner: per material the cheapest representation that meets the tolerances under every lighting of a scene.
 
-Rungs (`plan_ladder`) are asked about by `plan_search`; an answer is a fit to the training samples and its error on
-what was held out (`plan.measure`), beside what theory says beforehand (`plan.theory`). A fit does not depend on the
-lighting and is made once, whatever lightings it is then measured under.
+Rungs (`plan.ladder`) are asked about by `plan.search`; an answer is a fit to the training samples and its errors on
+what was held out and in drawn views (`plan.measure`). A fit depends on neither lighting nor distance and is made once,
+whatever it is then measured under. Where the choices together exceed the scene's bytes, `plan.allocate` spends these.
 """
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
-from homofact.brdf.source import Source, open_source
-from homofact.errors import HomofactError, Report
-from homofact.factor.fitted import Fitted
-from homofact.scene.half_curve import half_angle_curve
-from homofact.scene.lighting import Lighting
-from homofact.scene.plan.ladder import CONSTANT, LAMBERT, Candidate, FitOptions, fit_candidate, ladder
-from homofact.scene.plan.measure import Errors, Judge
-from homofact.scene.plan.scene import Budget, Scene, SceneMaterial, Tolerance
+from homofact.brdf.analytic.lambert import Lambert
+from homofact.errors import HomofactError
+from homofact.evaluate.verdict.verdict import Verdict
+from homofact.scene.plan.allocate import Buyer, allocate
+from homofact.scene.plan.bench import Bench
+from homofact.scene.plan.ladder import CONSTANT, LAMBERT, Candidate, FitOptions, fits_among
+from homofact.scene.plan.measure import Judge, best_colour
+from homofact.scene.plan.scene import Budget, Scene, SceneMaterial
 from homofact.scene.plan.search import Outcome, Walk, walk
-from homofact.scene.plan.theory import Lobes, order_needed, predicted_error, terms_needed
-from homofact.scene.terms import half_angle_terms
+from homofact.scene.plan.stage import Stage
+from homofact.scene.plan.theory import order_needed
+from homofact.scene.plan.tolerance import MARGINS, Errors, Tolerance
 
 # Of the lighting's spectrum times the lobe's, what "orders needed" may leave out where the tolerance is no such error.
 USUAL_ERROR = 0.05
-Fitter = Callable[[Candidate, Source, FitOptions], tuple[Fitted, Report]]
-
-
-def fitted_by_method(candidate: Candidate, source: Source, options: FitOptions) -> tuple[Fitted, Report]:
-    """The rung fitted to the source's training samples, and the fit's report."""
-    found = fit_candidate(candidate, source, options)
-    return found.factorization, found.report
-
-
-@dataclass
-class Bench:
-    """One material at work: its source, what theory knows of it, every fit made so far and why others failed."""
-
-    text: str
-    options: FitOptions
-    fitter: Fitter = fitted_by_method
-    fits: dict[Candidate, tuple[Fitted, Report]] = field(default_factory=dict)
-    refused: dict[Candidate, str] = field(default_factory=dict)
-
-    @cached_property
-    def source(self) -> Source:
-        """Read or sampled once. Raises BadInput as `open_source` does."""
-        return open_source(self.text, count=self.options.count, seed=self.options.seed)
-
-    @cached_property
-    def lobes(self) -> Lobes:
-        """The material's lobes by order."""
-        return Lobes.of(self.source.reflectance)
-
-    @cached_property
-    def own_terms(self) -> int:
-        """In-out terms that hold 99% of the BRDF itself, whatever light falls on it (`terms.half_angle_terms`)."""
-        return half_angle_terms(half_angle_curve(self.source.reflectance).l_star())
-
-    @cached_property
-    def rungs(self) -> tuple[Candidate, ...]:
-        """The ladder in this material's order."""
-        return ladder(len(self.source.samples.channels), self.source.samples.isotropic)
-
-    def fitted(self, candidate: Candidate) -> tuple[Fitted, Report]:
-        """The rung's fit, made on first asking."""
-        if candidate not in self.fits:
-            self.fits[candidate] = self.fitter(candidate, self.source, self.options)
-        return self.fits[candidate]
 
 
 @dataclass
 class MaterialPlan:
-    """What was found for one material; `walk.choice` is the representation, None where none fits the budget."""
+    """What was found for one material; `walk.choice` is the representation, None where none fits the budget.
+
+    One judge a lighting. Errors of the walk are in units of the tolerance, its margins included: 1 just meets it.
+    """
 
     material: SceneMaterial
     bench: Bench
-    judge: Judge
+    judges: tuple[Judge, ...]
     tolerance: Tolerance
     walk: Walk
+
+    @property
+    def name(self) -> str:
+        """The source's."""
+        return self.bench.source.name
 
     @property
     def outcome(self) -> Outcome | None:
@@ -87,63 +52,50 @@ class MaterialPlan:
 
     @property
     def missed_by(self) -> float:
-        """error/tolerance − 1 of the choice where it misses, else 0; infinite where nothing was within the budget."""
+        """error/limit − 1 of the choice where it misses, margins included; infinite where nothing was in the budget."""
         found = self.outcome
-        return max(0.0, found.error / self.tolerance.value - 1) if found is not None else float("inf")
+        return max(0.0, found.error - 1) if found is not None else math.inf
 
     @property
-    def needed_order(self) -> int:
-        """After which order the lobe may be cut under this lighting: for the tolerance on light, else for 5% of it."""
-        error = self.tolerance.value if self.tolerance.kind == "reflected" else USUAL_ERROR
-        return order_needed(self.bench.lobes, self.judge.lighting, error)
+    def needed_orders(self) -> tuple[int, ...]:
+        """After which order the lobe may be cut, by lighting: for the tolerance on light, else for 5% of it."""
+        error = dict(self.tolerance.limits).get("reflected", USUAL_ERROR)
+        return tuple(order_needed(self.bench.lobes, judge.lighting, error) for judge in self.judges)
 
-    def predicted(self, candidate: Candidate) -> float:
-        """Theory's relative error of the reflected light."""
-        return predicted_error(candidate, self.bench.lobes, self.judge.lighting)
+    @property
+    def highlight_pixels(self) -> float | None:
+        """How many pixels the highlight is across, None where it has none or the object is close by."""
+        pixels, width = self.material.pixels, self.bench.highlight
+        return None if pixels is None or width is None else pixels * math.sin(width)
 
     @cached_property
-    def errors(self) -> Errors | None:
-        """All three errors of the choice."""
+    def colour(self) -> Lambert | None:
+        """The one colour that was chosen; None where the choice has textures, or there is none."""
         choice = self.walk.choice
-        if choice is None:
-            return None
-        if choice.is_colour:
-            return self.judge.colour_errors(choice, self.tolerance.kind)[1]
-        return self.judge.errors(self.bench.fitted(choice)[0])
+        return best_colour(self.judges, self.tolerance.of_light) if choice is not None and choice.is_colour else None
+
+    @cached_property
+    def errors(self) -> tuple[Errors, ...]:
+        """All errors of the choice, by lighting; none where there is no choice."""
+        choice = self.walk.choice
+        return () if choice is None else tuple(self._errors(choice, judge) for judge in self.judges)
+
+    @cached_property
+    def verdict(self) -> Verdict | None:
+        """What is found against the choice and its data."""
+        choice = self.walk.choice
+        return None if choice is None else self.bench.verdict(choice, self.colour)
+
+    def _errors(self, choice: Candidate, judge: Judge) -> Errors:
+        if self.colour is not None:
+            return judge.colour_errors(choice, self.colour)
+        return judge.errors(self.bench.fitted(choice)[0])
 
     def ask(self, candidate: Candidate) -> Outcome:
-        """A rung's answer under this plan's lighting and tolerance, from the walk where it was asked there."""
+        """A rung's answer under this plan's lightings and tolerance, from the walk where it was asked there."""
         if candidate in self.walk.asked:
             return self.walk.asked[candidate]
-        return outcome_of(candidate, self.bench, self.judge, self.tolerance.kind)
-
-    def record(self) -> dict[str, Any]:
-        """JSON-able."""
-        choice, found = self.walk.choice, self.outcome
-        return {
-            "source": self.material.source,
-            "name": self.bench.source.name,
-            "share": self.material.share,
-            "choice": None
-            if choice is None
-            else {**_record(choice), "bytes": found.bytes, "fetches": found.fetches}
-            if found is not None
-            else None,
-            "met": self.walk.met,
-            "error": None if found is None else found.error,
-            "missed_by": self.missed_by,
-            "predicted_reflected": None if choice is None else self.predicted(choice),
-            "measured": None if self.errors is None else vars(self.errors),
-            "needed_order": self.needed_order,
-            "predicted_terms": terms_needed(self.needed_order),
-            "predicted_terms_any_light": self.bench.own_terms,
-            "fits": self.walk.fits,
-            "refused": {each.label: why for each, why in self.bench.refused.items()},
-            "asked": [
-                {**_record(each), **vars(answer), "predicted_reflected": self.predicted(each)}
-                for each, answer in self.walk.asked.items()
-            ],
-        }
+        return outcome_of(candidate, self.bench, self.judges, self.tolerance)
 
 
 @dataclass(frozen=True)
@@ -157,25 +109,28 @@ class OneSize:
 
 @dataclass(frozen=True)
 class ScenePlan:
-    """The answer: a plan a material, in the scene's order; `fits` are all that were made, those of `one_size` too."""
+    """The answer: a plan a material, in the scene's order; `fits` are all that were made, those of `one_size` too.
+
+    `allocated` says whether the choices share out the bytes because they would not all meet the tolerance within them.
+    """
 
     scene: Scene
     materials: tuple[MaterialPlan, ...]
     one_size: OneSize | None
+    planning_fits: int
     fits: int
     exhaustive_fits: int
+    allocated: bool = False
 
     @property
-    def planning_fits(self) -> int:
-        """Fits that the choices took, one for materials that are the same."""
-        seen = {each.material.source: each.walk.fits for each in self.materials}
-        return sum(seen.values())
+    def distinct(self) -> tuple[MaterialPlan, ...]:
+        """Each choice once, where a material is listed again."""
+        return tuple({each.material.key: each for each in self.materials}.values())
 
     @property
     def bytes(self) -> int:
-        """Of the choices, a material that is listed twice once."""
-        seen = {each.material.source: each.outcome for each in self.materials}
-        return sum(found.bytes for found in seen.values() if found is not None)
+        """Of the choices; what is listed twice once."""
+        return sum(each.outcome.bytes for each in self.distinct if each.outcome is not None)
 
     @property
     def fetches(self) -> float:
@@ -183,85 +138,81 @@ class ScenePlan:
         return sum(each.material.share * each.outcome.fetches for each in self.materials if each.outcome is not None)
 
     @property
+    def error(self) -> float:
+        """Of the picture, by the shares, in units of the tolerance; infinite where a material has no representation."""
+        return sum(
+            each.material.share * (math.inf if each.outcome is None else each.outcome.error) for each in self.materials
+        )
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What was not met, in sentences that begin with the material's name."""
         lines = []
-        for each in self.materials:
-            name, tolerance = each.bench.source.name, each.tolerance
-            if each.outcome is None:
-                lines.append(f"{name}: no representation fits the budget")
-            elif not each.walk.met and each.walk.choice is not None:
+        for each in self.distinct:
+            found, choice = each.outcome, each.walk.choice
+            if found is None or choice is None:
+                lines.append(f"{each.name}: no representation fits the budget")
+            elif not each.walk.met:
+                limit = dict(each.tolerance.limits)[found.kind]
+                where = f" under {found.lighting}" if len(each.judges) > 1 else ""
+                within = f" within {self.scene.budget.bytes} bytes" if self.allocated else ""
+                margin = MARGINS[found.kind] - 1
+                kept = f" with the margin of {margin:.0%} for other views" if margin > 0 else ""
                 lines.append(
-                    f"{name}: {tolerance.kind} {tolerance.value:g} cannot be met; the best reachable is"
-                    f" {each.outcome.error:.3g} by {each.walk.choice.label}, missing it by {each.missed_by:.0%}"
+                    f"{each.name}: {found.kind} {limit:g} cannot be met{where}{within}; the best reachable is"
+                    f" {found.value:.3g} by {choice.label}, missing it by {each.missed_by:.0%}{kept}"
                 )
-        limit = self.scene.budget.bytes
-        if limit is not None and self.bytes > limit:
-            lines.append(f"budget: the choices take {self.bytes} bytes together, {self.bytes - limit} over {limit}")
         return tuple(lines)
 
-    def record(self) -> dict[str, Any]:
-        """JSON-able."""
-        lighting, one = self.scene.lighting, self.one_size
-        return {
-            "scene": self.scene.name,
-            "seed": self.scene.seed,
-            "tolerance": {self.scene.tolerance.kind: self.scene.tolerance.value},
-            "budget": vars(self.scene.budget),
-            "lighting": {
-                "name": lighting.name,
-                "description": lighting.words,
-                "last_excited_order": lighting.last_excited,
-                "energy_by_order": (lighting.energies / lighting.energies.sum()).tolist(),
-            },
-            "materials": [each.record() for each in self.materials],
-            "bytes": self.bytes,
-            "fetches_per_pixel": self.fetches,
-            "one_size_fits_all": None
-            if one is None
-            else {**_record(one.candidate), "bytes": one.bytes}
-            | {"fetches_per_pixel": one.fetches, "bytes_saved": one.bytes - self.bytes},
-            "fits": self.planning_fits,
-            "fits_with_one_size": self.fits,
-            "exhaustive_fits": self.exhaustive_fits,
-            "warnings": list(self.warnings),
-        }
 
-
-def outcome_of(candidate: Candidate, bench: Bench, judge: Judge, kind: str) -> Outcome:
-    """Fit a rung where it needs one, and measure it."""
+def outcome_of(candidate: Candidate, bench: Bench, judges: tuple[Judge, ...], tolerance: Tolerance) -> Outcome:
+    """Fit a rung where it needs one, and measure it under each lighting."""
+    samples = bench.source.samples
     if candidate.is_colour:
-        model, errors = judge.colour_errors(candidate, kind)
-        return Outcome(errors.of(kind), model.nbytes, 0)
-    try:
-        fit = bench.fitted(candidate)[0]
-    except HomofactError as error:
-        # A rung that cannot be fitted to these samples is no answer, and no reason to give no other.
-        bench.refused[candidate] = str(error)
-        samples = bench.source.samples
-        most = candidate.most_bytes(len(samples.channels)), candidate.most_fetches(samples.isotropic)
-        return Outcome(float("inf"), *most, candidate.textures)
-    return Outcome(judge.errors(fit, (kind,)).of(kind), fit.nbytes, fit.fetches, len(fit.terms))
+        model = best_colour(judges, tolerance.of_light)
+        cost = model.nbytes, 0, 0
+        found = [judge.colour_errors(candidate, model, tolerance.kinds) for judge in judges]
+    else:
+        try:
+            fit = bench.fitted(candidate)[0]
+        except HomofactError as error:
+            # A rung that cannot be fitted to these samples is no answer, and no reason to give no other.
+            bench.refused[candidate.fit] = str(error)
+            most = candidate.most_bytes(len(samples.channels)), candidate.most_fetches(samples.isotropic)
+            return Outcome(math.inf, *most, candidate.textures)
+        cost = fit.nbytes * candidate.texel_bytes // 4, fit.fetches, len(fit.terms)
+        found = [judge.errors(fit, tolerance.kinds) for judge in judges]
+    used = [tolerance.used(each) for each in found]
+    worst = max(range(len(used)), key=lambda k: used[k].ratio)
+    most = used[worst]
+    # The Cole error is of no lighting.
+    where = judges[worst].lighting.name if most.kind != "cole" else ""
+    return Outcome(most.ratio, *cost, most.kind, most.error, where)
 
 
 def plan_material(
-    material: SceneMaterial, bench: Bench, lighting: Lighting, tolerance: Tolerance, budget: Budget
+    material: SceneMaterial, bench: Bench, stages: tuple[Stage, ...], tolerance: Tolerance, budget: Budget
 ) -> MaterialPlan:
     """Walk the ladder for one material."""
-    judge = Judge(bench.source, lighting, bench.options)
-    # The Cole error sees no light, so the 9 terms of it would be had for nothing.
-    rungs = tuple(each for each in bench.rungs if tolerance.kind != "cole" or each.method != LAMBERT)
+    # The Cole error sees no light: one stage will do, and the 9 terms would be had for nothing.
+    used = stages if tolerance.of_light else stages[:1]
+    judges = tuple(Judge(bench.source, stage, bench.options, material.pixels) for stage in used)
     found = walk(
-        rungs,
-        lambda candidate: outcome_of(candidate, bench, judge, tolerance.kind),
-        tolerance.value,
+        rungs_for(bench, tolerance),
+        lambda candidate: outcome_of(candidate, bench, judges, tolerance),
+        1.0,
         channels=len(bench.source.samples.channels),
         isotropic=bench.source.samples.isotropic,
-        most_bytes=float("inf") if budget.bytes is None else budget.bytes,
-        most_fetches=float("inf") if budget.fetches is None else budget.fetches,
-        light_reads={CONSTANT: lighting.reads, LAMBERT: 9},
+        most_bytes=math.inf if budget.bytes is None else budget.bytes,
+        most_fetches=math.inf if budget.fetches is None else budget.fetches,
+        light_reads={CONSTANT: max(stage.lighting.reads for stage in stages), LAMBERT: 9},
     )
-    return MaterialPlan(material, bench, judge, tolerance, found)
+    return MaterialPlan(material, bench, judges, tolerance, found)
+
+
+def rungs_for(bench: Bench, tolerance: Tolerance) -> tuple[Candidate, ...]:
+    """The rungs that are to be told apart under a tolerance."""
+    return tuple(each for each in bench.rungs if tolerance.of_light or each.method != LAMBERT)
 
 
 def plan_scene(
@@ -276,19 +227,47 @@ def plan_scene(
     """
     used = replace(FitOptions() if options is None else options, seed=scene.seed)
     tables = {} if benches is None else benches
-    plans: dict[str, MaterialPlan] = {}
+    stages = tuple(Stage.of(each, scene.seed) for each in scene.lightings)
+    plans: dict[tuple[str, int | None], MaterialPlan] = {}
     for material in scene.materials:
         bench = tables.setdefault(material.source, Bench(material.source, used))
         stage(bench.source.name)
-        same = plans.get(material.source)
-        if same is None:
-            plans[material.source] = plan_material(material, bench, scene.lighting, scene.tolerance, scene.budget)
-    found = tuple(replace(plans[each.source], material=each) for each in scene.materials)
+        if material.key not in plans:
+            plans[material.key] = plan_material(material, bench, stages, scene.tolerance, scene.budget)
+    distinct = tuple(plans.values())
+    limit = scene.budget.bytes
+    over = limit is not None and sum(each.outcome.bytes for each in distinct if each.outcome is not None) > limit
+    if over and limit is not None:
+        stage("sharing out the bytes")
+        share_out(distinct, scene, limit)
+    planning = sum(each.walk.fits for each in distinct)
+    found = tuple(replace(plans[each.key], material=each) for each in scene.materials)
     stage("one size for all")
-    one = one_size(tuple(plans.values()), found)
-    fits = sum(len(plan.bench.fits) + len(plan.bench.refused) for plan in plans.values())
-    exhaustive = sum(sum(not each.is_colour for each in plan.bench.rungs) for plan in plans.values())
-    return ScenePlan(scene, found, one, fits, exhaustive)
+    one = one_size(distinct, found)
+    used_benches = {id(each.bench): each.bench for each in distinct}.values()
+    fits = sum(len(bench.fits) + len(bench.refused) for bench in used_benches)
+    exhaustive = sum(fits_among(bench.rungs) for bench in used_benches)
+    return ScenePlan(scene, found, one, planning, fits, exhaustive, over)
+
+
+def share_out(plans: tuple[MaterialPlan, ...], scene: Scene, most_bytes: int) -> None:
+    """Give the plans the choices that make the picture's error least within so many bytes."""
+    most_fetches = math.inf if scene.budget.fetches is None else scene.budget.fetches
+    buyers = [
+        Buyer(
+            sum(each.share for each in scene.materials if each.key == plan.material.key),
+            rungs_for(plan.bench, plan.tolerance),
+            plan.walk.asked,
+            lambda candidate, plan=plan: outcome_of(candidate, plan.bench, plan.judges, plan.tolerance),
+            len(plan.bench.source.samples.channels),
+            plan.bench.source.samples.isotropic,
+            most_fetches,
+        )
+        for plan in plans
+    ]
+    for plan, choice in zip(plans, allocate(buyers, most_bytes), strict=True):
+        plan.walk.choice = choice
+        plan.walk.met = choice is not None and plan.walk.asked[choice].error <= plan.walk.tolerance
 
 
 def one_size(distinct: tuple[MaterialPlan, ...], shown: tuple[MaterialPlan, ...]) -> OneSize | None:
@@ -300,22 +279,22 @@ def one_size(distinct: tuple[MaterialPlan, ...], shown: tuple[MaterialPlan, ...]
         return None
     dearest = max(distinct, key=lambda plan: plan.outcome.bytes if plan.outcome is not None else 0)
     first = dearest.walk.choice
+    if first is None:
+        return None
     rungs = dearest.bench.rungs
-    offered = [each for each in rungs[rungs.index(first) :] if first is not None and each.method == first.method]
-    if first is not None and first.is_colour:
+    offered = [
+        each for each in rungs[rungs.index(first) :] if (each.method, each.storage) == (first.method, first.storage)
+    ]
+    if first.is_colour:
         offered = [first, *(each for each in rungs if each.is_colour and each != first)]
     for candidate in offered:
-        answers: dict[str, Outcome] = {}
+        answers: dict[tuple[str, int | None], Outcome] = {}
         for plan in distinct:
-            answers[plan.material.source] = answer = plan.ask(candidate)
-            if answer.error > plan.tolerance.value:
+            answers[plan.material.key] = answer = plan.ask(candidate)
+            if answer.error > 1:
                 break
         else:
             total = sum(answer.bytes for answer in answers.values())
-            fetches = sum(plan.material.share * answers[plan.material.source].fetches for plan in shown)
+            fetches = sum(plan.material.share * answers[plan.material.key].fetches for plan in shown)
             return OneSize(candidate, total, fetches)
     return None
-
-
-def _record(candidate: Candidate) -> dict[str, Any]:
-    return {"method": candidate.method, "textures": candidate.textures, "size": candidate.size}

@@ -1,16 +1,19 @@
-"""The scene of a plan, read from strict TOML: materials with their shares, the lighting, a tolerance, a budget.
+"""The scene of a plan, read from strict TOML: materials with their shares, lightings, tolerances, a budget.
 
 seed = 0
 [[material]]                       # one or more; shares add up to 1
 source = "material:phong-30"       # or a file, relative to the scene's
 share = 0.6
-[lighting]                         # one of
+pixels = 40                        # optional: how many the object is across, each of which averages what it covers
+[lighting]                         # one, or [[lighting]] several times: the tolerance then holds under each; one key of
 named = "overcast"                 # `scene.lighting.NAMED`
 environment = "sky.hdr"            # lat-long .hdr or .exr, relative to the scene's file
 lights = [{ direction = [0, 1, 1], radiance = [3.1, 3.1, 3.1] }]
-[tolerance]                        # one of
+[tolerance]                        # one or more of `plan.tolerance.KINDS`; all of them hold
 cole = 0.05                        # mean squared error of logs; the lighting does not matter to it
-delta_e = 2.0                      # mean CIEDE2000 of the lit sphere
+delta_e = 2.0                      # mean CIEDE2000 of the lit sphere, of the view where it is largest
+delta_e_p95 = 5.0                  # its 95th percentile
+delta_e_peak = 10.0                # its greatest value
 reflected = 0.02                   # relative error of the reflected light
 [budget]                           # optional
 bytes = 50000                      # of all materials together
@@ -18,7 +21,7 @@ fetches = 4                        # of one evaluation, at most
 """
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,24 +34,27 @@ from homofact.options import MOST_SEED
 from homofact.render.environment import read_environment
 from homofact.render.light import DirectionalLight
 from homofact.scene.lighting import Lighting, named_lighting
+from homofact.scene.plan.tolerance import Tolerance
 
 SHARE_SLACK = 1e-6
+LEAST_PIXELS, MOST_PIXELS = 2, 16384
 
 
 @dataclass(frozen=True)
 class SceneMaterial:
-    """`source` as `brdf.source.open_source` takes it, `share` of the picture in (0, 1]."""
+    """`source` as `brdf.source.open_source` takes it, `share` of the picture in (0, 1].
+
+    `pixels` are those that the object is across, None from so close by that a pixel blurs nothing.
+    """
 
     source: str
     share: float = field(metadata=limits(above=0, most=1))
+    pixels: int | None = field(default=None, metadata=limits(least=LEAST_PIXELS, most=MOST_PIXELS))
 
-
-@dataclass(frozen=True)
-class Tolerance:
-    """`kind` is one of `plan.measure.KINDS`, `value` what its error may be at most."""
-
-    kind: str
-    value: float
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Equal for materials that one choice serves."""
+        return self.source, self.pixels
 
 
 @dataclass(frozen=True)
@@ -62,11 +68,11 @@ class Budget:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is planned for."""
+    """What is planned for; the tolerance holds under each of the `lightings`."""
 
     name: str
     materials: tuple[SceneMaterial, ...]
-    lighting: Lighting
+    lightings: tuple[Lighting, ...]
     tolerance: Tolerance
     budget: Budget = Budget()
     seed: int = 0
@@ -74,7 +80,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class _LightingTable:
-    """[lighting] as it stands in the file."""
+    """[lighting], or one [[lighting]], as it stands in the file."""
 
     environment: str | None = None
     lights: tuple[DirectionalLight, ...] | None = None
@@ -90,14 +96,17 @@ class _LightingTable:
 
 @dataclass(frozen=True)
 class _ToleranceTable:
-    """[tolerance] as it stands in the file; its keys are `plan.measure.KINDS`."""
+    """[tolerance] as it stands in the file; its keys are `plan.tolerance.KINDS`."""
 
     cole: float | None = field(default=None, metadata=limits(above=0))
     delta_e: float | None = field(default=None, metadata=limits(above=0))
+    delta_e_p95: float | None = field(default=None, metadata=limits(above=0))
+    delta_e_peak: float | None = field(default=None, metadata=limits(above=0))
     reflected: float | None = field(default=None, metadata=limits(above=0))
 
     def __post_init__(self) -> None:
-        _the_one(self)
+        if not _given(self):
+            raise BadInput(f"found none, expected at least one of {', '.join(each.name for each in fields(self))}")
 
 
 @dataclass(frozen=True)
@@ -105,7 +114,7 @@ class _SceneTable:
     """The whole file."""
 
     material: tuple[SceneMaterial, ...]
-    lighting: _LightingTable
+    lighting: _LightingTable | tuple[_LightingTable, ...]
     tolerance: _ToleranceTable
     budget: Budget = Budget()
     seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
@@ -114,6 +123,8 @@ class _SceneTable:
         total = math.fsum(each.share for each in self.material)
         if abs(total - 1) > SHARE_SLACK:
             raise BadInput(f"material: the shares add up to {total:.6g}, expected 1")
+        if self.lighting == ():
+            raise BadInput("lighting: found none, expected at least one")
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -124,15 +135,16 @@ def read_scene(path: str | Path) -> Scene:
     """
     file = Path(path)
     found = read_table(_SceneTable, read_toml(file, "a scene in TOML"), f"{file}: ")
+    tables = found.lighting if isinstance(found.lighting, tuple) else (found.lighting,)
     try:
         return Scene(
             file.stem,
             tuple(
-                SceneMaterial(_source(each.source, file.parent, f"material[{place}].source"), each.share)
+                replace(each, source=_source(each.source, file.parent, f"material[{place}].source"))
                 for place, each in enumerate(found.material)
             ),
-            _lighting(found.lighting, file.parent),
-            Tolerance(*_the_one(found.tolerance)),
+            tuple(_lighting(each, file.parent) for each in tables),
+            Tolerance(tuple(_given(found.tolerance).items())),
             found.budget,
             found.seed,
         )
@@ -161,10 +173,14 @@ def _lighting(table: _LightingTable, folder: Path) -> Lighting:
     return Lighting(found.name, (found,), found.describe())
 
 
-def _the_one(table: "_LightingTable | _ToleranceTable") -> tuple[str, Any]:
-    """Name and value of the only key that is given. Raises BadInput where there is none, or several."""
-    names = [each.name for each in fields(table)]
-    given = [name for name in names if getattr(table, name) is not None]
+def _the_one(table: "_LightingTable") -> None:
+    """Raise BadInput where none of the keys is given, or several."""
+    given = _given(table)
     if len(given) != 1:
-        raise BadInput(f"found {' and '.join(given) or 'none'}, expected exactly one of {', '.join(names)}")
-    return given[0], getattr(table, given[0])
+        names = ", ".join(each.name for each in fields(table))
+        raise BadInput(f"found {' and '.join(given) or 'none'}, expected exactly one of {names}")
+
+
+def _given(table: "_LightingTable | _ToleranceTable") -> dict[str, Any]:
+    """Names and values of the keys that are given."""
+    return {each.name: getattr(table, each.name) for each in fields(table) if getattr(table, each.name) is not None}

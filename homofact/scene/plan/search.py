@@ -1,7 +1,8 @@
 """Which rung to ask about next: bisection on a belief about the errors of the whole ladder.
 
 log(error/tolerance) of the rungs is taken as a Gaussian process over (method, log2 textures, log2 size): a level of
-the material, one of each method, slopes with textures and size, and a remainder that neighbours of one method share.
+the material, one of each method, slopes with textures and size, a remainder that neighbours of one method share, and
+the luck of the fit, which its two storages have in common.
 Every answer moves all of it, so that a failed rung speaks against smaller ones of its method and, less, of the others.
 The next question is the cheapest rung by which half of the chance to find the answer lies: bisection, on a front that
 need not be monotone. It ends when the chance that any cheaper rung meets the tolerance falls under `DOUBT`.
@@ -18,7 +19,7 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from homofact.scene.plan.ladder import Candidate
+from homofact.scene.plan.ladder import WHOLE, Candidate, fits_among
 
 DOUBT = 0.05
 # Where nothing meets the tolerance, up to this part of the ladder is asked about for the best that can be reached.
@@ -27,6 +28,8 @@ BEST_PART = 0.2
 NEAR_PART, NEAR = 1.0, 1.05
 # Standard deviations of the material's level, a method's own, the slopes, the shared remainder, and the rest.
 LEVEL, OWN, SLOPES, SHARED, REST = 2.0, 0.7, (0.2, 0.3), 0.5, 0.5
+# How much of the rest the storages of one fit do not share, and by how much the log error of whole texels is larger.
+STORED, ROUNDED = 0.15, 0.05
 # Where each method starts beside one texture of 16², and how its log error falls with log2 textures and log2 size.
 MEANS = {"search": (0.0, -0.15, -0.35), "mccool": (0.8, 0.0, -0.2), "svd": (1.0, -0.2, -0.2)}
 COLOUR_MEAN = 1.5
@@ -34,12 +37,19 @@ COLOUR_MEAN = 1.5
 
 @dataclass(frozen=True)
 class Outcome:
-    """What asking a rung brought: its error, bytes and fetches, and how many textures it came out with."""
+    """What asking a rung brought: its error, bytes and fetches, and how many textures it came out with.
+
+    Of several limits and lightings, `error` is of the one that is met worst, over that limit; `kind`, `value` and
+    `lighting` say which it is, and the error itself.
+    """
 
     error: float
     bytes: int
     fetches: int
     terms: int = 0
+    kind: str = ""
+    value: float = math.nan
+    lighting: str = ""
 
 
 @dataclass
@@ -53,8 +63,8 @@ class Walk:
 
     @property
     def fits(self) -> int:
-        """Questions that took a fit."""
-        return sum(not each.is_colour for each in self.asked)
+        """Fits that the questions took."""
+        return fits_among(self.asked)
 
 
 Ask = Callable[[Candidate], Outcome]
@@ -115,7 +125,7 @@ def walk(
             question = _next(pool, chances, channels)
         elif best is None:
             part = NEAR_PART if near else BEST_PART
-            if state.fits >= part * sum(not each.is_colour for each in candidates):
+            if state.fits >= part * fits_among(candidates):
                 break
             better = _chances(pool, state, least)
             question = pool[max(range(len(pool)), key=better.__getitem__)]
@@ -150,26 +160,37 @@ def _settled(candidate: Candidate, asked: Mapping[Candidate, Outcome]) -> bool:
     return any(
         each.method == candidate.method == "search"
         and each.size == candidate.size
+        and each.fit != candidate.fit
         and found.terms < each.textures <= candidate.textures
         for each, found in asked.items()
     )
+
+
+def expected_errors(pool: Sequence[Candidate], asked: Mapping[Candidate, Outcome]) -> list[float]:
+    """The median of the belief about the errors of rungs, given the answers."""
+    return _belief(pool, asked, 1.0)[0].exp().tolist()
 
 
 def _chances(pool: Sequence[Candidate], state: Walk, level: float) -> list[float]:
     """P(error ≤ level) of each rung in the pool, given the answers."""
     if not math.isfinite(level):
         return [1.0] * len(pool)
-    known = [each for each, found in state.asked.items() if 0 < found.error < math.inf]
-    values = torch.tensor([math.log(state.asked[each].error / level) for each in known], dtype=torch.float64)
+    centre, deviation = _belief(pool, state.asked, level)
+    return torch.special.ndtr(-centre / deviation).tolist()
+
+
+def _belief(pool: Sequence[Candidate], asked: Mapping[Candidate, Outcome], level: float) -> tuple[Tensor, Tensor]:
+    """(mean (N,), standard deviation (N,)) of log(error/level) of the rungs in the pool, given the answers."""
+    known = [each for each, found in asked.items() if 0 < found.error < math.inf]
+    values = torch.tensor([math.log(asked[each].error / level) for each in known], dtype=torch.float64)
     mean = torch.tensor([_mean(each) for each in known], dtype=torch.float64)
-    system = _covariance(known, known) + REST**2 * torch.eye(len(known), dtype=torch.float64)
+    system = _covariance(known, known) + STORED**2 * torch.eye(len(known), dtype=torch.float64)
     cross = _covariance(pool, known)
     weights = torch.linalg.solve(system, cross.T) if known else cross.T
     prior = torch.tensor([_mean(each) for each in pool], dtype=torch.float64)
     centre = prior + weights.T @ (values - mean)
     variance = torch.stack([_covariance([each], [each])[0, 0] for each in pool]) if pool else prior
-    variance = (variance - (weights * cross.T).sum(0)).clamp_min(0) + REST**2
-    return torch.special.ndtr(-centre / variance.sqrt()).tolist()
+    return centre, ((variance - (weights * cross.T).sum(0)).clamp_min(0) + STORED**2).sqrt()
 
 
 def _mean(candidate: Candidate) -> float:
@@ -177,7 +198,7 @@ def _mean(candidate: Candidate) -> float:
         return COLOUR_MEAN
     start, by_textures, by_size = MEANS[candidate.method]
     textures, size = _place(candidate)
-    return start + by_textures * textures + by_size * size
+    return start + by_textures * textures + by_size * size + (ROUNDED if candidate.storage == WHOLE else 0.0)
 
 
 def _place(candidate: Candidate) -> tuple[float, float]:
@@ -194,6 +215,8 @@ def _covariance(first: Sequence[Candidate], second: Sequence[Candidate]) -> Tens
             if a.method == b.method or (a.is_colour and b.is_colour):
                 near = math.exp(-((t - u) ** 2 + (s - v) ** 2) / 2)
                 value += OWN**2 + SHARED**2 * near
+            if a.fit == b.fit:
+                value += REST**2 - STORED**2
             if not a.is_colour and not b.is_colour:
                 value += SLOPES[0] ** 2 * t * u + SLOPES[1] ** 2 * s * v
             table[i, j] = value
