@@ -19,7 +19,7 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
 from homofact.geometry.directions import draw_uniform
 from homofact.methods.fitting import Method
-from homofact.methods.table import METHODS, mccool_like, methods_with
+from homofact.methods.table import ALL_METHODS, METHODS, mccool_like, methods_with
 from homofact.separable.separable import Separable
 
 FAST: dict[str, Any] = {"size": 5, "restarts": 1, "search_size": 4, "search_samples": 100, "copies": 2, "effort": 20}
@@ -63,7 +63,9 @@ def test_what_is_there_is_said_of_no_method_it_does_not_have() -> None:
     assert methods_with("effort") == ("search",)
     assert methods_with("budget") == ("search", "cole")
     assert methods_with("decomposition") == ("svd",)
-    assert methods_with("size") == methods_with("seed") == tuple(METHODS)
+    assert methods_with("size") == tuple(METHODS)
+    assert methods_with("seed") == methods_with("epsilon") == tuple(ALL_METHODS)
+    assert methods_with("lobes") == ("ggx", "gaussians")
 
 
 def test_settings_by_keyword_are_those_of_search(source: Source) -> None:

@@ -48,9 +48,12 @@ def outlier_weights(samples: Samples, seed: int = 0) -> np.ndarray:
     found = np.ones(count)
     if count < FEWEST:
         return found
+    # Ties between neighbours are decided by the numbers, not by the order in which samples come.
+    rows = torch.cat((samples.wi, samples.wo, samples.values, samples.weights[:, None]), 1).cpu().numpy()
+    sorted_rows = torch.from_numpy(np.lexsort(rows.T))
     order = torch.randperm(count, generator=torch.Generator().manual_seed(seed))
     for part in torch.chunk(order, -(-count // MOST_AT_ONCE)):
-        own = part.sort().values
+        own = sorted_rows[part.sort().values]
         found[own.numpy()] = _of_part(samples.select(own.to(samples.wi.device)))
     return found
 

@@ -57,8 +57,8 @@ def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
     if "lobes" in own and listed.strip().isdecimal():
         return name, {"lobes": int(listed)}
     raise BadInput(
-        f"method: found {label!r}, expected a method's name, or one with fixed projections as in mccool:wi+h, or with a"
-        " number of lobes as in ggx:2"
+        f"method: found {label!r}, expected projections behind mccool only, as in mccool:wi+h, and a number of lobes"
+        " behind ggx or gaussians, as in ggx:2"
     )
 
 

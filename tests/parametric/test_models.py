@@ -161,7 +161,7 @@ def test_bytes_are_those_of_the_numbers(label: str, bytes_expected: int) -> None
 
 @pytest.mark.parametrize("label", ["ggx:0", "ggx:9", "ggx:", "ggx:wi", "npf:2", "search:2", "nbrdf:wi+h"])
 def test_labels_that_mean_nothing_are_refused(label: str) -> None:
-    with pytest.raises(BadInput, match=r"lobes|expected a method's name"):
+    with pytest.raises(BadInput, match="lobes"):
         made(label, {})
 
 

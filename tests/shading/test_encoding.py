@@ -140,7 +140,7 @@ def test_unknown_storages_are_refused() -> None:
 def test_a_measured_paint_in_every_storage(real_data: Path) -> None:
     """Red garnet by McCool's two textures: what each storage loses beside the range of the logarithms."""
     source = homofact.read(str(real_data / "cornell" / "garnet_red.brdf"))
-    fitted = homofact.fit(source, homofact.McCool(size=16, smoothing=0.1)).factorization
+    fitted = homofact.fit(source, homofact.McCool(size=16, smoothing=0.1, grid="plain")).factorization
     for texture in fitted.textures:
         inside = texture.texels[texture.mask]
         span = float((inside.amax(0) - inside.amin(0)).max())
