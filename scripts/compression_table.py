@@ -40,7 +40,7 @@ from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import MEASURED_EPSILON
-from homofact.errors import HomofactError
+from homofact.errors import BadInput, HomofactError
 from homofact.evaluate.image_metrics import psnr, ssim
 from homofact.evaluate.machine import machine
 from homofact.files.archive import read_arrays, write_arrays
@@ -61,16 +61,16 @@ READINGS = ("nbrdf", "npf", "nps")
 SKIES = ("studio_small_03_1k", "stpeters_probe_latlong", "grace_probe_latlong")
 PAIRS, PIXELS = 20_000, 96
 METHODS: dict[str, Method] = {
-    "GGX, 1 lobe": Ggx(),
-    "GGX, 2 lobes": Ggx(lobes=2),
-    "McCool, 3 KiB": McCool(size=11),
-    "McCool, 12 KiB": McCool(size=22),
-    "ours, 3.2 KiB": Search(bytes=3276),
-    "ours, 12 KiB": Search(bytes=12288),
-    "ours, 48 KiB": Search(bytes=49152),
+    "GGX × 1": Ggx(),
+    "GGX × 2": Ggx(lobes=2),
+    "McCool 3 KiB": McCool(size=11),
+    "McCool 12 KiB": McCool(size=22),
+    "ours 3.2 KiB": Search(bytes=3276),
+    "ours 12 KiB": Search(bytes=12288),
+    "ours 48 KiB": Search(bytes=49152),
 }
 # The order of Sztrajman et al. 2021, table 1, from the worst to the best.
-PUBLISHED_ORDER = ("GGX, 1 lobe", "sgd", "abc", "npf", "nbrdf")
+PUBLISHED_ORDER = ("GGX × 1", "sgd", "abc", "npf", "nbrdf")
 SCORES = ("MALE", "Cole", "energy", "MAE", "RMSE", "SSIM", "PSNR")
 _PARTS = ("values", "pictures", "facts")
 
@@ -289,10 +289,13 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     folder = data_folder(options.data)
     warm_up()
-    labels = [name for name in METHODS if name.replace(", ", ";") in options.methods.split(",")]
+    labels = [name.strip() for name in options.methods.split(",") if name.strip()]
+    unknown = [name for name in labels if name not in METHODS]
+    if unknown:
+        raise BadInput(f"methods: found {unknown[0]!r}, expected some of {', '.join(METHODS)}")
     chosen = names(folder)[:: options.every]
     if options.short:
-        chosen, labels = chosen[:1], ["GGX, 1 lobe"]
+        chosen, labels = chosen[:1], ["GGX × 1"]
     found: list[Entry] = []
     for number, material in enumerate(chosen, 1):
         began = time.perf_counter()
