@@ -278,9 +278,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Fill the cache, print the tables, write and draw them where it is asked for."""
     parser = parser_of(__doc__)
     parser.add_argument("--every", type=int, default=1, help="every so many materials alone")
-    parser.add_argument(
-        "--methods", default=",".join(METHODS).replace(", ", ";"), help="of those fitted here, with ; for , "
-    )
+    parser.add_argument("--methods", default=",".join(METHODS), help="of those that are fitted here")
     parser.add_argument("--means", action="store_true", help="fit the mean of two readings too")
     parser.add_argument("--cache", type=Path, default=Path("out/compression"), help="the folder of what is done")
     parser.add_argument("--data", type=Path, help="the folder of real measurements")

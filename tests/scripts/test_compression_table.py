@@ -91,7 +91,7 @@ def test_what_is_done_is_not_done_again(
     assert capsys.readouterr().out == first
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     module.surroundings.cache_clear()
-    assert "| GGX, 1 lobe | 32 |" in first
+    assert "| GGX × 1 | 32 |" in first
     # A method is not judged by what it was fitted to.
     by_npf = first.split("### by npf")[1].split("\n##")[0]
     assert "| npf |" not in by_npf
