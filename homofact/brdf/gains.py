@@ -39,6 +39,7 @@ from homofact.geometry.directions import to_spherical
 
 MOST_SAMPLES = 20_000
 BINS, BLOCKS, FEWEST_IN_A_BLOCK = 24, 24, 40
+NOISES = 3.0
 SMOOTH_DEGREE = 3  # of the polynomial over θo that counts as a smooth gain
 HARDLY = 0.3  # of the unevenness over θi: what that over θo may be to count as none
 LEAST_GAIN, LEAST_IMPROVEMENT = 0.03, 0.5  # logs: RMS of the gains, fall of the fit's error
@@ -173,6 +174,26 @@ def _of_rings(samples: Samples, evidence: Evidence, index: np.ndarray, count: in
         gains.append(Gains("theta_o", at_o, b))
         every = every + b[near_o]
     return Calibration("rings", tuple(gains), float(np.sqrt(np.mean(every**2))), improvement)
+
+
+def lacking_reciprocity(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, float]:
+    """(angles (K,) in degrees, log gains over θi there of mean 0, their RMS beyond what noise makes of it).
+
+    By reciprocity alone, of samples that lie on no rings: `BINS` bins of the angle, the gain over θi less that over θo.
+    The error of a bin's mean is that of the fit over the root of the samples in it; `NOISES` times its square is taken
+    off, for the samples of a bin are not as many as they are where they are weighted.
+    """
+    theta_i, theta_o = (np.rad2deg(np.arccos(np.clip(w[:, 2], 0, 1))) for w in (evidence.wi, evidence.wo))
+    at = _bins(np.concatenate((theta_i, theta_o)))
+    near_i, near_o = _nearest(theta_i, at), _nearest(theta_o, at)
+    members = np.hstack((np.eye(len(at))[near_i], np.eye(len(at))[near_o]))
+    logs, _ = _fitted(evidence, members, _RIDGE)
+    gains = logs[: len(at)] - logs[len(at) :]
+    gains = gains - gains[near_i].mean()
+    counts = [np.maximum(np.bincount(near, minlength=len(at)), 1) for near in (near_i, near_o)]
+    noise = evidence.fitted().scale ** 2 * (1 / counts[0] + 1 / counts[1])
+    beyond = float(np.mean(gains[near_i] ** 2) - NOISES * np.mean(noise[near_i]))
+    return at, gains, math.sqrt(max(beyond, 0.0))
 
 
 def _attributed(

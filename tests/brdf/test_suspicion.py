@@ -247,3 +247,55 @@ def test_what_is_beyond_doubt_is_undone_before_the_instrument_is_asked() -> None
     assert {each.name for each in suspicions(undone(turned, ["elevation"]))} == {"elevation"}
     found = suspicions(replace(tilted, values=tilted.values * tilted.wo[:, 2:] ** 2))
     assert {each.name for each in found} == {"cosine-o-squared"}
+
+
+PAINT = "lafortune-blue-paint"
+GAIN = check_of("gains")
+
+
+def gained(gain, scheme: str = "discs", count: int = 4000):
+    """Samples with a gain over θi and θo in degrees."""
+    samples = sample_model(MATERIALS[PAINT].model, count, scheme, 3)
+    theta_i, theta_o = (torch.rad2deg(to_spherical(w)[0]) for w in (samples.wi, samples.wo))
+    return replace(samples, values=samples.values * gain(theta_i, theta_o)[:, None], provenance={})
+
+
+def rms_of_gains(samples) -> float:
+    figures = GAIN.figures(Evidence.of(samples, 0))
+    assert figures is not None
+    return math.exp(figures[0])
+
+
+@pytest.mark.parametrize("scheme", ["discs", "lobe"])
+def test_a_gain_over_the_angle_is_measured_by_reciprocity(scheme: str) -> None:
+    """A lamp that loses a fifth to grazing: its RMS about the mean is that of the gain at the samples' own angles."""
+    lamp = gained(lambda i, o: 1 - 0.2 * i / 90, scheme)
+    theta = torch.rad2deg(to_spherical(lamp.wi)[0])
+    logs = torch.log(1 - 0.2 * theta / 90)
+    assert rms_of_gains(lamp) == pytest.approx(float(logs.std()), rel=0.25)
+    assert rms_of_gains(gained(lambda i, o: 1 + 0 * i, scheme)) < 0.02
+    detector = gained(lambda i, o: torch.where((o - 40).abs() < 4, 1.5, 1.0), scheme)
+    assert rms_of_gains(detector) > 0.06
+    assert "gains" in [each.name for each in suspicions(detector)]
+
+
+def test_a_gain_that_is_the_same_over_both_angles_is_another_material() -> None:
+    both = gained(lambda i, o: (1 - 0.4 * i / 90) * (1 - 0.4 * o / 90))
+    assert rms_of_gains(both) < 0.03
+    assert suspicions(both) == []
+
+
+@pytest.mark.parametrize("sigma", [0.2, 0.6])
+def test_noise_is_no_gain(sigma: float) -> None:
+    generator = torch.Generator().manual_seed(0)
+    clean = gained(lambda i, o: 1 + 0 * i)
+    noise = sigma * torch.randn(clean.values.shape, generator=generator, dtype=torch.float64)
+    assert rms_of_gains(replace(clean, values=clean.values * torch.exp(noise))) < 0.03
+
+
+def test_few_samples_and_those_on_rings_are_not_asked_for_gains() -> None:
+    assert GAIN.figures(Evidence.of(gained(lambda i, o: 1 - 0.5 * i / 90, count=1200), 0)) is None
+    samples = gained(lambda i, o: 1 - 0.5 * i / 90)
+    theta, phi = to_spherical(samples.wi)
+    rings = from_spherical(torch.deg2rad(10 * (torch.rad2deg(theta) / 10).round().clamp(1, 8)), phi)
+    assert GAIN.figures(Evidence.of(replace(samples, wi=rings), 0)) is None

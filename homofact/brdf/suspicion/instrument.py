@@ -7,13 +7,17 @@ same over θo hides in the material; the rest breaks reciprocity and shows.
 import math
 
 import numpy as np
+import torch
 
+from homofact.brdf.gains import lacking_reciprocity
 from homofact.brdf.suspicion.check import Check, Figures
 from homofact.brdf.suspicion.evidence import Evidence, hats, robust_fit
 from homofact.brdf.suspicion.geometry import odd_columns
+from homofact.brdf.symmetry import ring_numbers
 
 _RINGS = 18
 _FEWEST_ON_A_RING = 12
+_FEWEST_FOR_GAINS = 1500
 _TOLD = 0.5  # of the variance of a row's place, left when an angle is known
 _CONE, _AROUND = math.radians(6.0), math.radians(13.0)  # half of the angle between ωi and ωo is θd
 
@@ -61,6 +65,18 @@ def _angle(evidence: Evidence) -> Figures | None:
     fit, (_, weight) = evidence.fitted(odd), evidence.logs
     found = _spread(odd @ fit.further, weight + 1e-12)
     return math.log(found + 1e-4), math.log((evidence.fitted().scale + 1e-3) / (fit.scale + 1e-3))
+
+
+def _gains(evidence: Evidence) -> Figures | None:
+    """The log of the RMS of the gain over θi by reciprocity alone, its least and its greatest log.
+
+    None on rings, and for few samples.
+    """
+    directions = [torch.from_numpy(w) for w in (evidence.wi, evidence.wo)]
+    if len(evidence.wi) < _FEWEST_FOR_GAINS or any(ring_numbers(w) is not None for w in directions):
+        return None
+    _, gains, rms = lacking_reciprocity(evidence)
+    return (math.log(rms + 1e-4), float(gains.min()), float(gains.max()))
 
 
 def _ring(evidence: Evidence) -> Figures | None:
@@ -168,6 +184,12 @@ CHECKS = (
         lambda f: f"swapped directions differ by a smooth gain over the angle, {math.exp(f[0]):.0%} RMS",
         remedy="check the lamp's and the detector's gain over their angles; --calibrate rings divides it out,"
         " --no-reciprocal follows the data",
+    ),
+    Check(
+        "gains", _gains,
+        lambda f: f"the gain differs from angle to angle, {math.exp(f[0]):.0%} RMS, from {math.exp(f[1]):.2f}"
+        f" to {math.exp(f[2]):.2f}",
+        remedy="check the lamp's and the detector's gain over their angles; --calibrate rings divides it out",
     ),
     Check(
         "ring", _ring, lambda f: f"one ring of angles is off its neighbours by {_percent(math.exp(f[0]))}",

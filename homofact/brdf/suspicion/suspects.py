@@ -25,7 +25,7 @@ _COUNTED = ("quantised", "clipped", "zeros")
 _COLOURS = ("channels", "channel-late")
 _COSINES = tuple(conventions.POWERS)
 _VALUES = (*_COSINES, "pi")
-_REST = ("drift-with-angle", "drift-in-time", "ring", "shadow")
+_REST = ("drift-with-angle", "gains", "drift-in-time", "ring", "shadow")
 
 
 def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
