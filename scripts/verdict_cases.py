@@ -225,7 +225,7 @@ FRESH = (
     Stressor("elevation of one", (1.0, 2.0), lambda s, x, g: (
         _turned(_from_the_surface, lambda w: w) if x == 1 else _turned(lambda w: w, _from_the_surface))(s, x, g)),
     Stressor("spikes", (3.0, 30.0), _values(lambda s, v, x, g: torch.where(_region(s), x * v, v))),
-    Stressor("float16", (1.0,), _values(lambda s, v, x, g: v.half().double())),
+    Stressor("float16", (1.0,), _values(lambda s, v, x, g: v.clamp_max(65504.0).half().double())),
     Stressor("subset", (120.0, 500.0), _few),
 )  # fmt: skip
 STRESSORS = {"tuning": TUNING, "test": TEST, "fresh": FRESH}
