@@ -135,7 +135,7 @@ def fitted(reading: AnalyticModel | Mean, method: Method) -> tuple[Reflectance, 
 
 def kept(cache_folder: Path, material: str, label: str, make: Callable[[], Shown]) -> Shown:
     """What is in the cache, or made now."""
-    place = cache_folder / plain(material) / f"{plain(label)}.npz"
+    place = _place(cache_folder, material, label)
     if place.is_file():
         found = read_arrays(place, place.read_bytes(), _PARTS, "what this script wrote")
         values, pictures, facts = (torch.from_numpy(found[name]) for name in _PARTS)
@@ -147,6 +147,10 @@ def kept(cache_folder: Path, material: str, label: str, make: Callable[[], Shown
         place, {"values": made.values.float().numpy(), "pictures": made.pictures.float().numpy(), "facts": facts}
     )
     return kept(cache_folder, material, label, make)
+
+
+def _place(cache_folder: Path, material: str, label: str) -> Path:
+    return cache_folder / plain(material) / f"{plain(label)}.npz"
 
 
 def scores(truth: Shown, found: Shown, coverage: Tensor) -> dict[str, float]:
@@ -280,6 +284,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--every", type=int, default=1, help="every so many materials alone")
     parser.add_argument("--methods", default=",".join(METHODS), help="of those that are fitted here")
     parser.add_argument("--means", action="store_true", help="fit the mean of two readings too")
+    parser.add_argument("--done", action="store_true", help="only materials of which all is in the cache")
     parser.add_argument("--cache", type=Path, default=Path("out/compression"), help="the folder of what is done")
     parser.add_argument("--data", type=Path, help="the folder of real measurements")
     parser.add_argument("--out", type=Path, help="a Markdown file of the tables")
@@ -294,6 +299,9 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = names(folder)[:: options.every]
     if options.short:
         chosen, labels = chosen[:1], ["GGX × 1"]
+    if options.done:
+        wanted = [*PUBLISHED, *(f"{label} of {reading}" for label in labels for reading in READINGS)]
+        chosen = [m for m in chosen if all(_place(options.cache, m, each).is_file() for each in wanted)]
     found: list[Entry] = []
     for number, material in enumerate(chosen, 1):
         began = time.perf_counter()
