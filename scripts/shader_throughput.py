@@ -78,8 +78,8 @@ def page_of(ways: Sequence[Way], title: str, about: str, floor: float, side: int
     """
     notes = [
         "Every fragment makes its pairs of directions from a hash, the same for all ways, and writes the mean of the"
-        " values. “Without” the directions: less what the empty shader takes, round by round; ± is half the range of"
-        " the middle half of the rounds.",
+        " values. The evaluation alone is less what the empty shader takes, round by round; ± is half the range of the"
+        " middle half of the rounds.",
         f"Differences from Python: at {CHECKS[0][0] ** 2} pairs and at means of {CHECKS[1][1]} pairs in"
         f" {CHECKS[1][0] ** 2} fragments, relative to the value and {figure(floor)} sr⁻¹ more. Textures may differ by"
         " as much as a sampler does that divides the way from texel to texel into 256 steps.",

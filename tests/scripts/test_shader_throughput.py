@@ -19,7 +19,7 @@ from homofact.brdf.neural import LAYERS, NeuralBrdf
 from homofact.containers.formats import FORMATS
 from homofact.export.exported import exported
 from homofact.geometry.directions import draw_uniform
-from homofact.geometry.expression import Let, variable
+from homofact.geometry.expression import Let, call, variable
 from homofact.geometry.interpret import TORCH, interpret, value_of
 from homofact.shading.program import Program
 
@@ -97,7 +97,10 @@ class Louder:
 
 @pytest.fixture
 def ways(script: Script) -> list[Any]:
-    """Ways of every kind, on random numbers; "wrong" is GGX with values in Python that are not its own."""
+    """Ways of every kind, on random numbers.
+
+    "wrong" is GGX with values in Python that are not its own, "nan" a shader without values.
+    """
     module = script("shader_ways")
     sums = Program((), variable("wi", 3) + variable("wo", 3), (), ("R", "G", "B"), ())
     made = [module.Way("empty", "nothing", sums, (), module.Sum(), None, None)]
@@ -111,7 +114,18 @@ def ways(script: Script) -> list[Any]:
     made += [
         module.Way(key, key, program, (), what, 0.3, 52) for key, what in (("ggx", model), ("wrong", Louder(model)))
     ]
-    return made
+    nan = Program((), variable("wi", 3) * call("sqrt", variable("wi", 3).z * -1), (), ("R", "G", "B"), ())
+    return [*made, module.Way("nan", "nan", nan, (), module.Sum(), None, None)]
+
+
+# Milliseconds by the page's clock and by the GPU's: of the network alone 20, of GGX 5 by median and by the GPU 4.
+TIMES = """
+  const of = (clock, gpu) => clock.map((ms) => ({ clock: ms, gpu }));
+  const ways = [["empty", 0], ["ggx", 0.5], ["network", 0.5]].map(([key, difference]) => (
+    { key, name: key, bytes: null, fetches: 0, operations: 1, error: null, difference, allowed: 0.1 }));
+  return table(ways, { pairs: 1000, times: { empty: of([10, 20, 10], 2), ggx: of([15, 27, 13], 6),
+    network: of([30, 40, 30], 12) } });
+"""
 
 
 def test_the_page_s_values_are_python_s_and_a_wrong_shader_shows(
@@ -129,20 +143,30 @@ def test_the_page_s_values_are_python_s_and_a_wrong_shader_shows(
         found = driver.execute_script("return homofact.results")
         asked = [url for url in requests(driver) if not url.startswith("file:")]
         headings = driver.execute_script("return [...document.querySelectorAll('tbody th')].map((e) => e.textContent)")
+        made = driver.execute_script(TIMES)
         title, bad = driver.execute_script(
             "return [document.querySelector('h1').textContent, document.querySelectorAll('.bad').length]"
         )
     assert asked == []
-    assert (title, headings, bad) == ("t</script>", [way.name for way in ways], 1)
+    assert (title, headings, bad) == ("t</script>", [way.name for way in ways], 2)
     rows = {row["key"]: row for row in found["rows"]}
-    assert {key for key, row in rows.items() if not row["agrees"]} == {"wrong"}
+    assert {key for key, row in rows.items() if not row["agrees"]} == {"wrong", "nan"}
     assert rows["wrong"]["cells"][-1].endswith("(DIFFERS)")
     assert 0.009 < rows["wrong"]["difference"] < 0.011
+    assert rows["nan"]["cells"][-1] == "– (DIFFERS)"
     for key in ("empty", "network", "ggx"):
         assert rows[key]["difference"] < 1e-3, key
     for key in ("textures-exr", "textures-ktx2", "textures-png8"):
         # A sampler's own steps aside, which software does not have.
         assert rows[key]["difference"] < 2e-2, key
+    # 16² fragments of 1000 pairs are 256,000 evaluations.
+    empty, ggx, net = made["rows"]
+    assert [empty["net"], empty["times"], net["times"]] == [None, None, 1]
+    assert [empty["gross"], ggx["gross"], net["gross"]] == pytest.approx([25.6, 256 / 15, 256 / 30])
+    assert [ggx["net"], ggx["gpu"], ggx["times"]] == pytest.approx([51.2, 64, 4])
+    assert [net["net"], net["gpu"], net["spread"]] == pytest.approx([12.8, 25.6, 0])
+    assert ggx["spread"] == pytest.approx(50 * (6 - 4) / 5)
+    assert [each["agrees"] for each in (empty, ggx)] == [True, False]
 
 
 def test_what_does_not_compile_is_named(script: Script, ways: list[Any], tmp_path: Path) -> None:
@@ -176,7 +200,7 @@ def test_the_table_has_all_ways(script: Script, tmp_path: Path, capsys: pytest.C
     assert [cells[column["bytes"]] for cells in rows.values()] == ["–", "4096", "4080", "2048", "2040", "2700", "32"]
     assert rows["NBRDF network"][column["times the network"]] in ("1", "–")
     for cells in rows.values():
-        assert float(cells[column["M/s with the directions"]]) > 0
+        assert float(cells[column["M/s, directions included"]]) > 0
         assert "DIFFERS" not in cells[-1]
     for words in ("SwiftShader", "32 × 32 fragments", "Chromium", "smoke test", "ε = "):
         assert words in text
