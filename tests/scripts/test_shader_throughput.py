@@ -176,8 +176,21 @@ def test_what_does_not_compile_is_named(script: Script, ways: list[Any], tmp_pat
     keyword = Program((Let("flat", variable("wi", 3)),), variable("flat", 3), (), ("R", "G", "B"), ())
     broken = script("shader_ways").Way("ggx", "the broken one", keyword, (), ways[0].reflectance, None, None)
     page.write_text(module.page_of([ways[0], broken], "t", "a", 0.002, 16, 1, 0.1), "utf-8")
-    with pytest.raises(module.BadInput, match=r"page\.html: the broken one: the shader does not compile"):
+    with pytest.raises(module.BadInput, match=r"page\.html: the broken one: the shader does not compile") as caught:
         module.shown(page, 60)
+    assert str(caught.value).isprintable()
+
+
+def test_a_table_of_wrong_values_is_not_written(
+    script: Script, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module, out = script("shader_throughput"), tmp_path / "table.md"
+    rows = [{"cells": ["ours", "1"], "agrees": True}, {"cells": ["GGX", "5", ".3 (DIFFERS)"], "agrees": False}]
+    monkeypatch.setattr(module, "shown", lambda page: ({"rows": rows}, "a browser"))
+    assert module.main(["material:lafortune-clay", "--short", "--run", "--out", str(out)]) == 2
+    streams = capsys.readouterr()
+    expected = "GGX: found values that differ from Python's by .3 (DIFFERS), expected them to agree\n"
+    assert (streams.out, streams.err, out.exists()) == ("", expected, False)
 
 
 def test_the_table_has_all_ways(script: Script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
