@@ -26,18 +26,18 @@ def network_program(network: NeuralBrdf) -> Program:
     """The statements of the module's head, one a neuron; three channels."""
     wi, wo = variable("wi", 3), variable("wo", 3)
     s, e = variable("s", 3), variable("e", 3)
-    size, flat, across = variable("size", 1), variable("flat", 1), variable("across", 1)
-    along = (s.z * call("dot", s.xy, e.xy) / flat - flat * e.z) / (size * 2)
+    size, in_plane, across = variable("size", 1), variable("in_plane", 1), variable("across", 1)
+    along = (s.z * call("dot", s.xy, e.xy) / in_plane - in_plane * e.z) / (size * 2)
     statements = [
         Let("s", wi + wo),
         Let("e", wi - wo),
         Let("size", call("sqrt", call("dot", s, s))),
-        Let("flat", call("max", call("sqrt", call("dot", s.xy, s.xy)), 1e-6)),
+        Let("in_plane", call("max", call("sqrt", call("dot", s.xy, s.xy)), 1e-6)),
         Let("across", s.x * e.y - s.y * e.x),
         Let("along", along * (call("step", 0.0, across) * 2 - 1)),
-        Let("x_0", flat / size),
+        Let("x_0", in_plane / size),
         Let("x_2", s.z / size),
-        Let("x_4", call("abs", across) / (flat * 2)),
+        Let("x_4", call("abs", across) / (in_plane * 2)),
         Let("x_5", size * 0.5),
     ]
     values: list[Expression | None] = [
