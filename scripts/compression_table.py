@@ -43,6 +43,7 @@ from homofact.brdf.source import MEASURED_EPSILON
 from homofact.errors import BadInput, HomofactError
 from homofact.evaluate.image_metrics import psnr, ssim
 from homofact.evaluate.machine import machine
+from homofact.figures.log_axis import log_y
 from homofact.files.archive import read_arrays, write_arrays
 from homofact.files.atomic import replace_file
 from homofact.geometry.directions import draw_uniform
@@ -81,7 +82,9 @@ readings differ from each other by more than ours differs from any of them, so t
 out alike. What a method makes of the reading that it was fitted to stands at the end: so do published tables judge.
 
 MALE, Cole error (ε = 1e-2) and energy of 20,000 pairs under 80°; MAE, RMSE, SSIM and PSNR of spheres under three
-skies. `nps` needs a decoder of 4 MB beside its 28 bytes."""
+skies. `nps` needs a decoder of 4 MB beside its 28 bytes.
+
+![Error against bytes](pictures/compression.png)"""
 _PARTS = ("values", "pictures", "facts")
 
 
@@ -267,24 +270,31 @@ def draw(path: Path, found: Sequence[Entry]) -> None:
     """Error against bytes: the median of PSNR and of MALE, judged by readings that a method was not fitted to."""
     chart = Figure(figsize=(10, 4.6), layout="constrained")
     axes = chart.subplots(1, 2)
+    groups = [[label] for label in PUBLISHED]
+    groups += [[label for label in METHODS if label.split()[0] == name] for name in ("GGX", "McCool", "ours")]
     for axis, name in zip(axes, ("PSNR", "MALE"), strict=True):
-        for label in dict.fromkeys((*PUBLISHED, *METHODS)):
-            those = [e for e in found if e.label == label and len(e.readings) == 1 and e.by not in e.readings]
-            if not those:
+        for labels in groups:
+            points = []
+            for label in labels:
+                those = [e for e in found if e.label == label and len(e.readings) == 1 and e.by not in e.readings]
+                if those:
+                    nbytes = statistics.median(e.shown.nbytes for e in those)
+                    points.append((nbytes, statistics.median(e.scores[name] for e in those)))
+            if not points:
                 continue
-            nbytes = statistics.median(e.shown.nbytes for e in those)
-            value = statistics.median(e.scores[name] for e in those)
-            colour = "#1f4e79" if label.startswith("ours") else "#b2521b" if label in PUBLISHED else "#777777"
-            axis.plot([nbytes], [value], "o", color=colour)
-            words = "nps, and 4 MB that all share" if label == "nps" else label
-            axis.annotate(words, (nbytes, value), xytext=(5, 4), textcoords="offset points", fontsize=8)
+            colour = "#1f4e79" if labels[0].startswith("ours") else "#b2521b" if labels[0] in PUBLISHED else "#777777"
+            axis.plot(*zip(*points, strict=True), "o-", color=colour, linewidth=1)
+            words = labels[0] if len(labels) == 1 else labels[0].split()[0]
+            words = "nps, and 4 MB that all share" if words == "nps" else words
+            axis.annotate(words, points[0], xytext=(5, 5), textcoords="offset points", fontsize=9)
         axis.set_xscale("log")
         axis.set_xlabel("bytes a material")
         axis.set_ylabel("PSNR of the spheres [dB], more is better" if name == "PSNR" else "MALE, less is better")
         axis.margins(x=0.2, y=0.12)
         axis.spines[["top", "right"]].set_visible(False)
-    axes[1].set_yscale("log")
-    chart.suptitle("Median over materials, judged by readings that a method was not fitted to", fontsize=10)
+    log_y(axes[1], *axes[1].get_ylim())
+    words = "GGX with one and two lobes, McCool's projections and ours at several sizes"
+    chart.suptitle(f"Median over materials, judged by readings that a method was not fitted to\n{words}", fontsize=10)
     replace_file(path, lambda made: chart.savefig(made, dpi=120, format="png"))
 
 
@@ -323,7 +333,8 @@ def main(arguments: list[str] | None = None) -> int:
         "<!-- Made by `python scripts/compression_table.py`: change the words there, not here. -->",
         "# The field in one table",
         INTRODUCTION,
-        f"{len(chosen)} materials; fits of {DEFAULT_COUNT} pairs ({DEFAULT_SCHEME}) of a reading, seed 0. {machine()}",
+        f"{len(chosen)} of 100 materials: {', '.join(chosen) if len(chosen) < 100 else 'all'}.",
+        f"Fits of {DEFAULT_COUNT} pairs ({DEFAULT_SCHEME}) of a reading, seed 0. {machine()}",
         *(["a smoke test: the figures mean nothing"] if options.short else []),
         "## Judged by readings that a method was not fitted to: median (worse tenth)",
         table(found, None, own=False),
