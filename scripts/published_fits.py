@@ -21,7 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf.analytic.common import AnalyticModel, grazing, half_vector
+from homofact.brdf.analytic.common import AnalyticModel, grazing, half_vector, v_grooves
 from homofact.brdf.analytic.cook_torrance import dielectric
 from homofact.brdf.factored import FactoredBrdf
 from homofact.brdf.formats.nbrdf import load, material_names
@@ -45,8 +45,7 @@ class Abc(AnalyticModel):
         h, cosine = half_vector(wi, wo)
         ni, no = grazing(wi[:, 2]), grazing(wo[:, 2])
         fallen = (h[:, 0] ** 2 + h[:, 1] ** 2) / (1 + h[:, 2])
-        groove = (2 * h[:, 2] * torch.minimum(ni, no) / grazing(cosine)).clamp(0, 1)
-        lobe = dielectric(cosine, self.index) * (1 + self.b * fallen) ** -self.c * groove / (ni * no)
+        lobe = dielectric(cosine, self.index) * (1 + self.b * fallen) ** -self.c * v_grooves(wi, wo) / (ni * no)
         return (self.colour(self.diffuse, wi) + lobe[:, None] * self.colour(self.a, wi)) / math.pi
 
 

@@ -145,7 +145,7 @@ def _of_rows(samples: Samples, evidence: Evidence, index: np.ndarray, count: int
     blocks = max(2, min(BLOCKS, len(samples) // FEWEST_IN_A_BLOCK))
     knots = np.linspace(0, count - 1, blocks)
     columns = hats(index.astype(float), knots)
-    logs, improvement = _fitted(evidence, columns, _RIDGE_OF_ROWS)
+    logs, _, improvement = _fitted(evidence, columns, _RIDGE_OF_ROWS)
     logs = logs - (columns @ logs).mean()
     rms = float(np.sqrt(np.mean((columns @ logs) ** 2)))
     return Calibration("rows", (Gains("row", knots, logs),), rms, improvement)
@@ -160,7 +160,7 @@ def _of_rings(samples: Samples, evidence: Evidence, index: np.ndarray, count: in
         at_i, at_o = rings_i, rings_o
     near_i, near_o = _nearest(theta_i, at_i), _nearest(theta_o, at_o)
     members = np.hstack((np.eye(len(at_i))[near_i], np.eye(len(at_o))[near_o]))
-    logs, improvement = _fitted(evidence, members, _RIDGE)
+    logs, _, improvement = _fitted(evidence, members, _RIDGE)
     a, b = logs[: len(at_i)], logs[len(at_i) :]
     if rings_i is None or rings_o is None:
         # By reciprocity alone: what a and b have in common is as well the material's.
@@ -187,11 +187,11 @@ def lacking_reciprocity(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, flo
     at = _bins(np.concatenate((theta_i, theta_o)))
     near_i, near_o = _nearest(theta_i, at), _nearest(theta_o, at)
     members = np.hstack((np.eye(len(at))[near_i], np.eye(len(at))[near_o]))
-    logs, _ = _fitted(evidence, members, _RIDGE)
+    logs, plain, _ = _fitted(evidence, members, _RIDGE)
     gains = logs[: len(at)] - logs[len(at) :]
     gains = gains - gains[near_i].mean()
     counts = [np.maximum(np.bincount(near, minlength=len(at)), 1) for near in (near_i, near_o)]
-    noise = evidence.fitted().scale ** 2 * (1 / counts[0] + 1 / counts[1])
+    noise = plain**2 * (1 / counts[0] + 1 / counts[1])
     beyond = float(np.mean(gains[near_i] ** 2) - NOISES * np.mean(noise[near_i]))
     return at, gains, math.sqrt(max(beyond, 0.0))
 
@@ -213,14 +213,14 @@ def _attributed(
     return a - smooth_b(np.clip(at_i, at_o[0], at_o[-1])), b - smooth_b(at_o)
 
 
-def _fitted(evidence: Evidence, columns: np.ndarray, ridge: float) -> tuple[np.ndarray, float]:
-    """(coefficients (K,) of further columns (N, K), by how much the error of the fit falls with them, in logs)."""
+def _fitted(evidence: Evidence, columns: np.ndarray, ridge: float) -> tuple[np.ndarray, float, float]:
+    """(coefficients (K,) of further columns (N, K), the error without them, its fall with them), in logs."""
     logs, weight = evidence.logs
     basis = evidence.basis
     ridges = np.concatenate((np.full(basis.shape[1], _RIDGE_OF_BASIS), np.full(columns.shape[1], ridge)))
-    plain = evidence.fitted()
+    plain = evidence.fitted().scale
     coefficients, _, scale = robust_fit(np.hstack((basis, columns)), logs, weight, ridges)
-    return coefficients[basis.shape[1] :], math.log((plain.scale + 1e-3) / (scale + 1e-3))
+    return coefficients[basis.shape[1] :], plain, math.log((plain + 1e-3) / (scale + 1e-3))
 
 
 def _degrees(directions: Tensor) -> np.ndarray:

@@ -13,8 +13,10 @@ from homofact.brdf.analytic.spherical_gaussians import Gaussian, SphericalGaussi
 from homofact.brdf.factored import BINS, FactoredBrdf
 from homofact.brdf.faults import albedo
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.source import Source
 from homofact.cli.main import main
 from homofact.errors import BadInput
+from homofact.evaluate.compare import fit_and_measure
 from homofact.geometry.directions import draw_uniform, from_spherical
 from homofact.methods.table import made
 from homofact.parametric.factored_fit import fit_factored
@@ -213,3 +215,14 @@ def test_what_wants_textures_refuses_a_model(tmp_path: Path, capsys: pytest.Capt
 def test_parameters_that_cannot_be_are_refused(wrong) -> None:
     with pytest.raises(BadInput, match="expected"):
         wrong()
+
+
+@pytest.mark.parametrize("label", ["ggx", "mccool"])
+def test_only_options_that_a_method_has_are_recommended(label: str) -> None:
+    """Of a narrow lobe that neither can hold: McCool's projections have a size but no number of textures."""
+    narrow = Ggx((0.3, 0.2, 0.1), (GgxLobe((1.0, 1.0, 1.0), 0.02, 0.9), GgxLobe((1.0, 0.5, 0.2), 0.3, 0.5)))
+    source = Source("narrow", "material", sample_model(narrow, 1500, "lobe", 0), narrow, 1e-3, 0.0)
+    row = fit_and_measure(source, made(label, {"size": 8} if label == "mccool" else {}))
+    recommended = {word for each in row.verdict.findings for word in each.options.split() if word.startswith("--")}
+    assert row.verdict.findings
+    assert recommended <= ({"--size"} if label == "mccool" else set())

@@ -108,6 +108,13 @@ def grazing(cosine: Tensor) -> Tensor:
     return cosine.clamp_min(MIN_COSINE)
 
 
+def v_grooves(wi: Tensor, wo: Tensor) -> Tensor:
+    """Masking of Torrance and Sparrow's V-grooves, min(1, 2 (n·h)(n·ωo)/(h·ωo), 2 (n·h)(n·ωi)/(h·ωi)), (...)."""
+    h, cosine = half_vector(wi, wo)
+    least = torch.minimum(grazing(wi[..., 2]), grazing(wo[..., 2]))
+    return (2 * grazing(h[..., 2]) * least / grazing(cosine)).clamp_max(1)
+
+
 def schlick(normal_incidence: Tensor, cosine: Tensor) -> Tensor:
     """Schlick's Fresnel F0 + (1 − F0)(1 − cosθd)⁵, (N, C) from F0 (C,) and cosθd (N,) (Schlick 1994)."""
     return normal_incidence + (1 - normal_incidence) * ((1 - cosine).clamp(0, 1) ** 5)[..., None]

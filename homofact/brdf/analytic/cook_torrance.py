@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector
+from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector, v_grooves
 from homofact.errors import BadInput
 
 
@@ -56,8 +56,7 @@ class CookTorrance(AnalyticModel):
         # exp and 1/cos⁴ in one exponent: apart, they are 0·∞ for h on the horizon.
         distribution = torch.exp(-tangent_squared / m_squared - 4 * torch.log(peak)) / (4 * m_squared)
         ni, no = grazing(wi[..., 2]), grazing(wo[..., 2])
-        groove = 2 * peak * torch.minimum(ni, no) / grazing(cosine)
-        microfacets = dielectric(cosine, self.index) * distribution * groove.clamp_max(1) / (math.pi * (ni * no))
+        microfacets = dielectric(cosine, self.index) * distribution * v_grooves(wi, wo) / (math.pi * (ni * no))
         return self.diffuse_term(self.diffuse, wi) + microfacets[..., None] * self.colour(self.specular, wi)
 
 

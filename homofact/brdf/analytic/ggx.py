@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from homofact.brdf.analytic.common import MIN_COSINE, AnalyticModel, Colour, half_vector
+from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector, schlick
 from homofact.errors import BadInput
 
 
@@ -62,7 +62,6 @@ def ggx_lobe(alpha: Tensor, f0: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
     h, cosine = half_vector(wi, wo)
     squared = alpha**2
     spread = h[..., 2] ** 2 * (squared - 1) + 1
-    ni, no = wi[..., 2].clamp_min(MIN_COSINE), wo[..., 2].clamp_min(MIN_COSINE)
+    ni, no = grazing(wi[..., 2]), grazing(wo[..., 2])
     masked = no * (ni**2 * (1 - squared) + squared).sqrt() + ni * (no**2 * (1 - squared) + squared).sqrt()
-    fresnel = f0 + (1 - f0) * (1 - cosine).clamp(0, 1) ** 5
-    return fresnel * squared / (math.pi * spread**2) * 0.5 / masked
+    return schlick(f0, cosine)[..., 0] * squared / (math.pi * spread**2) * 0.5 / masked

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector
+from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector, schlick, v_grooves
 from homofact.errors import BadInput
 
 
@@ -59,6 +59,5 @@ def gaussian(sharpness: Tensor, f0: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
     ni, no = grazing(wi[..., 2]), grazing(wo[..., 2])
     # 1 − cosθh without cancellation: at a highlight it is all there is.
     fallen = (h[..., 0] ** 2 + h[..., 1] ** 2) / (1 + h[..., 2].clamp_min(0))
-    groove = (2 * h[..., 2] * torch.minimum(ni, no) / grazing(cosine)).clamp(0, 1)
-    fresnel = f0 + (1 - f0) * (1 - cosine).clamp(0, 1) ** 5
-    return fresnel * groove / (4 * ni * no) * torch.exp(-sharpness * fallen)
+    facets = torch.exp(-sharpness * fallen) * v_grooves(wi, wo) / (4 * ni * no)
+    return schlick(f0, cosine)[..., 0] * facets

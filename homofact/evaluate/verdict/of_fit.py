@@ -44,7 +44,7 @@ def faults_of_the_fit(verdict: Verdict, settings: Method) -> Iterator[Finding]:
             f" {LEAST_EXPLAINED:.0%}; {verdict.misplaced:.0%} of the held-out light is misplaced, expected"
             f" {MISPLACED:.0%}{floor_of(verdict)}",
             "more textures or texels, another method; or data that contradict themselves",
-            f"--textures {_textures(settings) + 1}",
+            _more_textures(settings),
             Grade.SLIGHT if verdict.explained >= LEAST_EXPLAINED else Grade.VISIBLE,
         )
     if verdict.cut > LARGEST_CUT:
@@ -127,12 +127,14 @@ def floor_of(verdict: Verdict) -> str:
     return f" (no reciprocal fit comes nearer to this source than {verdict.floor:.0%} RMS)"
 
 
-def _textures(settings: Method) -> int:
-    return int(getattr(settings, "textures", 1))
+def _more_textures(settings: Method) -> str:
+    """Nothing where the method has no such setting: McCool's fixed projections, a model without textures."""
+    return f"--textures {vars(settings)['textures'] + 1}" if "textures" in vars(settings) else ""
 
 
 def _larger(settings: Method) -> str:
-    return f"--size {2 * settings.size}"
+    """Nothing where the method has no such setting."""
+    return f"--size {2 * settings.size}" if "size" in vars(settings) else ""
 
 
 def _finding(

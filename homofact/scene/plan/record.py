@@ -84,13 +84,13 @@ def finite(value: float) -> float | None:
 
 def _asked(each: MaterialPlan, rung: Candidate, answer: Outcome) -> dict[str, Any]:
     told = {name: finite(value) if isinstance(value, float) else value for name, value in vars(answer).items()}
-    foretold = {}
+    predicted = {}
     if rung.is_colour:
         # Of one colour theory is exact, over all turnings of the lighting.
-        foretold["reflected_over_all_turnings"] = {
+        predicted["reflected_over_all_turnings"] = {
             judge.lighting.name: colour_error(rung, each.bench.lobes, judge.lighting) for judge in each.judges
         }
-    return _rung(rung) | told | foretold
+    return _rung(rung) | told | predicted
 
 
 def _rung(candidate: Candidate) -> dict[str, Any]:
