@@ -25,7 +25,17 @@ from homofact.viewer.packing import differences, pack
 from homofact.viewer.source_table import STEP, SourceTable, source_table
 
 PACKAGE = "homofact.viewer"
-SCRIPTS = ("data.js", "elements.js", "shading.js", "mesh.js", "stage.js", "curve.js", "cards.js", "controls.js", "page.js")
+SCRIPTS = (
+    "data.js",
+    "elements.js",
+    "shading.js",
+    "mesh.js",
+    "stage.js",
+    "curve.js",
+    "cards.js",
+    "controls.js",
+    "page.js",
+)
 SOURCE = "source"
 Facts = tuple[tuple[str, str], ...]
 

@@ -1,7 +1,7 @@
 """The file of the page: a relit scene in one HTML page, with its transport, its skies and its numbers.
 
     write_page(Path("bunny.html"), [PageObject("bunny", mesh, transport, "blue paint")], [page_sky("grace", light, 64)],
-               numbers={"Bunny": {"vertices": 35947}}, camera=PageCamera((0, 0.6, 3.2)))
+               numbers={"Bunny": {"vertices": 35947}}, camera=Camera((0.0, 0.6, 3.2)))
 
 Transport is kept as it is, number for number: vectors in falling order of magnitude, so that the page's N largest are
 the first N, differences of magnitudes, signs apart, places as they come. Positions are rounded to 1/65535 of their box,
@@ -10,7 +10,6 @@ surface frames to about 1/30000, skies and the reference to half floats. Nothing
 The page is `page.html` with the viewer's style and this package's, and the scripts in the order of `SCRIPTS`.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,9 +21,12 @@ from scipy.spatial.transform import Rotation
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.meshes.mesh import Mesh
+from homofact.scene.transport.build import RelitObject
 from homofact.scene.transport.clusters import Clustered
+from homofact.scene.transport.page.order import cached_order
 from homofact.scene.transport.page.skies import PageSky, halves
 from homofact.scene.transport.precompute import Transport
+from homofact.scene.transport.scene import Camera
 from homofact.viewer import assembly
 from homofact.viewer.packing import differences, pack
 
@@ -35,6 +37,7 @@ SCRIPTS = (
     "background.js",
     "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
+CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
 Numbers = Mapping[str, Mapping[str, str | int | float]]
 
 
@@ -55,24 +58,29 @@ class PageObject:
 
 
 @dataclass(frozen=True)
-class PageCamera:
-    """Where the page begins to look from: `eye` and `target` in the scene's units, `field` of view in degrees, upright."""
-
-    eye: tuple[float, float, float] = (0.0, 0.5, 3.4)
-    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    field: float = 36.0
-
-
-@dataclass(frozen=True)
 class PageReference:
     """What the page's error is against: `colours`, radiance (V, 3) towards the camera of each object's vertices.
 
-    Made under the sky of index `sky`, not turned; `words` say how.
+    NaN where a vertex has none: it is left out, as are those that face away. Made under the sky of index `sky`, not
+    turned; `words` say how.
     """
 
     colours: Sequence[np.ndarray]
     sky: int = 0
     words: str = "sum over all texels of the cube map with the exact BRDF"
+
+
+def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
+    """The objects of a relit scene, in their compact form where they have one; a level plane ends softly."""
+    found = []
+    for each in objects:
+        flat = float(np.ptp(each.mesh.positions[:, 1])) == 0
+        half = float(np.abs(each.mesh.positions[:, ::2]).max())
+        made = each.transport if each.compact is None else each.compact
+        found.append(
+            PageObject(each.mesh.name, each.mesh, made, each.material, (0.55 * half, 0.98 * half) if flat else None)
+        )
+    return found
 
 
 def write_page(
@@ -84,7 +92,7 @@ def write_page(
     *,
     title: str = "Relighting",
     subtitle: str = "",
-    camera: PageCamera | None = None,
+    camera: Camera = CAMERA,
     new: bool = False,
 ) -> int:
     """Write the page, whole or not at all; its bytes. `new` says that nothing there may be replaced.
@@ -92,8 +100,7 @@ def write_page(
     `numbers` are shown as a table a section. Raises BadInput for no objects or skies, objects on cube maps of different
     sizes, transport of another mesh, a reference of another shape, and a place that cannot be written.
     """
-    camera = camera or PageCamera()
-    _check(objects, skies, camera)
+    _check(objects, skies)
     if reference is not None:
         _check_reference(reference, objects, skies)
     colours = [None] * len(objects) if reference is None else reference.colours
@@ -103,7 +110,9 @@ def write_page(
         "objects": [_object(each, own) for each, own in zip(objects, colours, strict=True)],
         "skies": [_sky(sky) for sky in skies],
         "reference": None if reference is None else {"sky": reference.sky, "words": reference.words},
-        "numbers": [[section, [[name, _shown(value)] for name, value in rows.items()]] for section, rows in numbers.items()],
+        "numbers": [
+            [section, [[name, _shown(value)] for name, value in rows.items()]] for section, rows in numbers.items()
+        ],
     }
     page = assembly.assembled(
         assembly.part(PACKAGE, "page.html"),
@@ -120,24 +129,31 @@ def write_page(
     return len(page)
 
 
-def _check(objects: Sequence[PageObject], skies: Sequence[PageSky], camera: PageCamera) -> None:
+def _check(objects: Sequence[PageObject], skies: Sequence[PageSky]) -> None:
     if not objects or not skies:
         raise BadInput(f"page: found {len(objects)} objects and {len(skies)} skies, expected at least one of each")
     size = objects[0].basis.settings.cube
     for each in objects:
         given = each.transport
         if each.basis.settings.cube != size:
-            raise BadInput(f"{each.name}: found a cube map of {each.basis.settings.cube} texels, expected {size} as the others")
-        if given.positions.shape != each.mesh.positions.shape or not np.allclose(given.positions, each.mesh.positions, atol=1e-5):
+            raise BadInput(
+                f"{each.name}: found a cube map of {each.basis.settings.cube} texels, expected {size} as the others"
+            )
+        if given.positions.shape != each.mesh.positions.shape or not np.allclose(
+            given.positions, each.mesh.positions, atol=1e-5
+        ):
             raise BadInput(f"{each.name}: found transport of another mesh, expected that of {each.mesh.name}")
     for sky in skies:
         if sky.cube.shape != (6, size, size, 3):
-            raise BadInput(f"sky {sky.name}: found a cube map of shape {sky.cube.shape}, expected (6, {size}, {size}, 3)")
-        if not (np.isfinite(sky.cube).all() and np.isfinite(sky.picture).all() and sky.cube.min() >= 0 <= sky.picture.min()):
-            raise BadInput(f"sky {sky.name}: found radiance that is negative or not finite, expected finite numbers >= 0")
-    numbers = (*camera.eye, *camera.target, camera.field)
-    if not all(math.isfinite(x) for x in numbers) or not 1 <= camera.field <= 120 or camera.eye == camera.target:
-        raise BadInput(f"camera: found {camera}, expected an eye away from its target and a field of view of 1 to 120 degrees")
+            raise BadInput(
+                f"sky {sky.name}: found a cube map of shape {sky.cube.shape}, expected (6, {size}, {size}, 3)"
+            )
+        if not (
+            np.isfinite(sky.cube).all() and np.isfinite(sky.picture).all() and sky.cube.min() >= 0 <= sky.picture.min()
+        ):
+            raise BadInput(
+                f"sky {sky.name}: found radiance that is negative or not finite, expected finite numbers >= 0"
+            )
 
 
 def _check_reference(reference: PageReference, objects: Sequence[PageObject], skies: Sequence[PageSky]) -> None:
@@ -147,8 +163,10 @@ def _check_reference(reference: PageReference, objects: Sequence[PageObject], sk
         raise BadInput(f"reference: found colours of shape {shapes}, expected {expected}")
     if not 0 <= reference.sky < len(skies):
         raise BadInput(f"reference: found sky {reference.sky}, expected 0 to {len(skies) - 1}")
-    if not all(np.isfinite(each).all() for each in reference.colours):
-        raise BadInput("reference: found a colour that is not finite, expected finite radiance")
+    if any(np.isinf(each).any() for each in reference.colours):
+        raise BadInput("reference: found infinite radiance, expected finite numbers, or NaN where there is none")
+    if not any((np.nan_to_num(each) != 0).any() for each in reference.colours):
+        raise BadInput("reference: found no light at any vertex, expected some")
 
 
 def _shown(value: str | int | float) -> str:
@@ -180,7 +198,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "step": step.tolist(),
         "positions": pack(np.rint((mesh.positions - low) / step).astype(np.uint16)),
         "frames": pack(turns(transport.frames)),
-        "triangles": pack(differences(mesh.triangles.astype(np.int32).reshape(-1), (0,))),
+        "triangles": pack(differences(cached_order(mesh.triangles).astype(np.int32).reshape(-1), (0,))),
         "map": {"size": view.shape[0], "channels": view.shape[3], "texels": pack(view)},
         "basis": _basis(given.basis),
         "mix": mix,

@@ -11,7 +11,7 @@ class Controls {
       show: makeChoice(by("show"), options(["picture", "Page"], ["split", "Split"], ["reference", "Ref."], ["difference", "Diff."]), set("show")),
       interpolation: makeChoice(by("interpolation"), options(["vertex", "By vertex", "Colours are interpolated, as in the paper"], ["pixel", "By pixel", "K-tuples and directions are interpolated"]), set("interpolation")),
       signal: makeChoice(by("signal"), options(["false", "Black"], ["true", "In magenta"]), set("signal", (value) => value === "true")),
-      curve: makeChoice(by("curve"), options(["filmic", "Filmic"], ["srgb", "sRGB"]), set("curve", undefined, "light-shown")),
+      curve: makeChoice(by("tones"), options(["filmic", "Filmic"], ["srgb", "sRGB"]), set("curve", undefined, "light-shown")),
     };
     by("interpolation").lastChild.disabled = !view.stage.objects.some((each) => each.byPixel);
     by("terms").max = view.mostTerms;

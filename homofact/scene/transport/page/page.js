@@ -7,6 +7,7 @@ const TURNS = 24;
 // How a picture is drawn while it moves, from fine to quick: a part of the width and height, and whether edges are smooth.
 const LEVELS = [[1, true], [1, false], [0.71, false], [0.5, false], [0.35, false]];
 const SLOW = 42, QUICK = 18, REST = 220;
+const TELLING = 150;
 
 /** Replaces the page's work by a readable message. */
 function showTrouble(error) {
@@ -33,7 +34,7 @@ class View {
       sky: data.reference?.sky ?? 0, turn: 0, terms: this.mostTerms, kept: this.mostKept, interpolation: "vertex", signal: false,
       stops: 0, curve: "filmic", show: "picture", split: 0.5, range: 0.1, pieces: true, turning: false,
     };
-    for (const object of objects) if (object.reference) object.seen = seenFrom(object, this.orbit.eye);
+    for (const object of objects) if (object.reference) object.seen = withReference(object, this.orbit.eye);
     this.relit = new Relit(objects, 6 * data.cube ** 2);
     this.stage = new Stage(by("canvas"), objects);
     this.times = { light: null, view: null };
@@ -117,15 +118,27 @@ class View {
     this.paint();
     this.frames += 1;
     this.firstFrameMs ??= performance.now();
-    showState(this);
-    showStatus(this);
+    this.tell();
     if (state.turning || relit.pending) this.pending ??= requestAnimationFrame((next) => this.frame(next));
     this.readSoon();
   }
 
+  /** The words beside the picture: at once, or a few times a second while things move, since they cost as much as it. */
+  tell() {
+    if (performance.now() - (this.told ?? -Infinity) > TELLING || !this.busy) {
+      this.told = performance.now();
+      showState(this);
+      showStatus(this);
+    }
+  }
+
+  get busy() {
+    return this.moving || this.state.turning || this.relit.pending > 0;
+  }
+
   /** Draws: finely at rest; while something moves as finely as keeps up. */
   paint() {
-    const moving = this.moving || this.state.turning || this.relit.pending > 0, began = performance.now();
+    const moving = this.busy, began = performance.now();
     const [scale, smooth] = LEVELS[moving ? this.level : 0];
     this.fit(scale);
     this.stage.draw(this, smooth);
@@ -189,15 +202,19 @@ class View {
   statistics() {
     const colours = this.shade();
     const compared = this.atReference && !this.relit.pending;
-    return { below: shareBelowZero(colours), error: compared ? relativeRms(this.objects, colours) : null };
+    const errors = compared ? relativeRms(this.objects, colours) : [null];
+    return { below: shareBelowZero(colours), error: errors.at(-1), errors: errors.slice(0, -1) };
   }
 }
 
-/** Which vertices (V) face a point: 1 or 0. */
-function seenFrom({ positions, normals, vertices }, eye) {
+/** Which vertices (V) have a reference and face the eye, 1 or 0; the others' is set to 0. */
+function withReference({ positions, normals, vertices, reference }, eye) {
   return Float32Array.from({ length: vertices }, (_, v) => {
-    const at = [0, 1, 2].map((k) => 3 * v + k);
-    return at.reduce((sum, p, k) => sum + normals[p] * (eye[k] - positions[p]), 0) > 0 ? 1 : 0;
+    let facing = 0;
+    for (let p = 3 * v; p < 3 * v + 3; p++) facing += normals[p] * (eye[p - 3 * v] - positions[p]);
+    const given = facing > 0 && !Number.isNaN(reference[3 * v]);
+    if (!given) reference.fill(0, 3 * v, 3 * v + 3);
+    return given ? 1 : 0;
   });
 }
 
@@ -219,6 +236,8 @@ async function begin() {
   return {
     view,
     state: view.state,
+    environmentCube,
+    readHdr,
     changed: (what = "light") => view.changed(what),
     pixels() {
       view.fit();

@@ -67,7 +67,7 @@ function showStatus(view) {
 /** The error against the reference where there is one for this light and camera, and the light below zero. */
 function showError(view, statistics) {
   const { reference } = view;
-  by("below").textContent = `Negative residues hold ${percent(statistics.below)} of the light at the vertices in view; they are drawn black${view.state.signal ? ", and in magenta where below −1/255 of white" : ""}.`;
+  by("below").textContent = `Negative residues hold ${percent(statistics.below)} of the light at the vertices that face the camera; they are drawn black${view.state.signal ? ", and in magenta where below −1/255 of white" : ""}.`;
   by("show-field").hidden = !reference;
   by("go-reference").hidden = !reference || view.atReference;
   if (!reference) {
@@ -80,5 +80,10 @@ function showError(view, statistics) {
   by("error-words").textContent = !view.atReference
     ? `The reference holds only for ${sky}, not turned, seen from the first camera.`
     : statistics.error === null ? "Light is still coming in."
-      : `relative RMS over the vertices in view, against the ${reference.words}`;
+      : `relative RMS over the vertices in view${eachError(view, statistics.errors)}, against the ${reference.words}`;
+}
+
+/** " (bunny 2.3%, ground 7.1%)" of several objects. */
+function eachError(view, errors) {
+  return errors.length < 2 ? "" : ` (${view.objects.map(({ name }, o) => `${name} ${percent(errors[o])}`).join(", ")})`;
 }

@@ -29,17 +29,19 @@ function shade(object, eye, terms) {
   return found;
 }
 
-/** The root mean square of the differences to the objects' references, over that of the references. */
+/** The root mean square of the differences to the reference over that of the reference: of each object, then of all. */
 function relativeRms(objects, colours) {
-  let wrong = 0, whole = 0;
-  objects.forEach((object, o) => {
-    const expected = object.reference, found = colours[o];
+  const sums = objects.map((object, o) => {
+    const expected = object.reference, found = colours[o], sum = [0, 0];
     for (let p = 0; p < found.length; p++) {
-      wrong += (found[p] - expected[p]) ** 2;
-      whole += expected[p] ** 2;
+      if (!object.seen[Math.floor(p / 3)]) continue;
+      sum[0] += (found[p] - expected[p]) ** 2;
+      sum[1] += expected[p] ** 2;
     }
+    return sum;
   });
-  return Math.sqrt(wrong / whole);
+  const all = [0, 1].map((k) => sums.reduce((total, sum) => total + sum[k], 0));
+  return [...sums, all].map(([wrong, whole]) => Math.sqrt(wrong / whole));
 }
 
 /** The part of all light that is below zero, of the vertices that face the eye. */
