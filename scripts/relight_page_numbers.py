@@ -10,7 +10,7 @@ scene is the first sky. A page that is there already is measured as it is.
 A headless Chromium draws with SwiftShader. Frames are counted as the page makes them while the camera is turned by 2° a
 frame: it lowers the resolution to keep up, and the part of the pixels' width that it settles at is said. Beside that
 stand single frames at full resolution. Seconds are of the clock; on a machine that does other work they are too long,
-so the processors' own seconds a frame (browser and drawing, all threads) stand beside them, with the load of the machine.
+so the processors' own seconds a frame (browser and drawing, all threads) stand beside them, and the machine's load.
 """
 
 import os
@@ -156,9 +156,7 @@ def measured(page: Path, frames: int) -> dict[str, Any]:
         found["plain"] = driver.execute_script(WHOLE, 8, False)
         found["smooth"] = driver.execute_script(WHOLE, 8, True)
         found["light"] = driver.execute_script(LIGHT)
-        driver.execute_script("homofact.view.goToReference?.()") if driver.execute_script(
-            "return Boolean(homofact.view.reference)"
-        ) else None
+        driver.execute_script("if (homofact.view.reference) homofact.view.goToReference()")
         settled(driver)
         found["statistics"] = driver.execute_script("return homofact.view.statistics()")
         found["browser"] = f"Chromium {driver.capabilities['browserVersion']}"
@@ -184,11 +182,12 @@ def text_of(page: Path, found: dict[str, Any]) -> str:
         ("relative RMS against the reference", "–" if error is None else f"{error:.2%}", "", ""),
         ("light below zero", f"{found['statistics']['below']:.3%}", "", ""),
     ]
+    vertices = " + ".join(f"{count:,}" for count in found["vertices"])
     lines = [
         f"# The page {page.name}",
         "",
-        f"- {' + '.join(f'{count:,}' for count in found['vertices'])} vertices, a picture of {PICTURE[0]} × {PICTURE[1]}"
-        f" pixels, {found['browser']}, WebGL 2 by SwiftShader. {machine()}",
+        f"- {vertices} vertices, a picture of {PICTURE[0]} × {PICTURE[1]} pixels, {found['browser']}, WebGL 2 by"
+        f" SwiftShader. {machine()}",
         f"- load of the machine meanwhile {os.getloadavg()[0]:.1f} (mean number of programs that want a core)",
         "",
         markdown(("figure", "measured", "wanted", "verdict"), rows),

@@ -1,7 +1,7 @@
 """A self-contained HTML file of its parts: template, style, scripts and data, nothing loaded from anywhere.
 
-The data are JSON in a script element, `<` written as \\u003c so that nothing in them ends it; texts are made `harmless`.
-Scripts share one function's scope.
+The data are JSON in a script element, `<` written as \\u003c so that nothing in them ends it; texts are made
+`harmless`. Scripts share one function's scope.
 """
 
 import html

@@ -355,6 +355,29 @@ def test_pixels_at_vertices_are_the_library_s_colours(page: Any, interpolation: 
     assert np.quantile(apart, 0.9) < 16
 
 
+@pytest.mark.parametrize("turn", [0.0, ANGLE])
+def test_the_sky_behind_is_the_light_as_it_is_turned(page: Any, turn: float) -> None:
+    page.execute_script("homofact.view.orbit.turn(70, -16)")
+    change(page, turn=turn)
+    picture = seen_pixels(page, relit_scene.scene().objects)[2]
+    height, width, _ = picture.shape
+    right, up, forward = (np.array(axis) for axis in page.execute_script("return homofact.view.orbit.axes"))
+    half = math.tan(math.radians(CAMERA.field / 2))
+    rows, columns = (each.reshape(-1) for each in np.mgrid[2:height:16, 4:20])
+    x, y = (2 * (columns + 0.5) / width - 1) * half * width / height, (2 * (rows + 0.5) / height - 1) * half
+    w = forward + x[:, None] * right + y[:, None] * up
+    w /= np.linalg.norm(w, axis=1, keepdims=True)
+    # Above the ground's end.
+    above = w[:, 1] > 0.03
+    assert above.sum() > 50
+    light = relit_scene.scene().skies[0].environment(math.radians(turn))
+    radiance = light.look_up(torch.from_numpy(w[above]))[0].numpy()
+    x = radiance * 2 ** page.execute_script("return homofact.view.stops")
+    expected = encode_srgb(torch.from_numpy(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14))).numpy() * 255
+    # Where the sky is seen it is smooth; its sun is not here, and nothing else may be.
+    assert np.median(np.abs(picture[rows[above], columns[above]] - expected)) < 3
+
+
 def test_light_below_zero_is_signalled_and_its_share_said(page: Any) -> None:
     change(page, "picture", stops=3)
     plain = seen_pixels(page, relit_scene.scene().objects)[2]

@@ -43,7 +43,7 @@ Numbers = Mapping[str, Mapping[str, str | int | float]]
 
 @dataclass(frozen=True)
 class PageObject:
-    """A mesh with the transport at its vertices; `fade` (near, far) lets a ground plane end softly, in distances from y."""
+    """A mesh with the transport at its vertices; from distances `fade` (near, far) of the y axis on it ends softly."""
 
     name: str
     mesh: Mesh

@@ -6,7 +6,7 @@ const LIGHT_BUDGET = 14;
 const TURNS = 24;
 // How a picture is drawn while it moves, from fine to quick: a part of the width and height, and whether edges are smooth.
 const LEVELS = [[1, true], [1, false], [0.71, false], [0.5, false], [0.35, false]];
-const SLOW = 42, QUICK = 18, REST = 220;
+const SLOW = 45, QUICK = 20, REST = 220, PAUSE = 1000;
 const TELLING = 150;
 
 /** Replaces the page's work by a readable message. */
@@ -42,6 +42,7 @@ class View {
     this.firstFrameMs = this.pending = this.before = null;
     this.lightBudget = LIGHT_BUDGET;
     this.level = 0;
+    this.last = null;
     this.moving = false;
     by("objects").textContent = objects.map(({ name, material }) => `${name}, ${material}`).join(" · ");
     makeTables(by("numbers"), data.numbers);
@@ -136,18 +137,25 @@ class View {
     return this.moving || this.state.turning || this.relit.pending > 0;
   }
 
-  /** Draws: finely at rest; while something moves as finely as keeps up. */
+  /** Draws: finely at rest; while something moves as finely as keeps up, by the time from frame to frame. */
   paint() {
     const moving = this.busy, began = performance.now();
     const [scale, smooth] = LEVELS[moving ? this.level : 0];
     this.fit(scale);
     this.stage.draw(this, smooth);
-    this.stage.finish();
-    this.times.view = performance.now() - began;
     clearTimeout(this.resting);
-    if (!moving) return;
-    if (this.times.view > SLOW) this.level = Math.min(this.level + 1, LEVELS.length - 1);
-    else if (this.times.view < QUICK) this.level = Math.max(this.level - 1, 0);
+    if (!moving) {
+      this.stage.finish();
+      this.times.view = performance.now() - began;
+      this.last = null;
+      return;
+    }
+    if (this.last !== null && began - this.last < PAUSE) {
+      this.times.view = began - this.last;
+      if (this.times.view > SLOW) this.level = Math.min(this.level + 1, LEVELS.length - 1);
+      else if (this.times.view < QUICK) this.level = Math.max(this.level - 1, 0);
+    }
+    this.last = began;
     this.resting = setTimeout(() => this.changed("picture"), REST);
   }
 

@@ -84,7 +84,7 @@ def reduced(picture: np.ndarray, rows: int) -> np.ndarray:
 
 
 def halves(values: np.ndarray) -> tuple[np.ndarray, float]:
-    """(float16, scale): what is stored of non-negative values; their product is within 2⁻¹¹ of each, or 1e-12 of all."""
+    """(float16, scale): what is stored of values; their product is within 2⁻¹¹ of each, or 1e-12 of the largest."""
     scale = float(np.float32(max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-30) / _LARGEST))
     return (values / scale).astype(np.float16), scale
 
