@@ -1,15 +1,5 @@
 // The parts of the page that are made from the data: cards with pictures and facts, the textures, the notes.
 
-function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) {
-    if (key === "style") made.style.cssText = value;
-    else if (value !== null && value !== false) made.setAttribute(key, value === true ? "" : value);
-  }
-  made.append(...children);
-  return made;
-}
-
 const bytesOf = { float32: 4, float16: 2, uint8: 1 };
 const colourOf = (layers, key) => {
   const rest = layers.filter((layer) => layer.key !== "source");
@@ -148,16 +138,4 @@ function fillReading(place, point, rows) {
       ...["r", "g", "b"].map((c, k) => element("td", { class: c }, number(values[k])))));
   }
   place.replaceChildren(angles, table);
-}
-
-/** A row of buttons of which one is pressed, or several where `several`. */
-function makeChoice(place, options, onChoose) {
-  for (const { value, title, hint } of options) {
-    const button = element("button", { type: "button", "data-value": value, title: hint ?? null }, title);
-    button.addEventListener("click", () => onChoose(value));
-    place.append(button);
-  }
-  return (chosen) => {
-    for (const button of place.children) button.setAttribute("aria-pressed", String(chosen.includes(button.dataset.value)));
-  };
 }

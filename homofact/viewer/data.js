@@ -20,7 +20,8 @@ async function unpack(packed) {
     throw new Trouble("This browser cannot unpack the page's data.",
       "It has no DecompressionStream. Chrome and Edge have it since version 80, Safari since 16.4, Firefox since 113.");
   }
-  const coded = Uint8Array.from(atob(packed.data), (letter) => letter.charCodeAt(0));
+  const letters = atob(packed.data), coded = new Uint8Array(letters.length);
+  for (let i = 0; i < letters.length; i++) coded[i] = letters.charCodeAt(i);
   const stream = new Blob([coded]).stream().pipeThrough(new DecompressionStream("deflate"));
   const grouped = new Uint8Array(await new Response(stream).arrayBuffer());
   const Type = ARRAY_TYPES[packed.type];

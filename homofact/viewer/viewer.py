@@ -1,22 +1,17 @@
 """One self-contained HTML file that shows a fit beside McCool's and its source, lit, on a sphere or a mesh.
 
 The page is `page.html` with `page.css`, the scripts and the data put in: nothing is loaded from anywhere, and its
-Content-Security-Policy forbids it. It draws with WebGL 2; where something is missing it says so. The data are JSON
-in a script element, `<` written as \\u003c so that nothing in them ends it, texts made `harmless`, arrays
-packed as in `packing`.
+Content-Security-Policy forbids it (`assembly`). It draws with WebGL 2; where something is missing it says so. Arrays
+are packed as in `packing`.
 
 A layer is what can be asked for reflectance in the page: shader text that defines `vec3 KEY_evaluate(vec3 wi, vec3
 wo)`, BRDF in sr⁻¹ without the cosine of unit directions in the surface frame, and the textures that it declares.
 """
 
-import html
-import json
 import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -24,13 +19,23 @@ import numpy as np
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
-from homofact.files.words import harmless, harmless_words
 from homofact.meshes.mesh import Mesh
-from homofact.version import __version__
+from homofact.viewer.assembly import assembled, part
 from homofact.viewer.packing import differences, pack
 from homofact.viewer.source_table import STEP, SourceTable, source_table
 
-SCRIPTS = ("data.js", "shading.js", "mesh.js", "stage.js", "curve.js", "cards.js", "controls.js", "page.js")
+PACKAGE = "homofact.viewer"
+SCRIPTS = (
+    "data.js",
+    "elements.js",
+    "shading.js",
+    "mesh.js",
+    "stage.js",
+    "curve.js",
+    "cards.js",
+    "controls.js",
+    "page.js",
+)
 SOURCE = "source"
 Facts = tuple[tuple[str, str], ...]
 
@@ -122,25 +127,19 @@ def viewer_html(
         for layer in layers
         if layer.table is not None
     ]
-    data = harmless_words(
-        {
-            "layers": [_layer(layer) for layer in layers],
-            "mesh": None if mesh is None else _mesh(mesh),
-            "notes": [*notes, *own],
-        }
-    )
-    # In JSON a letter may be written by its number: the text can then neither end nor open anything in HTML.
-    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    fill = {
-        "generator": f"homofact {__version__}",
-        "title": html.escape(harmless(title)),
-        "subtitle": html.escape(harmless(subtitle)),
-        "css": _part("page.css"),
-        "data": text,
-        "script": '(() => {\n"use strict";\n' + "\n".join(_part(name) for name in SCRIPTS) + "\n})();",
+    data = {
+        "layers": [_layer(layer) for layer in layers],
+        "mesh": None if mesh is None else _mesh(mesh),
+        "notes": [*notes, *own],
     }
-    # One pass, so that braces in what is put in are left alone.
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: fill[match[1]], _part("page.html"))
+    return assembled(
+        part(PACKAGE, "page.html"),
+        title=title,
+        subtitle=subtitle,
+        styles=[part(PACKAGE, "page.css")],
+        scripts=[part(PACKAGE, name) for name in SCRIPTS],
+        data=data,
+    )
 
 
 def write_viewer(
@@ -161,11 +160,6 @@ def write_viewer(
     data = viewer_html(layers, title=title, subtitle=subtitle, mesh=mesh, notes=notes).encode("utf-8")
     write_bytes(path, data, new=new)
     return len(data)
-
-
-@cache
-def _part(name: str) -> str:
-    return files("homofact.viewer").joinpath(name).read_text(encoding="utf-8").strip()
 
 
 def _layer(layer: Layer) -> dict[str, Any]:

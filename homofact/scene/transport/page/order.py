@@ -1,0 +1,88 @@
+"""The order of a mesh's triangles that lets a graphics card shade few vertices twice.
+
+A card keeps the last vertices that it has processed. Sander, Nehab and Barczak (2007) walk over the mesh fan by fan:
+all triangles left around a vertex, then on to the neighbour that is still kept and has the most of its triangles left
+to draw; where there is none, back to the last one that has any. A scanned mesh in the order of its file asks for two
+vertices a triangle, in this order for about 0.7.
+"""
+
+import numpy as np
+from numba import njit
+
+CACHE = 16
+
+
+def cached_order(triangles: np.ndarray) -> np.ndarray:
+    """The triangles (T, 3), all of them, in that order; each as it was."""
+    flat = np.ascontiguousarray(triangles, np.int64).reshape(-1)
+    if not len(flat):
+        return triangles
+    count = np.bincount(flat)
+    start = np.concatenate(([0], np.cumsum(count)))
+    around = np.argsort(flat, kind="stable") // 3
+    return triangles[_walk(flat.reshape(-1, 3), start, around, count)]
+
+
+def misses(triangles: np.ndarray, cache: int = CACHE) -> float:
+    """Vertices processed for each triangle where the last `cache` of them are kept, first in, first out."""
+    return float(_misses(np.ascontiguousarray(triangles, np.int64).reshape(-1), cache) / max(len(triangles), 1))
+
+
+@njit(cache=True)
+def _walk(triangles: np.ndarray, start: np.ndarray, around: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """The numbers of the triangles in order; `left` (V,) is used up."""
+    vertices = len(left)
+    stamp = np.full(vertices, -CACHE - 1)
+    drawn = np.zeros(len(triangles), np.bool_)
+    order = np.empty(len(triangles), np.int64)
+    # Each vertex that was touched, the last on top: where to go on from a dead end.
+    stack = np.empty(3 * len(triangles), np.int64)
+    place, depth, time, cursor, at = 0, 0, 0, 0, 0
+    while True:
+        first = depth
+        for p in range(start[at], start[at + 1]):
+            t = around[p]
+            if drawn[t]:
+                continue
+            drawn[t] = True
+            order[place] = t
+            place += 1
+            for v in triangles[t]:
+                stack[depth] = v
+                depth += 1
+                left[v] -= 1
+                if time - stamp[v] > CACHE:
+                    stamp[v] = time
+                    time += 1
+        best, found = -1, -1
+        for p in range(first, depth):
+            v = stack[p]
+            if left[v] <= 0:
+                continue
+            age = time - stamp[v]
+            # Its fan must fit into what is kept, or it is as good as new.
+            priority = age if age + 2 * left[v] <= CACHE else 0
+            if priority > best:
+                best, found = priority, v
+        while found < 0 and depth > 0:
+            depth -= 1
+            if left[stack[depth]] > 0:
+                found = stack[depth]
+        while found < 0 and cursor < vertices:
+            if left[cursor] > 0:
+                found = cursor
+            cursor += 1
+        if found < 0:
+            return order[:place]
+        at = found
+
+
+@njit(cache=True)
+def _misses(flat: np.ndarray, cache: int) -> int:
+    stamp = np.full(flat.max() + 1, -cache - 1)
+    time = 0
+    for v in flat:
+        if time - stamp[v] > cache:
+            stamp[v] = time
+            time += 1
+    return time

@@ -1,0 +1,198 @@
+// The page's shaders: shading of vertices, kept by transform feedback; surfaces by vertex or by pixel; the sky.
+
+/** Σ over the terms of the view map times the K-tuple, towards the eye; a line a term, K-tuples in vec4 t[QUADS]. */
+function viewMaps(terms) {
+  const part = (i) => `t[${i >> 2}].${"xyzw"[i & 3]}`;
+  const lines = Array.from({ length: terms }, (_, k) => `  if (u_terms > ${k}) sum += textureLod(u_maps, vec3(at, ${k}.0), 0.0).rgb`
+    + ` * vec3(${part(3 * k)}, ${part(3 * k + 1)}, ${part(3 * k + 2)});`);
+  return `
+uniform highp sampler2DArray u_maps;
+uniform int u_terms;
+uniform vec3 u_eye;
+
+vec3 outgoing(vec3 position, vec3 normal, vec3 tangent, vec4 t[QUADS]) {
+  vec3 n = normalize(normal), s = normalize(tangent - dot(tangent, n) * n), w = normalize(u_eye - position);
+  vec3 local = vec3(dot(s, w), dot(cross(n, s), w), dot(n, w));
+  // Seen from behind: as at the horizon. A triangle at the outline has such a corner.
+  vec2 disc = local.z > 0.0 ? local.xy / (1.0 + local.z) : local.xy / max(length(local.xy), 1e-6);
+  // The map's first axis is its rows.
+  vec2 at = 0.5 * disc.yx + 0.5;
+  vec3 sum = vec3(0.0);
+${lines.join("\n")}
+  return sum;
+}
+`;
+}
+
+const TUPLES = `
+uniform highp sampler2D u_tuples;
+vec4 tuple(int q) {
+  int width = textureSize(u_tuples, 0).x, at = gl_VertexID * QUADS + q;
+  return texelFetch(u_tuples, ivec2(at % width, at / width), 0);
+}
+`;
+
+const fetched = (quads, to) => Array.from({ length: quads }, (_, q) => `  ${to}[${q}] = tuple(${q});`).join("\n");
+
+/** Shades each vertex once; v_colour is what transform feedback keeps. */
+const shadeVertex = ({ terms, quads }) => `
+layout(location = 0) in vec3 a_position;
+layout(location = 1) in vec3 a_normal;
+layout(location = 2) in vec3 a_tangent;
+out vec3 v_colour;
+${TUPLES}${viewMaps(terms)}
+void main() {
+  vec4 t[QUADS];
+${fetched(quads, "t")}
+  v_colour = outgoing(a_position, a_normal, a_tangent, t);
+  gl_Position = vec4(0.0);
+}
+`;
+
+const NOTHING = "void main() {}";
+
+const surfaceVertex = ({ quads }) => `
+layout(location = 0) in vec3 a_position;
+uniform mat4 u_camera;
+#ifdef BY_PIXEL
+layout(location = 1) in vec3 a_normal;
+layout(location = 2) in vec3 a_tangent;
+out vec3 v_normal;
+out vec3 v_tangent;
+out vec4 v_tuple[QUADS];
+${TUPLES}
+#else
+layout(location = 4) in vec3 a_colour;
+out vec3 v_colour;
+#endif
+#if defined(BY_PIXEL) || defined(FADES)
+out vec3 v_position;
+#endif
+#ifdef COMPARED
+layout(location = 3) in vec3 a_reference;
+layout(location = 5) in float a_seen;
+out vec4 v_reference;
+#endif
+
+void main() {
+#ifdef BY_PIXEL
+  v_normal = a_normal;
+  v_tangent = a_tangent;
+${fetched(quads, "v_tuple")}
+#else
+  v_colour = a_colour;
+#endif
+#if defined(BY_PIXEL) || defined(FADES)
+  v_position = a_position;
+#endif
+#ifdef COMPARED
+  v_reference = vec4(a_reference, a_seen);
+#endif
+  gl_Position = u_camera * vec4(a_position, 1.0);
+}
+`;
+
+const TONES = `
+uniform float u_exposure;
+uniform int u_filmic;
+
+// render/tonemap.py: radiance times the exposure, the filmic bend where it is asked for, sRGB.
+vec3 displayed(vec3 radiance) {
+  vec3 x = max(radiance * u_exposure, 0.0);
+  if (u_filmic == 1) x = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14);
+  x = min(x, 1.0);
+  return mix(1.055 * pow(max(x, 1e-5), vec3(1.0 / 2.4)) - 0.055, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
+}
+`;
+
+const COMPARISON = `
+in vec4 v_reference;
+uniform int u_show;
+uniform float u_split;
+uniform float u_range;
+uniform vec3 u_ramp[5];
+
+vec3 ramp(float x) {
+  float at = clamp(x, 0.0, 1.0) * 4.0;
+  int k = min(int(at), 3);
+  return mix(u_ramp[k], u_ramp[k + 1], at - float(k));
+}
+
+/** The reference, or its difference to the page's own; what the reference cannot know of is the page's. */
+vec3 compared(vec3 own, vec3 shown) {
+  vec3 reference = v_reference.w < 0.999 ? own : v_reference.rgb;
+  if (u_show == 3) return ramp(dot(abs(own - reference), vec3(0.2126, 0.7152, 0.0722)) * u_exposure / u_range);
+  return u_show == 2 || gl_FragCoord.x < u_split ? displayed(reference) : shown;
+}
+`;
+
+const surfaceFragment = ({ terms }) => `
+#ifdef BY_PIXEL
+in vec3 v_normal;
+in vec3 v_tangent;
+in vec4 v_tuple[QUADS];
+${viewMaps(terms)}
+#else
+in vec3 v_colour;
+#endif
+#if defined(BY_PIXEL) || defined(FADES)
+in vec3 v_position;
+#endif
+uniform int u_signal;
+uniform vec2 u_fade;
+out vec4 colour;
+${TONES}
+#ifdef COMPARED
+${COMPARISON}
+#endif
+
+void main() {
+#ifdef BY_PIXEL
+  vec3 own = outgoing(v_position, v_normal, v_tangent, v_tuple);
+#else
+  vec3 own = v_colour;
+#endif
+  // From behind a surface gives no light.
+  if (!gl_FrontFacing) own = vec3(0.0);
+  vec3 shown = displayed(own);
+  if (u_signal == 1 && min(own.r, min(own.g, own.b)) * u_exposure < -1.0 / 255.0) shown = vec3(1.0, 0.0, 0.85);
+#ifdef COMPARED
+  shown = compared(own, shown);
+#endif
+#ifdef FADES
+  float alpha = 1.0 - smoothstep(u_fade.x, u_fade.y, length(v_position.xz));
+  colour = vec4(shown * alpha, alpha);
+#else
+  colour = vec4(shown, 1.0);
+#endif
+}
+`;
+
+const SKY_VERTEX = `
+layout(location = 0) in vec2 a_corner;
+uniform vec3 u_axes[3];
+out vec3 v_along;
+void main() {
+  v_along = a_corner.x * u_axes[0] + a_corner.y * u_axes[1] + u_axes[2];
+  gl_Position = vec4(a_corner, 1.0, 1.0);
+}
+`;
+
+const SKY_FRAGMENT = `
+in vec3 v_along;
+uniform highp samplerCube u_picture;
+uniform float u_scale;
+uniform int u_plain;
+uniform vec3 u_ground;
+out vec4 colour;
+${TONES}
+void main() {
+  colour = vec4(u_plain == 1 ? u_ground : displayed(textureLod(u_picture, v_along, 0.0).rgb * u_scale), 1.0);
+}
+`;
+
+/** The text of a shader with its version and what it is made for. */
+function shaderText(body, defines = {}) {
+  const lines = Object.entries(defines).map(([name, value]) => `#define ${name} ${value}\n`).join("");
+  return `#version 300 es\nprecision highp float;\nprecision highp int;\n${lines}${body}`;
+}

@@ -1,0 +1,95 @@
+"""The light of the page: an exact cube map for the sky as it is, and a smaller lat-long picture for all turns of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from homofact.render.light import EnvironmentMap
+from homofact.scene.transport import cube
+
+# Largest number in a half float, less a little.
+_LARGEST = 60000.0
+
+
+@dataclass(frozen=True)
+class PageSky:
+    """A sky that the page can be lit by.
+
+    `cube` (6, n, n, 3) is its radiance as it stands, what the numbers are measured under; `picture` (rows, columns, 3)
+    lat-long as in `render.light`, is what the page turns and shows behind the object. Both float32, and numbers that
+    half floats times one scale hold exactly (`halves`), so that what is measured here is what the page has.
+    """
+
+    name: str
+    cube: np.ndarray
+    picture: np.ndarray
+
+    def environment(self, turn: float = 0.0) -> EnvironmentMap:
+        """The picture as a light, turned by so many radians: what the page makes its cube map of once it is turned."""
+        return EnvironmentMap(torch.from_numpy(self.picture.astype(np.float64)), turn, self.name)
+
+
+def page_sky(name: str, light: EnvironmentMap, size: int) -> PageSky:
+    """The sky of an environment map for transport on cube maps of `size` texels along a face.
+
+    The picture has at least four rows a texel along a face where the map has them: a turn then loses nothing that the
+    cube map could hold.
+    """
+    own = light.radiance.expand(-1, -1, 3).numpy()
+    # The picture begins as the light stands, to half a texel; the cube map is exact.
+    own = np.roll(own, -round(light.turn / (2 * np.pi) * own.shape[1]), 1)
+    return PageSky(name, rounded(cube.environment_cube(light, size)), rounded(reduced(own, 4 * size)))
+
+
+def sky_of_cube(name: str, radiance: np.ndarray) -> PageSky:
+    """The sky of a cube map (6, n, n, 3) alone: its picture is interpolated between the texels of a face."""
+    size = radiance.shape[1]
+    rows = 4 * size
+    polar, azimuth = (np.arange(rows) + 0.5) / rows * np.pi, ((np.arange(2 * rows) + 0.5) / rows - 1) * np.pi
+    around = np.sin(polar)[:, None]
+    w = np.stack(
+        np.broadcast_arrays(around * np.sin(azimuth), np.cos(polar)[:, None], -around * np.cos(azimuth)), -1
+    ).reshape(-1, 3)
+    face = cube.texel_of(w, 1)
+    axis, first, second = (np.array(cube.directions(1)).reshape(-1, 3)[face], *_along(face))
+    scaled = w / (w * axis).sum(1, keepdims=True)
+    places = [((scaled * each).sum(1) + 1) / 2 * size - 0.5 for each in (first, second)]
+    at = [place.clip(0, size - 1) for place in places]
+    low = [np.minimum(place.astype(int), max(size - 2, 0)) for place in at]
+    a, b = ((place - base)[:, None] for place, base in zip(at, low, strict=True))
+    high = [np.minimum(base + 1, size - 1) for base in low]
+    near = radiance[face, low[0], low[1]] * (1 - b) + radiance[face, low[0], high[1]] * b
+    far = radiance[face, high[0], low[1]] * (1 - b) + radiance[face, high[0], high[1]] * b
+    return PageSky(name, rounded(radiance), rounded((near * (1 - a) + far * a).reshape(rows, 2 * rows, 3)))
+
+
+def _along(face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The directions (N, 3) that the first and the second index of each of the faces (N,) run along."""
+    corner = cube.directions(2)
+    scaled = corner / np.abs(corner).max(-1, keepdims=True)
+    return (scaled[:, 1, 0] - scaled[:, 0, 0])[face], (scaled[:, 0, 1] - scaled[:, 0, 0])[face]
+
+
+def reduced(picture: np.ndarray, rows: int) -> np.ndarray:
+    """Means (R, C, 3) over blocks of texels, weighted by their solid angles, as coarse as leaves at least `rows`."""
+    height, width, _ = picture.shape
+    factor = max(height // rows, 1)
+    while height % factor or width % factor:
+        factor -= 1
+    edges = np.cos(np.arange(height + 1) * (np.pi / height))
+    weight = (edges[:-1] - edges[1:]).reshape(-1, factor, 1, 1, 1)
+    blocks = picture.reshape(height // factor, factor, width // factor, factor, 3)
+    return (blocks * weight).sum((1, 3)) / (weight.sum(1)[..., 0] * factor)
+
+
+def halves(values: np.ndarray) -> tuple[np.ndarray, float]:
+    """(float16, scale): what is stored of values; their product is within 2⁻¹¹ of each, or 1e-12 of the largest."""
+    scale = float(np.float32(max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-30) / _LARGEST))
+    return (values / scale).astype(np.float16), scale
+
+
+def rounded(values: np.ndarray) -> np.ndarray:
+    """The values (float32) that `halves` holds."""
+    stored, scale = halves(values)
+    return stored.astype(np.float32) * np.float32(scale)

@@ -1,0 +1,71 @@
+// A sky: its exact cube map as it stands, and a lat-long picture for everything else.
+
+class Sky {
+  /** `cube` (6 n² × 3) where it is known exactly; `picture` {values, rows, columns}. */
+  constructor(name, picture, size, cube = null) {
+    this.name = name;
+    this.size = size;
+    this.cube = cube ?? environmentCube(picture, size, 0);
+    // Four rows a texel of the cube map are all that a turn needs; a large picture would make it slow.
+    this.picture = reducedPicture(picture, 4 * size);
+  }
+
+  /** The Haar coefficients of the light, turned by degrees. */
+  coefficients(degrees) {
+    const cube = degrees === 0 ? this.cube : environmentCube(this.picture, this.size, degrees * DEGREE);
+    return haarCoefficients(cube, this.size);
+  }
+}
+
+async function unpackSky(packed, size) {
+  const [cube, values] = await Promise.all([packed.cube, packed.picture].map(
+    async (each) => fromHalves(await unpack(each.values), each.scale)));
+  return new Sky(packed.name, { values, rows: packed.rows, columns: packed.columns }, size, cube);
+}
+
+/** Means over blocks of texels, weighted by solid angles, as coarse as leaves at least so many rows (skies.py). */
+function reducedPicture(picture, rows) {
+  let factor = Math.max(Math.floor(picture.rows / rows), 1);
+  while (picture.rows % factor || picture.columns % factor) factor--;
+  if (factor === 1) return picture;
+  const height = picture.rows / factor, width = picture.columns / factor;
+  const values = new Float32Array(3 * height * width), edge = (r) => Math.cos((r * Math.PI) / picture.rows);
+  for (let r = 0; r < picture.rows; r++) {
+    const row = Math.floor(r / factor);
+    const weight = (edge(r) - edge(r + 1)) / (factor * (edge(row * factor) - edge((row + 1) * factor)));
+    for (let c = 0; c < picture.columns; c++) {
+      const to = 3 * (row * width + Math.floor(c / factor)), from = 3 * (r * picture.columns + c);
+      for (let k = 0; k < 3; k++) values[to + k] += weight * picture.values[from + k];
+    }
+  }
+  return { values, rows: height, columns: width };
+}
+
+/** A small picture of the sky for a button: its middle grey at the mean of the logarithms, bent by the filmic curve. */
+function skyThumbnail(picture, width, height) {
+  const canvas = element("canvas", { width, height, "aria-hidden": "true" });
+  const context = canvas.getContext("2d"), image = context.createImageData(width, height);
+  const at = (x, y) => 3 * (Math.floor(((y + 0.5) * picture.rows) / height) * picture.columns
+    + Math.floor(((x + 0.5) * picture.columns) / width));
+  const mean = (p) => (picture.values[p] + picture.values[p + 1] + picture.values[p + 2]) / 3;
+  let logs = 0;
+  for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) logs += Math.log(Math.max(mean(at(x, y)), 1e-6));
+  const exposure = 0.22 / Math.exp(logs / (width * height));
+  for (let y = 0; y < height; y++) {
+    for (let x = 0; x < width; x++) {
+      for (let k = 0; k < 3; k++) {
+        image.data[4 * (y * width + x) + k] = Math.round(255 * displayed(picture.values[at(x, y) + k] * exposure, "filmic"));
+      }
+      image.data[4 * (y * width + x) + 3] = 255;
+    }
+  }
+  context.putImageData(image, 0, 0);
+  return canvas;
+}
+
+/** A linear value as it is shown, 0 to 1: render/tonemap.py. */
+function displayed(linear, curve) {
+  const x = Math.max(linear, 0);
+  const bent = clamped(curve === "filmic" ? (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14) : x, 0, 1);
+  return bent <= 0.0031308 ? 12.92 * bent : 1.055 * bent ** (1 / 2.4) - 0.055;
+}

@@ -1,0 +1,142 @@
+// What is drawn: the sky, the objects over it, the reference beside them.
+
+const SHOWS = ["picture", "split", "reference", "difference"];
+const RAMP = ["#15161a", "#4b3471", "#a54a78", "#ec8350", "#fbe58a"];
+const SAMPLES = 4;
+
+class Stage {
+  constructor(canvas, objects) {
+    this.canvas = canvas;
+    this.gl = openContext(canvas);
+    const { gl } = this;
+    this.objects = objects.map((object) => new ObjectOnGpu(gl, object));
+    this.skies = new Map();
+    this.sky = makeProgram(gl, shaderText(SKY_VERTEX), shaderText(SKY_FRAGMENT), "the sky");
+    this.square = gl.createVertexArray();
+    gl.bindVertexArray(this.square);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+    gl.bindVertexArray(null);
+    this.smooth = { frame: gl.createFramebuffer(), parts: [gl.createRenderbuffer(), gl.createRenderbuffer()], width: 0, height: 0 };
+    this.samples = Math.min(SAMPLES, gl.getParameter(gl.MAX_SAMPLES));
+    this.ramp = Float32Array.from(RAMP.flatMap((c) => [1, 3, 5].map((k) => parseInt(c.slice(k, k + 2), 16) / 255)));
+    this.radius = objects.reduce((most, { positions }) => {
+      for (let p = 0; p < positions.length; p += 3) most = Math.max(most, Math.hypot(positions[p], positions[p + 1], positions[p + 2]));
+      return most;
+    }, 0) * 1.001;
+  }
+
+  /** The K-tuples of all objects, anew. */
+  upload() {
+    for (const each of this.objects) each.upload();
+  }
+
+  /** Draws into the whole canvas, its edges smooth or not; `view` has the state, orbit and current sky. */
+  draw(view, smooth = true) {
+    const { gl } = this, { width, height } = this.canvas;
+    if (view.state.interpolation === "vertex") for (const each of this.objects) each.shade(view);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, smooth ? this.smoothFrame(width, height) : null);
+    gl.viewport(0, 0, width, height);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.disable(gl.DEPTH_TEST);
+    this.drawSky(view, width / height);
+    gl.enable(gl.DEPTH_TEST);
+    // What ends softly comes last, over the others' background.
+    const ordered = this.objects.toSorted((a, b) => Boolean(a.object.fade) - Boolean(b.object.fade));
+    for (const each of ordered) this.drawObject(view, each, width, height);
+    gl.bindVertexArray(null);
+    if (!smooth) return;
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.smooth.frame);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  /** A picture of several samples a pixel. */
+  smoothFrame(width, height) {
+    const { gl, smooth } = this;
+    if (smooth.width === width && smooth.height === height) return smooth.frame;
+    Object.assign(smooth, { width, height });
+    gl.bindFramebuffer(gl.FRAMEBUFFER, smooth.frame);
+    const kinds = [[gl.RGB8, gl.COLOR_ATTACHMENT0], [gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT]];
+    kinds.forEach(([format, place], k) => {
+      gl.bindRenderbuffer(gl.RENDERBUFFER, smooth.parts[k]);
+      gl.renderbufferStorageMultisample(gl.RENDERBUFFER, this.samples, format, width, height);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, smooth.parts[k]);
+    });
+    return smooth.frame;
+  }
+
+  tones(view, program) {
+    const { gl } = this, { state } = view;
+    gl.uniform1f(program.at("u_exposure"), 2 ** (view.stops + state.stops));
+    gl.uniform1i(program.at("u_filmic"), state.curve === "filmic" ? 1 : 0);
+  }
+
+  drawSky(view, aspect) {
+    const { gl, sky } = this;
+    if (!this.skies.has(view.sky)) this.skies.set(view.sky, skyTexture(gl, view.sky.picture));
+    const { texture, scale } = this.skies.get(view.sky);
+    gl.useProgram(sky.program);
+    this.tones(view, sky);
+    gl.bindTexture(gl.TEXTURE_CUBE_MAP, texture);
+    gl.uniform1i(sky.at("u_picture"), 0);
+    gl.uniform1f(sky.at("u_scale"), scale);
+    gl.uniform1i(sky.at("u_plain"), view.shown === "difference" ? 1 : 0);
+    gl.uniform3fv(sky.at("u_ground"), this.ramp.subarray(0, 3));
+    const [right, up, forward] = view.orbit.axes, half = Math.tan((view.orbit.field * DEGREE) / 2);
+    const axes = [scaled(right, half * aspect), scaled(up, half), forward].map((axis) => turnedBack(axis, view.state.turn));
+    gl.uniform3fv(sky.at("u_axes"), Float32Array.from(axes.flat()));
+    gl.bindVertexArray(this.square);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  drawObject(view, each, width, height) {
+    const { gl } = this, { state, orbit } = view, { object } = each;
+    const byPixel = state.interpolation === "pixel", compared = view.shown !== "picture";
+    const program = each.program(...(byPixel ? ["BY_PIXEL"] : []), ...(compared ? ["COMPARED"] : []));
+    gl.useProgram(program.program);
+    this.tones(view, program);
+    if (byPixel) each.bind(program, view);
+    gl.uniformMatrix4fv(program.at("u_camera"), false, orbit.matrix(width / height, this.radius));
+    gl.uniform1i(program.at("u_signal"), state.signal ? 1 : 0);
+    gl.uniform2f(program.at("u_fade"), ...(object.fade ?? [0, 0]));
+    if (compared) {
+      gl.uniform1i(program.at("u_show"), SHOWS.indexOf(view.shown));
+      gl.uniform1f(program.at("u_split"), state.split * width);
+      gl.uniform1f(program.at("u_range"), state.range);
+      gl.uniform3fv(program.at("u_ramp"), this.ramp);
+    }
+    // Of a closed surface the back is never seen; a plane that ends softly is not there from below.
+    if (object.closed || object.fade) gl.enable(gl.CULL_FACE);
+    if (object.fade) {
+      gl.enable(gl.BLEND);
+      gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    }
+    gl.bindVertexArray(each.drawing);
+    gl.drawElements(gl.TRIANGLES, object.triangles.length, gl.UNSIGNED_INT, 0);
+    gl.disable(gl.CULL_FACE);
+    gl.disable(gl.BLEND);
+  }
+
+  /** Waits for the card: a pixel read back. */
+  finish() {
+    const { gl } = this;
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+  }
+
+  /** The bytes (rows from below × 4) of the picture just drawn, in the same turn of the page's thread. */
+  pixels() {
+    const { gl } = this, { width, height } = this.canvas, bytes = new Uint8Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+    return bytes;
+  }
+}
+
+/** A direction in the frame of a sky that is turned by degrees about y, from +z towards +x: where it looks into the sky. */
+function turnedBack([x, y, z], degrees) {
+  const a = degrees * DEGREE, [s, c] = [Math.sin(a), Math.cos(a)];
+  return [c * x - s * z, y, s * x + c * z];
+}

@@ -1,0 +1,149 @@
+// One object's transport: sparse vectors, what mixes them into the vertices' K-tuples, and its geometry.
+
+class Transport {
+  /** `packed` as build.py writes it, its arrays unpacked already. */
+  constructor(packed) {
+    Object.assign(this, packed);
+    // K-tuples of a vertex lie 4 Q numbers apart, Q texels of a float texture.
+    this.quads = Math.ceil((3 * this.terms) / 4);
+    this.rows = this.scale.length;
+    this.components = this.weights ? this.weights.length / this.vertices : 0;
+    this.start = new Uint32Array(this.rows + 1);
+    for (let r = 0; r < this.rows; r++) this.start[r + 1] = this.start[r] + this.count[r];
+    this.longest = this.count.reduce((most, c) => Math.max(most, c), 0);
+    this.lit = new Float32Array(3 * this.rows);
+    this.tuples = new Float32Array(4 * this.quads * this.vertices);
+    this.columns = null;
+  }
+
+  /** Every vector's product with the light (Haar coefficients × 3), the largest `kept` numbers of each. */
+  sum(light, kept) {
+    const { start, index, number, scale, lit, rows } = this;
+    for (let r = 0; r < rows; r++) {
+      const end = Math.min(start[r + 1], start[r] + kept);
+      let red = 0, green = 0, blue = 0;
+      for (let p = start[r]; p < end; p++) {
+        const j = 3 * index[p], value = number[p];
+        red += value * light[j];
+        green += value * light[j + 1];
+        blue += value * light[j + 2];
+      }
+      lit[3 * r] = red * scale[r];
+      lit[3 * r + 1] = green * scale[r];
+      lit[3 * r + 2] = blue * scale[r];
+    }
+  }
+
+  /** Numbers that `sum` touches. */
+  cost(kept) {
+    return this.count.reduce((sum, c) => sum + Math.min(c, kept), 0);
+  }
+
+  /** Adds the change (× 3) of one coefficient to every vector that has it. */
+  addColumn(j, red, green, blue, kept) {
+    const { start, rows, values } = this.byCoefficient(kept), { lit } = this;
+    for (let p = start[j]; p < start[j + 1]; p++) {
+      const at = 3 * rows[p], value = values[p];
+      lit[at] += value * red;
+      lit[at + 1] += value * green;
+      lit[at + 2] += value * blue;
+    }
+  }
+
+  /** The vectors by coefficient, their largest `kept` numbers: start, rows, values. Made when first asked for. */
+  byCoefficient(kept) {
+    if (this.columns?.kept === kept) return this.columns;
+    const entries = this.cost(kept), start = new Uint32Array(this.coefficients + 1);
+    const visit = (each) => {
+      for (let r = 0; r < this.rows; r++) {
+        const end = Math.min(this.start[r + 1], this.start[r] + kept);
+        for (let p = this.start[r]; p < end; p++) each(r, p);
+      }
+    };
+    visit((r, p) => { start[this.index[p] + 1]++; });
+    for (let j = 0; j < this.coefficients; j++) start[j + 1] += start[j];
+    const rows = new Uint32Array(entries), values = new Float32Array(entries), place = start.slice();
+    visit((r, p) => {
+      const at = place[this.index[p]]++;
+      rows[at] = r;
+      values[at] = this.number[p] * this.scale[r];
+    });
+    return (this.columns = { kept, start, rows, values });
+  }
+
+  /** How much each coefficient's light does to the vertices: the root sum square of its numbers, by use (J,). */
+  reach(kept) {
+    const { start, rows, values } = this.byCoefficient(kept), use = this.use();
+    const found = new Float64Array(this.coefficients);
+    for (let j = 0; j < this.coefficients; j++) {
+      for (let p = start[j]; p < start[j + 1]; p++) found[j] += values[p] * values[p] * use[rows[p]];
+    }
+    return found;
+  }
+
+  /** The sum over vertices of the square of what they take of each vector (R,): 1 where a vector is a vertex's own. */
+  use() {
+    const use = new Float64Array(this.rows).fill(this.weights ? 0 : 1), n = this.components;
+    if (!this.weights) return use;
+    const row = (c, i, k) => (c * (n + 1) + i) * this.terms + k;
+    for (let v = 0; v < this.vertices; v++) {
+      const c = this.cluster[v];
+      for (let k = 0; k < this.terms; k++) use[row(c, 0, k)] += 1;
+      for (let i = 0; i < n; i++) {
+        const weight = this.weights[i * this.vertices + v] * this.steps[c * n + i];
+        for (let k = 0; k < this.terms; k++) use[row(c, i + 1, k)] += weight * weight;
+      }
+    }
+    return use;
+  }
+
+  /** The vertices' K-tuples of the vectors' products: T_v L = mean + Σ weight · component, or the products themselves. */
+  mix() {
+    const { lit, tuples, vertices, components, weights, cluster, steps } = this;
+    const width = 3 * this.terms, stride = 4 * this.quads, own = new Float32Array(components);
+    for (let v = 0; v < vertices; v++) {
+      const c = weights ? cluster[v] : v, base = c * (components + 1) * width, to = v * stride;
+      for (let i = 0; i < components; i++) own[i] = weights[i * vertices + v] * steps[c * components + i];
+      for (let q = 0; q < width; q++) {
+        let sum = lit[base + q];
+        for (let i = 0, p = base + width + q; i < components; i++, p += width) sum += own[i] * lit[p];
+        tuples[to + q] = sum;
+      }
+    }
+  }
+}
+
+/** Unpacks one object of the page's data. */
+async function unpackTransport(packed, coefficients) {
+  const { basis, mix, map, reference } = packed;
+  const all = { positions: packed.positions, turns: packed.frames, triangles: packed.triangles, texels: map.texels,
+    count: basis.count, index: basis.index, sizes: basis.size, negative: basis.negative, scale: basis.scale,
+    ...(mix ?? {}), ...(reference ? { reference: reference.values } : {}) };
+  const arrays = Object.fromEntries(await Promise.all(Object.entries(all).map(
+    async ([name, array]) => [name, await unpack(array)])));
+  accumulate(arrays.triangles, 1, arrays.triangles.length);
+  accumulate(arrays.sizes, 1, arrays.sizes.length);
+  // 16-bit numbers are at most 32767, so signs fit beside their magnitudes.
+  const number = new Int16Array(arrays.sizes);
+  for (let p = 0; p < number.length; p++) if (arrays.negative[p >> 3] & (128 >> (p & 7))) number[p] = -number[p];
+  return new Transport({
+    name: packed.name, material: packed.material, fade: packed.fade, closed: packed.closed, vertices: packed.vertices, terms: packed.terms,
+    bytes: packed.bytes, coefficients, number, count: arrays.count, index: arrays.index, scale: arrays.scale,
+    cluster: arrays.cluster, weights: arrays.weights, steps: arrays.steps, triangles: arrays.triangles,
+    map: { size: map.size, channels: map.channels, texels: arrays.texels },
+    reference: reference ? fromHalves(arrays.reference, reference.scale) : null,
+    ...geometry(packed, arrays.positions, arrays.turns),
+  });
+}
+
+/** Positions (V × 3), normals and tangents of the rounded ones. */
+function geometry({ low, step, vertices }, places, turns) {
+  const positions = new Float32Array(3 * vertices), normals = new Float32Array(3 * vertices), tangents = new Float32Array(3 * vertices);
+  for (let v = 0; v < vertices; v++) {
+    for (let k = 0; k < 3; k++) positions[3 * v + k] = low[k] + step[k] * places[3 * v + k];
+    const [x, y, z, w] = turns.subarray(4 * v, 4 * v + 4), unit = x * x + y * y + z * z + w * w;
+    tangents.set([(x * x - y * y - z * z + w * w) / unit, (2 * (x * y - z * w)) / unit, (2 * (x * z + y * w)) / unit], 3 * v);
+    normals.set([(2 * (x * z - y * w)) / unit, (2 * (y * z + x * w)) / unit, (z * z + w * w - x * x - y * y) / unit], 3 * v);
+  }
+  return { positions, normals, tangents };
+}
