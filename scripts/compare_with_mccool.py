@@ -1,13 +1,14 @@
 """The experiment of Cole 2002, chapter 4: searched projections against McCool's, as CSV, table and figure.
 
-    python scripts/compare_with_mccool.py [SOURCE ...] [--out FOLDER] [--short]
+    python scripts/compare_with_mccool.py [SOURCE ...] [--out FOLDER] [--page FILE.md] [--plot FILE.png] [--short]
 
 Each material × both coordinates × reciprocity on and off × 1 to 5 textures: the projections searched
 small, the textures solved at 24², all six errors on training and held-out samples beside those of McCool's
 projections at the same size, and a verdict on each statement of the thesis's section 4.4. McCool's textures are
 solved on the plain grid, as the thesis must have had them, and on one with a texel where the highlight is; the
 statements are judged against both. SOURCE adds a material:NAME or a file to the thesis's own. The measurements of
-leather and velvet (CUReT) are not here.
+leather and velvet (CUReT) are not here. `--page` and `--plot` write the tables and the figure a second time, for the
+documentation.
 """
 
 import csv
@@ -36,6 +37,14 @@ from homofact.methods.table import mccool_like
 MATERIALS = ("material:lafortune-blue-paint", "material:cook-torrance-plastic")
 METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")
 GRIDS = ("plain", "centred")
+PAGE = "<!-- Made by `python scripts/compare_with_mccool.py`: change the words there, not here. -->\n\n"
+INTRODUCTION = """
+
+The experiment of Cole 2002, chapter 4 ([references](references.bib)): searched projections against McCool's, judged on
+the plain grid, as the thesis must have had it, and on one with a texel where the highlight is. Errors are of the
+logarithms (Cole) unless they say otherwise.
+
+![Error against textures](pictures/thesis.png)"""
 VARIANTS = [(name, reciprocal) for name in ("in-out", "half-diff") for reciprocal in (True, False)]
 STYLES = {
     ("in-out", True): ("#b2521b", "-", "o"),
@@ -200,6 +209,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("sources", nargs="*", metavar="SOURCE", help="more sources: a path or material:NAME")
     parser.add_argument("--data", type=Path, help="the folder of real measurements")
     parser.add_argument("--out", type=Path, default=Path("out/compare_with_mccool"), help="the folder to write")
+    parser.add_argument("--page", type=Path, help="a Markdown page of the tables")
+    parser.add_argument("--plot", type=Path, help="a PNG of the figure")
     parser.add_argument("--textures", type=int, default=5)
     parser.add_argument("--size", type=int, default=24, help="texels per side, in the end")
     parser.add_argument("--samples", type=int, default=45_000, help="pairs drawn of a material")
@@ -253,6 +264,10 @@ def main(arguments: list[str] | None = None) -> int:
     write(chosen.out / "errors.md", text)
     title = f"Error against textures, {settings.size}², seed {settings.seed} (after Cole 2002, figure 4.2)"
     draw(chosen.out / "errors.png", records, title)
+    if chosen.page:
+        write(chosen.page, PAGE + text.replace(lines[0], lines[0] + INTRODUCTION, 1))
+    if chosen.plot:
+        draw(chosen.plot, records, title)
     print(text)
     print(f"{chosen.out}: errors.csv, errors.md, errors.png")
     return 0

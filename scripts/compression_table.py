@@ -21,6 +21,7 @@ from pathlib import Path
 
 from compression_charts import draw
 from compression_fits import DEFAULT_METHODS, METHODS, READINGS, Entry, entries, name_of, wanted
+from compression_limits import FILE as LIMITS
 from compression_protocol import PAIRS, kept, place_of
 from compression_seeds import FILE as SEEDS
 from compression_speed import read
@@ -169,7 +170,7 @@ def parts(found: Sequence[Entry], every: Sequence[str], cache: Path, short: bool
     for title, words, rows, made in (
         ("Speed", SPEED, read(cache), speeds),
         ("Seeds", SEEDED, rows_of(cache / SEEDS), seeds),
-        ("More bytes", CROWDED, rows_of(cache / "limits.csv"), limits),
+        ("More bytes", CROWDED, rows_of(cache / LIMITS), limits),
     ):
         if rows:
             page += [f"## {title}", words, made(rows)]
