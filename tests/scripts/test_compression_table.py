@@ -120,11 +120,11 @@ def test_searches_that_ask_the_same_are_run_once(script: Callable[[str], ModuleT
     assert search_fit.StructureSearch is StructureSearch
 
 
-def entries_of(module: ModuleType, values: dict[str, tuple[float, ...]]) -> list[Any]:
-    """Entries by nbrdf with MALE, energy and PSNR of each material; what is not published is fitted to npf."""
+def entries_of(module: ModuleType, values: dict[str, tuple[float, ...]], of: str = "npf") -> list[Any]:
+    """Entries by nbrdf with MALE, energy and PSNR of each material; what is not published is fitted to `of`."""
     found = []
     for label, males in values.items():
-        readings = (label,) if label in module.PUBLISHED else ("npf",)
+        readings = (label,) if label in module.PUBLISHED else (of,)
         for k, male in enumerate(males):
             numbers = dict.fromkeys(module.SCORES, male) | {"energy": 2 * male, "PSNR": 40 - male}
             facts = SimpleNamespace(nbytes=100.0, fetches=1.0, seconds=2.0)
@@ -144,6 +144,11 @@ def test_where_ours_is_not_ahead_is_said(script: Callable[[str], ModuleType]) ->
     assert all(cell.strip().startswith("**") for cell in lines["abc"].split("|")[5:-1])
     assert words.startswith("Ours is ahead in 3 of 12 figures.")
     assert "npf by nbrdf: MALE (tenth), energy (tenth), PSNR (tenth)" in words
+    # Ours fitted to another reading counts against what was published of MERL itself, not against npf.
+    more = found + entries_of(module, {"ours 3.2 KiB": (0.1, 0.1, 0.1)}, of="nps")
+    again = module.ahead(more)[0].splitlines()[2:]
+    assert again[0] == lines["npf"]
+    assert again[1] != lines["abc"]
 
 
 def test_what_a_fit_adds_is_counted_material_by_material(script: Callable[[str], ModuleType]) -> None:
