@@ -49,9 +49,10 @@ So do published tables judge: there NBRDF has an MAE of .0028 and SSIM of .995, 
 2021), of MERL itself. Of ours .0025, .996 and 47 dB were asked at 3.2 KiB, 50 and 56 dB at 12 and 48 KiB."""
 ADDED = """\
 A fit of a reading cannot be nearer to the truth than the reading is but by luck. What counts is how little it adds: the
-reading itself judged by the two others, beside ours fitted to that reading. "More than the reading" is the median over
-materials of the difference in the score; "nearer than it in" is the share of materials where the fit has the better
-one. McCool's projections and GGX, fitted to the same, show what it would be to lose something."""
+reading itself judged by the two others, beside what is fitted to that reading. "More than the reading" is the median
+over materials of the difference in the score; "nearer than it in" is the share of materials and judges where the fit
+has the better one. Ours adds next to nothing at any budget (of nbrdf and nps it is more often a little nearer to the
+others than they are); McCool's projections and GGX, fitted to the same, show what it is to lose something."""
 OTHERS = """\
 A published fit is judged by the readings that it is not; what is fitted here to one reading by the two others. Since
 ours comes out about as far from the others as the reading that it was fitted to, ours pooled over three readings lies
@@ -77,8 +78,10 @@ where the readings go on. The table has the median of mean |log(f̂/f)| by the h
 many pairs are off by more than a factor of two, f by nbrdf. GGX has the long tail, and ours is fitted to cube roots,
 which do not forget it; the published GGX was fitted otherwise."""
 CROWDED = """\
-Why 48 KiB are hardly better than 12 on the reading that is fitted: neither the texels nor the samples are what is
-short. `scripts/compression_limits.py` fits the same readings with more of one thing at a time."""
+Why 48 KiB are hardly better than 12 on the reading that is fitted: `scripts/compression_limits.py` fits the same with
+more of one thing at a time. None of it helps much, neither texels, samples, textures nor effort. What is left is what a
+product of textures of two coordinates each cannot say about a function of three. "Highlight" is the root mean square
+difference of logarithms where θh < 10°, "rest" where it is more."""
 
 
 def spread(every: Sequence[str]) -> list[str]:

@@ -19,6 +19,7 @@ from homofact.geometry.directions import draw_uniform
 from homofact.geometry.interpret import TORCH, interpret, value_of
 from homofact.methods import search_fit
 from homofact.methods.effort import Account
+from homofact.methods.models import Ggx as GgxMethod
 from homofact.methods.structure_search import StructureSearch
 from homofact.methods.trials import StructureSettings
 from homofact.methods.validation import Partition, random_folds
@@ -241,6 +242,34 @@ def test_speeds_are_written_and_stand_in_the_table(
     assert module.median_of(rows, "sgd") is None
     text = script("compression_tables").speeds(rows)
     assert [line.split("|")[1].strip() for line in text.splitlines()[2:]] == ["abc", "GGX × 1"]
+
+
+@needs_data
+def test_seeds_and_limits_are_written_and_stand_in_the_table(
+    script: Callable[[str], ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seeds, limits, protocol = (script(f"compression_{name}") for name in ("seeds", "limits", "protocol"))
+    monkeypatch.setattr(protocol, "PIXELS", 24)
+    protocol.surroundings.cache_clear()
+    methods = {"ours, as if": GgxMethod(), "GGX × 1": GgxMethod()}
+    for module in (seeds, limits, script("compression_fits")):
+        monkeypatch.setattr(module, "READINGS", ("nbrdf", "npf"))
+        for name, value in (("DEFAULT_COUNT", 1500), ("METHODS", methods)):
+            if hasattr(module, name):
+                monkeypatch.setattr(module, name, value)
+    monkeypatch.setattr(limits, "VARIANTS", {"few": (GgxMethod(), 1), "many": (GgxMethod(), 2)})
+    shared = ["--short", "--data", str(DATA), "--cache", str(tmp_path)]
+    assert seeds.main([*shared, "--seeds", "2"]) == 0
+    assert limits.main([*shared, "--materials", "pvc"]) == 0
+    protocol.surroundings.cache_clear()
+    table = script("compression_table")
+    rows = table.rows_of(tmp_path / seeds.FILE)
+    assert [(row["method"], row["seed"]) for row in rows] == [("ours, as if", "0"), ("ours, as if", "1")]
+    assert rows[0]["MALE"] != rows[1]["MALE"]
+    line = script("compression_tables").seeds(rows).splitlines()[2].split("|")
+    assert float(line[4].split("±")[0]) == pytest.approx(sum(float(row["MALE"]) for row in rows) / 2, rel=0.01)
+    assert [row["fit"] for row in table.rows_of(tmp_path / limits.FILE)] == ["few"]
+    assert "| pvc | few | 0 | 32 |" in table.limits(table.rows_of(tmp_path / limits.FILE))
 
 
 @needs_data
