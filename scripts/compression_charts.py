@@ -19,13 +19,13 @@ OF = READINGS[:1]
 OURS, PUBLISHED_COLOUR, REST = "#1f4e79", "#b2521b", "#777777"
 # Where a label stands beside its point, in points, for those that would lie over another.
 _PLACES = {
-    "nbrdf": (-38, -3),
-    "npf": (6, -11),
-    "ours": (14, 5),
-    "abc": (6, 5),
-    "GGX": (6, -11),
+    "nbrdf": (-16, -16),
+    "npf": (-25, -4),
+    "nps": (6, 7),
+    "ours": (8, 6),
+    "abc": (7, 3),
+    "GGX": (7, -11),
     "McCool": (-6, 8),
-    "nps": (6, 8),
     "sgd": (6, 5),
 }
 
@@ -75,7 +75,7 @@ def _panel(axis, judged: Sequence[Entry], name: str, place: Callable[[str], floa
         first = labels[0].split()[0]
         colour = OURS if first == "ours" else PUBLISHED_COLOUR if first in PUBLISHED else REST
         axis.plot(*zip(*points, strict=True), "o-", color=colour, linewidth=1)
-        words = "nps (and 4 MB that all share)" if first == "nps" else first
+        words = "nps (decoder of 4 MB)" if first == "nps" else first
         axis.annotate(
             words, points[0], xytext=_PLACES.get(first, (6, 5)), textcoords="offset points", fontsize=9, color=colour
         )

@@ -58,9 +58,10 @@ A published fit is judged by the readings that it is not; what is fitted here to
 ours comes out about as far from the others as the reading that it was fitted to, ours pooled over three readings lies
 between nbrdf, nps and npf: it inherits npf's error where it is fitted to npf."""
 AHEAD = """\
-Judge by judge. Against a reading stands ours fitted to that reading, so that both know the same; against what was
-published of MERL itself (abc, sgd) or fitted here, ours fitted to the same readings. Ours at the bytes of the other, or
-the smallest of ours where the other has fewer."""
+Judge by judge, ours first. Against a reading stands ours fitted to that reading, so that both know the same; against
+what was published of MERL itself (abc, sgd) or fitted here, ours fitted to the two other readings. Ours at the bytes of
+the other, or the smallest of ours where the other has fewer. Where npf judges, abc is ahead of nbrdf and nps
+themselves, so ours, which knows only these, is behind it."""
 SPEED = """\
 `scripts/compression_speed.py`: the same directions in one run on one thread, each at its best batch size. All but nps
 are shading programs by one compiler."""
@@ -72,11 +73,11 @@ Sztrajman et al. 2021, table 1: GGX < SGD < ABC < NPF < NBRDF. Means over materi
 SGD = """\
 ABC, NPF and NBRDF come out in the published order. SGD does not: it falls behind our GGX. Its formula here is, term by
 term (Fresnel, distribution, masking, the order of the 33 numbers), that of the public implementation that the numbers
-come from, so the numbers are the reason: each channel was fitted by itself, and beyond its peak the distribution falls
-off like exp(−tan²θh/α), faster than any measured metal or metallic paint. Its lobes are too wide and too low, and end
-where the readings go on. The table has the median of mean |log(f̂/f)| by the half vector's angle, and in brackets how
-many pairs are off by more than a factor of two, f by nbrdf. GGX has the long tail, and ours is fitted to cube roots,
-which do not forget it; the published GGX was fitted otherwise."""
+come from, so the numbers are the reason. Its distribution falls off like exp(−tan²θh/α): a highlight that is narrow and
+has a long tail, as those of metals and metallic paints, becomes too wide and too low, and ends where the readings go
+on. The table has the median of mean |log(f̂/f)| by the half vector's angle, and in brackets how many pairs are off by
+more than a factor of two, f by nbrdf. GGX has the long tail, and ours is fitted to cube roots, which do not forget it;
+the published GGX was fitted otherwise."""
 CROWDED = """\
 Why 48 KiB are hardly better than 12 on the reading that is fitted: `scripts/compression_limits.py` fits the same with
 more of one thing at a time. None of it helps much, neither texels, samples, textures nor effort. What is left is what a

@@ -19,6 +19,8 @@ AGAINST = {label: "ours 3.2 KiB" for label in (*PUBLISHED, *METHODS) if not labe
 }
 # The criteria by which ours is to be ahead.
 CRITERIA = ("MALE", "energy", "PSNR")
+# Two figures are level within this share of the other's, PSNR within so many dB.
+LEVEL, LEVEL_DB = 0.02, 0.1
 Test = Callable[[Entry], bool]
 
 
@@ -83,7 +85,7 @@ def added(found: Sequence[Entry]) -> str:
 
 def ahead(found: Sequence[Entry]) -> tuple[str, str]:
     """(a table of ours against each other method at its bytes, judge by judge; where it is not ahead, in words)."""
-    rows, behind, count = [], [], 0
+    rows, behind, level, count = [], [], 0, 0
     for by in READINGS:
         for label, mine in AGAINST.items():
             theirs = [
@@ -104,9 +106,10 @@ def ahead(found: Sequence[Entry]) -> tuple[str, str]:
                 for words, of in (("median", statistics.median), ("tenth", lambda x, name=name: worse_tenth(name, x))):
                     a, b = (of([e.scores[name] for e in those]) for those in (ours, theirs))
                     first = a > b if name in MORE_IS_BETTER else a < b
-                    cells.append(f"{figure(a)} / {figure(b)}" if first else f"**{figure(a)} / {figure(b)}**")
-                    count += 1
-                    if not first:
+                    close = abs(a - b) <= (LEVEL_DB if name == "PSNR" else LEVEL * abs(b))
+                    cell, count, level = f"{figure(a)} / {figure(b)}", count + 1, level + close
+                    cells.append(f"{cell} ≈" if close else cell if first else f"**{cell}**")
+                    if not first and not close:
                         behind.append((label, by, f"{name} ({words})"))
             rows.append((by, label, mine.removeprefix("ours "), len(shared), *cells))
     heads = [f"{name}, {words}" for name in CRITERIA for words in ("median", "worse tenth")]
@@ -115,8 +118,9 @@ def ahead(found: Sequence[Entry]) -> tuple[str, str]:
         f"{label} by {by}: " + ", ".join(which for a, b, which in behind if (a, b) == (label, by))
         for label, by in dict.fromkeys((label, by) for label, by, _ in behind)
     ]
-    summary = f"Ours is ahead in {count - len(behind)} of {count} figures. " + (
-        f"Not ahead (bold): {'; '.join(named)}." if named else ""
+    summary = (
+        f"Of {count} figures ours is ahead in {count - len(behind) - level}, level in {level} (≈: within {LEVEL:.0%},"
+        f" PSNR {LEVEL_DB} dB), and behind in {len(behind)} (bold)" + (f": {'; '.join(named)}." if named else ".")
     )
     return text, summary
 

@@ -143,7 +143,13 @@ def test_where_ours_is_not_ahead_is_said(script: Callable[[str], ModuleType]) ->
     cells = [cell.strip() for cell in lines["npf"].split("|")[5:-1]]
     assert cells == ["2 / 3", "**6 / 5**", "4 / 6", "**12 / 10**", "38 / 37", "**34 / 35**"]
     assert all(cell.strip().startswith("**") for cell in lines["abc"].split("|")[5:-1])
-    assert words.startswith("Ours is ahead in 3 of 12 figures.")
+    assert words.startswith("Of 12 figures ours is ahead in 3, level in 0")
+    assert "behind in 9" in words
+    near = module.ahead(entries_of(module, {"npf": (1, 3, 5), "ours 3.2 KiB": (2, 3.05, 6)}))
+    assert near[0].splitlines()[2].split("|")[5].strip() == "3.05 / 3 ≈"
+    # 36.95 against 37 dB.
+    assert near[0].splitlines()[2].split("|")[9].strip().endswith("≈")
+    assert near[1].startswith("Of 6 figures ours is ahead in 0, level in 3")
     assert "npf by nbrdf: MALE (tenth), energy (tenth), PSNR (tenth)" in words
     # Ours fitted to another reading counts against what was published of MERL itself, not against npf.
     more = found + entries_of(module, {"ours 3.2 KiB": (0.1, 0.1, 0.1)}, of="nps")
