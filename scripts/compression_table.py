@@ -63,8 +63,8 @@ what was published of MERL itself (abc, sgd) or fitted here, ours fitted to the 
 the other, or the smallest of ours where the other has fewer. Where npf judges, abc is ahead of nbrdf and nps
 themselves, so ours, which knows only these, is behind it."""
 SPEED = """\
-`scripts/compression_speed.py`: the same directions in one run on one thread, each at its best batch size. All but nps
-are shading programs by one compiler."""
+`scripts/compression_speed.py`: the same directions in one run on one thread, each at its best batch size, beside other
+work; medians over materials. All but nps are shading programs by one compiler."""
 SEEDED = """\
 `scripts/compression_seeds.py`: samples are drawn, and the fit run, with seeds 0, 1 and 2; mean ± sample standard
 deviation over the seeds. Fitted to nbrdf."""
