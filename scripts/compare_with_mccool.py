@@ -1,13 +1,14 @@
 """The experiment of Cole 2002, chapter 4: searched projections against McCool's, as CSV, table and figure.
 
-    python scripts/compare_with_mccool.py [SOURCE ...] [--out FOLDER] [--short]
+    python scripts/compare_with_mccool.py [SOURCE ...] [--out FOLDER] [--page FILE.md] [--plot FILE.png] [--short]
 
 Each material × both coordinates × reciprocity on and off × 1 to 5 textures: the projections searched
 small, the textures solved at 24², all six errors on training and held-out samples beside those of McCool's
 projections at the same size, and a verdict on each statement of the thesis's section 4.4. McCool's textures are
 solved on the plain grid, as the thesis must have had them, and on one with a texel where the highlight is; the
 statements are judged against both. SOURCE adds a material:NAME or a file to the thesis's own. The measurements of
-leather and velvet (CUReT) are not here.
+leather and velvet (CUReT) are not here. `--page` and `--plot` write the tables and the figure a second time, for the
+documentation.
 """
 
 import csv
@@ -36,6 +37,12 @@ from homofact.methods.table import mccool_like
 MATERIALS = ("material:lafortune-blue-paint", "material:cook-torrance-plastic")
 METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")
 GRIDS = ("plain", "centred")
+PAGE = "<!-- Made by `python scripts/compare_with_mccool.py`: change the words there, not here. -->\n"
+INTRODUCTION = """
+The experiment of Cole 2002, chapter 4: searched projections against McCool's, judged on the plain grid, as the thesis
+must have had it, and on one with a texel where the highlight is.
+"""
+PICTURE = "\n![Error against textures](pictures/thesis.png)\n"
 VARIANTS = [(name, reciprocal) for name in ("in-out", "half-diff") for reciprocal in (True, False)]
 STYLES = {
     ("in-out", True): ("#b2521b", "-", "o"),
@@ -141,6 +148,20 @@ def errors_table(rows: Sequence[Row]) -> str:
     return markdown(("source", "projections", "textures", "fetches", *heads), lines, 2)
 
 
+def ladder_table(rows: Sequence[Row]) -> str:
+    """The Cole error by number of textures, "training / held out"."""
+    most = max(len(row.factorization.terms) for row in rows)
+    lines = []
+    for source, name in dict.fromkeys((row.source, variant(row)) for row in rows):
+        own = {len(row.factorization.terms): row for row in rows if (row.source, variant(row)) == (source, name)}
+        pairs = [
+            f"{figure(own[n].train.log_mse)} / {figure(own[n].held_out.log_mse)}" if n in own else "–"
+            for n in range(1, most + 1)
+        ]
+        lines.append((source, name, *pairs))
+    return markdown(("source", "projections", *(f"{n} texture{'s' * (n > 1)}" for n in range(1, most + 1))), lines, 2)
+
+
 def draw(path: Path, records: Sequence[Mapping[str, Any]], title: str) -> None:
     """Error against textures, a panel for each source, training over held out (after the thesis's figure 4.2).
 
@@ -200,6 +221,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("sources", nargs="*", metavar="SOURCE", help="more sources: a path or material:NAME")
     parser.add_argument("--data", type=Path, help="the folder of real measurements")
     parser.add_argument("--out", type=Path, default=Path("out/compare_with_mccool"), help="the folder to write")
+    parser.add_argument("--page", type=Path, help="a Markdown page of the tables")
+    parser.add_argument("--plot", type=Path, help="a PNG of the figure")
     parser.add_argument("--textures", type=int, default=5)
     parser.add_argument("--size", type=int, default=24, help="texels per side, in the end")
     parser.add_argument("--samples", type=int, default=45_000, help="pairs drawn of a material")
@@ -228,9 +251,9 @@ def main(arguments: list[str] | None = None) -> int:
     writer.writerows(records)
     write(chosen.out / "errors.csv", table.getvalue())
     epsilons = {row.source: row.settings.epsilon for row in rows}
-    lines = [
+    head = [
         "# Searched projections against McCool's",
-        "",
+        INTRODUCTION,
         *(f"- {name}: ε = {epsilons[name]:g}, {words}" for name, words in samplings.items()),
         *(f"- {message}" for message in missing),
         f"- {settings.textures} textures at most, {settings.size}² in the end; search at {settings.search_size}²"
@@ -238,21 +261,22 @@ def main(arguments: list[str] | None = None) -> int:
         f" jointly; smoothing {settings.smoothing:g}; seed {settings.seed}; RGB, float64",
         f"- {machine()}",
         *(["- a smoke test: the figures mean nothing"] if chosen.short else []),
-        "",
         *(
             line
             for grid in GRIDS
-            for line in (f"## The thesis's statements, McCool on the {grid} grid", "", statements_table(rows, grid), "")
+            for line in (f"\n## The thesis's statements, McCool on the {grid} grid\n", statements_table(rows, grid))
         ),
-        "## Errors, training / held out",
-        "",
-        errors_table(rows),
-        "",
+        "\n## Errors, training / held out\n",
     ]
-    text = "\n".join(lines)
+    text = "\n".join([*head, errors_table(rows), ""])
     write(chosen.out / "errors.md", text)
+    page = "\n".join([PAGE, *head, "The Cole error by number of textures.\n", ladder_table(rows), ""])
     title = f"Error against textures, {settings.size}², seed {settings.seed} (after Cole 2002, figure 4.2)"
     draw(chosen.out / "errors.png", records, title)
+    if chosen.page:
+        write(chosen.page, page.replace(INTRODUCTION, INTRODUCTION + PICTURE))
+    if chosen.plot:
+        draw(chosen.plot, records, title)
     print(text)
     print(f"{chosen.out}: errors.csv, errors.md, errors.png")
     return 0

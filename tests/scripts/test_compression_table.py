@@ -3,13 +3,26 @@
 import importlib
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
 
 from homofact.brdf.analytic.ggx import Ggx, GgxLobe
+from homofact.brdf.factored import FactoredBrdf
+from homofact.factor.search.gradient import Gradient
+from homofact.factor.textures import LogSamples
+from homofact.geometry.directions import draw_uniform
+from homofact.geometry.interpret import TORCH, interpret, value_of
+from homofact.methods import search_fit
+from homofact.methods.effort import Account
+from homofact.methods.models import Ggx as GgxMethod
+from homofact.methods.structure_search import StructureSearch
+from homofact.methods.trials import StructureSettings
+from homofact.methods.validation import Partition, random_folds
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("HOMOFACT_DATA", ROOT.parent / "shared" / "data"))
@@ -27,7 +40,7 @@ def script(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
 @needs_data
 def test_readings_agree_as_was_measured_of_them(script: Callable[[str], ModuleType]) -> None:
     """Median MALE of 10 of 100 materials; of all 100 the README has .0008, .0014 and .0015."""
-    fits, table = script("published_fits"), script("compression_table")
+    fits, table = script("published_fits"), script("compression_protocol")
     wi, wo = (w[:4000] for w in table.pairs())
     found: dict[tuple[str, str], list[float]] = {}
     chosen = fits.names(DATA)
@@ -52,7 +65,7 @@ def shown(module: ModuleType, scale: float, size: int = 24):
 
 
 def test_scores_of_equals_and_of_a_darker_copy(script: Callable[[str], ModuleType]) -> None:
-    module = script("compression_table")
+    module = script("compression_protocol")
     coverage = torch.ones(24, 24, dtype=torch.float64)
     truth = shown(module, 1.0)
     same = module.scores(truth, truth, coverage)
@@ -69,6 +82,202 @@ def test_scores_of_equals_and_of_a_darker_copy(script: Callable[[str], ModuleTyp
     assert 15 < darker["PSNR"] < 60
 
 
+def test_the_first_materials_are_spread_over_all(script: Callable[[str], ModuleType]) -> None:
+    every = [str(k) for k in range(100)]
+    found = script("compression_table").spread(every)
+    assert sorted(found, key=int) == every
+    assert found[:20] == [str(k) for k in (*range(0, 100, 10), *range(5, 100, 10))]
+
+
+def test_searches_that_ask_the_same_are_run_once(script: Callable[[str], ModuleType]) -> None:
+    module = script("compression_fits")
+    wi, wo = draw_uniform(200, torch.Generator().manual_seed(0))
+    samples = LogSamples(wi, wo, (wi[:, 2:] * wo[:, 2:]).log(), torch.ones(200, dtype=torch.float64))
+    partitions = (Partition(random_folds(200, 4, 0), 1.0),)
+    settings = StructureSettings(4, True, "disc", 1, Gradient(), None, 0)
+    shared = module.SharedSearch()
+
+    def found(
+        data: LogSamples = samples, chosen: StructureSettings = settings, granted: float = 5.0
+    ) -> tuple[Any, int]:
+        with shared.during():
+            search = search_fit.StructureSearch(data, partitions, chosen, Account(granted))
+            return search.run(1, (("theta_h-theta_d",),)), len(shared.known)
+
+    first, count = found()
+    assert count == 1
+    assert shared.saved == 0
+    again, count = found()
+    assert again is first
+    assert count == 1
+    assert shared.saved > 0
+    # The same as alone, and as another search of other data, settings or effort.
+    alone = StructureSearch(samples, partitions, settings, Account(5.0)).run(1, (("theta_h-theta_d",),))
+    assert (alone.mix.kinds, alone.mix.error) == (first.mix.kinds, first.mix.error)
+    assert found(replace(samples, wi=wo))[1] == 2
+    assert found(replace(samples, logs=samples.logs + 1))[1] == 3
+    assert found(chosen=replace(settings, seed=1))[1] == 4
+    assert found(granted=6.0)[1] == 5
+    assert search_fit.StructureSearch is StructureSearch
+
+
+def entries_of(module: ModuleType, values: dict[str, tuple[float, ...]], of: str = "npf") -> list[Any]:
+    """Entries by nbrdf with MALE, energy and PSNR of each material; what is not published is fitted to `of`."""
+    found = []
+    for label, males in values.items():
+        readings = (label,) if label in module.PUBLISHED else (of,)
+        for k, male in enumerate(males):
+            numbers = dict.fromkeys(module.SCORES, male) | {"energy": 2 * male, "PSNR": 40 - male}
+            facts = SimpleNamespace(nbytes=100.0, fetches=1.0, seconds=2.0)
+            found.append(module.Entry(f"m{k}", label, readings, "nbrdf", facts, numbers))
+    return found
+
+
+def test_where_ours_is_not_ahead_is_said(script: Callable[[str], ModuleType]) -> None:
+    module = script("compression_tables")
+    # In the median ours is ahead of npf and behind abc; in the worse tenth behind npf.
+    found = entries_of(module, {"npf": (1, 3, 5), "abc": (1, 1, 1), "ours 3.2 KiB": (2, 2, 6)})
+    text, words = module.ahead(found)
+    lines = {line.split("|")[2].strip(): line for line in text.splitlines()[2:]}
+    assert set(lines) == {"npf", "abc"}
+    cells = [cell.strip() for cell in lines["npf"].split("|")[5:-1]]
+    assert cells == ["2 / 3", "**6 / 5**", "4 / 6", "**12 / 10**", "38 / 37", "**34 / 35**"]
+    assert all(cell.strip().startswith("**") for cell in lines["abc"].split("|")[5:-1])
+    assert words.startswith("Of 12 figures ours is ahead in 3, level in 0")
+    assert "behind in 9" in words
+    near = module.ahead(entries_of(module, {"npf": (1, 3, 5), "ours 3.2 KiB": (2, 3.05, 6)}))
+    assert near[0].splitlines()[2].split("|")[5].strip() == "3.05 / 3 ≈"
+    # 36.95 against 37 dB.
+    assert near[0].splitlines()[2].split("|")[9].strip().endswith("≈")
+    assert near[1].startswith("Of 6 figures ours is ahead in 0, level in 3")
+    assert "npf by nbrdf: MALE (tenth), energy (tenth), PSNR (tenth)" in words
+    # Ours fitted to another reading counts against what was published of MERL itself, not against npf.
+    more = found + entries_of(module, {"ours 3.2 KiB": (0.1, 0.1, 0.1)}, of="nps")
+    again = module.ahead(more)[0].splitlines()[2:]
+    assert again[0] == lines["npf"]
+    assert again[1] != lines["abc"]
+
+
+def test_what_a_fit_adds_is_counted_material_by_material(script: Callable[[str], ModuleType]) -> None:
+    module = script("compression_tables")
+    text = module.added(entries_of(module, {"npf": (1, 3, 5), "ours 3.2 KiB": (2, 2.5, 4)}))
+    row = next(line for line in text.splitlines() if "ours" in line)
+    cells = [cell.strip() for cell in row.split("|")[1:-1]]
+    assert cells[:5] == ["ours 3.2 KiB of npf", "3", "2.5 (4)", "-0.5", "67%"]
+    assert cells[-3:] == ["37.5 (36)", "+0.5", "67%"]
+
+
+def test_worse_is_less_where_more_is_better(script: Callable[[str], ModuleType]) -> None:
+    module = script("compression_tables")
+    values = [float(k) for k in range(11)]
+    assert module.worse_tenth("MALE", values) == 9
+    assert module.worse_tenth("PSNR", values) == 1
+
+
+TORCH_FETCH = Callable[[int, list[torch.Tensor]], list[torch.Tensor]]
+
+
+def row_fetch(textures: list[Any]) -> TORCH_FETCH:
+    """Textures of one row, linear between texels and clamped."""
+
+    def fetch(number: int, uv: list[torch.Tensor]) -> list[torch.Tensor]:
+        texels = torch.from_numpy(textures[number][0]).double()
+        place = (uv[0] * len(texels) - 0.5).clamp(0, len(texels) - 1)
+        low = place.floor().clamp(max=len(texels) - 2).long()
+        share = (place - low)[:, None]
+        return list(((1 - share) * texels[low] + share * texels[low + 1]).T)
+
+    return fetch
+
+
+def published_models(fits: ModuleType) -> dict[str, Any]:
+    sgd = {
+        "rho_d": (0.05, 0.03, 0.02), "rho_s": (0.04, 0.66, 0.27), "alpha": (0.015, 0.03, 0.05), "p": (0.46, 0.45, 0.5),
+        "f0": (6.1, 0.24, 0.58), "f1": (5.1, 0.18, 0.48), "kappa": (46.0, 25.0, 15.0), "lambda": (2.6, 3.0, 8e6),
+        "c": (1.1e-7, 1.1e-7, 1e38), "k": (47.8, 36.3, 170.0), "theta0": (0.21, -0.07, 1.195),
+    }  # fmt: skip
+    table = torch.rand((272, 3), generator=torch.Generator().manual_seed(0), dtype=torch.float64).float()
+    return {
+        "abc": fits.Abc((0.02, 0.02, 0.01), (50.0, 40.0, 30.0), 10000.0, 0.8, 2.2),
+        "sgd": fits.Sgd(sgd),
+        "npf": FactoredBrdf(table),
+    }
+
+
+@pytest.mark.parametrize("kind", ["abc", "sgd", "npf"])
+def test_programs_are_the_published_models(script: Callable[[str], ModuleType], kind: str) -> None:
+    programs, model = script("published_programs"), published_models(script("published_fits"))[kind]
+    made = getattr(programs, f"{kind}_program")(model)
+    program, textures = made if kind == "npf" else (made, [])
+    wi, wo = draw_uniform(3000, torch.Generator().manual_seed(2))
+    near = torch.nn.functional.normalize(wi * torch.tensor([-1.0, -1, 1], dtype=torch.float64) + 0.02 * wo, dim=1)
+    for seen in (wo, near):
+        values: dict[str, list[Any]] = {"wi": list(wi.T), "wo": list(seen.T)}
+        values = interpret(program.statements, values, TORCH, row_fetch(textures))
+        found = torch.stack(value_of(program.result, values, TORCH), -1)
+        expected = model.evaluate(wi, seen)
+        error = (found - expected).abs() / (expected + 1e-6 * expected.mean())
+        # arccos has lost digits near the normal.
+        assert float(error.max()) < 1e-5
+        assert float(error.median()) < 1e-12
+    # No statement overwrites another's component.
+    scalars = [n for let in program.statements for n in names_of(let)]
+    assert len(scalars) == len(set(scalars))
+    below = {"wi": list(wi.T), "wo": list((-wo).T)}
+    below = interpret(program.statements, below, TORCH, row_fetch(textures))
+    assert not torch.stack(value_of(program.result, below, TORCH), -1).any()
+
+
+def names_of(let: Any) -> list[str]:
+    count = let.expression.dimension
+    return [let.name] if count == 1 else [f"{let.name}_{k}" for k in range(count)]
+
+
+@needs_data
+def test_speeds_are_written_and_stand_in_the_table(
+    script: Callable[[str], ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = script("compression_speed")
+    monkeypatch.setattr(module, "PUBLISHED", ("abc",))
+    # Compiling takes seconds a program.
+    monkeypatch.setattr(module, "rates", lambda ways, *_: {way.name: (k + 1.5, 256) for k, way in enumerate(ways)})
+    assert module.main(["--short", "--data", str(DATA), "--cache", str(tmp_path)]) == 0
+    rows = module.read(tmp_path)
+    assert [(row["method"], row["compiler"]) for row in rows] == [("abc", "ours"), ("GGX × 1", "ours")]
+    assert module.median_of(rows, "abc") == 1.5
+    assert module.median_of(rows, "sgd") is None
+    text = script("compression_tables").speeds(rows)
+    assert [line.split("|")[1].strip() for line in text.splitlines()[2:]] == ["abc", "GGX × 1"]
+
+
+@needs_data
+def test_seeds_and_limits_are_written_and_stand_in_the_table(
+    script: Callable[[str], ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seeds, limits, protocol = (script(f"compression_{name}") for name in ("seeds", "limits", "protocol"))
+    monkeypatch.setattr(protocol, "PIXELS", 24)
+    protocol.surroundings.cache_clear()
+    methods = {"ours, as if": GgxMethod(), "GGX × 1": GgxMethod()}
+    for module in (seeds, limits, script("compression_fits")):
+        monkeypatch.setattr(module, "READINGS", ("nbrdf", "npf"))
+        for name, value in (("DEFAULT_COUNT", 1500), ("METHODS", methods)):
+            if hasattr(module, name):
+                monkeypatch.setattr(module, name, value)
+    monkeypatch.setattr(limits, "VARIANTS", {"few": (GgxMethod(), 1), "many": (GgxMethod(), 2)})
+    shared = ["--short", "--data", str(DATA), "--cache", str(tmp_path)]
+    assert seeds.main([*shared, "--seeds", "2"]) == 0
+    assert limits.main([*shared, "--materials", "pvc"]) == 0
+    protocol.surroundings.cache_clear()
+    table = script("compression_table")
+    rows = table.rows_of(tmp_path / seeds.FILE)
+    assert [(row["method"], row["seed"]) for row in rows] == [("ours, as if", "0"), ("ours, as if", "1")]
+    assert rows[0]["MALE"] != rows[1]["MALE"]
+    line = script("compression_tables").seeds(rows).splitlines()[2].split("|")
+    assert float(line[4].split("±")[0]) == pytest.approx(sum(float(row["MALE"]) for row in rows) / 2, rel=0.01)
+    assert [row["fit"] for row in table.rows_of(tmp_path / limits.FILE)] == ["few"]
+    assert "| pvc | few | 0 | 32 |" in table.limits(table.rows_of(tmp_path / limits.FILE))
+
+
 @needs_data
 def test_what_is_done_is_not_done_again(
     script: Callable[[str], ModuleType],
@@ -76,22 +285,24 @@ def test_what_is_done_is_not_done_again(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    module = script("compression_table")
+    module, fits, protocol = (script(f"compression_{name}") for name in ("table", "fits", "protocol"))
     # The processes' decoder takes most of the time.
-    monkeypatch.setattr(module, "PUBLISHED", ("nbrdf", "npf", "abc"))
-    monkeypatch.setattr(module, "READINGS", ("nbrdf", "npf"))
-    monkeypatch.setattr(module, "PIXELS", 24)
-    module.surroundings.cache_clear()
+    for each in (module, fits, script("compression_tables"), script("compression_charts")):
+        monkeypatch.setattr(each, "PUBLISHED", ("nbrdf", "npf", "abc"))
+        if hasattr(each, "READINGS"):
+            monkeypatch.setattr(each, "READINGS", ("nbrdf", "npf"))
+    monkeypatch.setattr(protocol, "PIXELS", 24)
+    protocol.surroundings.cache_clear()
     arguments = ["--short", "--data", str(DATA), "--cache", str(tmp_path / "c"), "--plot", str(tmp_path / "p.png")]
     assert module.main(arguments) == 0
     first = capsys.readouterr().out
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "c").rglob("*.npz")}
-    assert len(kept) == len(module.PUBLISHED) + len(module.READINGS)
+    assert len(kept) == len(fits.PUBLISHED) + len(fits.READINGS)
     assert module.main(arguments) == 0
     assert capsys.readouterr().out == first
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    module.surroundings.cache_clear()
-    assert "| GGX × 1 | 32 |" in first
+    protocol.surroundings.cache_clear()
+    assert "| GGX × 1 | 1 | 32 | 0 |" in first
     # A method is not judged by what it was fitted to.
     by_npf = first.split("### by npf")[1].split("\n##")[0]
     assert "| npf |" not in by_npf

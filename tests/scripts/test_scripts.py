@@ -85,7 +85,20 @@ def test_the_comparison_writes_what_it_measured(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, none = tmp_path / "out", tmp_path / "none"
-    assert script("compare_with_mccool").main([str(SYNTHETIC), "--short", "--out", str(out), "--data", str(none)]) == 0
+    page, plot = tmp_path / "docs" / "page.md", tmp_path / "docs" / "plot.png"
+    arguments = [
+        str(SYNTHETIC),
+        "--short",
+        "--out",
+        str(out),
+        "--data",
+        str(none),
+        "--page",
+        str(page),
+        "--plot",
+        str(plot),
+    ]
+    assert script("compare_with_mccool").main(arguments) == 0
     printed = capsys.readouterr()
     for paint in ("garnet_red", "krylon_blue", "cayman"):
         assert f"skipped {paint}: no {none / 'cornell' / paint}.brdf" in printed.err
@@ -113,6 +126,15 @@ def test_the_comparison_writes_what_it_measured(
         error.setdefault((row["source"], row["method"] + row["textures"] + row["grid"]), []).append(
             float(row["train_log_mse"])
         )
+    # The page has the Cole errors by number of textures, training / held out.
+    lines = table(page.read_text(encoding="utf-8"), "source")
+    for row in (row for row in rows if row["method"] == "cole" and row["coordinates"] == "in-out"):
+        way = "reciprocal" if row["reciprocal"] == "1" else "free"
+        line = next(x for x in lines if (x["source"], x["projections"]) == (row["source"], f"in-out, {way}"))
+        pair = line[f"{row['textures']} texture{'s' * (row['textures'] != '1')}"]
+        for text, part in zip(pair.split(" / "), ("train", "held_out"), strict=True):
+            assert float(text) == pytest.approx(float(row[f"{part}_log_mse"]), rel=0.01)
+    assert plot.read_bytes()[:4] == b"\x89PNG"
     written = (out / "errors.md").read_text(encoding="utf-8")
     assert written in printed.out
     assert "seed 0" in written
