@@ -22,7 +22,7 @@ from homofact.meshes.tangents import frames
 from homofact.render import mitsuba_bsdf
 from homofact.render.light import EnvironmentMap
 from homofact.scene.lighting import solid_angles, texel_directions
-from homofact.scene.transport_reference import Camera, Estimate, Geometry, picture, vertex_radiance
+from homofact.scene.transport.reference import Camera, Estimate, Geometry, picture, vertex_radiance
 
 WHITE = Lambert((1.0, 0.5, 0.25))
 BRUSHED = material("ashikhmin-shirley-wang").model
