@@ -1,9 +1,9 @@
 """Clustered principal components of transport: the compact form (Sloan, Hall, Hart and Snyder 2003; Liu et al. 2004).
 
 Vertices are divided into clusters; in each, a vertex's transport, all K terms together, is the cluster's mean plus a
-few components times the vertex's weights. Light is multiplied with the means and components alone, and a vertex then mixes
-the results: T_v L ≈ M_c L + Σ_i w_vi P_ci L. What is stored is the sparse vectors of C (n + 1) means and components and
-n numbers a vertex.
+few components times the vertex's weights. Light is multiplied with the means and components alone, and a vertex then
+mixes the results: T_v L ≈ M_c L + Σ_i w_vi P_ci L. What is stored is the sparse vectors of C (n + 1) means and
+components and n numbers a vertex.
 
 Distances between transports are taken in a sketch, their products with random vectors of ±1 (Johnson and Lindenstrauss
 1984: V × 98,304 numbers become V × 128, scalar products kept within a few percent); clusters by k-means, then a few
@@ -86,7 +86,8 @@ def clustered(
             raise BadInput(f"{what}: found {value}, expected 1 to {most}")
     rows = _rows(transport)
     rng = np.random.default_rng(seed)
-    signs = rng.integers(0, 2, (rows.shape[1], _SKETCH), np.int8).astype(np.float32) * 2 - 1
+    length = transport.factors.terms * cube.FACES * transport.settings.cube**2
+    signs = rng.integers(0, 2, (length, _SKETCH), np.int8).astype(np.float32) * 2 - 1
     sketch = np.asarray(rows @ signs) / np.sqrt(_SKETCH)
     labels = kmeans2(sketch, count, iter=12, minit="++", rng=rng)[1]
     labels = _settled(sketch, labels, count, components)
@@ -139,16 +140,16 @@ def _settled(sketch: np.ndarray, labels: np.ndarray, count: int, components: int
 
 def _components(rows: csr_array, components: int) -> tuple[np.ndarray, np.ndarray]:
     """(mean and components (n + 1, J) float32, weights (V_c, n)) of a cluster's rows; missing components are 0."""
-    count = rows.shape[0]
-    mean = np.asarray(rows.sum(0)).reshape(-1) / count
     gram = (rows @ rows.T).toarray().astype(np.float64)
+    count = len(gram)
+    mean = np.asarray(rows.sum(0)).reshape(-1) / count
     centred = gram - gram.mean(0) - gram.mean(1)[:, None] + gram.mean()
     power, vectors = np.linalg.eigh(centred)
     kept = min(components, count - 1)
     root = np.sqrt(np.maximum(power[::-1][:kept], 0))
     u = vectors[:, ::-1][:, :kept]
     real = root > 1e-6 * max(root.max(initial=0.0), 1e-30)
-    basis = np.zeros((components + 1, rows.shape[1]), np.float32)
+    basis = np.zeros((components + 1, mean.size), np.float32)
     basis[0] = mean
     inverse = np.where(real, 1 / np.maximum(root, 1e-30), 0.0)
     combined = (u * inverse).T

@@ -2,8 +2,10 @@
 
 Wang, Tran and Luebke (2004) decompose each channel by itself, (2). Here all channels share the light maps, and a view
 map has a value a channel: one transport vector a term serves them all. The best such sum is the singular value
-decomposition of the matrices of the channels side by side, ωi × (ωo, channel). Rows and columns are weighted by
-cosθ dω: that is what light falls on and what a picture shows of a surface. The cosine itself stays out of f, as in Wang.
+decomposition of the matrices of the channels side by side, ωi × (ωo, channel). The cosine stays out of f, as in Wang.
+It weights the error: rows by cos²θi dωi, for light from everywhere errs by f cosθi, and columns by cosθo dωo, the area
+that a surface takes in a picture. Weighted by cosθ on both sides, as on Wang's maps, the first terms are spent on f's
+rise towards the horizon.
 
 An isotropic f is decomposed order by order of azimuth, f = Σ_m f_m(θi, θo) exp(im(φo − φi)); a pair of terms of one
 order, cosine and sine, is kept whole or not at all. A lobe may be far narrower than any function that a few terms can
@@ -48,7 +50,7 @@ _RIM = math.cos(math.radians(89.0))
 class InOutFactors:
     """Light maps `light` (K, M, M) and view maps `view` (K, M, M, C), float32, f in sr⁻¹ without the cosine.
 
-    `strength` (K,) is each term's part of `energy`, ∫∫ Σ_c f² cosθi cosθo dωi dωo. Texel (i, j) lies at
+    `strength` (K,) is each term's part of `energy`, ∫∫ Σ_c f² cos²θi cosθo dωi dωo. Texel (i, j) lies at
     (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
     """
 
@@ -95,8 +97,8 @@ class InOutFactors:
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """Values (N, C) of the maps in sr⁻¹, negative ones included; 0 under the horizon."""
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-        g = _look_up(torch.from_numpy(self.light).permute(1, 2, 0).double(), wi.double())
-        h = _look_up(torch.from_numpy(self.packed_view).flatten(2).double(), wo.double())
+        g = look_up(torch.from_numpy(self.light).permute(1, 2, 0).double(), wi.double())
+        h = look_up(torch.from_numpy(self.packed_view).flatten(2).double(), wo.double())
         values = torch.einsum("nk,nkc->nc", g, h.reshape(len(h), self.terms, -1))
         return torch.where(above[:, None], values, 0.0).to(wi)
 
@@ -189,21 +191,12 @@ class _Terms:
         radius = torch.linspace(0, 1, _FINE * size + 1, dtype=torch.float64)
         theta = torch.acos(((1 - radius**2) / (1 + radius**2)).clamp_min(_RIM))
         order, sigma = self.order[picked], self.sigma[picked]
-        g = torch.stack(
-            [
-                torch.einsum("foc,co->f", moments, (right / outgoing).conj())
-                for moments, right in zip(
-                    _moments(reflectance, theta, self.grid, VIEW_POWER)[0][order], self.right[picked], strict=True
-                )
-            ]
-        )
-        against = _moments(reflectance, theta, self.rows, LIGHT_POWER, swapped=True)[0][order]
-        h = torch.stack(
-            [
-                torch.einsum("fic,i->cf", moments, (left / incident).conj())
-                for moments, left in zip(against, self.left[picked], strict=True)
-            ]
-        )
+        seen = _moments(reflectance, theta, self.grid, VIEW_POWER)[0][order]
+        views = (self.right[picked] / outgoing).conj()
+        g = torch.stack([torch.einsum("foc,co->f", *each) for each in zip(seen, views, strict=True)])
+        sent = _moments(reflectance, theta, self.rows, LIGHT_POWER, swapped=True)[0][order]
+        lights = (self.left[picked] / incident).conj()
+        h = torch.stack([torch.einsum("fic,i->cf", *each) for each in zip(sent, lights, strict=True)])
         scale = (2 * math.pi * sigma).sqrt().to(g)
         g, h = g / scale[:, None], h / scale[:, None, None]
         uv = texel_points(size)
@@ -305,7 +298,7 @@ def texel_points(size: int) -> Tensor:
     return torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)
 
 
-def _look_up(maps: Tensor, w: Tensor) -> Tensor:
+def look_up(maps: Tensor, w: Tensor) -> Tensor:
     """Bilinear values (N, P) of maps (M, M, P) at directions (N, 3)."""
     size = len(maps)
     at = ((to_disc(torch.cat((w[:, :2], w[:, 2:].clamp_min(0)), 1)) + 1) / 2 * size - 0.5).clamp(0, size - 1)
@@ -327,10 +320,10 @@ def _moments(
     crowded, weights = _crowded()
     phi = torch.cat((crowded, 2 * math.pi - crowded.flip(0))) if not even else crowded
     turn = weights.repeat(2) if not even else 2 * weights
-    orders = torch.arange((grid.turns + 1) // 2, dtype=torch.float64)
+    order = torch.arange((grid.turns + 1) // 2, dtype=torch.float64)
     # The sign of an azimuth difference φo − φi: it is the light that is turned where swapped.
-    wave = torch.exp(1j * orders[:, None] * phi * (1 if swapped else -1)) * turn
-    wave = torch.cos(orders[:, None] * phi) * turn + 0j if even else wave
+    wave = torch.exp(1j * order[:, None] * phi * (1 if swapped else -1)) * turn
+    wave = torch.cos(order[:, None] * phi) * turn + 0j if even else wave
     moments, squares = [], []
     for each in theta.tolist():
         # Crowded on both sides of θ itself, by its shares of the quarter turn.

@@ -15,7 +15,7 @@ _LARGEST = np.float32(32767.0)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _place(x: float, y: float, z: float, size: int) -> tuple[int, int, float, float]:
+def _place(x: float, y: float, z: float, size: int) -> tuple:
     """Corner and shares of the bilinear look-up of a direction in a parabolic map."""
     below = np.float32(1.0) + max(z, np.float32(0.0))
     half = np.float32(0.5) * size
@@ -125,7 +125,7 @@ def threshold_of_energy(values: np.ndarray, weights: np.ndarray, tolerance: floa
 
 
 @njit(cache=True, nogil=True)
-def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.ndarray) -> tuple[int, float]:
+def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.ndarray) -> tuple:
     """(how many, scale): the `kept` largest of a vector (J,), as places and 16-bit numbers times the scale.
 
     Of equals at the threshold the first are taken; what would be stored as 0 is left out.
@@ -160,9 +160,7 @@ def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.nd
 
 
 @njit(cache=True, nogil=True)
-def keep_above(
-    values: np.ndarray, weight: float, square: float, index: np.ndarray, number: np.ndarray
-) -> tuple[int, float]:
+def keep_above(values: np.ndarray, weight: float, square: float, index: np.ndarray, number: np.ndarray) -> tuple:
     """(how many, scale) as `keep_largest`, of all whose weighted square is at least `square`."""
     count = 0
     largest = np.float32(0.0)

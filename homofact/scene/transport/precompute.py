@@ -141,12 +141,11 @@ def transport(
     `folder` keeps finished blocks for a later run; blocks of another mesh, material or setting are refused by name.
     `progress` is told (blocks done, blocks). Raises BadInput for such a folder.
     """
-    rows = frames(mesh.normals).astype(np.float32)
-    work = _Work(mesh.positions, rows, factors, settings, occluder)
+    work = _Work(mesh, factors, settings, occluder)
     places = list(range(0, len(mesh.positions), BLOCK))
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        _claim(folder, work.fingerprint(mesh), mesh.name)
+        _claim(folder, work.fingerprint(), mesh.name)
     done = [0]
 
     def one(first: int) -> dict[str, np.ndarray]:
@@ -166,47 +165,46 @@ def transport(
     start = np.zeros(len(counts) + 1, np.int64)
     np.cumsum(counts, out=start[1:])
     index, number, scale = (np.concatenate([each[name] for each in blocks]) for name in _PARTS[1:])
-    return Transport(mesh.positions.astype(np.float32), rows, factors, settings, start, index, number, scale)
+    return Transport(mesh.positions.astype(np.float32), work.rows, factors, settings, start, index, number, scale)
 
 
-class _Work:
-    """What is the same for all blocks."""
+class Tracer:
+    """Which texels of the cube map each vertex of a mesh sees, among everything that the occluder holds."""
 
-    def __init__(
-        self,
-        positions: np.ndarray,
-        rows: np.ndarray,
-        factors: InOutFactors,
-        settings: TransportSettings,
-        occluder: Occluder,
-    ) -> None:
-        size = settings.cube
-        self.positions, self.rows, self.factors, self.settings, self.occluder = (
-            positions, rows, factors, settings, occluder,
-        )  # fmt: skip
+    def __init__(self, mesh: Mesh, occluder: Occluder, size: int, rays: int = 1) -> None:
+        self.positions, self.normals, self.occluder, self.samples = mesh.positions, mesh.normals, occluder, rays**2
         self.directions = cube.directions(size).reshape(-1, 3).astype(np.float32)
         self.angles = np.tile(cube.solid_angles(size).reshape(-1), cube.FACES).astype(np.float32)
-        self.maps = np.ascontiguousarray(factors.light.transpose(1, 2, 0))
-        self.weights = factors.weights
-        fine = cube.directions(size * settings.rays).astype(np.float32)
-        blocks = fine.reshape(cube.FACES, size, settings.rays, size, settings.rays, 3).swapaxes(2, 3)
+        fine = cube.directions(size * rays).astype(np.float32)
+        blocks = fine.reshape(cube.FACES, size, rays, size, rays, 3).swapaxes(2, 3)
         self.rays = np.ascontiguousarray(blocks).reshape(-1, 3)
-
-    def fingerprint(self, mesh: Mesh) -> str:
-        """A digest of everything that decides about the blocks."""
-        digest = hashlib.sha256(repr((self.settings, mesh.name)).encode())
-        for each in (self.positions, self.rows, self.maps, self.factors.view, *self.occluder.arrays):
-            digest.update(np.ascontiguousarray(each).tobytes())
-        return digest.hexdigest()
 
     def visible(self, vertex: int) -> np.ndarray:
         """The share (6·n²,) of each texel that is above the vertex's horizon and not blocked, by the texel's rays."""
-        normal = self.rows[vertex, 2]
+        normal = self.normals[vertex].astype(np.float32)
         above = np.flatnonzero(self.rays @ normal > 0)
         origin = self.positions[vertex] + self.occluder.offset * normal
         seen = np.zeros(len(self.rays), np.float32)
         seen[above] = ~self.occluder.blocked(origin[None], self.rays[above])
-        return seen.reshape(-1, self.settings.rays**2).mean(1)
+        return seen.reshape(-1, self.samples).mean(1)
+
+
+class _Work(Tracer):
+    """What is the same for all blocks of a transport."""
+
+    def __init__(self, mesh: Mesh, factors: InOutFactors, settings: TransportSettings, occluder: Occluder) -> None:
+        super().__init__(mesh, occluder, settings.cube, settings.rays)
+        self.mesh, self.factors, self.settings = mesh, factors, settings
+        self.rows = frames(mesh.normals).astype(np.float32)
+        self.maps = np.ascontiguousarray(factors.light.transpose(1, 2, 0))
+        self.weights = factors.weights
+
+    def fingerprint(self) -> str:
+        """A digest of everything that decides about the blocks."""
+        digest = hashlib.sha256(repr((self.settings, self.mesh.name)).encode())
+        for each in (self.positions, self.rows, self.maps, self.factors.view, *self.occluder.arrays):
+            digest.update(np.ascontiguousarray(each).tobytes())
+        return digest.hexdigest()
 
     def block(self, first: int, last: int) -> dict[str, np.ndarray]:
         """`_PARTS` of the vertices from `first` to below `last`."""

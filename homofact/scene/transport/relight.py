@@ -7,6 +7,7 @@ exact one, and is exact once all are in.
 """
 
 from functools import cached_property
+from itertools import pairwise
 
 import numba
 import numpy as np
@@ -94,7 +95,7 @@ class Relit:
         edges = np.linspace(0, len(out), numba.get_num_threads() + 1).astype(np.int64)
         in_parallel(
             lambda part: add_columns(chosen, start, rows, values, change, part[0], part[1], out),
-            list(zip(edges[:-1], edges[1:], strict=True)),
+            list(pairwise(edges.tolist())),
         )
 
     @cached_property
