@@ -85,9 +85,7 @@ class Geometry:
             raise BadInput(f"normals: row {row} has the length {lengths[row]:.4g}, expected unit vectors")
         if self.triangles.ndim != 2 or self.triangles.shape[1] != 3 or not len(self.triangles):
             raise BadInput(f"triangles: found shape {self.triangles.shape}, expected (T, 3)")
-        if self.triangles.min() < 0 or self.triangles.max() >= vertices:
-            wrong = int(self.triangles.min() if self.triangles.min() < 0 else self.triangles.max())
-            raise BadInput(f"triangles: found vertex {wrong}, expected 0 to {vertices - 1}")
+        _check_rows("triangles", self.triangles, vertices)
 
     @property
     def axes(self) -> np.ndarray:
@@ -120,8 +118,11 @@ def vertex_radiance(
     repeats: int = 8,
     seed: int = 0,
     offset: float | None = None,
+    which: np.ndarray | None = None,
 ) -> Estimate:
     """Radiance that the vertices send to a camera at `place`, by `repeats` independent runs of `samples` each.
+
+    Of all vertices, or of those that `which` (S,) lists, in its order.
 
     The standard error is that of the runs' mean. `material` is a `Reflectance` of R, G, B or one channel, or the
     path of an RGL file (`.bsdf`, by Mitsuba's `measured`, which takes the viewer for the file's ωi) or of a saved fit
@@ -130,18 +131,21 @@ def vertex_radiance(
     MissingDependency without Mitsuba, BadInput for bad numbers and for what the material refuses.
     """
     _check_counts(samples, repeats)
+    wanted = np.arange(len(geometry.positions)) if which is None else np.asarray(which)
+    _check_rows("which", wanted, len(geometry.positions))
     mi = open_mitsuba()
     with _bsdf(material) as bsdf:
         scene = mi.load_dict(
             {"type": "scene", "mesh": _mesh(mi, geometry, None), "sky": environment_emitter(environment)}
         )
         size = np.linalg.norm(np.ptp(geometry.positions[np.unique(geometry.triangles)], axis=0))
-        points = geometry.positions + (OFFSET * size if offset is None else offset) * geometry.normals
-        axes = geometry.axes
+        axes = geometry.axes[wanted]
+        normals = axes[:, 2]
+        points = geometry.positions[wanted] + (OFFSET * size if offset is None else offset) * normals
         toward = np.asarray(place, np.float64) - points
         distance = np.linalg.norm(toward, axis=1, keepdims=True)
         toward /= distance
-        seen = (toward * geometry.normals).sum(1) > 0
+        seen = (toward * normals).sum(1) > 0
         ray = mi.Ray3f(_vector(mi, points), _vector(mi, toward), mi.Float(distance[:, 0] * (1 - 1e-4)), 0.0, [])
         seen &= ~np.array(scene.ray_test(ray)).astype(bool)
         rows = np.nonzero(seen)[0]
@@ -201,6 +205,12 @@ def picture(
         cover = mi.load_dict(made | {"integrator": {"type": "depth"}})
         alpha = np.array(mi.render(cover, spp=64))[..., 3]
     return _estimate(runs, alpha > 0.999)
+
+
+def _check_rows(name: str, rows: np.ndarray, vertices: int) -> None:
+    wrong = rows[(rows < 0) | (rows >= vertices)]
+    if len(wrong):
+        raise BadInput(f"{name}: found vertex {wrong[0]}, expected 0 to {vertices - 1}")
 
 
 def _check_counts(samples: int, repeats: int) -> None:

@@ -199,6 +199,16 @@ def test_the_same_seed_gives_the_same_bits() -> None:
 
 
 @needs_mitsuba
+def test_some_vertices_are_those_of_all() -> None:
+    sphere, which = of(shapes.sphere(4)), np.array([7, 2, 5, 11])
+    whole = vertex_radiance(sphere, WHITE, studio(), (0, 1, 4), 1024, 4)
+    some = vertex_radiance(sphere, WHITE, studio(), (0, 1, 4), 1024, 4, which=which)
+    assert np.array_equal(some.seen, whole.seen[which])
+    assert some.radiance == pytest.approx(whole.radiance[which], abs=0.03)
+    assert 0 < some.seen.sum() < 4
+
+
+@needs_mitsuba
 @pytest.mark.parametrize("tangent", [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)])
 def test_a_picture_shows_what_the_vertices_send(tangent: tuple[float, float, float]) -> None:
     """A plane from far away: every pixel sees the same."""
@@ -262,10 +272,12 @@ def test_arrays_that_are_no_mesh(name: str, values: np.ndarray, words: str) -> N
 @needs_mitsuba
 def test_what_is_refused(tmp_path: Path) -> None:
     geometry, sky = Geometry(**tetrahedron()), EnvironmentMap.constant()
-    for arguments, words in (
+    refused: list[tuple[dict[str, Any], str]] = [
         ({"samples": 0}, "samples: found 0, expected at least 1"),
         ({"repeats": 1}, "repeats: found 1, expected at least 2"),
-    ):
+        ({"which": np.array([0, 4])}, "which: found vertex 4, expected 0 to 3"),
+    ]
+    for arguments, words in refused:
         with pytest.raises(BadInput, match=words):
             vertex_radiance(geometry, WHITE, sky, (0, 0, 4), **arguments)
     with pytest.raises(BadInput, match="found 2 channels, expected R, G, B or one alone"):
