@@ -140,7 +140,7 @@ def read_scene(path: str | Path) -> Scene:
         return Scene(
             file.stem,
             tuple(
-                replace(each, source=_source(each.source, file.parent, f"material[{place}].source"))
+                replace(each, source=found_source(each.source, file.parent, f"material[{place}].source"))
                 for place, each in enumerate(found.material)
             ),
             tuple(_lighting(each, file.parent) for each in tables),
@@ -152,8 +152,11 @@ def read_scene(path: str | Path) -> Scene:
         raise BadInput(f"{file}: {error}") from error
 
 
-def _source(text: str, folder: Path, where: str) -> str:
-    """The source with its file made findable; a file that is not there is refused before anything is fitted."""
+def found_source(text: str, folder: Path, where: str) -> str:
+    """The source with its file, relative to `folder`, made findable from the working folder.
+
+    Raises BadInput, beginning with `where`, for a file that is not there and an unknown material.
+    """
     if text.startswith(MATERIAL_PREFIX):
         material(text.removeprefix(MATERIAL_PREFIX))
         return text

@@ -6,6 +6,7 @@ piece by piece, the largest coefficients of the change first (Overbeck et al. 20
 exact one, and is exact once all are in.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -32,6 +33,21 @@ def light_coefficients(light: EnvironmentMap | np.ndarray, size: int) -> np.ndar
     if not np.isfinite(given).all() or (given < 0).any():
         raise BadInput("light: found radiance that is negative or not finite, expected finite numbers >= 0")
     return np.moveaxis(transformed(np.moveaxis(given, -1, 0)), 0, -1).reshape(-1, 3)
+
+
+def shaded(transport: Transport, tuples: np.ndarray, eye: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Radiance (V, 3) float32 towards a point `eye` (3,) of K-tuples (V, K, 3); negative residues stay in it.
+
+    0 where a vertex is seen from behind. Raises BadInput for an eye that is no point.
+    """
+    point = np.asarray(eye, np.float64)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise BadInput(f"eye: found {eye}, expected a point of 3 finite numbers")
+    out = np.empty((transport.vertices, 3), np.float32)
+    lit = np.ascontiguousarray(tuples, np.float32)
+    maps = transport.factors.packed_view
+    shade_all(transport.positions, transport.frames, point.astype(np.float32), maps, lit, out)
+    return out
 
 
 class Relit:
@@ -74,14 +90,9 @@ class Relit:
         self._change[chosen] = 0
         return len(left) - len(chosen)
 
-    def shade(self, eye: np.ndarray) -> np.ndarray:
+    def shade(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
         """Radiance (V, 3) float32 of every vertex towards a point `eye` (3,); negative residues stay in it."""
-        given, factors = self.transport, self.transport.factors
-        if np.shape(eye) != (3,) or not np.isfinite(eye).all():
-            raise BadInput(f"eye: found {eye}, expected a point of 3 finite numbers")
-        out = np.empty((given.vertices, 3), np.float32)
-        shade_all(given.positions, given.frames, np.asarray(eye, np.float32), factors.packed_view, self.tuples, out)
-        return out
+        return shaded(self.transport, self.tuples, eye)
 
     def _sum(self) -> None:
         given = self.transport
