@@ -25,6 +25,7 @@ import numpy as np
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
+from homofact.meshes.occlusion import OFFSET
 from homofact.meshes.tangents import frames
 from homofact.render.light import EnvironmentMap
 from homofact.render.mitsuba_bsdf import load_bsdf, measured_bsdf, open_mitsuba
@@ -32,7 +33,6 @@ from homofact.render.mitsuba_environment import environment_emitter
 from homofact.render.mitsuba_frames import TANGENT, framed
 from homofact.render.mitsuba_reflectance import evaluated_calls, reflectance_bsdf
 
-OFFSET = 1e-4
 _LANES = 1 << 20
 
 Material = Reflectance | str | Path
@@ -122,13 +122,11 @@ def vertex_radiance(
 ) -> Estimate:
     """Radiance that the vertices send to a camera at `place`, by `repeats` independent runs of `samples` each.
 
-    Of all vertices, or of those that `which` (S,) lists, in its order.
-
-    The standard error is that of the runs' mean. `material` is a `Reflectance` of R, G, B or one channel, or the
-    path of an RGL file (`.bsdf`, by Mitsuba's `measured`, which takes the viewer for the file's ωi) or of a saved fit
-    (by homofact's own material). `offset` is
-    1e-4 of the mesh's size unless given; Mitsuba's rays start 9e-5 (1 + max |p|) farther out still. Raises
-    MissingDependency without Mitsuba, BadInput for bad numbers and for what the material refuses.
+    Of all vertices, or of those that `which` (S,) lists, in its order. The standard error is that of the runs' mean.
+    `material` is a `Reflectance` of R, G, B or one channel, or the path of an RGL file (`.bsdf`, by Mitsuba's
+    `measured`, which takes the viewer for the file's ωi) or of a saved fit (by homofact's own material). `offset` is
+    that of `meshes.occlusion` unless given. Raises MissingDependency without Mitsuba, BadInput for bad numbers and for
+    what the material refuses.
     """
     _check_counts(samples, repeats)
     wanted = np.arange(len(geometry.positions)) if which is None else np.asarray(which)
@@ -149,6 +147,8 @@ def vertex_radiance(
         ray = mi.Ray3f(_vector(mi, points), _vector(mi, toward), mi.Float(distance[:, 0] * (1 - 1e-4)), 0.0, [])
         seen &= ~np.array(scene.ray_test(ray)).astype(bool)
         rows = np.nonzero(seen)[0]
+        # Mitsuba moves the beginning of every ray along the normal itself: that much is taken off before.
+        starts = points - (1 + np.abs(points).max(1, keepdims=True)) * mi.math.RayEpsilon * normals
         runs = np.zeros((repeats, len(points), 3))
         sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
         count = sampler.sample_count()
@@ -158,7 +158,7 @@ def vertex_radiance(
                 place_of = np.repeat(part, count)
                 sampler.set_samples_per_wavefront(count)
                 sampler.seed(stream, len(place_of))
-                si = _interaction(mi, points[place_of], axes[place_of], toward[place_of])
+                si = _interaction(mi, starts[place_of], axes[place_of], toward[place_of])
                 found = np.array(_direct(mi, scene, bsdf, si, sampler))
                 runs[run, part] = found.reshape(3, len(part), count).mean(2).T
     return _estimate(runs, seen)

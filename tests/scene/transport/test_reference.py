@@ -158,6 +158,31 @@ def test_a_block_takes_away_the_light_that_it_hides() -> None:
 
 
 @needs_mitsuba
+def test_rays_start_the_offset_above_the_vertex_and_no_more() -> None:
+    """A plate as small as a crumb, 0.001 over the vertex, hides the zenith from below it alone."""
+    ground, low = shapes.ground(1.0, 0.0, 2), 0.001
+    crumb = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]) * 5e-4 + [0, low, 0]
+    first = len(ground.positions)
+    geometry = Geometry(
+        np.concatenate((ground.positions, crumb)),
+        np.concatenate((ground.normals, np.tile((0.0, 1.0, 0.0), (4, 1)))),
+        np.concatenate((ground.triangles, first + np.array([[0, 1, 2], [0, 2, 3]]))),
+    )
+    middle = np.array([int(np.abs(ground.positions).sum(1).argmin())])
+    zenith = torch.zeros(8, 16, 3, dtype=torch.float64)
+    zenith[0] = 1.0
+    sky, place = EnvironmentMap(zenith), (5.0, 0.4, 0.0)
+    below, above = (
+        vertex_radiance(geometry, WHITE, sky, place, 64, 2, offset=offset, which=middle)
+        for offset in (0.95 * low, 1.05 * low)
+    )
+    assert below.seen.all()
+    assert not below.radiance.any()
+    # ∫ cosθ up to 22.5° over π.
+    assert above.radiance[0, 0] == pytest.approx(math.sin(math.radians(22.5)) ** 2, rel=0.02)
+
+
+@needs_mitsuba
 @pytest.mark.parametrize("turned", [False, True], ids=["Wang's tangents", "tangents given"])
 def test_an_anisotropic_sphere_has_its_highlight_along_its_tangents(turned: bool) -> None:
     sphere = shapes.sphere(8)
