@@ -1,6 +1,6 @@
 """Relit vertices against the sum over all texels and against Mitsuba: relative RMS, by material and sky.
 
-    python scripts/relight_truth.py [--data FOLDER] [--mesh FILE] [--vertices 600] [--spp 1024] [--repeats 8] [--short]
+    python scripts/relight_truth.py [--data FOLDER] [--mesh FILE] [--vertices 300] [--spp 1024] [--repeats 4] [--short]
 
 A mesh is lit by a sky and seen from one eye; errors are over vertices drawn among those that the eye sees, all
 channels together, √(Σ|found − truth|²/Σ|truth|²).
@@ -8,8 +8,10 @@ channels together, √(Σ|found − truth|²/Σ|truth|²).
 (a) is the sum over all texels of the cube map with the reflectance itself, no term and no coefficient left out
 (`transport.ledger`); (b) is Mitsuba's direct illumination at the same vertices by the full environment map
 (`transport.reference`), whose noise is the relative RMS of its standard error. "Beyond the noise" is
-√(error² − noise²), 0 where the noise is all. The relit has as many terms as hold --share of the energy (or --terms),
-and of each vertex's transport the coefficients that leave out at most --tolerance.
+√(error² − noise²), 0 where the noise is all; so are the columns of (a) against (b), of which the fine one is of a cube
+map of --fine texels along a face: the difference is what the cube map's resolution costs. The relit has as many terms
+as hold --share of the energy (or --terms), and of each vertex's transport the coefficients that leave out at most
+--tolerance.
 
 Mitsuba's `measured` takes the viewer for the file's ωi, and measurements are not quite reciprocal: the RGL paint is
 relit with both exchanged, so that (b) is of the same numbers.
@@ -53,7 +55,7 @@ SKIES = ("grace_probe_latlong.hdr", "stpeters_probe_latlong.hdr", "studio_small_
 EYE = (0.6, 0.5, 3.0)
 HEADER = (
     "material", "sky", "terms", "energy held", "coefficients", "relit against (a)", "noise of (b)", "(a) against (b)",
-    "relit against (b)", "the same, beyond the noise", "light below 0",
+    "fine (a) against (b)", "relit against (b)", "the same, beyond the noise", "light below 0",
 )  # fmt: skip
 
 
@@ -131,11 +133,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = parser_of(__doc__)
     parser.add_argument("--data", type=Path, help="folder of real measurements")
     parser.add_argument("--mesh", type=Path, help="a mesh (the bunny of the data, else a torus knot)")
-    parser.add_argument("--vertices", type=int, default=600, help="vertices drawn (%(default)s)")
+    parser.add_argument("--vertices", type=int, default=300, help="vertices drawn (%(default)s)")
     parser.add_argument("--spp", type=int, default=1024, help="Mitsuba's samples a vertex and run (%(default)s)")
-    parser.add_argument("--repeats", type=int, default=8, help="Mitsuba's runs (%(default)s)")
+    parser.add_argument("--repeats", type=int, default=4, help="Mitsuba's runs (%(default)s)")
     parser.add_argument("--cube", type=int, default=64, help="texels along a cube map's face (%(default)s)")
     parser.add_argument("--share", type=float, default=0.99, help="of a material's energy in its terms (%(default)s)")
+    parser.add_argument("--fine", type=int, help="a cube map's texels along a face for (a) once more, 256 say; slow")
     parser.add_argument("--terms", type=int, help="so many terms of each material instead")
     parser.add_argument("--map-size", type=int, default=64, help="texels across a light or view map (%(default)s)")
     parser.add_argument("--tolerance", type=float, default=0.005, help="of a vertex's transport (%(default)s)")
@@ -143,7 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("out/relight_truth"), help="folder (%(default)s)")
     chosen = parser.parse_args(arguments)
     if chosen.short:
-        chosen.vertices, chosen.spp, chosen.repeats, chosen.cube = 12, 16, 2, 16
+        chosen.vertices, chosen.spp, chosen.repeats, chosen.cube, chosen.fine = 12, 16, 2, 16, 32
     folder = data_folder(chosen.data)
     bunny = folder / "meshes" / "bunny.ply"
     path = chosen.mesh or (None if chosen.short or not bunny.is_file() else bunny)
@@ -171,11 +174,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             truth = at_vertices(mesh, which, shown, light, chosen.spp, chosen.repeats)
             # Two ray tracers may disagree about a vertex at a silhouette.
             colours, dense, radiance = (each[truth.seen] for each in (colours, dense, truth.radiance))
+            fine = "–"
+            if chosen.fine:
+                much = seen.dense(environment_cube(light, chosen.fine), chosen.fine)[truth.seen]
+                fine = f"{beyond(relative(much, radiance), truth.noise):.2%}"
             against = relative(colours, radiance)
             rows.append([
                 name, sky, factors.terms, f"{factors.share:.1%}", f"{made.mean_kept:.0f}",
                 f"{relative(colours, dense):.2%}", f"{truth.noise:.2%}",
-                f"{beyond(relative(dense, radiance), truth.noise):.2%}", f"{against:.2%}",
+                f"{beyond(relative(dense, radiance), truth.noise):.2%}", fine, f"{against:.2%}",
                 f"{beyond(against, truth.noise):.2%}",
                 f"{float(np.maximum(-colours, 0).sum() / np.abs(colours).sum()):.3%}",
             ])  # fmt: skip

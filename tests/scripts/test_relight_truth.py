@@ -26,6 +26,7 @@ def test_relit_vertices_are_held_against_both_truths(monkeypatch: pytest.MonkeyP
     # 12 vertices and 32 samples: what is wrong by more than noise and a coarse cube map is a bug.
     assert 0 < share["relit against (a)"] < 0.3
     assert share["(a) against (b)"] < 0.15
+    assert share["fine (a) against (b)"] < 0.15
     assert 0.01 < share["noise of (b)"] < 0.3
     assert share["the same, beyond the noise"] <= share["relit against (b)"]
 
