@@ -72,7 +72,7 @@ ORDER = """\
 Sztrajman et al. 2021, table 1: GGX < SGD < ABC < NPF < NBRDF. Means over materials, judged by what a method is not."""
 SGD = """\
 ABC, NPF and NBRDF come out in the published order. SGD does not: it falls behind our GGX. Its formula here is, term by
-term (distribution, masking, the sum, the order of the 33 numbers; Fresnel by its source's words), that of the public implementation that the numbers
+term (distribution, masking, the sum, the order of the 33 numbers), that of the public implementation that the numbers
 come from, so the numbers are the reason. Its distribution falls off like exp(−tan²θh/α): a highlight that is narrow and
 has a long tail, as those of metals and metallic paints, becomes too wide and too low, and ends where the readings go
 on. The table has the median of mean |log(f̂/f)| by the half vector's angle, and in brackets how many pairs are off by

@@ -33,7 +33,7 @@ from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from mitsuba_throughput import BATCHES, VARIANT, measured_bsdf, open_mitsuba, throughput_of
+from mitsuba_throughput import BATCHES, throughput_of
 from torch import Tensor
 
 from homofact.brdf.source import open_source
@@ -46,7 +46,7 @@ from homofact.figures.compare_picture import FLOOR, relative_difference
 from homofact.files.atomic import replace_file
 from homofact.geometry.directions import draw_uniform
 from homofact.methods.search import Search
-from homofact.render.mitsuba_bsdf import load_bsdf, open_fit
+from homofact.render.mitsuba_bsdf import VARIANT, load_bsdf, measured_bsdf, open_fit, open_mitsuba
 from homofact.render.sphere import SphereImage
 from homofact.render.tonemap import choose_exposure, tonemap
 
@@ -243,7 +243,7 @@ def compare(chosen: Any) -> int:
         words = [f"log MSE {figure(row.held_out.log_mse)} on held-out samples, {row.seconds_fit:.1f} s of fit"]
         verdict = [f"- {line.lstrip(' -')}" for line in verdict_lines(row.verdict)]
     fit = open_fit(place)
-    measured = measured_bsdf(mi, file)
+    measured = measured_bsdf(file)
     name = file.stem.removesuffix("_rgb")
     conditions = f"Mitsuba {mi.__version__}, {VARIANT}, {import_module('drjit').thread_count()} threads. {machine()}"
     smoke = ["- a smoke test: the figures mean nothing"] if chosen.short else []

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from homofact.errors import BadInput, MissingDependency
+from homofact.render.mitsuba_bsdf import measured_bsdf, open_mitsuba
 
-VARIANT = "llvm_ad_rgb"
 BATCHES = tuple(1 << k for k in range(12, 23, 2))
 
 
@@ -39,28 +38,6 @@ class Throughput:
         return self.rates[self.batch]
 
 
-def open_mitsuba(variant: str = VARIANT) -> Any:
-    """The module with `variant` set. Raises MissingDependency where it, or LLVM for it, is not installed."""
-    try:
-        mi, dr = import_module("mitsuba"), import_module("drjit")
-    except ImportError as error:
-        raise MissingDependency("no Mitsuba, expected the extra: pip install 'homofact[mitsuba]'") from error
-    if variant.startswith("llvm") and not dr.has_backend(dr.JitBackend.LLVM):
-        raise MissingDependency("no LLVM for Mitsuba, expected Debian's libllvm19 (DRJIT_LIBLLVM_PATH names another)")
-    mi.set_variant(variant)
-    return mi
-
-
-def measured_bsdf(mi: Any, file: Path) -> Any:
-    """Mitsuba's `measured` material of an RGL file. Raises BadInput where Mitsuba refuses it."""
-    try:
-        return mi.load_dict({"type": "measured", "filename": str(file)})
-    except RuntimeError as error:
-        # The reason follows the plugin's name, and what the file holds the reason.
-        reason = " ".join(str(error).rpartition('"measured": ')[2].split())[:150]
-        raise BadInput(f"{file}: Mitsuba's measured refused it: {reason}") from error
-
-
 def measured_throughput(
     file: Path,
     wi: Tensor,
@@ -69,12 +46,12 @@ def measured_throughput(
     batches: Sequence[int] = BATCHES,
     repeats: int = 15,
 ) -> Throughput:
-    """`throughput_of` the RGL file's material in Mitsuba's variant `VARIANT`.
+    """`throughput_of` the RGL file's material in Mitsuba's variant `mitsuba_bsdf.VARIANT`.
 
     Raises MissingDependency where Mitsuba or LLVM is missing, BadInput where Mitsuba refuses the file.
     """
     mi = open_mitsuba()
-    return throughput_of(mi, measured_bsdf(mi, file), wi, wo, threads, batches, repeats)
+    return throughput_of(mi, measured_bsdf(file), wi, wo, threads, batches, repeats)
 
 
 def throughput_of(

@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput, MissingDependency
 from homofact.factor.fitted import Fitted
 from homofact.files.archive import saved_file
@@ -34,6 +35,7 @@ from homofact.methods.saved import open_saved
 from homofact.render.lobe_sampling import SCALE, SIGMA, lobe_sampling
 
 NAME = "homofact"
+VARIANT = "llvm_ad_rgb"
 SAMPLINGS = ("lobe", "cosine")
 _RGB = ("R", "G", "B")
 _LUMINANCE = (0.212671, 0.71516, 0.072169)  # Mitsuba's `luminance`
@@ -60,6 +62,29 @@ def load_bsdf(place: str | os.PathLike[str], sampling: str = "lobe") -> Any:
     properties["filename"] = str(place)
     properties["sampling"] = sampling
     return material(properties)
+
+
+def measured_bsdf(file: str | os.PathLike[str]) -> Any:
+    """Mitsuba's own `measured` material of an RGL file, in the variant of the moment.
+
+    Raises MissingDependency without Mitsuba, BadInput where Mitsuba refuses the file.
+    """
+    try:
+        return _mitsuba().load_dict({"type": "measured", "filename": str(file)})
+    except RuntimeError as error:
+        # The reason follows the plugin's name, and what the file holds the reason.
+        reason = " ".join(str(error).rpartition('"measured": ')[2].split())[:150]
+        raise BadInput(f"{file}: Mitsuba's measured refused it: {reason}") from error
+
+
+def open_mitsuba(variant: str = VARIANT) -> Any:
+    """The module with `variant` set. Raises MissingDependency where it, or LLVM for it, is not installed."""
+    mi = _mitsuba()
+    dr = import_module("drjit")
+    if variant.startswith("llvm") and not dr.has_backend(dr.JitBackend.LLVM):
+        raise MissingDependency("no LLVM for Mitsuba, expected Debian's libllvm19 (DRJIT_LIBLLVM_PATH names another)")
+    mi.set_variant(variant)
+    return mi
 
 
 def open_fit(place: str | os.PathLike[str]) -> Fitted:
@@ -123,9 +148,12 @@ def _class_of(variant: str) -> Any:
                 raise BadInput(
                     f"homofact material: sampling: found {self.sampling!r}, expected one of {', '.join(SAMPLINGS)}"
                 )
-            isotropic = fitted.evaluation.isotropic
+            self._draw_from(fitted, fitted.evaluation.isotropic)
+
+        def _draw_from(self, reflectance: Reflectance, isotropic: bool) -> None:
+            """Tables of the mixture, and what kind of material it is."""
             if self.sampling == "lobe":
-                mixture = lobe_sampling(fitted, isotropic)
+                mixture = lobe_sampling(reflectance, isotropic)
                 self.lobe = mi.MarginalContinuous2D0(mixture.table.numpy().astype(np.float32))
                 share = mixture.cosine.numpy().astype(np.float32)[:, None]
                 self.share = mi.Texture1f(mi.TensorXf(share), False, False, dr.FilterMode.Linear, dr.WrapMode.Clamp)

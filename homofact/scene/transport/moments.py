@@ -16,7 +16,7 @@ from homofact.geometry.directions import from_spherical
 from homofact.scene.harmonics import gauss_legendre
 from homofact.scene.in_out import Grid, polynomial
 
-# Gauss nodes of each half of a crowded interval, and the power by which they crowd.
+# Gauss nodes of each half of a crowded interval, at least, and the power by which they crowd.
 _NODES, _CROWDING = 24, 3
 
 
@@ -30,7 +30,8 @@ def moments(
     view from θ at azimuth 0 instead, against exp(+imφ). An `even` f is asked on one side of the plane alone,
     and its integrals are real. Raises BadInput for values that are not finite.
     """
-    crowded, weights = _crowded()
+    # As many as the waves of the highest order need in the middle, where the nodes are far apart.
+    crowded, weights = _crowded(max(_NODES, grid.turns // 2))
     phi = torch.cat((crowded, 2 * math.pi - crowded.flip(0))) if not even else crowded
     turn = weights.repeat(2) if not even else 2 * weights
     order = torch.arange((grid.turns + 1) // 2, dtype=torch.float64)
@@ -59,9 +60,9 @@ def moments(
     return torch.stack(found, 1), torch.stack(squares)
 
 
-def _crowded() -> tuple[Tensor, Tensor]:
+def _crowded(count: int) -> tuple[Tensor, Tensor]:
     """Nodes and weights of ∫ over [0, π] that crowd towards both ends: x = (π/2) s³ of Gauss nodes s."""
-    s, weights = gauss_legendre(_NODES, 0.0, 1.0)
+    s, weights = gauss_legendre(count, 0.0, 1.0)
     x = math.pi / 2 * s**_CROWDING
     weights = math.pi / 2 * _CROWDING * s ** (_CROWDING - 1) * weights
     return torch.cat((x, math.pi - x.flip(0))), torch.cat((weights, weights.flip(0)))

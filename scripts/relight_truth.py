@@ -1,0 +1,223 @@
+"""Relit vertices against the sum over all texels and against Mitsuba: relative RMS, by material and sky.
+
+    python scripts/relight_truth.py [--data FOLDER] [--mesh FILE] [--vertices 300] [--spp 1024] [--repeats 4] [--short]
+
+A mesh is lit by a sky and seen from one eye; errors are over vertices drawn among those that the eye sees, all
+channels together, √(Σ|found − truth|²/Σ|truth|²).
+
+(a) is the sum over all texels of the cube map with the reflectance itself, no term and no coefficient left out
+(`transport.ledger`); (b) is Mitsuba's direct illumination at the same vertices by the full environment map
+(`transport.reference`), whose noise is the relative RMS of its standard error. "Beyond the noise" is
+√(error² − noise²), 0 where the noise is all; so are the columns of (a) against (b), of which the fine one is of a cube
+map of --fine texels along a face: the difference is what the cube map's resolution costs. The relit has as many terms
+as hold --share of the energy (or --terms), and of each vertex's transport the coefficients that leave out at most
+--tolerance.
+
+Mitsuba's `measured` takes the viewer for the file's ωi, and measurements are not quite reciprocal: the RGL paint is
+relit with both exchanged, so that (b) is of the same numbers.
+"""
+
+import math
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from conditions import data_folder, figure, markdown, parser_of, write
+from torch import Tensor
+
+from homofact.brdf.formats.rgl import load
+from homofact.brdf.materials import material
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.source import open_source
+from homofact.errors import HomofactError
+from homofact.evaluate.machine import machine
+from homofact.meshes.mesh import Mesh, read_mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.meshes.shapes import torus_knot
+from homofact.render.environment import read_environment
+from homofact.render.light import EnvironmentMap
+from homofact.render.mitsuba_bsdf import VARIANT, open_mitsuba
+from homofact.scene.lighting import named_lighting
+from homofact.scene.transport.cube import environment_cube
+from homofact.scene.transport.factors import factor
+from homofact.scene.transport.ledger import relative, seen_vertices
+from homofact.scene.transport.precompute import TransportSettings, transport
+from homofact.scene.transport.reference import Estimate, Geometry, Material, vertex_radiance
+from homofact.scene.transport.relight import Relit
+
+NAMED = ("ashikhmin-shirley-wang", "lafortune-clay", "lafortune-skin")
+SURROGATE = ("nbrdf/merl_nbrdf_weights.npz", "gold-metallic-paint")
+PAINT = "rgl/vch_golden_yellow_rgb.bsdf"
+SKIES = ("grace_probe_latlong.hdr", "stpeters_probe_latlong.hdr", "studio_small_03_1k.hdr")
+EYE = (0.6, 0.5, 3.0)
+HEADER = (
+    "material", "sky", "terms", "energy held", "coefficients", "relit against (a)", "noise of (b)", "(a) against (b)",
+    "fine (a) against (b)", "relit against (b)", "the same, beyond the noise", "light below 0",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Exchanged:
+    """A reflectance with light and viewer exchanged. A `Reflectance`."""
+
+    inner: Reflectance
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Those of the inner one."""
+        return self.inner.channels
+
+    @property
+    def nbytes(self) -> int:
+        """Those of the inner one."""
+        return self.inner.nbytes
+
+    @property
+    def fetches(self) -> int:
+        """Those of the inner one."""
+        return self.inner.fetches
+
+    @property
+    def isotropic(self) -> bool:
+        """As the inner one."""
+        return bool(getattr(self.inner, "isotropic", False))
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """f(ωo, ωi)."""
+        return self.inner.evaluate(wo, wi)
+
+
+def materials(folder: Path, short: bool) -> tuple[dict[str, tuple[Reflectance, Material]], list[str]]:
+    """(by name what is relit and what Mitsuba is given, a message for each that is not there)."""
+    found: dict[str, tuple[Reflectance, Material]] = {}
+    missing = []
+    for name in NAMED[1:2] if short else NAMED:
+        model = material(name).model
+        found[name] = (model, model)
+    if short:
+        return found, missing
+    weights, paint = folder / SURROGATE[0], folder / PAINT
+    for path in (weights, paint):
+        if not path.is_file():
+            missing.append(f"skipped: no {path} (--data FOLDER or HOMOFACT_DATA names the real measurements)")
+    if weights.is_file():
+        network = open_source(f"{weights}#{SURROGATE[1]}").reflectance
+        assert network is not None
+        found[f"surrogate of MERL {SURROGATE[1]}"] = (network, network)
+    if paint.is_file():
+        found[f"RGL {paint.stem.removesuffix('_rgb')}"] = (Exchanged(load(paint)), paint)
+    return found, missing
+
+
+def skies(folder: Path, short: bool) -> dict[str, EnvironmentMap]:
+    """The environment maps that are there; our own studio in a short run."""
+    paths = [] if short else [folder / "envmaps" / name for name in SKIES]
+    found = {path.stem.split("_")[0]: read_environment(path) for path in paths if path.is_file()}
+    if found:
+        return found
+    (own,) = named_lighting("studio").lights
+    assert isinstance(own, EnvironmentMap)
+    return {"our studio": own}
+
+
+def beyond(error: float, noise: float) -> float:
+    """What of a relative RMS is not noise."""
+    return math.sqrt(max(error**2 - noise**2, 0.0))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and write it."""
+    parser = parser_of(__doc__)
+    parser.add_argument("--data", type=Path, help="folder of real measurements")
+    parser.add_argument("--mesh", type=Path, help="a mesh (the bunny of the data, else a torus knot)")
+    parser.add_argument("--vertices", type=int, default=300, help="vertices drawn (%(default)s)")
+    parser.add_argument("--spp", type=int, default=1024, help="Mitsuba's samples a vertex and run (%(default)s)")
+    parser.add_argument("--repeats", type=int, default=4, help="Mitsuba's runs (%(default)s)")
+    parser.add_argument("--cube", type=int, default=64, help="texels along a cube map's face (%(default)s)")
+    parser.add_argument("--share", type=float, default=0.99, help="of a material's energy in its terms (%(default)s)")
+    parser.add_argument("--fine", type=int, help="a cube map's texels along a face for (a) once more, 256 say; slow")
+    parser.add_argument("--terms", type=int, help="so many terms of each material instead")
+    parser.add_argument("--map-size", type=int, default=64, help="texels across a light or view map (%(default)s)")
+    parser.add_argument("--tolerance", type=float, default=0.005, help="of a vertex's transport (%(default)s)")
+    parser.add_argument("--only", help="materials whose name has this in it")
+    parser.add_argument("--out", type=Path, default=Path("out/relight_truth"), help="folder (%(default)s)")
+    chosen = parser.parse_args(arguments)
+    if chosen.short:
+        chosen.vertices, chosen.spp, chosen.repeats, chosen.cube, chosen.fine = 12, 16, 2, 16, 32
+    folder = data_folder(chosen.data)
+    bunny = folder / "meshes" / "bunny.ply"
+    path = chosen.mesh or (None if chosen.short or not bunny.is_file() else bunny)
+    mesh = torus_knot(96, 12) if path is None else read_mesh(path)
+    version = open_mitsuba().__version__
+    found, missing = materials(folder, chosen.short)
+    lights = skies(folder, chosen.short)
+    occluder = Occluder(mesh.positions, mesh.triangles)
+    began, rows = time.perf_counter(), []
+    for name, (reflectance, shown) in found.items():
+        if chosen.only and chosen.only not in name:
+            continue
+        seen = seen_vertices(mesh, reflectance, occluder, EYE, chosen.vertices)
+        which = seen.which
+        part = Mesh(mesh.positions[which], mesh.normals[which], mesh.triangles[:0], mesh.name)
+        factors = factor(reflectance, terms=chosen.terms, share=chosen.share, map_size=chosen.map_size)
+        settings = TransportSettings(cube=chosen.cube, tolerance=chosen.tolerance)
+        made = transport(part, factors, settings, occluder)
+        for sky, light in lights.items():
+            radiance = environment_cube(light, chosen.cube)
+            relit = Relit(made)
+            relit.relight(radiance)
+            colours = relit.shade(np.asarray(EYE)).astype(np.float64)
+            dense = np.broadcast_to(seen.dense(radiance, chosen.cube), colours.shape)
+            truth = at_vertices(mesh, which, shown, light, chosen.spp, chosen.repeats)
+            # Two ray tracers may disagree about a vertex at a silhouette.
+            colours, dense, radiance = (each[truth.seen] for each in (colours, dense, truth.radiance))
+            fine = "–"
+            if chosen.fine:
+                much = seen.dense(environment_cube(light, chosen.fine), chosen.fine)[truth.seen]
+                fine = f"{beyond(relative(much, radiance), truth.noise):.2%}"
+            against = relative(colours, radiance)
+            rows.append([
+                name, sky, factors.terms, f"{factors.share:.1%}", f"{made.mean_kept:.0f}",
+                f"{relative(colours, dense):.2%}", f"{truth.noise:.2%}",
+                f"{beyond(relative(dense, radiance), truth.noise):.2%}", fine, f"{against:.2%}",
+                f"{beyond(against, truth.noise):.2%}",
+                f"{float(np.maximum(-colours, 0).sum() / np.abs(colours).sum()):.3%}",
+            ])  # fmt: skip
+            print(f"{time.perf_counter() - began:.0f} s: {name}, {sky}", file=sys.stderr, flush=True)
+    smoke = ["- a smoke test: the figures mean nothing"] if chosen.short else []
+    lines = [
+        "# Relit vertices against the truth",
+        "",
+        f"- {mesh.name}, {len(mesh.positions)} vertices, {len(mesh.triangles)} triangles, {chosen.vertices} of the"
+        f" vertices that {EYE} sees; cube maps of 6 × {chosen.cube}², maps of {chosen.map_size}², tolerance"
+        f" {chosen.tolerance:g}",
+        f"- Mitsuba {version}, {VARIANT}, {chosen.repeats} runs of {chosen.spp} samples a vertex",
+        f"- {machine()}; {figure(time.perf_counter() - began)} s",
+        *(f"- {each}" for each in missing),
+        *smoke,
+        "",
+        markdown(HEADER, rows, 2),
+        "",
+    ]
+    text = "\n".join(lines)
+    write(chosen.out / "relight_truth.md", text)
+    print(text)
+    return 0
+
+
+def at_vertices(
+    mesh: Mesh, which: np.ndarray, shown: Material, light: EnvironmentMap, samples: int, repeats: int
+) -> Estimate:
+    """Mitsuba's radiance of vertices of a mesh that the eye sees, in their order."""
+    geometry = Geometry(mesh.positions, mesh.normals, mesh.triangles)
+    found = vertex_radiance(geometry, shown, light, EYE, samples, repeats, which=which)
+    if found.seen.mean() < 0.99:
+        raise HomofactError(f"{mesh.name}: Mitsuba sees {found.seen.sum()} of {len(which)} vertices, expected all")
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())
