@@ -54,6 +54,8 @@ class TransportSettings:
         if self.rays not in (1, 2):
             raise BadInput(f"rays: found {self.rays}, expected 1 or 2 across a texel")
         most = cube.FACES * self.cube**2
+        if not isinstance(self.kept, int):
+            raise BadInput(f"kept: found {self.kept}, expected a whole number")
         if not 1 <= self.kept <= most:
             raise BadInput(f"kept: found {self.kept} coefficients, expected 1 to {most} (6 × {self.cube}²)")
         if self.tolerance is not None and not 0 <= self.tolerance < 1:
@@ -141,9 +143,14 @@ def transport(
     `folder` keeps finished blocks for a later run; blocks of another mesh, material or setting are refused by name.
     `progress` is told (blocks done, blocks). Raises BadInput for such a folder.
     """
+    if not len(mesh.positions) or not np.isfinite(mesh.positions).all() or not np.isfinite(mesh.normals).all():
+        found = "no vertices" if not len(mesh.positions) else "positions or normals that are not finite"
+        raise BadInput(f"{mesh.name}: found {found}, expected a mesh")
     work = _Work(mesh, factors, settings, occluder)
     places = list(range(0, len(mesh.positions), BLOCK))
     if folder is not None:
+        if folder.exists() and not folder.is_dir():
+            raise BadInput(f"{folder}: found a file, expected a folder for blocks of transport")
         folder.mkdir(parents=True, exist_ok=True)
         _claim(folder, work.fingerprint(), mesh.name)
     done = [0]
@@ -258,6 +265,8 @@ def _read(file: Path, terms: int, vertices: int) -> dict[str, np.ndarray] | None
     found = read_arrays(file, read_bytes(file, _EXPECTED), _PARTS, _EXPECTED)
     if len(found) < len(_PARTS) or len(found["count"]) != vertices * terms:
         raise BadInput(f"{file}: not a whole block of {vertices} vertices, expected one, or delete it")
+    if len(found["scale"]) != len(found["count"]) or not np.isfinite(found["scale"]).all():
+        raise BadInput(f"{file}: its scales are not those of its vectors, expected {_EXPECTED}, or delete it")
     if found["count"].sum() != len(found["index"]) or len(found["index"]) != len(found["number"]):
         raise BadInput(f"{file}: its parts do not belong together, expected {_EXPECTED}, or delete it")
     return found

@@ -21,6 +21,8 @@ from homofact.scene.transport.haar import transformed
 from homofact.scene.transport.kernels import add_columns, relight_all, shade_all
 from homofact.scene.transport.precompute import Transport
 
+_MOST_RADIANCE = 1e32
+
 
 def light_coefficients(light: EnvironmentMap | np.ndarray, size: int) -> np.ndarray:
     """Haar coefficients (6·n², 3) float64 of an environment map, or of a cube map (6, n, n, 3) of radiance.
@@ -32,6 +34,9 @@ def light_coefficients(light: EnvironmentMap | np.ndarray, size: int) -> np.ndar
         raise BadInput(f"light: found a cube map of shape {given.shape}, expected (6, {size}, {size}, 3)")
     if not np.isfinite(given).all() or (given < 0).any():
         raise BadInput("light: found radiance that is negative or not finite, expected finite numbers >= 0")
+    # The products are of float32: a little more than any camera's or star's radiance.
+    if given.max() > _MOST_RADIANCE:
+        raise BadInput(f"light: found a radiance of {given.max():.3g}, expected at most {_MOST_RADIANCE:g}")
     return np.moveaxis(transformed(np.moveaxis(given, -1, 0)), 0, -1).reshape(-1, 3)
 
 
@@ -80,6 +85,8 @@ class Relit:
 
         Once none is left the light is exactly the one asked for; sums of float32 changes are then made anew.
         """
+        if coefficients < 1:
+            raise BadInput(f"coefficients: found {coefficients}, expected at least 1")
         if self._target is None:
             return 0
         chosen, self._order = self._order[:coefficients], self._order[coefficients:]

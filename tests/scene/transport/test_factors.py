@@ -12,7 +12,9 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.scene.harmonics import harmonics, orders, quadrature
+from homofact.scene.in_out import Grid
 from homofact.scene.transport.factors import FALLOFF, InOutFactors, factor
+from homofact.scene.transport.moments import moments
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,17 @@ def test_an_anisotropic_lobe_is_followed() -> None:
     few, many = (lost_in_natural_light(brushed, found.first(terms)) for terms in (8, 48))
     assert many < 0.2 * few
     assert many == pytest.approx(1 - found.share, rel=0.5)
+
+
+@pytest.mark.parametrize("rings", [20, 32, 48])
+def test_the_integrals_resolve_every_order(rings: int) -> None:
+    """Of a constant f only the order 0 is there, ∫ cosθ dω = π: what leaks into others would be kept as terms."""
+    grid = Grid(rings, 2 * rings, math.pi / 2)
+    found, squares = moments(Lambert((1.0,) * 3), torch.tensor([0.3, 1.2], dtype=torch.float64), grid, 1.0)
+    whole = found.sum(2)[..., 0]
+    assert whole[0].real == pytest.approx(1, rel=1e-9)
+    assert whole[1:].abs().max() < 1e-6
+    assert squares == pytest.approx(3 / math.pi, rel=1e-6)
 
 
 def test_first_is_the_shorter_sum() -> None:

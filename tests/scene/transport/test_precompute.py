@@ -179,6 +179,20 @@ def test_settings_that_are_no_choice(arguments: dict[str, float], expected: str)
         TransportSettings(**arguments)  # type: ignore[arg-type]
 
 
+def test_a_mesh_must_be_one(tmp_path: Path) -> None:
+    settings = TransportSettings(8, kept=12)
+    nothing = replace(knot(), positions=np.zeros((0, 3)), normals=np.zeros((0, 3)))
+    with pytest.raises(BadInput, match=r"torus knot 2,3: found no vertices, expected a mesh"):
+        transport(nothing, matt(), settings, occluder())
+    with pytest.raises(BadInput, match="positions or normals that are not finite"):
+        transport(replace(knot(), positions=knot().positions * np.nan), matt(), settings, occluder())
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(BadInput, match="file: found a file, expected a folder for blocks of transport"):
+        transport(knot(), matt(), settings, occluder(), tmp_path / "file")
+    with pytest.raises(BadInput, match=r"kept: found 2\.5, expected a whole number"):
+        TransportSettings(8, kept=2.5)  # type: ignore[arg-type]
+
+
 def test_light_must_be_light() -> None:
     relit = Relit(whole())
     with pytest.raises(BadInput, match=r"shape \(6, 4, 4, 3\), expected \(6, 8, 8, 3\)"):
@@ -188,6 +202,10 @@ def test_light_must_be_light() -> None:
         given[0, 0, 0, 0] = bad
         with pytest.raises(BadInput, match="negative or not finite"):
             relit.relight(given)
+    with pytest.raises(BadInput, match="found a radiance of 1e\\+35, expected at most 1e\\+32"):
+        relit.relight(np.full((6, 8, 8, 3), 1e35))
+    with pytest.raises(BadInput, match="coefficients: found 0, expected at least 1"):
+        relit.step(0)
     with pytest.raises(BadInput, match="expected a point of 3 finite numbers"):
         relit.shade((0.0, np.nan, 1.0))
     assert SHINY.channels == ("R", "G", "B")
