@@ -34,13 +34,15 @@ class TriangleLights:
     """M spherical triangles, float64, in the world's frame (y up).
 
     `vertices` (V, 3) unit, shared by neighbours; `triangles` (M, 3) into them, their middles of edges `middles` (M, 3)
-    too, opposite to the corners of the same number; `centres` (M, 3) unit; `solid_angles` (M,) in sr; `radiance` (M, C),
+    too, opposite to the corners of the same number; `sizes` (M, 4), the shares of the solid angle of the three triangles
+    at the corners and the one between the middles; `centres` (M, 3) unit; `solid_angles` (M,) in sr; `radiance` (M, C),
     the mean over each.
     """
 
     vertices: np.ndarray
     triangles: np.ndarray
     middles: np.ndarray
+    sizes: np.ndarray
     centres: np.ndarray
     solid_angles: np.ndarray
     radiance: np.ndarray
@@ -138,10 +140,16 @@ class _Tree:
         vertices = np.stack(self.vertices)[used]
         corners = vertices[numbers[0]]
         centres = corners.sum(1)
+        between = vertices[numbers[1]]
+        parts = [np.stack((corners[:, k], between[:, (k + 1) % 3], between[:, (k + 2) % 3]), 1) for k in range(3)] + [
+            between
+        ]
+        sizes = np.stack([triangle_solid_angles(part) for part in parts], 1)
         return TriangleLights(
             vertices,
             numbers[0].astype(np.int64),
             numbers[1].astype(np.int64),
+            sizes / sizes.sum(1, keepdims=True),
             centres / np.linalg.norm(centres, axis=1, keepdims=True),
             triangle_solid_angles(corners),
             radiance[lit],

@@ -90,9 +90,7 @@ def lambert_term(diffuse: Colour) -> Term:
         return (torch.tensor(diffuse, dtype=wi.dtype) / math.pi).expand(len(wi), len(diffuse))
 
     count = len(diffuse)
-    return Term(
-        DIFFUSE, quotient, (Slot("incident", "theta_i", flat(count)), Slot("outgoing", "theta_o", flat(count)))
-    )
+    return Term(DIFFUSE, quotient, (Slot("incident", "theta_i", flat(count)), Slot("outgoing", "theta_o", flat(count))))
 
 
 def from_reflectance(

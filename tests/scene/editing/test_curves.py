@@ -219,7 +219,11 @@ def test_curves_that_do_not_fit_the_material_are_refused() -> None:
     for place, curve, words in (
         (("specular", "gloss"), ones, "specular: has no curve 'gloss', expected one of distribution, fresnel"),
         (("clear coat", "fresnel"), ones, "Cook-Torrance: has no term 'clear coat', expected one of diffuse, specular"),
-        (("specular", "fresnel"), ones, "specular: fresnel: found a curve of 128 bands of 3 channels, expected 64 of 3"),
+        (
+            ("specular", "fresnel"),
+            ones,
+            "specular: fresnel: found a curve of 128 bands of 3 channels, expected 64 of 3",
+        ),
         (("specular", "fresnel"), Bands(torch.zeros(64, 3)), "a curve that is 0 everywhere"),
     ):
         with pytest.raises(BadInput, match=words):
