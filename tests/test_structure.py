@@ -14,7 +14,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "version"),
     ("files", "geometry", "linear", "options"),
-    ("containers", "brdf"),
+    ("containers", "brdf", "meshes"),
     ("factor",),
     ("separable", "parametric"),
     ("methods", "shading"),

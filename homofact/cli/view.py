@@ -17,7 +17,7 @@ def view(
     result: o.Result,
     source: o.MadeFrom = None,
     mesh: Annotated[
-        Path | None, typer.Option(metavar="FILE.obj", help="A mesh (OBJ or PLY) to show the material on.")
+        Path | None, typer.Option(metavar="FILE.obj", help="A mesh (OBJ, PLY, glTF) to show the material on.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -40,8 +40,8 @@ def view(
         check_measurement(source)
 
     from homofact.export.result import open_result
+    from homofact.meshes.mesh import read_mesh
     from homofact.viewer.layers import check_shown
-    from homofact.viewer.mesh import read_mesh
     from homofact.viewer.page import read_report, write_view
 
     screen = Screen(as_json, quiet)

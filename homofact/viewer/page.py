@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from homofact.evaluate.compare import Row
     from homofact.evaluate.metrics import SixErrors
     from homofact.factor.fitted import Fitted
-    from homofact.viewer.mesh import Mesh
+    from homofact.meshes.mesh import Mesh
     from homofact.viewer.viewer import Facts
 
 Stage = Callable[[str], None]

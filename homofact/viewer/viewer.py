@@ -25,8 +25,8 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.files.words import harmless, harmless_words
+from homofact.meshes.mesh import Mesh
 from homofact.version import __version__
-from homofact.viewer.mesh import Mesh
 from homofact.viewer.packing import differences, pack
 from homofact.viewer.source_table import STEP, SourceTable, source_table
 

@@ -23,12 +23,12 @@ from homofact.brdf.materials import material
 from homofact.factor.factorization import Factorization
 from homofact.factor.quantize import rounded
 from homofact.geometry.directions import draw_uniform
+from homofact.meshes.mesh import Mesh
 from homofact.render.light import DEFAULT_LIGHT, EnvironmentMap
 from homofact.render.sphere import render_sphere
 from homofact.render.tonemap import displayed, encode_srgb
 from homofact.separable.separable import Separable
 from homofact.viewer.layers import fit_layer
-from homofact.viewer.mesh import Mesh
 from homofact.viewer.viewer import Layer, source_layer, write_viewer
 
 Open = Callable[..., Any]

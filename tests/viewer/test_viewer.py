@@ -21,11 +21,11 @@ from homofact.errors import BadInput
 from homofact.factor.projection import fixed_projection
 from homofact.factor.quantize import rounded
 from homofact.geometry.directions import draw_uniform
+from homofact.meshes.mesh import Mesh
 from homofact.shading.cost import cost_of
 from homofact.shading.encoding import encode_texture
 from homofact.shading.program import program_of
 from homofact.viewer.layers import fit_layer
-from homofact.viewer.mesh import Mesh
 from homofact.viewer.packing import TYPES, differences, pack, unpack
 from homofact.viewer.viewer import Layer, LayerTexture, source_layer, viewer_html, write_viewer
 

@@ -1,10 +1,11 @@
-"""The triangles in an OBJ file, by its lines, and in a PLY file, by the library plyfile.
+"""The triangles in an OBJ file, by its lines, in a PLY file, by the library plyfile, and in glTF, by trimesh.
 
 Polygons become fans. Texture coordinates, colours, groups and materials are passed over.
 """
 
 from io import BytesIO
 from itertools import chain
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ def parse_obj(data: bytes, name: str) -> Parsed:
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise BadInput(f"{name}: neither text nor a PLY file, expected an OBJ or PLY mesh") from error
+        raise BadInput(f"{name}: neither text nor a PLY file, expected an OBJ, PLY or glTF mesh") from error
     points: list[tuple[float, ...]] = []
     normals: list[tuple[float, ...]] = []
     corners: dict[tuple[int, int], int] = {}
@@ -63,7 +64,7 @@ def parse_obj(data: bytes, name: str) -> Parsed:
             raise BadInput(f"{where}: found {line.strip()[:60]!r}, expected three numbers")
         (points if words[0] == "v" else normals).append(vector)
     if not points and not polygons:
-        raise BadInput(f"{name}: no vertices in it, expected an OBJ or PLY mesh")
+        raise BadInput(f"{name}: no vertices in it, expected an OBJ, PLY or glTF mesh")
     used = np.array(list(corners), np.int64).reshape(-1, 2)
     positions = np.array(points, np.float64).reshape(-1, 3)[used[:, 0]]
     directions = None
@@ -116,3 +117,31 @@ def parse_ply(data: bytes, name: str) -> Parsed:
     if short < 3:
         raise BadInput(f"{name}: a face of {short} corners, expected at least 3")
     return Parsed(positions, normals, _fans(polygons))
+
+
+def parse_gltf(path: Path) -> Parsed:
+    """All meshes of a .glb or .gltf scene at their places, as one; buffers beside a .gltf are read too.
+
+    Raises BadInput for a file that trimesh refuses, without triangles, and where trimesh is not installed.
+    """
+    try:
+        import trimesh
+    except ImportError:
+        raise BadInput(f"{path}: reading glTF needs trimesh, pip install 'homofact[relight]'") from None
+    try:
+        scene = trimesh.load_scene(path, file_type="glb" if path.read_bytes()[:4] == b"glTF" else "gltf", process=False)
+        found = scene.dump(concatenate=False)
+    # A damaged file raises whatever the place that was damaged leads to.
+    except Exception as error:
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise BadInput(f"{path}: not a readable glTF ({words}), expected a whole one") from error
+    parts = [each for each in found if isinstance(each, trimesh.Trimesh) and len(each.faces)]
+    if not parts:
+        raise BadInput(f"{path}: no triangles in it, expected a mesh")
+    starts = np.cumsum([0, *(len(each.vertices) for each in parts)])
+    given = all("vertex_normals" in each._cache.cache for each in parts)
+    return Parsed(
+        np.concatenate([np.asarray(each.vertices, np.float64) for each in parts]),
+        np.concatenate([np.asarray(each.vertex_normals, np.float64) for each in parts]) if given else None,
+        np.concatenate([np.asarray(each.faces, np.int64) + start for each, start in zip(parts, starts, strict=False)]),
+    )

@@ -1,10 +1,11 @@
-"""A mesh to show a material on: Wavefront OBJ and PLY, told apart by content.
+"""A mesh to show a material on: Wavefront OBJ, PLY and glTF, told apart by content.
 
 Positions are moved and scaled so that the smallest box round the mesh is centred and the mesh's farthest corner
-lies on the unit sphere. Normals that the file has are kept; else each vertex gets the sum of its triangles' normals,
-weighted by their areas, over all vertices at the same place (an OBJ splits them along texture seams). A mesh wound
-inside out, which encloses a negative volume, is turned, and every triangle is wound so that it faces the side of its
-normals. Polygons become fans. Texture coordinates, colours, groups and materials are passed over.
+lies on the unit sphere, unless the file's own units are asked for. Normals that the file has are kept; else each
+vertex gets the sum of its triangles' normals, weighted by their areas, over all vertices at the same place (an OBJ
+splits them along texture seams). A mesh wound inside out, which encloses a negative volume, is turned, and every
+triangle is wound so that it faces the side of its normals. Polygons become fans. Texture coordinates, colours, groups
+and materials are passed over.
 """
 
 import os
@@ -15,7 +16,7 @@ import numpy as np
 
 from homofact.errors import BadInput
 from homofact.files.reading import read_bytes
-from homofact.viewer.mesh_files import parse_obj, parse_ply
+from homofact.meshes.files import parse_gltf, parse_obj, parse_ply
 
 
 @dataclass(frozen=True)
@@ -28,15 +29,20 @@ class Mesh:
     name: str
 
 
-def read_mesh(path: str | os.PathLike[str]) -> Mesh:
-    """The mesh in an OBJ or PLY file, as the module's head says.
+def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
+    """The mesh in an OBJ, PLY or glTF file, as the module's head says; in the file's own units unless `fitted`.
 
-    Raises BadInput, one line, for a file that cannot be read, is neither, is damaged or truncated, has no triangles,
-    indices that name no vertex, or coordinates that are not finite.
+    Raises BadInput, one line, for a file that cannot be read, is none of them, is damaged or truncated, has no
+    triangles, indices that name no vertex, or coordinates that are not finite.
     """
     target = Path(path)
-    data = read_bytes(target, "an OBJ or PLY mesh")
-    parsed = parse_ply(data, str(target)) if data[:4] in (b"ply\n", b"ply\r") else parse_obj(data, str(target))
+    data = read_bytes(target, "an OBJ, PLY or glTF mesh")
+    if data[:4] in (b"ply\n", b"ply\r"):
+        parsed = parse_ply(data, str(target))
+    elif data[:4] == b"glTF" or data.lstrip()[:1] == b"{":
+        parsed = parse_gltf(target)
+    else:
+        parsed = parse_obj(data, str(target))
     positions, normals, triangles = parsed
     if not len(triangles):
         raise BadInput(f"{target}: no triangles in it, expected a mesh")
@@ -52,15 +58,18 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     if not (high - low).any():
         raise BadInput(f"{target}: all vertices are at one place, expected a mesh with an extent")
     # Before anything is squared: coordinates may be of any size.
-    positions = (positions - (low + high) / 2) / (high - low).max()
-    positions /= np.linalg.norm(positions[np.unique(triangles)], axis=1).max()
+    middle, extent = (low + high) / 2, (high - low).max()
+    positions = (positions - middle) / extent
+    radius = np.linalg.norm(positions[np.unique(triangles)], axis=1).max()
+    positions /= radius
     if normals is None or not np.linalg.norm(normals, axis=1).all():
         triangles = _outward(positions, triangles)
         computed = _vertex_normals(positions, triangles)
         given = np.zeros(len(positions), bool) if normals is None else np.linalg.norm(normals, axis=1) > 0
         normals = computed if normals is None else np.where(given[:, None], normals, computed)
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    return Mesh(positions, normals, _facing(positions, normals, triangles), target.name)
+    triangles = _facing(positions, normals, triangles)
+    return Mesh(positions if fitted else positions * (radius * extent) + middle, normals, triangles, target.name)
 
 
 def _face_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:

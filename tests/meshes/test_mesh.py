@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from homofact.errors import BadInput
-from homofact.viewer.mesh import Mesh, read_mesh
+from homofact.meshes.mesh import Mesh, read_mesh
 
 CORNERS = [(x, y, z) for x in (0, 2) for y in (0, 2) for z in (0, 2)]
 # Quads, counter-clockwise from outside, into CORNERS.
@@ -139,8 +139,8 @@ def test_a_vertex_without_area_still_has_a_normal(mesh: Callable[..., Mesh]) -> 
 
 
 CASES: dict[str, tuple[str | bytes, str]] = {
-    "empty": ("", r"the file is empty, expected an OBJ or PLY mesh"),
-    "a text": ("Dear reader,\nno mesh.\n", r"no vertices in it, expected an OBJ or PLY mesh"),
+    "empty": ("", r"the file is empty, expected an OBJ, PLY or glTF mesh"),
+    "a text": ("Dear reader,\nno mesh.\n", r"no vertices in it, expected an OBJ, PLY or glTF mesh"),
     "a picture": (b"\x89PNG\r\n\x1a\n\x00\xff", r"neither text nor a PLY file, expected"),
     "points alone": ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", r"no triangles in it, expected a mesh"),
     "a word for a number": ("v 0 zero 0\n", r"line 1: found 'v 0 zero 0', expected three numbers"),
@@ -193,7 +193,7 @@ def test_what_is_wrong_with_a_file_is_named_in_one_line(name: str, mesh: Callabl
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     for path, found in ((tmp_path / "none.obj", "no such file"), (tmp_path, "a folder")):
-        with pytest.raises(BadInput, match=f"{found}, expected an OBJ or PLY mesh"):
+        with pytest.raises(BadInput, match=f"{found}, expected an OBJ, PLY or glTF mesh"):
             read_mesh(path)
 
 

@@ -1,0 +1,58 @@
+"""Rays against a mesh, by Embree: what blocks the light, and what a camera sees first.
+
+Embree's occlusion query stops at any hit and is about a third faster than its search for the first. Its coordinates
+are float32: rays start `OFFSET` of the mesh's size above the surface, along the normal, so that a surface does not
+shadow itself where its triangles are coarser than its normals. Without Embree nothing is traced: rays by other means
+are hundreds of times slower.
+"""
+
+import numpy as np
+
+from homofact.errors import BadInput
+
+OFFSET = 1e-4
+_CHUNK = 2**20
+
+
+class Occluder:
+    """Triangles (T, 3) over positions (V, 3), built once; asked from several threads at a time if need be.
+
+    Raises BadInput where embreex is not installed, and for a mesh without triangles.
+    """
+
+    def __init__(self, positions: np.ndarray, triangles: np.ndarray) -> None:
+        try:
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+        except ImportError:
+            raise BadInput("shadows: rays need Embree, pip install 'homofact[relight]' (embreex)") from None
+        if not len(triangles):
+            raise BadInput("shadows: found no triangles, expected a mesh")
+        # Robust: a ray that runs along an edge or through a vertex must not slip between two triangles.
+        self._scene = EmbreeScene(robust=True)
+        self._mesh = TriangleMesh(
+            self._scene, np.ascontiguousarray(positions, np.float32), np.ascontiguousarray(triangles, np.int32)
+        )
+        used = np.asarray(positions)[np.unique(triangles)]
+        self.offset = OFFSET * float(np.linalg.norm(used.max(0) - used.min(0)))
+
+    def blocked(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Whether something is in the way (R,) of rays from `origins` (R, 3) along `directions` (R, 3)."""
+        found = [self._scene.run(*part, query="OCCLUDED") == 0 for part in _parts(origins, directions)]
+        return np.concatenate(found) if found else np.zeros(0, bool)
+
+    def first(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(triangle (R,) or −1, barycentric weights (R, 3) of its corners) of the nearest hits."""
+        triangles, weights = [], []
+        for part in _parts(origins, directions):
+            found = self._scene.run(*part, query="INTERSECT", output=True)
+            u, v = found["u"].astype(np.float64), found["v"].astype(np.float64)
+            triangles.append(found["primID"].astype(np.int64))
+            weights.append(np.stack((1 - u - v, u, v), 1))
+        return np.concatenate(triangles), np.concatenate(weights)
+
+
+def _parts(origins: np.ndarray, directions: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    arrays = (np.ascontiguousarray(each, np.float32) for each in np.broadcast_arrays(origins, directions))
+    first, second = arrays
+    return [(first[k : k + _CHUNK], second[k : k + _CHUNK]) for k in range(0, len(first), _CHUNK)]

@@ -1,0 +1,48 @@
+"""A mesh made fit for shadows, and what was wrong with it: one line a finding."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.meshes.mesh import Mesh
+
+# Of the largest triangle's area: below it a triangle has no direction in float32 and blocks nothing.
+_DEGENERATE = 1e-12
+
+
+def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
+    """(the mesh without degenerate triangles and with its normals outward, what was found).
+
+    An open mesh is kept as it is and named: light may enter it from behind. Normals are turned only where they enclose
+    a negative volume and the mesh is closed. Raises BadInput where no triangle is left.
+    """
+    notes = []
+    a, b, c = (mesh.positions[mesh.triangles[:, k]] for k in range(3))
+    faces = np.cross(b - a, c - a)
+    area = np.linalg.norm(faces, axis=1)
+    kept = area > _DEGENERATE * area.max(initial=0.0)
+    if not kept.any():
+        raise BadInput(f"{mesh.name}: every triangle is degenerate, expected some area")
+    if not kept.all():
+        notes.append(f"{mesh.name}: {int((~kept).sum())} degenerate triangles of {len(kept)} are left out")
+    mesh = replace(mesh, triangles=mesh.triangles[kept])
+    opened = open_edges(mesh)
+    if opened:
+        notes.append(f"{mesh.name}: open along {opened} edges; light may enter it from behind")
+    # Triangles are wound to the side of the normals, so that the volume is of the normals' side.
+    volume = float((a[kept] * faces[kept]).sum()) / 6
+    if not opened and volume < 0:
+        notes.append(f"{mesh.name}: its normals point inwards; they are turned")
+        mesh = replace(mesh, normals=-mesh.normals, triangles=mesh.triangles[:, ::-1].copy())
+    return mesh, tuple(notes)
+
+
+def open_edges(mesh: Mesh) -> int:
+    """Edges that belong to one triangle alone; vertices at the same place count as one."""
+    _, place = np.unique(mesh.positions, axis=0, return_inverse=True)
+    corners = place.reshape(-1)[mesh.triangles]
+    edges = np.sort(np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    _, times = np.unique(edges, axis=0, return_counts=True)
+    return int((times == 1).sum())
