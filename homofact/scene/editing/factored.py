@@ -3,18 +3,21 @@
 HF, ρ = ρ_q P(θi) Q(θh) P(θo): P and Q are one-dimensional textures of logarithms, solved like all others
 (`factor.textures`), P read at both θi and θo.
 
-HD, ρ = ρ_q (G_d(θi) H_d(θo) + G_s(θd) H_s(θh)): four non-negative curves of straight lines between knots, by
-multiplicative updates (Lee and Seung 2001) of Σ w (f − m)², each of which lowers it; w = 1/(f + mean f)², so that the
-dark parts of a glossy material count too. Both terms have the same quotient f/m.
+HD, ρ = ρ_q (G_d(θi) H_d(θo) + G_s(θd) H_s(θh)): four curves that are positive because their logarithms are what is
+looked for, straight lines between knots, by L-BFGS from a fixed start on
 
-The quotient makes up for what the curves cannot say, so that unedited either form is the material itself. Curves are
-kept above `EPSILON` of their largest value, so that nothing is divided by zero; where the material itself is zero, so is
-its quotient, and no edit lights it.
+    Σ (log(f/A + ε) − log(m/A + ε))² / N + λ Σ (second differences of the knots' logarithms)²,
+
+A the mean of f. Logarithms let the dark parts of a glossy material count, and smooth curves leave a smooth quotient:
+pictures know that at the lights' centres alone. Both terms have the same quotient f/m.
+
+The quotient makes up for what the curves cannot say, so that unedited either form is the material itself. No curve is
+zero, so that nothing is divided by zero; where the material itself is zero, so is its quotient, and no edit lights it.
 """
 
 import numpy as np
 import torch
-from scipy.sparse import csr_matrix
+from scipy.optimize import minimize
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
@@ -28,10 +31,11 @@ from homofact.scene.editing.curves import Knots, hat
 from homofact.scene.editing.material import Editable, Slot, Term
 from homofact.scene.editing.models import DIFFUSE, SPECULAR, WHOLE, quotient_of
 
-EPSILON = 1e-6
 PAIRS, SEED = 16_000, 0
-_KNOTS, _UPDATES = 91, 400
-_SMOOTHING, _LOG_EPSILON = 1e-3, 1e-4
+_KNOTS, _STEPS = 91, 300
+# Smooth curves leave a smooth quotient.
+_SMOOTHING, _LOG_EPSILON = 1.0, 1e-4
+_STIFFNESS, _SPLIT_EPSILON = 0.3, 1e-3
 
 
 def homomorphic(reflectance: Reflectance, name: str = "material", bands: tuple[int, int] = (128, 128)) -> Editable:
@@ -69,9 +73,8 @@ def half_and_diffuse(reflectance: Reflectance, name: str = "material", bands: tu
     wi, wo = _pairs()
     values = _values(reflectance, wi, wo)
     names = ("theta_i", "theta_o", "theta_d", "theta_h")
-    rows = [_hats(angle(each, wi, wo)) for each in names]
-    found = np.stack([_factored(values[:, c].numpy(), rows) for c in range(values.shape[1])], -1)
-    curves = [Knots(torch.from_numpy(each)) for each in found]
+    knots = _factored(values, [angle(each, wi, wo) for each in names])
+    curves = [Knots(each, logs=True) for each in knots]
 
     def model(wi: Tensor, wo: Tensor) -> Tensor:
         at = [curve.at(angle(each, wi, wo)) for curve, each in zip(curves, names, strict=True)]
@@ -88,33 +91,49 @@ def half_and_diffuse(reflectance: Reflectance, name: str = "material", bands: tu
     return Editable(name, reflectance.channels, terms, _zeros(values))
 
 
-def _factored(values: np.ndarray, rows: list[csr_matrix]) -> np.ndarray:
-    """The knots (4, M) of G_d, H_d, G_s, H_s for values (N,), each above `EPSILON` of its largest."""
-    mean = float(values.mean())
-    weights = 1 / (values + mean) ** 2
-    knots = np.ones((4, _KNOTS)) * np.sqrt(mean / 2)
-    # A first guess that falls, so that the specular-like term takes the highlight.
-    knots[3] *= np.exp(-np.linspace(0, 4, _KNOTS))
-    partner = (1, 0, 3, 2)
-    at = [row @ knot for row, knot in zip(rows, knots, strict=True)]
-    for _ in range(_UPDATES):
-        for k in range(4):
-            model = at[0] * at[1] + at[2] * at[3]
-            other = weights * at[partner[k]]
-            wanted, have = rows[k].T @ (other * values), rows[k].T @ (other * model)
-            # A knot that no pair reads has nothing on either side.
-            knots[k] *= np.where(have > 0, wanted / np.maximum(have, 1e-300), 1.0)
-            at[k] = rows[k] @ knots[k]
-    return np.maximum(knots, EPSILON * knots.max(1, keepdims=True))
+def _factored(values: Tensor, angles: list[Tensor]) -> Tensor:
+    """Logarithms (4, M, C) of G_d, H_d, G_s, H_s at the knots, for values (N, C) at four angles (N,) each."""
+    channels, mean = values.shape[1], values.mean(0)
+    target = torch.log(values / mean + _SPLIT_EPSILON)
+    places = [hat(gamma, _KNOTS) for gamma in angles]
+    # First an even diffuse part, the darkest fifth, and over θh the mean logarithm of what is above it.
+    even = torch.quantile(values, 0.2, dim=0).clamp_min(_SPLIT_EPSILON * mean)
+    above = torch.log((values - even).clamp_min(_SPLIT_EPSILON * mean))
+    start = torch.zeros(4, _KNOTS, channels, dtype=torch.float64)
+    start[:2] = torch.log(even) / 2
+    start[3] = _means(above, *places[3])
+
+    def objective(flat: np.ndarray) -> tuple[float, np.ndarray]:
+        knots = torch.from_numpy(flat.reshape(start.shape)).requires_grad_()
+        at = [
+            torch.lerp(curve[number], curve[number + 1], share[:, None])
+            for curve, (number, share) in zip(knots, places, strict=True)
+        ]
+        model = torch.exp(at[0] + at[1]) + torch.exp(at[2] + at[3])
+        rest = torch.log(model / mean + _SPLIT_EPSILON) - target
+        bends = knots[:, 2:] - 2 * knots[:, 1:-1] + knots[:, :-2]
+        value = rest.square().mean() + _STIFFNESS * bends.square().sum() / channels
+        value.backward()
+        assert knots.grad is not None
+        return float(value.detach()), knots.grad.numpy().reshape(-1)
+
+    options = {"maxiter": _STEPS, "maxfun": 2 * _STEPS}
+    found = minimize(objective, start.numpy().reshape(-1), jac=True, method="L-BFGS-B", options=options)
+    return torch.from_numpy(found.x.reshape(start.shape))
 
 
-def _hats(gamma: Tensor) -> csr_matrix:
-    """Weights (N, M) of the knots at angles (N,)."""
-    number, share = hat(gamma, _KNOTS)
-    rows = np.arange(len(gamma)).repeat(2)
-    columns = torch.stack((number, number + 1), 1).reshape(-1).numpy()
-    values = torch.stack((1 - share, share), 1).reshape(-1).numpy()
-    return csr_matrix((values, (rows, columns)), shape=(len(gamma), _KNOTS))
+def _means(values: Tensor, number: Tensor, share: Tensor) -> Tensor:
+    """Means (M, C) of values (N, C) about each knot by the hat's weights; the last one's where there are none."""
+    numbers, weights = torch.cat((number, number + 1)), torch.cat((1 - share, share))
+    sums = torch.zeros(_KNOTS, values.shape[1], dtype=values.dtype)
+    counts = torch.zeros(_KNOTS, 1, dtype=values.dtype)
+    sums.index_add_(0, numbers, values.repeat(2, 1) * weights[:, None])
+    counts.index_add_(0, numbers, weights[:, None])
+    found = sums / counts.clamp_min(1e-300)
+    for knot in range(1, _KNOTS):
+        if float(counts[knot]) == 0:
+            found[knot] = found[knot - 1]
+    return found
 
 
 def _pairs() -> tuple[Tensor, Tensor]:

@@ -24,7 +24,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.scene.editing.angles import LETTERS
 from homofact.scene.editing.curves import BANDS, flat
-from homofact.scene.editing.material import Editable, Slot, Sliders, Term
+from homofact.scene.editing.material import Editable, Sliders, Slot, Term
 from homofact.scene.editing.starts import beckmann, cosine_power, fresnel, matte_fade
 
 DIFFUSE, SPECULAR, WHOLE = "diffuse", "specular", "whole"
@@ -112,7 +112,7 @@ def from_reflectance(
     return Editable(name, reflectance.channels, (Term(WHOLE, quotient_of(reflectance), slots),))
 
 
-def quotient_of(reflectance: Reflectance):  # noqa: ANN201 (a plain function of two tensors)
+def quotient_of(reflectance: Reflectance):
     """`evaluate` of a reflectance as float64, whatever its own type."""
 
     def quotient(wi: Tensor, wo: Tensor) -> Tensor:

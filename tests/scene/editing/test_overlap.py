@@ -38,8 +38,8 @@ def found_bands(
     begins = np.arange(len(numbers) + 1)
     pixels = len(numbers)
     transport(
-        lights.vertices, lights.triangles, lights.middles, lights.sizes, np.tile(FRAME, (pixels, 1, 1)), np.tile(wo, (pixels, 1)),
-        kinds, bands, begins, numbers, np.ones((pixels, 1)), found,
+        lights.vertices, lights.triangles, lights.middles, lights.sizes, np.tile(FRAME, (pixels, 1, 1)),
+        np.tile(wo, (pixels, 1)), kinds, bands, begins, numbers, np.ones((pixels, 1)), found,
     )  # fmt: skip
     return found[:, :, 0]
 
@@ -101,10 +101,10 @@ def test_two_angles_are_those_of_points(name_a: str, name_b: str) -> None:
     for row, number in zip(both, visible, strict=True):
         expected = sampled_bands(LIGHTS, WO, kinds, bands, number).reshape(bands)
         together = np.abs(row.cumsum(0).cumsum(1) - expected.cumsum(0).cumsum(1))
-        assert together.max() < 0.05
+        assert together.max() < 2 * TOLERANCE
     # Either angle alone: what the other one adds up to.
     alone = found_bands(LIGHTS, WO, (kinds[0], -1), (128, 1), visible)
-    assert np.abs(both.sum(2).cumsum(1) - alone.cumsum(1)).max() < 0.05
+    assert np.abs(both.sum(2).cumsum(1) - alone.cumsum(1)).max() < 1.3 * TOLERANCE
 
 
 def test_what_is_beyond_the_horizon_counts_to_the_last_band() -> None:
@@ -133,8 +133,8 @@ def test_pixels_and_lights_add_up() -> None:
     found = np.zeros((3, 64, 3))
     kinds, bands = (0, -1), (64, 1)
     transport(
-        LIGHTS.vertices, LIGHTS.triangles, LIGHTS.middles, LIGHTS.sizes, np.tile(FRAME, (3, 1, 1)), np.tile(WO, (3, 1)), kinds, bands,
-        begins, numbers, light, found,
+        LIGHTS.vertices, LIGHTS.triangles, LIGHTS.middles, LIGHTS.sizes, np.tile(FRAME, (3, 1, 1)), np.tile(WO, (3, 1)),
+        kinds, bands, begins, numbers, light, found,
     )  # fmt: skip
     single = found_bands(LIGHTS, WO, kinds, bands, numbers)
     for pixel, (begin, end) in enumerate(itertools.pairwise(begins)):
