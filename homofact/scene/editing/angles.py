@@ -40,11 +40,11 @@ def angle(name: str, wi: Tensor, wo: Tensor) -> Tensor:
     """γ (N,) in radians of unit directions (N, 3) above the horizon. Raises BadInput for another name."""
     check_angle(name)
     if name in ("gamma_alpha", "gamma_beta"):
-        return _power_angle(wi + wo, 0 if name == "gamma_alpha" else 1)
+        return power_angle(wi + wo, 0 if name == "gamma_alpha" else 1)
     return axes_of((name,), wi, wo)[..., 0]
 
 
-def _power_angle(s: Tensor, component: int) -> Tensor:
+def power_angle(s: Tensor, component: int) -> Tensor:
     """γα (component 0) or γβ (1) of vectors along h."""
     across, along = s[..., 0] ** 2 + s[..., 1] ** 2, s[..., 2] ** 2
     length = (across + along).clamp_min(torch.finfo(s.dtype).tiny)

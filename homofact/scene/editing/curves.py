@@ -148,7 +148,7 @@ def banded(curve: Curve, count: int) -> Bands:
 
 
 def band_deviation(curve: Curve, count: int) -> Tensor:
-    """How far the curve is from its mean over each band at most (J, C), looked at in 33 places a band, ends included."""
+    """How far the curve is from its mean over each band at most (J, C), looked at in 33 places a band, its ends too."""
     means = banded(curve, count).values
     place = torch.linspace(0, 1, _LOOKED_AT, dtype=torch.float64)
     gamma = (torch.arange(count, dtype=torch.float64)[:, None] + place) * (RIGHT_ANGLE / count)

@@ -25,11 +25,11 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms
-from homofact.geometry.directions import draw_in_discs, from_half_difference, from_spherical
-from homofact.scene.editing.angles import RIGHT_ANGLE, angle
+from homofact.scene.editing.angles import angle
 from homofact.scene.editing.curves import Knots, hat
 from homofact.scene.editing.material import Editable, Slot, Term
 from homofact.scene.editing.models import DIFFUSE, SPECULAR, WHOLE, quotient_of
+from homofact.scene.editing.pairs import pairs_of
 
 PAIRS, SEED = 16_000, 0
 _KNOTS, _STEPS = 91, 300
@@ -43,7 +43,7 @@ def homomorphic(reflectance: Reflectance, name: str = "material", bands: tuple[i
 
     Raises BadInput for a channel that is zero everywhere.
     """
-    wi, wo = _pairs()
+    wi, wo = pairs_of(PAIRS, SEED)
     values = _values(reflectance, wi, wo)
     transform = LogTransform.of_values(values, _LOG_EPSILON)
     ones = torch.ones(len(wi), dtype=torch.float64)
@@ -70,7 +70,7 @@ def half_and_diffuse(reflectance: Reflectance, name: str = "material", bands: tu
 
     Raises BadInput for a channel that is zero everywhere.
     """
-    wi, wo = _pairs()
+    wi, wo = pairs_of(PAIRS, SEED)
     values = _values(reflectance, wi, wo)
     names = ("theta_i", "theta_o", "theta_d", "theta_h")
     knots = _factored(values, [angle(each, wi, wo) for each in names])
@@ -134,18 +134,6 @@ def _means(values: Tensor, number: Tensor, share: Tensor) -> Tensor:
         if float(counts[knot]) == 0:
             found[knot] = found[knot - 1]
     return found
-
-
-def _pairs() -> tuple[Tensor, Tensor]:
-    """Pairs to find curves from: half over the discs, half towards small θh, where highlights are."""
-    generator = torch.Generator().manual_seed(SEED)
-    everywhere = draw_in_discs(PAIRS // 2, generator)
-    u = torch.rand(PAIRS, 4, dtype=torch.float64, generator=generator)
-    h = from_spherical(RIGHT_ANGLE * u[:, 0] ** 3, 4 * RIGHT_ANGLE * u[:, 1])
-    d = from_spherical(RIGHT_ANGLE * u[:, 2], 4 * RIGHT_ANGLE * u[:, 3])
-    wi, wo = from_half_difference(h, d)
-    above = ((wi[:, 2] > 0) & (wo[:, 2] > 0)).nonzero()[: PAIRS // 2, 0]
-    return torch.cat((everywhere[0], wi[above])), torch.cat((everywhere[1], wo[above]))
 
 
 def _values(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:

@@ -34,9 +34,9 @@ class TriangleLights:
     """M spherical triangles, float64, in the world's frame (y up).
 
     `vertices` (V, 3) unit, shared by neighbours; `triangles` (M, 3) into them, their middles of edges `middles` (M, 3)
-    too, opposite to the corners of the same number; `sizes` (M, 4), the shares of the solid angle of the three triangles
-    at the corners and the one between the middles; `centres` (M, 3) unit; `solid_angles` (M,) in sr; `radiance` (M, C),
-    the mean over each.
+    too, opposite to the corners of the same number; `sizes` (M, 4), the shares of the solid angle of the three
+    triangles at the corners and the one between the middles; `centres` (M, 3) unit; `solid_angles` (M,) in sr;
+    `radiance` (M, C), the mean over each.
     """
 
     vertices: np.ndarray

@@ -179,8 +179,8 @@ def transport(
 
     `vertices` (V, 3) in the world with `triangles`, `middles` (M, 3) into them and `sizes` (M, 4) as in
     `lights.TriangleLights`; `frames` (P, 3, 3), rows t, b, n; `wo` (P, 3) in them; pixel p sees the lights
-    `numbers`[begins[p] … begins[p + 1]], of which `light` (S, C) is L V ρ_q cosθi Ω each. `kinds` are the angles' numbers
-    in `ANGLES`, `bands` (J, K); without a second angle they are −1 and 1.
+    `numbers`[begins[p] … begins[p + 1]], of which `light` (S, C) is L V ρ_q cosθi Ω each. `kinds` are the angles'
+    numbers in `ANGLES`, `bands` (J, K); without a second angle they are −1 and 1.
     """
     local = np.empty_like(vertices)
     all_a, all_b = np.empty(len(vertices)), np.zeros(len(vertices))

@@ -32,7 +32,7 @@ TERMS = 30
 
 
 def transformed(values: Tensor) -> Tensor:
-    """S values along the last axis, whose length is a power of two of at least 4: coarse first, then detail by level."""
+    """S values along the last axis, its length a power of two of at least 4: coarse first, then detail by level."""
     length = values.shape[-1]
     if length < COARSEST or length & (length - 1):
         raise BadInput(f"wavelets: found {length} values, expected a power of two of at least {COARSEST}")

@@ -106,7 +106,7 @@ def test_fresnel_of_metals_and_glass() -> None:
     assert float(gold[0]) == pytest.approx((0.53**2 + 2.83**2) / (1.47**2 + 2.83**2), rel=1e-12)
     assert float(gold[-1]) == pytest.approx(1, abs=1e-9)
     for bad in (((0.0,), (0.0,)), ((1.5,), (-1.0,)), ((1.5, 1.5), (0.0,))):
-        with pytest.raises(BadInput, match="^[nk]: found"):
+        with pytest.raises(BadInput, match=r"^[nk]: found"):
             fresnel(*bad)
     with pytest.raises(BadInput, match="sigma: found nan"):
         beckmann(math.nan, 3)

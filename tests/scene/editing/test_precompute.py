@@ -205,7 +205,7 @@ def test_what_is_no_scene_is_refused() -> None:
     with pytest.raises(BadInput, match="form: found 'dense', expected one of low-rank, full"):
         prepare(single(paint), 20, "dense")
     large = single(models.cook_torrance(PAINT, "paint"), views=(replace(VIEW, width=512, height=512),))
-    with pytest.raises(BadInput, match="form: full would be .* fewer pixels, or low-rank"):
+    with pytest.raises(BadInput, match=r"form: full would be .* fewer pixels, or low-rank"):
         prepare(large, 20, "full")
     for wrong, words in (({"width": 4}, "width: found 4"), ({"degrees": 0.0}, "degrees: found 0"),
                          ({"target": VIEW.position}, "position: found")):  # fmt: skip
