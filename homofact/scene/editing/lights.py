@@ -132,7 +132,7 @@ class _Tree:
 
     def lights(self, radiance: np.ndarray) -> TriangleLights:
         """The leaves with their radiances (M, C), but those without light."""
-        lit = radiance.any(1)
+        lit = np.asarray(radiance.any(1))
         leaves = [leaf for leaf, each in zip(self.leaves, lit, strict=True) if each]
         middles = [(self.middle(b, c), self.middle(c, a), self.middle(a, b)) for a, b, c in leaves]
         used, numbers = np.unique(np.array([leaves, middles]), return_inverse=True)

@@ -23,7 +23,7 @@ from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.scene.editing.angles import LETTERS
-from homofact.scene.editing.curves import BANDS, flat
+from homofact.scene.editing.curves import flat
 from homofact.scene.editing.material import Editable, Sliders, Slot, Term
 from homofact.scene.editing.starts import beckmann, cosine_power, fresnel, matte_fade
 
@@ -123,14 +123,13 @@ def quotient_of(reflectance: Reflectance):
 
 def editable(model: AnalyticModel | Reflectance, name: str | None = None) -> Editable:
     """A material by its own model where that is one of the paper's, else by curves over θh and θd that start at 1."""
-    words = {} if name is None else {"name": name}
     if isinstance(model, CookTorrance):
-        return cook_torrance(model, **words)
+        return cook_torrance(model, name or "Cook-Torrance")
     if isinstance(model, AshikhminShirley):
-        return ashikhmin_shirley(model, **words)
+        return ashikhmin_shirley(model, name or "Ashikhmin-Shirley")
     if isinstance(model, Lambert):
-        return light_view(model, **words)
-    return from_reflectance(model, **words)
+        return light_view(model, name or "Lambert")
+    return from_reflectance(model, name=name or "material")
 
 
 def _colour(value: float | tuple[float, ...], count: int) -> tuple[float, ...]:
@@ -139,14 +138,3 @@ def _colour(value: float | tuple[float, ...], count: int) -> tuple[float, ...]:
     if len(numbers) != count:
         raise BadInput(f"slider: found {len(numbers)} numbers, expected 1 or {count}, one a channel")
     return numbers
-
-
-__all__ = [
-    "BANDS",
-    "ashikhmin_shirley",
-    "cook_torrance",
-    "editable",
-    "from_reflectance",
-    "lambert_term",
-    "light_view",
-]

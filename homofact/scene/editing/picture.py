@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from homofact.scene.editing.curves import Bands
-from homofact.scene.editing.material import Editable, Place
+from homofact.scene.editing.material import Editable
 from homofact.scene.editing.precompute import Part, Prepared
 
 # By the name of the material, its term and its curve.
@@ -60,16 +60,3 @@ def image(prepared: Prepared, view: int, values: Tensor) -> tuple[Tensor, Tensor
     numbers = torch.from_numpy(prepared.pixels[view].numbers)
     picture[numbers], coverage[numbers] = values, 1.0
     return picture.reshape(size.height, size.width, -1), coverage.reshape(size.height, size.width)
-
-
-__all__ = [
-    "Address",
-    "Curves",
-    "Place",
-    "factor_of",
-    "image",
-    "part_picture",
-    "radiance",
-    "starting_curves",
-    "summed_curves",
-]
