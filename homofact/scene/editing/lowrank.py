@@ -38,8 +38,9 @@ class Basis:
         return len(self.vectors)
 
     def coefficients(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(a (P, C, r) float32, squares (P, 2): left over, and in all) of a block (P, J·K, C)."""
-        rows = (block.transpose(0, 2, 1) * self.scale).astype(np.float32)
+        """(a (P, C, r) float32, squares (P, 2): left over, and in all) of a block (P, C, J·K)."""
+        rows = block.astype(np.float32)
+        rows *= self.scale.astype(np.float32)
         found = (rows.reshape(-1, rows.shape[2]) @ self.vectors.T).reshape(*rows.shape[:2], -1)
         whole = np.einsum("pcj,pcj->p", rows, rows)
         left = whole - np.einsum("pcr,pcr->p", found, found)
@@ -55,9 +56,9 @@ def scale_of(curves: Sequence[Tensor]) -> np.ndarray:
 
 
 def basis_of(blocks: np.ndarray, curves: Sequence[Tensor], tolerance: float = TOLERANCE, seed: int = 0) -> Basis:
-    """The smallest basis that leaves at most `tolerance` (relative RMS) of some pixels' blocks (S, J·K, C)."""
+    """The smallest basis that leaves at most `tolerance` (relative RMS) of some pixels' blocks (S, C, J·K)."""
     scale = scale_of(curves)
-    rows = (blocks.transpose(0, 2, 1) * scale).reshape(-1, blocks.shape[1]).astype(np.float32)
+    rows = (blocks * scale.astype(np.float32)).reshape(-1, blocks.shape[2]).astype(np.float32)
     most = min(MOST_TERMS, *rows.shape)
     generator = np.random.default_rng(seed)
     sketch = generator.standard_normal((rows.shape[1], min(most + _OVERSAMPLED, *rows.shape))).astype(np.float32)

@@ -107,7 +107,7 @@ def _deposit(
     light: np.ndarray, s: int, share: float, ta: np.ndarray, tb: np.ndarray, sizes: np.ndarray, m: int,
     bands: tuple[int, int], found: np.ndarray, p: int,
 ) -> None:  # pragma: no cover (compiled)  # fmt: skip
-    """Add light s times `share` to pixel p of `found` (P, J·K, C), each of the four triangles by itself."""
+    """Add light s times `share` to pixel p of `found` (P, C, J·K), each of the four triangles by itself."""
     channels = light.shape[1]
     for k in range(4):
         part = share * sizes[m, k]
@@ -117,7 +117,7 @@ def _deposit(
             for i in range(first, last + 1):
                 upto = _below(i + 1.0, ta, k) if i < last else 1.0
                 for c in range(channels):
-                    found[p, i, c] += part * (upto - below) * light[s, c]
+                    found[p, c, i] += part * (upto - below) * light[s, c]
                 below = upto
             continue
         lowest, highest = _band(tb[k, 0], bands[1]), _band(tb[k, 2], bands[1])
@@ -128,7 +128,7 @@ def _deposit(
             for j in range(lowest, highest + 1):
                 to = _below(j + 1.0, tb, k) if j < highest else 1.0
                 for c in range(channels):
-                    found[p, i * bands[1] + j, c] += of_a * (to - under) * light[s, c]
+                    found[p, c, i * bands[1] + j] += of_a * (to - under) * light[s, c]
                 under = to
 
 
@@ -175,7 +175,7 @@ def transport(
     wo: np.ndarray, kinds: tuple[int, int], bands: tuple[int, int], begins: np.ndarray, numbers: np.ndarray,
     light: np.ndarray, found: np.ndarray,
 ) -> None:  # pragma: no cover (compiled)  # fmt: skip
-    """T (eq. 21) or U (eq. 25) of P pixels, added to `found` (P, J·K, C).
+    """T (eq. 21) or U (eq. 25) of P pixels, added to `found` (P, C, J·K).
 
     `vertices` (V, 3) in the world with `triangles`, `middles` (M, 3) into them and `sizes` (M, 4) as in
     `lights.TriangleLights`; `frames` (P, 3, 3), rows t, b, n; `wo` (P, 3) in them; pixel p sees the lights
@@ -220,7 +220,7 @@ def transport(
                 first, lowest = _band(low, bands[0]), _band(least, bands[1])
                 if first == _band(high, bands[0]) and lowest == _band(most, bands[1]):
                     for c in range(light.shape[1]):
-                        found[p, first * bands[1] + lowest, c] += share * light[s, c]
+                        found[p, c, first * bands[1] + lowest] += share * light[s, c]
                     continue
                 _five(ya, depth, ta)
                 _five(yb, depth, tb)

@@ -2,7 +2,7 @@
 
 Pixel by pixel: which lights are above its horizon and not blocked (one ray to each light's centre, shared by all terms
 of the object), L' = L V ρ_q cosθi Ω at the light's centre, and its share of each band (`overlap`). Pixels go in blocks,
-which may run in several threads and give the same bits however many there are. A block in full is (pixels, J·K, C);
+which may run in several threads and give the same bits however many there are. A block in full is (pixels, C, J·K);
 "low-rank" keeps only its coefficients, so that two curves' matrices never stand whole in memory.
 
 Low rank goes over some of the pixels twice: first for the basis, which must be known before anything is projected.
@@ -175,7 +175,7 @@ class _Work:
     done: int = 0
 
     def blocks(self, pixels: Pixels, thing: Thing, take: Callable[[np.ndarray, list[np.ndarray]], None]) -> None:
-        """Call `take` with the rows (B,) and every term's block (B, J·K, C) float64 of all pixels, block by block."""
+        """Call `take` with the rows (B,) and every term's block (B, C, J·K) float64 of all pixels, block by block."""
         widest = max(int(np.prod(_bands(term))) for term in thing.material.terms) * len(thing.material.channels)
         step = max(1, min(_BLOCK_NUMBERS // widest, _PAIRS // self.lights.count))
         starts = range(0, len(pixels), step)
@@ -195,7 +195,7 @@ class _Work:
                         self.progress(min(1.0, self.done / self.total))
 
     def block(self, pixels: Pixels, thing: Thing) -> list[np.ndarray]:
-        """Every term's block (P, J·K, C) float64."""
+        """Every term's block (P, C, J·K) float64."""
         begins, numbers = self.visible(pixels)
         owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
         directions = np.einsum("pij,pj->pi", pixels.frames[owner], self.lights.centres[numbers])
@@ -206,7 +206,7 @@ class _Work:
             light = irradiance * finite(term.quotient(wi, wo), thing.material, term).numpy()
             kinds = [ANGLES.index(slot.angle) for slot in term.summed]
             bands = _bands(term)
-            block = np.zeros((len(pixels), bands[0] * bands[1], light.shape[1]))
+            block = np.zeros((len(pixels), light.shape[1], bands[0] * bands[1]))
             transport(
                 self.lights.vertices, self.lights.triangles, self.lights.middles, self.lights.sizes, pixels.frames,
                 pixels.wo, (kinds[0], kinds[1] if len(kinds) == 2 else -1), bands, begins, numbers,
@@ -239,7 +239,7 @@ def finite(values: Tensor, material: Editable, term: Term) -> Tensor:
 
 def _full(work: _Work, pixels: Pixels, thing: Thing) -> list[Transport]:
     terms, channels = thing.material.terms, len(thing.material.channels)
-    tables = [np.empty((len(pixels), *_bands(term), channels), np.float32) for term in terms]
+    tables = [np.empty((len(pixels), channels, *_bands(term)), np.float32) for term in terms]
 
     def take(rows: np.ndarray, blocks: list[np.ndarray]) -> None:
         for table, block in zip(tables, blocks, strict=True):
@@ -253,7 +253,7 @@ def _low_rank(work: _Work, pixels: Pixels, thing: Thing, tolerance: float) -> li
     terms, channels = thing.material.terms, len(thing.material.channels)
     generator = np.random.default_rng(0)
     chosen = np.sort(generator.permutation(len(pixels))[:_BASIS_PIXELS])
-    first = [np.empty((len(chosen), int(np.prod(_bands(term))), channels), np.float32) for term in terms]
+    first = [np.empty((len(chosen), channels, int(np.prod(_bands(term)))), np.float32) for term in terms]
 
     def gather(rows: np.ndarray, blocks: list[np.ndarray]) -> None:
         for table, block in zip(first, blocks, strict=True):
@@ -280,7 +280,7 @@ def _low_rank(work: _Work, pixels: Pixels, thing: Thing, tolerance: float) -> li
     blocks = work.block(pixels.some(probes), thing)
     made: list[Transport] = []
     for k, (term, basis, block) in enumerate(zip(terms, bases, blocks, strict=True)):
-        table = Full(block.reshape(len(probes), *_bands(term), channels).astype(np.float32), len(term.summed))
+        table = Full(block.reshape(len(probes), channels, *_bands(term)).astype(np.float32), len(term.summed))
         left = float(np.sqrt(squares[k, 0] / squares[k, 1])) if squares[k, 1] > 0 else 0.0
         sizes = tuple(slot.bands for slot in term.summed)
         made.append(lowrank.LowRank(found[k], basis, sizes, left, probes, table))

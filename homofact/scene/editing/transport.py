@@ -40,7 +40,7 @@ class Transport(Protocol):
 
 @dataclass(frozen=True)
 class Full:
-    """Every band of every pixel: `table` (P, J, K, C) float32, K = 1 where there is one curve."""
+    """Every band of every pixel: `table` (P, C, J, K) float32, K = 1 where there is one curve."""
 
     table: np.ndarray
     curves: int
@@ -48,7 +48,7 @@ class Full:
     @property
     def bands(self) -> tuple[int, ...]:
         """(J,) or (J, K)."""
-        return tuple(self.table.shape[1 : 1 + self.curves])
+        return tuple(self.table.shape[2 : 2 + self.curves])
 
     @property
     def nbytes(self) -> int:
@@ -62,12 +62,12 @@ class Full:
 
     def frozen(self, active: int, curves: Sequence[Tensor]) -> Tensor:
         """T (P, C, J or K) of the active curve."""
-        check_curves(self.bands, int(self.table.shape[3]), curves)
+        check_curves(self.bands, int(self.table.shape[1]), curves)
         table = torch.from_numpy(self.table)
         if self.curves == 1:
-            return table[:, :, 0].transpose(1, 2).contiguous()
+            return table[:, :, :, 0]
         held = curves[1 - active].to(table)
-        return torch.einsum("pjkc,kc->pcj" if active == 0 else "pjkc,jc->pck", table, held)
+        return torch.einsum("pcjk,kc->pcj" if active == 0 else "pcjk,jc->pck", table, held)
 
 
 def check_curves(bands: tuple[int, ...], channels: int, curves: Sequence[Tensor]) -> None:

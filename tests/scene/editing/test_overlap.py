@@ -34,14 +34,14 @@ def found_bands(
     lights: TriangleLights, wo: np.ndarray, kinds: tuple[int, int], bands: tuple[int, int], numbers: np.ndarray
 ) -> np.ndarray:
     """Shares (S, J·K) of single lights."""
-    found = np.zeros((len(numbers), bands[0] * bands[1], 1))
+    found = np.zeros((len(numbers), 1, bands[0] * bands[1]))
     begins = np.arange(len(numbers) + 1)
     pixels = len(numbers)
     transport(
         lights.vertices, lights.triangles, lights.middles, lights.sizes, np.tile(FRAME, (pixels, 1, 1)),
         np.tile(wo, (pixels, 1)), kinds, bands, begins, numbers, np.ones((pixels, 1)), found,
     )  # fmt: skip
-    return found[:, :, 0]
+    return found[:, 0]
 
 
 def sampled_bands(lights, wo, kinds, bands, number, side=160) -> np.ndarray:
@@ -130,7 +130,7 @@ def test_pixels_and_lights_add_up() -> None:
     rng = np.random.default_rng(0)
     numbers = np.array([3, 10, 11, 40, 41])
     begins, light = np.array([0, 2, 2, 5]), rng.random((5, 3))
-    found = np.zeros((3, 64, 3))
+    found = np.zeros((3, 3, 64))
     kinds, bands = (0, -1), (64, 1)
     transport(
         LIGHTS.vertices, LIGHTS.triangles, LIGHTS.middles, LIGHTS.sizes, np.tile(FRAME, (3, 1, 1)), np.tile(WO, (3, 1)),
@@ -138,5 +138,5 @@ def test_pixels_and_lights_add_up() -> None:
     )  # fmt: skip
     single = found_bands(LIGHTS, WO, kinds, bands, numbers)
     for pixel, (begin, end) in enumerate(itertools.pairwise(begins)):
-        expected = sum((single[s][:, None] * light[s] for s in range(begin, end)), np.zeros((64, 3)))
+        expected = sum((light[s][:, None] * single[s] for s in range(begin, end)), np.zeros((3, 64)))
         np.testing.assert_allclose(found[pixel], expected, atol=1e-14)

@@ -55,7 +55,7 @@ def test_curves_of_1_give_the_unedited_picture(angles: tuple[str, ...]) -> None:
     work = precompute._Work(prepared.lights, Solids([prepared.scene.things[0].mesh]), 1, 1, None)
     block = work.block(prepared.pixels[0], prepared.scene.things[0])[0]
     expected = centre_sum(prepared)
-    assert float((torch.from_numpy(block.sum(1)) - expected).abs().max() / expected.max()) < 1e-10
+    assert float((torch.from_numpy(block.sum(2)) - expected).abs().max() / expected.max()) < 1e-10
     # As stored, in float32.
     assert relative(radiance(prepared, 0, starting_curves(prepared)), expected) < 1e-6
 
@@ -137,7 +137,7 @@ def test_low_rank_errs_by_what_it_says() -> None:
         true = relative(part.transport.picture(own), exact.transport.picture(own))
         assert said < 0.2
         assert true < 3 * said + 1e-4
-    assert low.nbytes < full.nbytes / 10
+    assert low.nbytes < full.nbytes / 3
 
 
 def precompute_curves(curves, material, term: str) -> list[torch.Tensor]:

@@ -201,7 +201,7 @@ def with_entry(**change: Any) -> dict[str, Any]:
         ({**good_file(), "curves": []}, "curves: found .., expected 1 to"),
         (
             {**good_file(), "curves": good_file()["curves"] * 2},
-            r"curves\[1\].curve: found .*, expected each curve once",
+            r"curves\[1\].curve: .*, expected each curve once",
         ),
     ],
 )
