@@ -79,7 +79,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class _LightingTable:
+class LightingTable:
     """[lighting], or one [[lighting]], as it stands in the file."""
 
     environment: str | None = None
@@ -114,7 +114,7 @@ class _SceneTable:
     """The whole file."""
 
     material: tuple[SceneMaterial, ...]
-    lighting: _LightingTable | tuple[_LightingTable, ...]
+    lighting: LightingTable | tuple[LightingTable, ...]
     tolerance: _ToleranceTable
     budget: Budget = Budget()
     seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
@@ -143,7 +143,7 @@ def read_scene(path: str | Path) -> Scene:
                 replace(each, source=_source(each.source, file.parent, f"material[{place}].source"))
                 for place, each in enumerate(found.material)
             ),
-            tuple(_lighting(each, file.parent) for each in tables),
+            tuple(lighting_of(each, file.parent) for each in tables),
             Tolerance(tuple(_given(found.tolerance).items())),
             found.budget,
             found.seed,
@@ -163,7 +163,8 @@ def _source(text: str, folder: Path, where: str) -> str:
     return str(folder / text)
 
 
-def _lighting(table: _LightingTable, folder: Path) -> Lighting:
+def lighting_of(table: LightingTable, folder: Path) -> Lighting:
+    """The lighting that a section says, its files relative to `folder`. Raises BadInput for what is no light."""
     if table.lights is not None:
         words = "; ".join(each.describe() for each in table.lights)
         return Lighting(f"{len(table.lights)} lights", table.lights, words)
@@ -173,7 +174,7 @@ def _lighting(table: _LightingTable, folder: Path) -> Lighting:
     return Lighting(found.name, (found,), found.describe())
 
 
-def _the_one(table: "_LightingTable") -> None:
+def _the_one(table: "LightingTable") -> None:
     """Raise BadInput where none of the keys is given, or several."""
     given = _given(table)
     if len(given) != 1:
@@ -181,6 +182,6 @@ def _the_one(table: "_LightingTable") -> None:
         raise BadInput(f"found {' and '.join(given) or 'none'}, expected exactly one of {names}")
 
 
-def _given(table: "_LightingTable | _ToleranceTable") -> dict[str, Any]:
+def _given(table: "LightingTable | _ToleranceTable") -> dict[str, Any]:
     """Names and values of the keys that are given."""
     return {each.name: getattr(table, each.name) for each in fields(table) if getattr(table, each.name) is not None}
