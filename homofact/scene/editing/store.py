@@ -1,8 +1,8 @@
-"""A prepared scene in one file (.npz), written whole or not at all: what takes minutes to compute and megabytes to keep.
+"""A prepared scene in one file (.npz), written whole or not at all: minutes to compute, megabytes to keep.
 
 Only transports at low rank are stored, in float32, with what the views see; meshes, materials and light are read from
-the scene again, and a digest of them says whether the file is that scene's. Materials count by their curves and by their
-quotients at fixed pairs of directions.
+the scene again, and a digest of them says whether the file is that scene's. Materials count by their curves and by
+their quotients at fixed pairs of directions.
 """
 
 import hashlib

@@ -87,6 +87,7 @@ class LightingTable:
     named: str | None = None
 
     def __post_init__(self) -> None:
+        """Refuse none or several of them, and lights of other numbers of channels."""
         _the_one(self)
         for place, light in enumerate(self.lights or ()):
             if len(light.levels()) not in (1, 3):

@@ -78,8 +78,8 @@ def test_damage_is_named(stored: tuple[Path, Prepared], tmp_path: Path) -> None:
         write_archive(broken, header, left)
         with pytest.raises(BadInput, match=words):
             read_prepared(broken, prepared.scene)
+    write_archive(broken, {**header, "format": "x"}, arrays)
     with pytest.raises(BadInput, match="format: found"):
-        write_archive(broken, {**header, "format": "x"}, arrays)
         read_prepared(broken, prepared.scene)
 
 
