@@ -119,8 +119,7 @@ def bands_of(prepared: Prepared) -> str:
         assert isinstance(part.transport, LowRank)
         name = prepared.scene.things[part.thing].material.name
         bands = "x".join(map(str, part.transport.bands))
-        rank, left = part.transport.basis.rank, part.transport.left
-        parts.append(f"{name} {part.term}: {len(part.rows)} pixels, {bands} bands, rank {rank}, left {left:.2g}")
+        parts.append(f"{name} {part.term}: {len(part.rows)} pixels, {bands} bands, rank {part.transport.rank}")
     return "; ".join(parts)
 
 

@@ -266,12 +266,10 @@ def _low_rank(work: _Work, pixels: Pixels, thing: Thing, tolerance: float) -> li
     starts = [[banded(slot.start, slot.bands).values for slot in term.summed] for term in terms]
     bases = [lowrank.basis_of(table, curves, tolerance) for table, curves in zip(first, starts, strict=True)]
     found = [np.empty((len(pixels), channels, basis.rank), np.float32) for basis in bases]
-    squares = np.zeros((len(terms), 2))
 
     def take(rows: np.ndarray, blocks: list[np.ndarray]) -> None:
         for k, (basis, block) in enumerate(zip(bases, blocks, strict=True)):
-            found[k][rows], sums = basis.coefficients(block)
-            squares[k] += sums.sum(0)
+            found[k][rows] = basis.coefficients(block)
 
     work.blocks(pixels, thing, take)
     # Probes apart from the basis's pixels where there are enough of them.
@@ -281,7 +279,6 @@ def _low_rank(work: _Work, pixels: Pixels, thing: Thing, tolerance: float) -> li
     made: list[Transport] = []
     for k, (term, basis, block) in enumerate(zip(terms, bases, blocks, strict=True)):
         table = Full(block.reshape(len(probes), channels, *_bands(term)).astype(np.float32), len(term.summed))
-        left = float(np.sqrt(squares[k, 0] / squares[k, 1])) if squares[k, 1] > 0 else 0.0
         sizes = tuple(slot.bands for slot in term.summed)
-        made.append(lowrank.LowRank(found[k], basis, sizes, left, probes, table))
+        made.append(lowrank.LowRank(found[k], basis.outward, basis.scale, sizes, probes, table))
     return made

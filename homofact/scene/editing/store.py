@@ -19,7 +19,7 @@ from homofact.files.reading import read_bytes
 from homofact.geometry.directions import draw_in_discs
 from homofact.render.light import EnvironmentMap
 from homofact.scene.editing.lights import triangle_lights
-from homofact.scene.editing.lowrank import Basis, LowRank
+from homofact.scene.editing.lowrank import LowRank
 from homofact.scene.editing.precompute import EditScene, Part, Prepared
 from homofact.scene.editing.transport import Full
 from homofact.scene.editing.view import Pixels
@@ -74,12 +74,12 @@ def write_prepared(path: str | os.PathLike[str], prepared: Prepared, triangles: 
         arrays |= {
             f"{own}rows": part.rows,
             f"{own}coefficients": kept.coefficients,
-            f"{own}vectors": kept.basis.vectors,
-            f"{own}scale": kept.basis.scale,
+            f"{own}outward": kept.outward,
+            f"{own}scale": kept.scale,
             f"{own}probe_rows": kept.rows,
             f"{own}probes": kept.probes.table,
         }
-        parts.append({"view": part.view, "thing": part.thing, "term": part.term, "left": kept.left})
+        parts.append({"view": part.view, "thing": part.thing, "term": part.term})
     header = {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -122,17 +122,16 @@ def _part(
     term = thing.material.term(entry.text("term"))
     rows = arrays[f"{own}rows"]
     sizes = tuple(slot.bands for slot in term.summed)
-    basis = Basis(arrays[f"{own}vectors"], arrays[f"{own}scale"])
+    outward, scale = arrays[f"{own}outward"], arrays[f"{own}scale"]
     coefficients, probes = arrays[f"{own}coefficients"], arrays[f"{own}probes"]
     channels = len(scene.channels)
-    expected = (len(rows), channels, basis.rank)
+    expected = (len(rows), channels, len(outward))
     columns = int(np.prod(sizes))
-    if coefficients.shape != expected or basis.vectors.shape[1] != columns or basis.scale.shape != (channels, columns):
+    if coefficients.shape != expected or outward.shape[1] != columns or scale.shape != (channels, columns):
         raise ValueError(f"part {number} has {coefficients.shape} coefficients, not {expected}")
     seen = pixels[view].some(rows)
     theta_o = torch.from_numpy(np.arctan2(np.hypot(seen.wo[:, 0], seen.wo[:, 1]), seen.wo[:, 2]))
     pattern = thing.patterns.get(term.name)
     factor = None if pattern is None else torch.from_numpy(pattern(seen.points))
-    left = float(entry.found.get("left", 0.0))
-    kept = LowRank(coefficients, basis, sizes, left, arrays[f"{own}probe_rows"], Full(probes, len(sizes)))
+    kept = LowRank(coefficients, outward, scale, sizes, arrays[f"{own}probe_rows"], Full(probes, len(sizes)))
     return Part(view, which, term.name, rows, kept, theta_o, factor)
