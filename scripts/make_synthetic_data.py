@@ -2,7 +2,8 @@
 
 blue_paint.npz and plastic.npz are samples of named materials, synthetic_cornell.brdf a made-up spectral
 measurement in the Cornell format: a green pigment under a dielectric coat, with seeded noise that grows
-towards short wavelengths and with weak readings lost to zero, as real ones have it. manifest.json gives
+towards short wavelengths and with weak readings lost to zero, as real ones have it. knot.ply and sky.hdr are a mesh
+and an environment map for relighting: a torus knot, and a low sun in a clear sky over dry ground. manifest.json gives
 generator, seed, counts and SHA-256 of each. --check remakes them elsewhere and compares the hashes.
 """
 
@@ -15,6 +16,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -25,6 +27,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import RADIUS_SQUARED
 from homofact.files.atomic import write_text
 from homofact.geometry.directions import draw_in_discs, from_spherical, normalize
+from homofact.meshes.shapes import torus_knot
 
 FOLDER = Path(__file__).resolve().parent.parent / "data_synthetic"
 MANIFEST = "manifest.json"
@@ -91,12 +94,51 @@ def _coated_pigment(angles: Tensor) -> Tensor:
     return model.evaluate(from_spherical(angles[:, 0], angles[:, 1]), from_spherical(angles[:, 2], angles[:, 3]))
 
 
+def make_knot(path: Path, around: int = 128, across: int = 20) -> dict[str, Any]:
+    """The torus knot as a binary PLY with normals in float32; returns the manifest's entry."""
+    mesh = torus_knot(around, across)
+    # Rounded to steps that float32 holds exactly: the processors' sines differ in the last bits.
+    columns = np.concatenate((mesh.positions, mesh.normals), 1).round(5).astype("<f4")
+    head = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
+    text = f"ply\nformat binary_little_endian 1.0\ncomment torus knot (2, 3)\nelement vertex {len(columns)}\n{head}"
+    text += f"element face {len(mesh.triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
+    faces = np.empty(len(mesh.triangles), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.triangles
+    path.write_bytes(text.encode() + columns.tobytes() + faces.tobytes())
+    generator = f"make_knot(around={around}, across={across})"
+    return {"generator": generator, "vertices": len(columns), "triangles": len(faces)}
+
+
+def make_sky(path: Path, rows: int = 64) -> dict[str, Any]:
+    """The sky as a Radiance .hdr of flat RGBE pixels; returns the manifest's entry."""
+    polar = (np.arange(rows)[:, None] + 0.5) * (np.pi / rows)
+    azimuth = ((np.arange(2 * rows)[None] + 0.5) / (2 * rows) - 0.5) * (2 * np.pi)
+    x, y, z = np.sin(polar) * np.sin(azimuth), np.cos(polar) + 0 * azimuth, -np.sin(polar) * np.cos(azimuth)
+    sun = np.array((0.55, 0.5, 0.67))
+    towards = (np.stack((x, y, z), -1) @ (sun / np.linalg.norm(sun)))[..., None]
+    height = np.clip(y, 0, 1)[..., None]
+    sky = np.array((0.35, 0.5, 0.8)) * (1 - height) + np.array((0.12, 0.25, 0.6)) * height
+    sky = sky + np.array((0.9, 0.6, 0.3)) * np.clip(towards, 0, 1) ** 24
+    sky = np.where(towards > np.cos(np.radians(6)), np.array((160.0, 140.0, 110.0)), sky)
+    values = np.where(y[..., None] > 0, sky, np.array((0.22, 0.17, 0.12)))
+    # Four digits: what is stored does not depend on the last bits of a processor's sines.
+    values = np.float32(values).round(4)
+    exponent = np.frexp(values.max(-1))[1]
+    scaled = np.floor(values * np.exp2(8.0 - exponent)[..., None]).clip(0, 255)
+    pixels = np.concatenate((scaled, exponent[..., None] + 128), -1).astype(np.uint8)
+    head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {rows} +X {2 * rows}\n"
+    path.write_bytes(head.encode() + pixels.tobytes())
+    return {"generator": f"make_sky(rows={rows})", "rows": rows, "columns": 2 * rows}
+
+
 def make(folder: Path) -> dict[str, Any]:
-    """Write the three files and the manifest into `folder`, which exists; returns the manifest."""
+    """Write the files and the manifest into `folder`, which exists; returns the manifest."""
     entries = {
         "blue_paint.npz": make_material(folder / "blue_paint.npz", "lafortune-blue-paint", 4000, seed=1),
         "plastic.npz": make_material(folder / "plastic.npz", "cook-torrance-plastic", 1500, seed=2),
         "synthetic_cornell.brdf": make_cornell(folder / "synthetic_cornell.brdf", seed=3),
+        "knot.ply": make_knot(folder / "knot.ply"),
+        "sky.hdr": make_sky(folder / "sky.hdr"),
     }
     manifest = {
         "remade_by": "python scripts/make_synthetic_data.py",
@@ -146,7 +188,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 1 if faults else 0
     chosen.out.mkdir(parents=True, exist_ok=True)
     for entry in make(chosen.out)["files"]:
-        print(f"{entry['file']}: {entry['samples']} samples, {entry['bytes']} bytes, {entry['sha256'][:12]}")
+        print(f"{entry['file']}: {entry['generator']}, {entry['bytes']} bytes, {entry['sha256'][:12]}")
     return 0
 
 

@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 from typer.main import get_command
 
-from homofact.cli import chart, compare, convert, export, factorize, info, plan, render, stability, terms, view
+from homofact.cli import chart, compare, convert, export, factorize, info, plan, relight, render, stability, terms, view
 from homofact.errors import BadInput, SolverFailure
 from homofact.files.words import harmless
 from homofact.version import __version__
@@ -33,6 +33,7 @@ app.command("convert")(convert.convert)
 app.command("export")(export.export)
 app.command("info")(info.info)
 app.command("plan")(plan.plan)
+app.command("relight")(relight.relight)
 app.command("render")(render.render)
 app.command("stability")(stability.stability)
 app.command("terms")(terms.terms)

@@ -21,10 +21,10 @@ class FolderKind:
 RESULT = FolderKind("result", FACTORIZATION)
 EXPORT = FolderKind("export", "brdf.glsl")
 PLAN = FolderKind("plan", "plan.json")
-EDITING = FolderKind("edited scene", "editing.json")
+RELIT = FolderKind("relit scene", "relight.npz")
 _OURS = re.compile(
     r"factorization\.npz|manifest\.json|report\.json|compare\.png|view\.html|brdf\.(glsl|hlsl|wgsl|c)"
-    r"|editing\.(json|npz)|curves\.json|(start|edited)_\d+\.png"
+    r"|relight\.(npz|json)|picture_\d+\.png"
     r"|(texture_\d+|term_\d+_(first|second))(_deviation)?(\.[a-z0-9]+)+"
 )
 

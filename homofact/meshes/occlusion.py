@@ -33,6 +33,7 @@ class Occluder:
         self._mesh = TriangleMesh(
             self._scene, np.ascontiguousarray(positions, np.float32), np.ascontiguousarray(triangles, np.int32)
         )
+        self.arrays = (np.asarray(positions), np.asarray(triangles))
         used = np.asarray(positions)[np.unique(triangles)]
         self.offset = OFFSET * float(np.linalg.norm(used.max(0) - used.min(0)))
 

@@ -59,9 +59,14 @@ class Grid:
         """(rings,): Σ w g(θ) = ∫ g sinθ dθ."""
         return self._nodes[1] * torch.sin(self.theta)
 
+    @property
+    def phi(self) -> Tensor:
+        """Azimuths (turns,) in radians, from 0."""
+        return torch.arange(self.turns, dtype=torch.float64) * (2 * math.pi / self.turns)
+
     def directions(self, turns: int | None = None) -> Tensor:
         """Unit vectors (rings, turns, 3), the first `turns` azimuths (all unless given), from φ = 0."""
-        phi = torch.arange(self.turns if turns is None else turns, dtype=torch.float64) * (2 * math.pi / self.turns)
+        phi = self.phi[:turns]
         return from_spherical(self.theta[:, None].expand(-1, len(phi)), phi.expand(self.rings, -1))
 
 
@@ -139,7 +144,7 @@ def _isotropic(
     turns = grid.turns // 2 + 1 if mirrored else grid.turns
     outgoing = grid.directions(turns)
     incident = grid.directions(1)
-    values = _evaluated(reflectance, incident.reshape(-1, 3), outgoing.reshape(-1, 3), mean)
+    values = evaluated(reflectance, incident.reshape(-1, 3), outgoing.reshape(-1, 3), mean)
     values = values.reshape(grid.rings, grid.rings, turns, -1)
     if mirrored:
         rest = values[:, :, 1 : grid.turns - turns + 1].flip(2)
@@ -161,7 +166,7 @@ def _anisotropic(
     reflectance: Reflectance, grid: Grid, mirrored: bool, mean: bool, channels: tuple[str, ...]
 ) -> Decomposition:
     directions = grid.directions().reshape(-1, 3)
-    values = _evaluated(reflectance, directions, directions, mean)
+    values = evaluated(reflectance, directions, directions, mean)
     root = (grid.weights * (2 * math.pi / grid.turns)).sqrt().repeat_interleave(grid.turns)
     matrices = values.permute(2, 0, 1) * root[:, None] * root
     u, sigma, vh = torch.linalg.svd(matrices)
@@ -180,8 +185,11 @@ def _sorted(
     )
 
 
-def _evaluated(reflectance: Reflectance, incident: Tensor, outgoing: Tensor, mean: bool) -> Tensor:
-    """Values (I, O, C) of all pairs, a bounded number at once."""
+def evaluated(reflectance: Reflectance, incident: Tensor, outgoing: Tensor, mean: bool = False) -> Tensor:
+    """Values (I, O, C) float64 of all pairs of (I, 3) and (O, 3), a bounded number at once; `mean` of the channels.
+
+    Raises BadInput for values that are not finite.
+    """
     step = max(1, _CHUNK // len(outgoing))
     parts = []
     for wi in incident.split(step):
@@ -236,7 +244,7 @@ class InOutTerms:
 
     def _rows(self, wi: Tensor, wo: Tensor) -> Tensor:
         whole = self.decomposition
-        rows_i, rows_o = (_polynomial(whole.grid, w) for w in (wi, wo))
+        rows_i, rows_o = (polynomial(whole.grid, w) for w in (wi, wo))
         columns = []
         for c in range(len(whole.channels)):
             kept = int((whole.multiplicity[c].cumsum(0) <= self.terms).sum())
@@ -256,7 +264,7 @@ class InOutTerms:
         return torch.stack(columns, 1)
 
 
-def _polynomial(grid: Grid, w: Tensor) -> Tensor:
+def polynomial(grid: Grid, w: Tensor) -> Tensor:
     """Weights (N, rings) of the polynomial through the rings' values at the angles of `w`: the barycentric formula.
 
     The barycentric weights at Gauss nodes are (−1)^k √((1 − x_k²) w_k) (Wang and Xiang 2012).

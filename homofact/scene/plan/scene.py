@@ -79,7 +79,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class LightingTable:
+class _LightingTable:
     """[lighting], or one [[lighting]], as it stands in the file."""
 
     environment: str | None = None
@@ -87,7 +87,6 @@ class LightingTable:
     named: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse none or several of them, and lights of other numbers of channels."""
         _the_one(self)
         for place, light in enumerate(self.lights or ()):
             if len(light.levels()) not in (1, 3):
@@ -115,7 +114,7 @@ class _SceneTable:
     """The whole file."""
 
     material: tuple[SceneMaterial, ...]
-    lighting: LightingTable | tuple[LightingTable, ...]
+    lighting: _LightingTable | tuple[_LightingTable, ...]
     tolerance: _ToleranceTable
     budget: Budget = Budget()
     seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
@@ -141,10 +140,10 @@ def read_scene(path: str | Path) -> Scene:
         return Scene(
             file.stem,
             tuple(
-                replace(each, source=_source(each.source, file.parent, f"material[{place}].source"))
+                replace(each, source=found_source(each.source, file.parent, f"material[{place}].source"))
                 for place, each in enumerate(found.material)
             ),
-            tuple(lighting_of(each, file.parent) for each in tables),
+            tuple(_lighting(each, file.parent) for each in tables),
             Tolerance(tuple(_given(found.tolerance).items())),
             found.budget,
             found.seed,
@@ -153,8 +152,11 @@ def read_scene(path: str | Path) -> Scene:
         raise BadInput(f"{file}: {error}") from error
 
 
-def _source(text: str, folder: Path, where: str) -> str:
-    """The source with its file made findable; a file that is not there is refused before anything is fitted."""
+def found_source(text: str, folder: Path, where: str) -> str:
+    """The source with its file, relative to `folder`, made findable from the working folder.
+
+    Raises BadInput, beginning with `where`, for a file that is not there and an unknown material.
+    """
     if text.startswith(MATERIAL_PREFIX):
         material(text.removeprefix(MATERIAL_PREFIX))
         return text
@@ -164,8 +166,7 @@ def _source(text: str, folder: Path, where: str) -> str:
     return str(folder / text)
 
 
-def lighting_of(table: LightingTable, folder: Path) -> Lighting:
-    """The lighting that a section says, its files relative to `folder`. Raises BadInput for what is no light."""
+def _lighting(table: _LightingTable, folder: Path) -> Lighting:
     if table.lights is not None:
         words = "; ".join(each.describe() for each in table.lights)
         return Lighting(f"{len(table.lights)} lights", table.lights, words)
@@ -175,7 +176,7 @@ def lighting_of(table: LightingTable, folder: Path) -> Lighting:
     return Lighting(found.name, (found,), found.describe())
 
 
-def _the_one(table: "LightingTable") -> None:
+def _the_one(table: "_LightingTable") -> None:
     """Raise BadInput where none of the keys is given, or several."""
     given = _given(table)
     if len(given) != 1:
@@ -183,6 +184,6 @@ def _the_one(table: "LightingTable") -> None:
         raise BadInput(f"found {' and '.join(given) or 'none'}, expected exactly one of {names}")
 
 
-def _given(table: "LightingTable | _ToleranceTable") -> dict[str, Any]:
+def _given(table: "_LightingTable | _ToleranceTable") -> dict[str, Any]:
     """Names and values of the keys that are given."""
     return {each.name: getattr(table, each.name) for each in fields(table) if getattr(table, each.name) is not None}

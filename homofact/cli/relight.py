@@ -1,0 +1,179 @@
+"""`homofact relight`: objects under an environment map with their shadows, precomputed, rendered, and judged."""
+
+import shutil
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from homofact.cli import options as o
+from homofact.cli.places import check_place
+from homofact.cli.screen import Screen
+from homofact.errors import BadInput
+from homofact.evaluate.wording import figure
+
+if TYPE_CHECKING:
+    from homofact.scene.transport.build import RelitObject, Stand
+    from homofact.scene.transport.ledger import Ledger
+    from homofact.scene.transport.scene import RelightScene
+
+
+def relight(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="Objects, light, cameras, what is kept.")],
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the relit scene goes.")],
+    vertices: Annotated[
+        int, typer.Option(metavar="N", help="How many vertices of an object the error is measured at; 0 is none.")
+    ] = 64,
+    whole: Annotated[
+        bool, typer.Option("--ledger", help="Every stage of the error by itself, the cube map's too: takes minutes.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace a relit scene that is in the folder.")] = False,
+    as_json: o.AsJson = False,
+    quiet: o.Quiet = False,
+) -> None:
+    """Precompute an object's light transport, and render it under its sky.
+
+    Wang, Tran and Luebke 2004: in-out factors of each material, shadows
+    of every vertex, Haar wavelets. A run that was stopped goes on where
+    it was. `homofact view` of the folder is a page that relights it.
+    """
+    if vertices < 0:
+        raise BadInput(f"vertices: found {vertices}, expected 0 or more")
+
+    from homofact.files.folder import check_new_folder
+    from homofact.files.kinds import RELIT
+    from homofact.files.lock import claimed
+    from homofact.scene.transport.build import relit, stand
+    from homofact.scene.transport.cube import environment_cube
+    from homofact.scene.transport.picture import picture
+    from homofact.scene.transport.relight import shaded
+    from homofact.scene.transport.result import write_relit
+    from homofact.scene.transport.scene import read_relight_scene
+
+    check_new_folder(out, RELIT, force)
+    check_place(out)
+    asked = read_relight_scene(scene)
+    screen = Screen(as_json, quiet)
+    blocks = out.with_name(f"{out.name}.blocks")
+    begun = time.perf_counter()
+    with claimed(out), screen.bar() as bar:
+        ready = stand(asked, bar.stage)
+        for line in ready.notes:
+            screen.note(f"homofact: {line}")
+        screen.note(f"homofact: {ready.cost.describe()}")
+        prepared = time.perf_counter()
+        objects = relit(ready, blocks, lambda name, done, count: bar.run(f"transport of {name}", done, count))
+        traced = time.perf_counter()
+        bar.stage("rendering")
+        light = environment_cube(asked.light, asked.settings.cube)
+        tuples = [each.tuples(light) for each in objects]
+        pictures = []
+        for camera in asked.cameras:
+            colours = [shaded(each.transport, own, camera.eye) for each, own in zip(objects, tuples, strict=True)]
+            pictures.append(picture([each.mesh for each in objects], colours, ready.occluder, camera, asked.light))
+        ledgers = []
+        if vertices:
+            bar.stage("measuring the error")
+            ledgers = _ledgers(ready, objects, vertices, whole)
+        record = _record(asked, objects, ledgers)
+        record["seconds"] = {
+            "materials": prepared - begun, "transport": traced - prepared,
+            "pictures and errors": time.perf_counter() - traced,
+        }  # fmt: skip
+        record["notes"] = list(ready.notes)
+        bar.stage("writing")
+        write_relit(out, asked, objects, record, pictures, force)
+        shutil.rmtree(blocks, ignore_errors=True)
+    screen.show(object_table(objects), error_table(objects, ledgers) if ledgers else Text(""))
+    screen.note(f"The relit scene: {out} ({len(pictures)} pictures); homofact view {out} relights it in a browser")
+    screen.answer({"folder": str(out), **record})
+
+
+def _ledgers(ready: "Stand", objects: "tuple[RelitObject, ...]", vertices: int, whole: bool) -> "list[Ledger | None]":
+    """The error of each object from the first camera; None where it sees none of it."""
+    from homofact.scene.transport.ledger import STAGES, ledger, seen_vertices
+
+    found: list[Ledger | None] = []
+    stages = STAGES if whole else ("truncation", "quantisation", "clusters", "together")
+    for placed, each in zip(ready.objects, objects, strict=True):
+        eye = ready.scene.cameras[0].eye
+        try:
+            seen = seen_vertices(each.mesh, placed.reflectance, ready.occluder, eye, vertices, ready.scene.seed)
+        except BadInput:
+            found.append(None)
+            continue
+        found.append(ledger(seen, each.transport, ready.scene.light, each.compact, stages))
+    return found
+
+
+def _record(
+    asked: "RelightScene", objects: "tuple[RelitObject, ...]", ledgers: "list[Ledger | None]"
+) -> dict[str, Any]:
+    """What relight.json and --json say."""
+    settings = asked.settings
+    entries = []
+    for number, each in enumerate(objects):
+        made, one = each.transport, ledgers[number] if ledgers else None
+        entries.append(
+            {
+                "mesh": each.mesh.name,
+                "material": each.material,
+                "vertices": made.vertices,
+                "terms": made.factors.terms,
+                "share_of_energy": made.factors.share,
+                "coefficients_per_vector": made.mean_kept,
+                "bytes": each.nbytes,
+                "bytes_unclustered": made.nbytes + made.factors.view.nbytes,
+                "error": None if one is None else one.record(),
+            }
+        )
+    return {
+        "scene": asked.name,
+        "light": asked.light.describe(),
+        "cube": settings.cube,
+        "rays": settings.rays,
+        "kept": settings.kept if settings.tolerance is None else None,
+        "tolerance": settings.tolerance,
+        "seed": asked.seed,
+        "objects": entries,
+        "bytes": sum(each.nbytes for each in objects),
+        "error": {entry["mesh"]: entry["error"] for entry in entries},
+    }
+
+
+def object_table(objects: "tuple[RelitObject, ...]") -> Table:
+    """A line an object: its size, its terms and what is stored of it."""
+    table = _table("vertices", "terms", "of energy", "coefficients a vector", "kB")
+    for each in objects:
+        made = each.transport
+        table.add_row(
+            f"{each.mesh.name}, {Path(each.material).name}",
+            str(made.vertices),
+            str(made.factors.terms),
+            f"{made.factors.share:.1%}",
+            f"{made.mean_kept:.0f}",
+            f"{each.nbytes / 1000:.0f}" + ("" if each.compact is None else ", clustered"),
+        )
+    return table
+
+
+def error_table(objects: "tuple[RelitObject, ...]", ledgers: "list[Ledger | None]") -> Table:
+    """A line an object: relative root mean square errors of its light by stage, as seen from the first camera."""
+    names = list(dict.fromkeys(name for each in ledgers if each for name in each.errors))
+    table = _table(*names, "below zero", title="Relative RMS error of the light towards the first camera")
+    for each, one in zip(objects, ledgers, strict=True):
+        values = ["not seen"] if one is None else [f"{figure(one.errors[name])}" for name in names]
+        table.add_row(each.mesh.name, *values, *([] if one is None else [f"{one.below_zero:.2%}"]))
+    return table
+
+
+def _table(*names: str, title: str | None = None) -> Table:
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("", overflow="fold")
+    for name in names:
+        table.add_column(name, justify="right")
+    return table

@@ -1,0 +1,1 @@
+"""Relighting with all-frequency shadows: in-out factors, precomputed transport, light and view."""

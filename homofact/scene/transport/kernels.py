@@ -1,0 +1,272 @@
+"""Compiled loops of relighting: transport vectors of a vertex, the products with light, the look-ups of a view.
+
+All work on float32 and let go of the interpreter's lock, so that blocks run side by side in threads.
+"""
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from homofact.scene.transport.haar import transform_faces
+
+_NO_BITS = np.int32(0x7FFFFFFF)
+_LARGEST = np.float32(32767.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _place(x: float, y: float, z: float, size: int) -> tuple:
+    """Corner and shares of the bilinear look-up of a direction in a parabolic map."""
+    below = np.float32(1.0) + max(z, np.float32(0.0))
+    half = np.float32(0.5) * size
+    u = min(max(x / below * half + half - np.float32(0.5), np.float32(0.0)), np.float32(size - 1))
+    v = min(max(y / below * half + half - np.float32(0.5), np.float32(0.0)), np.float32(size - 1))
+    i, j = min(int(u), size - 2), min(int(v), size - 2)
+    return i, j, u - np.float32(i), v - np.float32(j)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def transport_vectors(
+    frame: np.ndarray,
+    lit: np.ndarray,
+    directions: np.ndarray,
+    angles: np.ndarray,
+    light_maps: np.ndarray,
+    out: np.ndarray,
+    scratch: np.ndarray,
+) -> None:
+    """T_k (K, 6·n²) of one vertex into `out`: g_k(ωi) V cosθi dω at every texel, and their Haar transforms.
+
+    `frame` (3, 3) rows tangent, binormal, normal; `lit` (6·n²) the visible share of each texel; `directions` (6·n², 3),
+    `angles` (6·n²) steradians; `light_maps` (M, M, K); `scratch` (n, n).
+    """
+    terms = light_maps.shape[2]
+    size = light_maps.shape[0]
+    side = scratch.shape[0]
+    for j in range(len(lit)):
+        x, y, z = directions[j, 0], directions[j, 1], directions[j, 2]
+        cosine = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
+        if cosine <= 0 or lit[j] == 0:
+            for k in range(terms):
+                out[k, j] = 0
+            continue
+        a = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z
+        b = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
+        p, q, s, t = _place(a, b, cosine, size)
+        w = lit[j] * cosine * angles[j]
+        w00, w01 = w * (1 - s) * (1 - t), w * (1 - s) * t
+        w10, w11 = w * s * (1 - t), w * s * t
+        for k in range(terms):
+            out[k, j] = (
+                w00 * light_maps[p, q, k]
+                + w01 * light_maps[p, q + 1, k]
+                + w10 * light_maps[p + 1, q, k]
+                + w11 * light_maps[p + 1, q + 1, k]
+            )
+    for k in range(terms):
+        transform_faces(out[k].reshape(6, side, side), scratch)
+
+
+@njit(cache=True, nogil=True)
+def threshold_of(values: np.ndarray, kept: int) -> np.int32:
+    """The bits of the `kept`-th largest magnitude of a flat float32 array; magnitudes order as their bits do.
+
+    Two counts of 2^12 and 2^20 bits' worth would do the same as sorting; here the low bits are counted in two rounds.
+    """
+    bits = values.view(np.int32)
+    counts = np.zeros(2048, np.int32)
+    for each in bits:
+        counts[(each & _NO_BITS) >> 20] += 1
+    left, top = kept, 2047
+    while top > 0 and counts[top] < left:
+        left -= counts[top]
+        top -= 1
+    second = np.zeros(1024, np.int32)
+    for each in bits:
+        magnitude = each & _NO_BITS
+        if magnitude >> 20 == top:
+            second[(magnitude >> 10) & 1023] += 1
+    middle = 1023
+    while middle > 0 and second[middle] < left:
+        left -= second[middle]
+        middle -= 1
+    third = np.zeros(1024, np.int32)
+    for each in bits:
+        magnitude = each & _NO_BITS
+        if magnitude >> 10 == (top << 10 | middle):
+            third[magnitude & 1023] += 1
+    low = 1023
+    while low > 0 and third[low] < left:
+        left -= third[low]
+        low -= 1
+    return np.int32((top << 20) | (middle << 10) | low)
+
+
+@njit(cache=True, nogil=True)
+def threshold_of_energy(values: np.ndarray, weights: np.ndarray, tolerance: float) -> float:
+    """The largest t for which the weighted squares below t sum to at most tolerance² of all, of (K, J) values.
+
+    Squares are counted in 2,048 steps of a factor √2^(1/4): the sum that is left out stays within the bound.
+    """
+    counts = np.zeros(2048)
+    total = 0.0
+    for k in range(values.shape[0]):
+        for each in values[k]:
+            if each != 0:
+                square = weights[k] * weights[k] * each * each
+                total += square
+                step = min(max(int(4 * math.log2(square)) + 1024, 0), 2047)
+                counts[step] += square
+    allowed, step, gone = tolerance * tolerance * total, 0, 0.0
+    while step < 2048 and gone + counts[step] <= allowed:
+        gone += counts[step]
+        step += 1
+    return 2.0 ** ((step - 1024) / 4)
+
+
+@njit(cache=True, nogil=True)
+def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.ndarray) -> tuple:
+    """(how many, scale): the `kept` largest of a vector (J,), as places and 16-bit numbers times the scale.
+
+    Of equals at the threshold the first are taken; what would be stored as 0 is left out.
+    """
+    bits = values.view(np.int32)
+    threshold = threshold_of(values, kept)
+    above = 0
+    largest = np.float32(0.0)
+    for j in range(len(values)):
+        magnitude = bits[j] & _NO_BITS
+        if magnitude > threshold:
+            above += 1
+        largest = max(largest, abs(values[j]))
+    if largest == 0:
+        return 0, 0.0
+    ties, count = kept - above, 0
+    scale = largest / _LARGEST
+    for j in range(len(values)):
+        magnitude = bits[j] & _NO_BITS
+        if magnitude < threshold or magnitude == 0:
+            continue
+        if magnitude == threshold:
+            if ties == 0:
+                continue
+            ties -= 1
+        rounded = np.int16(round(values[j] / scale))
+        if rounded != 0:
+            index[count] = j
+            number[count] = rounded
+            count += 1
+    return count, scale
+
+
+@njit(cache=True, nogil=True)
+def keep_above(values: np.ndarray, weight: float, square: float, index: np.ndarray, number: np.ndarray) -> tuple:
+    """(how many, scale) as `keep_largest`, of all whose weighted square is at least `square`."""
+    count = 0
+    largest = np.float32(0.0)
+    for each in values:
+        largest = max(largest, abs(each))
+    if largest == 0:
+        return 0, 0.0
+    scale = largest / _LARGEST
+    for j in range(len(values)):
+        if weight * weight * values[j] * values[j] >= square:
+            rounded = np.int16(round(values[j] / scale))
+            if rounded != 0:
+                index[count] = j
+                number[count] = rounded
+                count += 1
+    return count, scale
+
+
+@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+def relight_all(
+    start: np.ndarray, index: np.ndarray, number: np.ndarray, scale: np.ndarray, light: np.ndarray, out: np.ndarray
+) -> None:
+    """Every vector's product with the light: `out` (R, 3) of `light` (J, 4), transformed, the fourth number unused."""
+    for r in prange(len(scale)):
+        red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+        for p in range(start[r], start[r + 1]):
+            j = index[p]
+            value = np.float32(number[p])
+            red += value * light[j, 0]
+            green += value * light[j, 1]
+            blue += value * light[j, 2]
+        out[r, 0], out[r, 1], out[r, 2] = red * scale[r], green * scale[r], blue * scale[r]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def add_columns(
+    chosen: np.ndarray,
+    start: np.ndarray,
+    rows: np.ndarray,
+    values: np.ndarray,
+    change: np.ndarray,
+    first: int,
+    last: int,
+    out: np.ndarray,
+) -> None:
+    """Add the change (J, 3) of the `chosen` coefficients to `out` (R, 3), rows from `first` to below `last` alone.
+
+    `start` (J + 1), `rows` and `values` hold the transport by coefficient, rows rising within each.
+    """
+    for j in chosen:
+        red, green, blue = change[j, 0], change[j, 1], change[j, 2]
+        begin, end = start[j], start[j + 1]
+        low = begin + np.searchsorted(rows[begin:end], first)
+        high = begin + np.searchsorted(rows[begin:end], last)
+        for p in range(low, high):
+            r = rows[p]
+            value = values[p]
+            out[r, 0] += value * red
+            out[r, 1] += value * green
+            out[r, 2] += value * blue
+
+
+@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+def shade_all(
+    positions: np.ndarray, frames: np.ndarray, eye: np.ndarray, view_maps: np.ndarray, lit: np.ndarray, out: np.ndarray
+) -> None:
+    """Radiance (V, 3) towards `eye` (3,): Σ_k h_k(ωo) of `view_maps` (M, M, K, C) times `lit` (V, K, 3).
+
+    0 where a vertex is seen from behind. Negative sums stay: they are for the caller to show or cut.
+    """
+    size, terms, channels = view_maps.shape[0], view_maps.shape[2], view_maps.shape[3]
+    for v in prange(len(positions)):
+        dx, dy, dz = eye[0] - positions[v, 0], eye[1] - positions[v, 1], eye[2] - positions[v, 2]
+        short = np.float32(1.0) / math.sqrt(dx * dx + dy * dy + dz * dz)
+        dx, dy, dz = dx * short, dy * short, dz * short
+        z = frames[v, 2, 0] * dx + frames[v, 2, 1] * dy + frames[v, 2, 2] * dz
+        red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+        if z > 0:
+            x = frames[v, 0, 0] * dx + frames[v, 0, 1] * dy + frames[v, 0, 2] * dz
+            y = frames[v, 1, 0] * dx + frames[v, 1, 1] * dy + frames[v, 1, 2] * dz
+            i, j, a, b = _place(x, y, z, size)
+            w00, w01, w10, w11 = (1 - a) * (1 - b), (1 - a) * b, a * (1 - b), a * b
+            last = channels - 1
+            for k in range(terms):
+                h0 = (
+                    w00 * view_maps[i, j, k, 0]
+                    + w01 * view_maps[i, j + 1, k, 0]
+                    + w10 * view_maps[i + 1, j, k, 0]
+                    + w11 * view_maps[i + 1, j + 1, k, 0]
+                )
+                if last == 0:
+                    h1, h2 = h0, h0
+                else:
+                    h1 = (
+                        w00 * view_maps[i, j, k, 1]
+                        + w01 * view_maps[i, j + 1, k, 1]
+                        + w10 * view_maps[i + 1, j, k, 1]
+                        + w11 * view_maps[i + 1, j + 1, k, 1]
+                    )
+                    h2 = (
+                        w00 * view_maps[i, j, k, 2]
+                        + w01 * view_maps[i, j + 1, k, 2]
+                        + w10 * view_maps[i + 1, j, k, 2]
+                        + w11 * view_maps[i + 1, j + 1, k, 2]
+                    )
+                red += h0 * lit[v, k, 0]
+                green += h1 * lit[v, k, 1]
+                blue += h2 * lit[v, k, 2]
+        out[v, 0], out[v, 1], out[v, 2] = red, green, blue

@@ -1,0 +1,235 @@
+"""The error of relighting, stage by stage: what each approximation alone does to the light a vertex sends to the eye.
+
+The reference is the sum over all texels of a cube map with the reflectance itself, its cosine and the visibility of
+each texel, nothing left out, at the vertices: B = Σ_j L_j f(ω_j, ωo) V_j cosθ_j Δω_j. Errors are relative root mean
+squares over vertices that the eye sees, all channels together: √(Σ|B̂ − B|²/Σ|B|²).
+
+    terms         K terms of f, their functions asked of f itself wherever they are needed
+    maps          the same terms read from maps of M × M texels
+    cube          the reference on this cube map against one of `FINE` times as many texels along a face
+    truncation    of the wavelets of the transport, all but the kept left out, not rounded
+    quantisation  those that are kept as 16-bit numbers
+    clusters      means and components instead of every vertex's own transport
+    interpolation a picture's points between vertices against the vertices' own light mixed over the triangle
+    together      everything that is in use against the reference
+
+`below zero` is the light that negative residues take away: Σ max(−B̂, 0)/Σ|B̂|.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.errors import BadInput
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.meshes.tangents import frames
+from homofact.render.light import EnvironmentMap
+from homofact.scene.transport import cube
+from homofact.scene.transport.clusters import Clustered
+from homofact.scene.transport.factors import InOutFactors, factor, look_up
+from homofact.scene.transport.kernels import transport_vectors
+from homofact.scene.transport.precompute import Tracer, Transport
+from homofact.scene.transport.relight import Relit, light_coefficients
+
+FINE = 4
+_FINE_MAPS = 128
+STAGES = ("terms", "maps", "cube", "truncation", "quantisation", "clusters", "interpolation", "together")
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Relative root mean square errors by stage, and the share of light below zero; over `vertices` that were seen."""
+
+    errors: dict[str, float]
+    below_zero: float
+    vertices: int
+
+    def record(self) -> dict[str, float]:
+        """The JSON form."""
+        return {**self.errors, "below_zero": self.below_zero, "vertices": self.vertices}
+
+
+@dataclass
+class Seen:
+    """Vertices that an eye sees, with what their light is summed from."""
+
+    mesh: Mesh
+    reflectance: Reflectance
+    occluder: Occluder
+    eye: np.ndarray
+    which: np.ndarray
+    rows: np.ndarray = field(init=False)
+    wo: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Frames of the vertices, and the eye's direction in them."""
+        self.rows = frames(self.mesh.normals[self.which])
+        towards = self.eye - self.mesh.positions[self.which]
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        self.wo = np.einsum("vij,vj->vi", self.rows, towards)
+
+    def dense(self, light: np.ndarray, size: int, reflectance: Reflectance | None = None) -> np.ndarray:
+        """The sum over all texels (S, 3) for a cube map of radiance (6, n, n, 3) and the reflectance, or another."""
+        asked = self.reflectance if reflectance is None else reflectance
+        tracer = Tracer(self.mesh, self.occluder, size)
+        w = cube.directions(size).reshape(-1, 3)
+        flux = light.reshape(-1, 3) * np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)[:, None]
+        found = np.zeros((len(self.which), 3))
+        for s, v in enumerate(self.which):
+            lit = np.flatnonzero(tracer.visible(int(v)))
+            wi = w[lit] @ self.rows[s].T
+            kept = wi[:, 2] > 0
+            wi = torch.from_numpy(wi[kept])
+            wo = torch.from_numpy(self.wo[s]).expand(len(wi), 3)
+            values = asked.evaluate(wi, wo).double().numpy() * wi[:, 2:].numpy()
+            found[s] = (values * flux[lit[kept]]).sum(0)
+        return found
+
+
+def seen_vertices(
+    mesh: Mesh, reflectance: Reflectance, occluder: Occluder, eye: Sequence[float], most: int, seed: int = 0
+) -> Seen:
+    """At most so many vertices, drawn by the seed, that face the eye and that nothing hides from it.
+
+    Raises BadInput where the eye sees none.
+    """
+    point = np.asarray(eye, np.float64)
+    towards = point - mesh.positions
+    distance = np.linalg.norm(towards, axis=1)
+    towards /= distance[:, None]
+    # At grazing angles a vertex is hardly a pixel, and measured reflectance is a guess.
+    facing = np.flatnonzero((towards * mesh.normals).sum(1) > 0.1)
+    start = mesh.positions[facing] + occluder.offset * mesh.normals[facing]
+    open_ = facing[~occluder.blocked(start, towards[facing])]
+    if not len(open_):
+        raise BadInput(f"{mesh.name}: no vertex is seen from {tuple(point.tolist())}, expected another eye")
+    drawn = np.random.default_rng(seed).permutation(open_)[:most]
+    return Seen(mesh, reflectance, occluder, point, np.sort(drawn))
+
+
+def ledger(
+    seen: Seen,
+    transport: Transport,
+    light: EnvironmentMap,
+    compact: Clustered | None = None,
+    stages: Sequence[str] = STAGES,
+    progress: Callable[[str], object] | None = None,
+) -> Ledger:
+    """Every stage of `stages` by itself, under one light and from one eye. Raises BadInput for an unknown stage."""
+    unknown = [each for each in stages if each not in STAGES]
+    if unknown:
+        raise BadInput(f"stage: found {unknown[0]!r}, expected one of {', '.join(STAGES)}")
+    size = transport.settings.cube
+    radiance = cube.environment_cube(light, size)
+    truth = seen.dense(radiance, size)
+    if not (truth != 0).any():
+        raise BadInput("ledger: no light reaches the vertices that are seen, expected some")
+    errors: dict[str, float] = {}
+
+    def told(stage: str) -> bool:
+        if stage in stages and progress is not None:
+            progress(stage)
+        return stage in stages
+
+    factors = transport.factors
+    if told("terms") or told("maps"):
+        fine = factor(seen.reflectance, terms=factors.terms, map_size=_FINE_MAPS)
+        exact = seen.dense(radiance, size, fine)
+        if "terms" in stages:
+            errors["terms"] = relative(exact, truth)
+        if "maps" in stages:
+            errors["maps"] = relative(seen.dense(radiance, size, factors), exact)
+    if told("cube"):
+        much = seen.dense(cube.environment_cube(light, FINE * size), FINE * size)
+        errors["cube"] = relative(truth, much)
+    if told("truncation") or told("quantisation"):
+        whole, cut, stored = _vectors(seen, transport, radiance)
+        if "truncation" in stages:
+            errors["truncation"] = relative(cut, whole)
+        if "quantisation" in stages:
+            errors["quantisation"] = relative(stored, cut)
+    relit = Relit(transport)
+    relit.relight(radiance)
+    used = relit.tuples
+    if compact is not None and (told("clusters") or told("together")):
+        basis = Relit(compact.basis)
+        basis.relight(radiance)
+        used = compact.mixed(basis.tuples)
+        if "clusters" in stages:
+            errors["clusters"] = relative(_seen_of(seen, factors, used), _seen_of(seen, factors, relit.tuples))
+    shown = _seen_of(seen, factors, used)
+    if told("interpolation"):
+        errors["interpolation"] = _interpolation(seen, radiance, size)
+    if told("together"):
+        errors["together"] = relative(shown, truth)
+    below = float(np.maximum(-shown, 0).sum() / np.abs(shown).sum())
+    return Ledger({name: errors[name] for name in STAGES if name in errors}, below, len(seen.which))
+
+
+def relative(found: np.ndarray, truth: np.ndarray) -> float:
+    """√(Σ|found − truth|²/Σ|truth|²)."""
+    return float(np.sqrt(((found - truth) ** 2).sum() / (truth**2).sum()))
+
+
+def _seen_of(seen: Seen, factors: InOutFactors, tuples: np.ndarray) -> np.ndarray:
+    """Light (S, 3) towards the eye of K-tuples (V, K, 3) of all vertices."""
+    h = view_values(factors, seen.wo)
+    return np.einsum("skc,skc->sc", h, tuples[seen.which])
+
+
+def view_values(factors: InOutFactors, wo: np.ndarray) -> np.ndarray:
+    """h_k (S, K, 3) of the view maps at directions (S, 3)."""
+    maps = torch.from_numpy(factors.packed_view).flatten(2).double()
+    found = look_up(maps, torch.from_numpy(wo)).reshape(len(wo), factors.terms, -1)
+    return found.expand(-1, -1, 3).numpy()
+
+
+def _vectors(seen: Seen, transport: Transport, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Light (S, 3) each by whole transport vectors, by those that are kept, and by these as they are stored."""
+    factors, settings = transport.factors, transport.settings
+    size, terms = settings.cube, factors.terms
+    tracer = Tracer(seen.mesh, seen.occluder, size, settings.rays)
+    light = light_coefficients(radiance, size)
+    vectors = np.empty((terms, cube.FACES * size * size), np.float32)
+    scratch = np.empty((size, size), np.float32)
+    maps = np.ascontiguousarray(factors.light.transpose(1, 2, 0))
+    tuples = np.zeros((3, len(seen.which), terms, 3))
+    for s, v in enumerate(seen.which.tolist()):
+        transport_vectors(
+            transport.frames[v], tracer.visible(v), tracer.directions, tracer.angles, maps, vectors, scratch
+        )
+        for k in range(terms):
+            r = v * terms + k
+            place = transport.index[transport.start[r] : transport.start[r + 1]]
+            tuples[0, s, k] = vectors[k].astype(np.float64) @ light
+            tuples[1, s, k] = vectors[k][place].astype(np.float64) @ light[place]
+            tuples[2, s, k] = transport.vector(v, k)[place] @ light[place]
+    h = view_values(factors, seen.wo)
+    whole, cut, stored = (np.einsum("skc,skc->sc", h, each) for each in tuples)
+    return whole, cut, stored
+
+
+def _interpolation(seen: Seen, radiance: np.ndarray, size: int, most: int = 200) -> float:
+    """Of points in the middle of triangles: light mixed from the corners against the light of the point itself."""
+    mesh = seen.mesh
+    shown = np.zeros(len(mesh.positions), bool)
+    shown[seen.which] = True
+    # Triangles at a vertex that is seen; their corners are summed too.
+    triangles = mesh.triangles[shown[mesh.triangles].any(1)]
+    triangles = triangles[np.random.default_rng(1).permutation(len(triangles))[:most]]
+    middle = mesh.positions[triangles].mean(1)
+    normal = mesh.normals[triangles].mean(1)
+    length = np.linalg.norm(normal, axis=1)
+    triangles, middle, normal = (each[length > 0.1] for each in (triangles, middle, normal))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    points = Mesh(middle, normal, np.arange(len(middle) // 3 * 3).reshape(-1, 3), f"{mesh.name}, between vertices")
+    own = Seen(points, seen.reflectance, seen.occluder, seen.eye, np.arange(len(middle)))
+    corners, place = np.unique(triangles, return_inverse=True)
+    around = Seen(mesh, seen.reflectance, seen.occluder, seen.eye, corners)
+    mixed = around.dense(radiance, size)[place.reshape(triangles.shape)].mean(1)
+    facing = own.wo[:, 2] > 0.1
+    return relative(mixed[facing], own.dense(radiance, size)[facing])

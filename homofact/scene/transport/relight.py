@@ -1,0 +1,122 @@
+"""Light and view changes of precomputed transport: the run time of Wang, Tran and Luebke 2004 (4)–(6).
+
+A light change gives every vertex and term the scalar product of its transport with the light, the K-tuple of the
+vertex; a view change only looks up the view maps and sums K products a vertex. A change of light can be brought in
+piece by piece, the largest coefficients of the change first (Overbeck et al. 2006): the picture then converges to the
+exact one, and is exact once all are in.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
+
+import numba
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.linear.threads import in_parallel
+from homofact.render.light import EnvironmentMap
+from homofact.scene.transport import cube
+from homofact.scene.transport.haar import transformed
+from homofact.scene.transport.kernels import add_columns, relight_all, shade_all
+from homofact.scene.transport.precompute import Transport
+
+
+def light_coefficients(light: EnvironmentMap | np.ndarray, size: int) -> np.ndarray:
+    """Haar coefficients (6·n², 3) float64 of an environment map, or of a cube map (6, n, n, 3) of radiance.
+
+    Raises BadInput for a cube map of another shape or with values that are negative or not finite.
+    """
+    given = light if isinstance(light, np.ndarray) else cube.environment_cube(light, size)
+    if given.shape != (cube.FACES, size, size, 3):
+        raise BadInput(f"light: found a cube map of shape {given.shape}, expected (6, {size}, {size}, 3)")
+    if not np.isfinite(given).all() or (given < 0).any():
+        raise BadInput("light: found radiance that is negative or not finite, expected finite numbers >= 0")
+    return np.moveaxis(transformed(np.moveaxis(given, -1, 0)), 0, -1).reshape(-1, 3)
+
+
+def shaded(transport: Transport, tuples: np.ndarray, eye: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Radiance (V, 3) float32 towards a point `eye` (3,) of K-tuples (V, K, 3); negative residues stay in it.
+
+    0 where a vertex is seen from behind. Raises BadInput for an eye that is no point.
+    """
+    point = np.asarray(eye, np.float64)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise BadInput(f"eye: found {eye}, expected a point of 3 finite numbers")
+    out = np.empty((transport.vertices, 3), np.float32)
+    lit = np.ascontiguousarray(tuples, np.float32)
+    maps = transport.factors.packed_view
+    shade_all(transport.positions, transport.frames, point.astype(np.float32), maps, lit, out)
+    return out
+
+
+class Relit:
+    """An object under a light: `tuples` (V, K, 3), Σ over the light of each transport vector, and views of it."""
+
+    def __init__(self, transport: Transport) -> None:
+        self.transport = transport
+        self._light = np.zeros((cube.FACES * transport.settings.cube**2, 3))
+        self._target: np.ndarray | None = None
+        self._change = np.zeros_like(self._light)
+        self.tuples = np.zeros((transport.vertices, transport.factors.terms, 3), np.float32)
+
+    def relight(self, light: EnvironmentMap | np.ndarray) -> None:
+        """Change to another light at once, from nothing."""
+        self._light = light_coefficients(light, self.transport.settings.cube)
+        self._target = None
+        self._sum()
+
+    def ask(self, light: EnvironmentMap | np.ndarray) -> None:
+        """Name the light that `step` will lead to."""
+        self._target = light_coefficients(light, self.transport.settings.cube)
+        self._change = self._target - self._light
+
+    def step(self, coefficients: int = 64) -> int:
+        """Bring in the largest so many of the change, weighted by how much transport they reach; (how many are left).
+
+        Once none is left the light is exactly the one asked for; sums of float32 changes are then made anew.
+        """
+        if self._target is None:
+            return 0
+        left = np.flatnonzero((self._change != 0).any(1))
+        if len(left) <= coefficients:
+            self._light, self._target = self._target, None
+            self._sum()
+            return 0
+        size = np.abs(self._change[left]).max(1) * self._columns[3][left]
+        chosen = left[np.argpartition(-size, coefficients)[:coefficients]]
+        self._add(chosen)
+        self._light[chosen] = self._target[chosen]
+        self._change[chosen] = 0
+        return len(left) - len(chosen)
+
+    def shade(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
+        """Radiance (V, 3) float32 of every vertex towards a point `eye` (3,); negative residues stay in it."""
+        return shaded(self.transport, self.tuples, eye)
+
+    def _sum(self) -> None:
+        given = self.transport
+        padded = np.zeros((len(self._light), 4), np.float32)
+        padded[:, :3] = self._light
+        relight_all(given.start, given.index, given.number, given.scale, padded, self.tuples.reshape(-1, 3))
+
+    def _add(self, chosen: np.ndarray) -> None:
+        start, rows, values, _ = self._columns
+        change, out = self._change.astype(np.float32), self.tuples.reshape(-1, 3)
+        edges = np.linspace(0, len(out), numba.get_num_threads() + 1).astype(np.int64)
+        in_parallel(
+            lambda part: add_columns(chosen, start, rows, values, change, part[0], part[1], out),
+            list(pairwise(edges.tolist())),
+        )
+
+    @cached_property
+    def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The transport by coefficient: start (J + 1), rows, values, and each column's length (J,)."""
+        given = self.transport
+        counts = np.bincount(given.index, minlength=len(self._light))
+        start = np.concatenate(([0], np.cumsum(counts)))
+        vector = np.repeat(np.arange(len(given.scale), dtype=np.int32), np.diff(given.start))
+        order = np.argsort(given.index, kind="stable")
+        values = (given.number * given.scale[vector])[order]
+        length = np.sqrt(np.bincount(given.index[order], values.astype(np.float64) ** 2, len(self._light)))
+        return start, vector[order], values, length
