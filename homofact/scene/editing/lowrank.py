@@ -23,9 +23,9 @@ from torch import Tensor
 from homofact.scene.editing.transport import Full, check_curves
 
 FLOOR, SMOOTH, ROUGH = 0.02, 4 / 256, 0.03
-TOLERANCE = 1e-3
+TOLERANCE = 3e-3
 # What is tried, the fewest first.
-RANKS = (96, 192, 384)
+RANKS = (128, 384)
 _OVERSAMPLED, _ITERATIONS = 16, 2
 
 

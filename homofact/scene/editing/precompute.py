@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.linear.threads import one_thread
 from homofact.meshes.mesh import Mesh
 from homofact.scene.editing import lowrank
 from homofact.scene.editing.angles import ANGLES
@@ -33,6 +34,7 @@ MOST_BYTES = 1 << 30
 _BLOCK_NUMBERS, _PAIRS = 1 << 22, 1 << 18
 _BASIS_PIXELS, _PROBES = 600, 64
 Pattern = Callable[[np.ndarray], np.ndarray]
+Kept = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,7 @@ class Prepared:
         return sum(part.transport.nbytes for part in self.parts)
 
 
+@one_thread
 def prepare(
     scene: EditScene,
     triangles: int = 4000,
@@ -174,25 +177,23 @@ class _Work:
     progress: Callable[[float], None] | None
     done: int = 0
 
-    def blocks(self, pixels: Pixels, thing: Thing, take: Callable[[np.ndarray, list[np.ndarray]], None]) -> None:
-        """Call `take` with the rows (B,) and every term's block (B, C, J·K) float64 of all pixels, block by block."""
+    def fill(self, tables: Sequence[np.ndarray], pixels: Pixels, thing: Thing, kept: Sequence[Kept]) -> None:
+        """Fill the rows of every term's table with what its function keeps of each block (B, C, J·K) float64."""
         widest = max(int(np.prod(_bands(term))) for term in thing.material.terms) * len(thing.material.channels)
         step = max(1, min(_BLOCK_NUMBERS // widest, _PAIRS // self.lights.count))
-        starts = range(0, len(pixels), step)
 
         def one(start: int) -> tuple[np.ndarray, list[np.ndarray]]:
             rows = np.arange(start, min(start + step, len(pixels)))
-            own = pixels.some(rows)
-            return rows, self.block(own, thing)
+            found = self.block(pixels.some(rows), thing)
+            return rows, [keep(block) for keep, block in zip(kept, found, strict=True)]
 
         with ThreadPoolExecutor(self.threads) as pool:
-            for begin in range(0, len(starts), self.threads):
-                # Few at a time, since blocks are large; taken in order, so that threads change nothing.
-                for rows, found in pool.map(one, starts[begin : begin + self.threads]):
-                    take(rows, found)
-                    self.done += len(rows)
-                    if self.progress is not None:
-                        self.progress(min(1.0, self.done / self.total))
+            for rows, found in pool.map(one, range(0, len(pixels), step)):
+                for table, part in zip(tables, found, strict=True):
+                    table[rows] = part.reshape(len(rows), *table.shape[1:])
+                self.done += len(rows)
+                if self.progress is not None:
+                    self.progress(min(1.0, self.done / self.total))
 
     def block(self, pixels: Pixels, thing: Thing) -> list[np.ndarray]:
         """Every term's block (P, C, J·K) float64."""
@@ -237,15 +238,14 @@ def finite(values: Tensor, material: Editable, term: Term) -> Tensor:
     return values
 
 
+def _whole(block: np.ndarray) -> np.ndarray:
+    return block.astype(np.float32)
+
+
 def _full(work: _Work, pixels: Pixels, thing: Thing) -> list[Transport]:
     terms, channels = thing.material.terms, len(thing.material.channels)
     tables = [np.empty((len(pixels), channels, *_bands(term)), np.float32) for term in terms]
-
-    def take(rows: np.ndarray, blocks: list[np.ndarray]) -> None:
-        for table, block in zip(tables, blocks, strict=True):
-            table[rows] = block.reshape(len(rows), *table.shape[1:])
-
-    work.blocks(pixels, thing, take)
+    work.fill(tables, pixels, thing, [_whole] * len(terms))
     return [Full(table, len(term.summed)) for table, term in zip(tables, terms, strict=True)]
 
 
@@ -254,24 +254,14 @@ def _low_rank(work: _Work, pixels: Pixels, thing: Thing, tolerance: float) -> li
     generator = np.random.default_rng(0)
     chosen = np.sort(generator.permutation(len(pixels))[:_BASIS_PIXELS])
     first = [np.empty((len(chosen), channels, int(np.prod(_bands(term)))), np.float32) for term in terms]
-
-    def gather(rows: np.ndarray, blocks: list[np.ndarray]) -> None:
-        for table, block in zip(first, blocks, strict=True):
-            table[rows] = block
-
     # Counted once, as pixels of the second time over.
     done = work.done
-    work.blocks(pixels.some(chosen), thing, gather)
+    work.fill(first, pixels.some(chosen), thing, [_whole] * len(terms))
     work.done = done
     starts = [[banded(slot.start, slot.bands).values for slot in term.summed] for term in terms]
     bases = [lowrank.basis_of(table, curves, tolerance) for table, curves in zip(first, starts, strict=True)]
     found = [np.empty((len(pixels), channels, basis.rank), np.float32) for basis in bases]
-
-    def take(rows: np.ndarray, blocks: list[np.ndarray]) -> None:
-        for k, (basis, block) in enumerate(zip(bases, blocks, strict=True)):
-            found[k][rows] = basis.coefficients(block)
-
-    work.blocks(pixels, thing, take)
+    work.fill(found, pixels, thing, [basis.coefficients for basis in bases])
     # Probes apart from the basis's pixels where there are enough of them.
     others = np.setdiff1d(np.arange(len(pixels)), chosen)
     probes = np.sort(generator.permutation(others if len(others) >= _PROBES else len(pixels))[:_PROBES])

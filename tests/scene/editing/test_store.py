@@ -92,5 +92,5 @@ def test_full_transports_are_not_stored(tmp_path: Path) -> None:
 def test_equal_scenes_have_equal_files(tmp_path: Path) -> None:
     scene = on_the_floor(models.from_reflectance(PAINT, ("theta_h",), "paint", (64,)))
     for name in ("a.npz", "b.npz"):
-        write_prepared(tmp_path / name, prepare(scene, 60), 60)
+        write_prepared(tmp_path / name, prepare(scene, 20), 20)
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
