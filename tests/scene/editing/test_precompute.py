@@ -60,17 +60,17 @@ def test_curves_of_1_give_the_unedited_picture(angles: tuple[str, ...]) -> None:
     assert relative(radiance(prepared, 0, starting_curves(prepared)), expected) < 1e-6
 
 
-SMALL = View("v", (0.0, 0.5, 4.0), (0.0, 0.0, 0.0), 6, 6, 40)
+SMALL = View("v", (0.0, 0.5, 4.0), (0.0, 0.0, 0.0), 8, 8, 40)
 
 
 @lru_cache(maxsize=2)
 def rendered_densely(model) -> torch.Tensor:
-    """R of a ball under 6,000 lights, the material asked at their centres."""
-    dense = prepare(single(models.from_reflectance(model, ("theta_i",), "x", (32,)), views=(SMALL,)), 6000, "full")
+    """R of a ball under 3,000 lights, the material asked at their centres."""
+    dense = prepare(single(models.from_reflectance(model, ("theta_i",), "x", (32,)), views=(SMALL,)), 3000, "full")
     return radiance(dense, 0, starting_curves(dense))
 
 
-@pytest.mark.parametrize(("kind", "most"), [("CT", 4e-3), ("AS", 6e-3), ("HF", 0.01), ("HD", 0.01)])
+@pytest.mark.parametrize(("kind", "most"), [("CT", 6e-3), ("AS", 0.01), ("HF", 0.012), ("HD", 0.012)])
 def test_models_as_they_start_give_the_picture_of_the_material(kind: str, most: float) -> None:
     """Curves divided out and put back, bands, triangles and all, against many lights and none of that."""
     material = {
@@ -79,20 +79,20 @@ def test_models_as_they_start_give_the_picture_of_the_material(kind: str, most: 
         "HF": lambda: factored.homomorphic(PAINT, "x"),
         "HD": lambda: factored.half_and_diffuse(PAINT, "x"),
     }[kind]()
-    prepared = prepare(single(material, views=(SMALL,)), 1000, "full")
+    prepared = prepare(single(material, views=(SMALL,)), 700, "full")
     found = radiance(prepared, 0, starting_curves(prepared))
     assert relative(found, rendered_densely(BRUSHED if kind == "AS" else PAINT)) < most
 
 
 def test_a_sliders_picture_is_the_model_rendered_again() -> None:
     scene = single(models.cook_torrance(PAINT, "x", (256, 64)), views=(SMALL,))
-    prepared = prepare(scene, 1000, "full")
+    prepared = prepare(scene, 700, "full")
     curves = starting_curves(prepared)
     slot = scene.things[0].material.slot(("specular", "distribution"))
     assert slot.sliders is not None
     curves["x", "specular", "distribution"] = banded(slot.sliders.curve(sigma=0.4), 256)
     again = prepare(single(models.cook_torrance(replace(PAINT, roughness=0.4), "x", (256, 64)), views=(SMALL,)),
-                    1000, "full")  # fmt: skip
+                    700, "full")  # fmt: skip
     assert relative(radiance(prepared, 0, curves), radiance(again, 0, starting_curves(again))) < 1e-6
 
 
