@@ -7,6 +7,7 @@ import pytest
 
 
 def test_the_tables_of_editing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
     monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
     text = importlib.import_module("editing_numbers").main(["--short", "--to", str(tmp_path / "n.md")])
     assert (tmp_path / "n.md").read_text(encoding="utf-8") == text

@@ -3,6 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
+import pytest
 import torch
 
 from homofact.brdf.analytic import AshikhminShirley, CookTorrance, Lambert
@@ -12,6 +13,8 @@ from homofact.scene.editing.material import Editable
 from homofact.scene.editing.precompute import EditScene, Prepared, Thing, prepare
 from homofact.scene.editing.view import View
 from homofact.scene.lighting import Lighting, named_lighting
+
+pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
 
 PAINT = CookTorrance((0.2, 0.1, 0.05), (0.5, 0.6, 0.7), 0.25, 0.05)
 BRUSHED = AshikhminShirley((0.2, 0.1, 0.05), (0.3, 0.4, 0.5), 60, 10)
