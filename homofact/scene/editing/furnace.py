@@ -1,0 +1,57 @@
+"""The white furnace: what share of the light an edited material gives back, direction by direction.
+
+a(θi) = ∫ f cosθo dωo by the nodes of `geometry.quadrature`, mean over `AZIMUTHS` of ωi. No surface gives back more than
+it gets; curves drawn by hand may say so, and a picture does not show it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.geometry.directions import from_spherical
+from homofact.geometry.quadrature import hemisphere_nodes
+
+DEGREES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 85.0)
+AZIMUTHS = (0.0, 45.0, 90.0, 135.0)
+# What the nodes are good for: 1% of narrow anisotropic peaks.
+SLACK = 0.01
+_RINGS, _SPOKES = 64, 48
+
+
+@dataclass(frozen=True)
+class Albedo:
+    """`values`, a row for each of the angles `degrees` of ωi, one number a channel."""
+
+    channels: tuple[str, ...]
+    degrees: tuple[float, ...]
+    values: tuple[tuple[float, ...], ...]
+
+    @property
+    def largest(self) -> float:
+        """Over all angles and channels."""
+        return max(max(row) for row in self.values)
+
+    def warning(self) -> str | None:
+        """One line where more comes back than falls in, beyond what the sum is good for."""
+        if self.largest <= 1 + SLACK:
+            return None
+        angle, row = max(zip(self.degrees, self.values, strict=True), key=lambda pair: max(pair[1]))
+        channel = self.channels[row.index(max(row))]
+        return f"albedo {max(row):.2f} at {angle:.0f} degrees in {channel}: more light comes back than falls in"
+
+
+def albedo_of(reflectance: Reflectance) -> Albedo:
+    """The furnace's albedo of a reflectance."""
+    rows = []
+    for degrees in DEGREES:
+        total = torch.zeros(len(reflectance.channels), dtype=torch.float64)
+        for azimuth in AZIMUTHS:
+            angles = (torch.tensor([math.radians(each)], dtype=torch.float64) for each in (degrees, azimuth))
+            wi = from_spherical(*angles)
+            wo, weights = hemisphere_nodes(wi, _RINGS, _SPOKES)
+            values = torch.as_tensor(reflectance.evaluate(wi.expand(wo.shape[1], 3).contiguous(), wo[0]))
+            total += (values * (weights[0] * wo[0, :, 2])[:, None]).sum(0)
+        rows.append(tuple((total / len(AZIMUTHS)).tolist()))
+    return Albedo(tuple(reflectance.channels), DEGREES, tuple(rows))

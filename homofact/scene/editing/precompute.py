@@ -1,0 +1,274 @@
+"""From a scene whose light and views are fixed to T and U of every term (Ben-Artzi et al. 2006, section 5, code 1).
+
+Pixel by pixel: which lights are above its horizon and not blocked (one ray to each light's centre, shared by all terms
+of the object), L' = L V ρ_q cosθi Ω at the light's centre, and its share of each band (`overlap`). Pixels go in blocks,
+which may run in several threads and give the same bits however many there are. A block in full is (pixels, C, J·K);
+"low-rank" keeps only its coefficients, so that two curves' matrices never stand whole in memory.
+
+Low rank goes over some of the pixels twice: first for the basis, which must be known before anything is projected.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.linear.threads import one_thread
+from homofact.meshes.mesh import Mesh
+from homofact.scene.editing import lowrank
+from homofact.scene.editing.angles import ANGLES
+from homofact.scene.editing.curves import banded
+from homofact.scene.editing.lights import TriangleLights, triangle_lights
+from homofact.scene.editing.material import Editable, Term
+from homofact.scene.editing.overlap import transport
+from homofact.scene.editing.transport import Full, Transport
+from homofact.scene.editing.view import Pixels, Solids, View
+from homofact.scene.lighting import Lighting
+
+FORMS = ("low-rank", "full")
+MOST_BYTES = 1 << 30
+_BLOCK_NUMBERS, _PAIRS = 1 << 22, 1 << 18
+_BASIS_PIXELS, _PROBES = 600, 64
+Pattern = Callable[[np.ndarray], np.ndarray]
+Kept = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Thing:
+    """One object: its mesh and material; `patterns` multiply terms by name, world points (P, 3) to factors (P, C)."""
+
+    mesh: Mesh
+    material: Editable
+    patterns: Mapping[str, Pattern] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse a pattern of a term that is not there."""
+        for name in self.patterns:
+            self.material.term(name)
+
+
+@dataclass(frozen=True)
+class EditScene:
+    """What is edited: objects, light and views. Raises BadInput for none of them, and different channels."""
+
+    things: tuple[Thing, ...]
+    lighting: Lighting
+    views: tuple[View, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse what has nothing to show, and names that stand twice."""
+        for what, found in (("objects", self.things), ("views", self.views)):
+            if not found:
+                raise BadInput(f"{what}: found none, expected at least one")
+        channels = {thing.material.channels for thing in self.things}
+        if len(channels) > 1:
+            raise BadInput(f"materials: found the channels {sorted(channels)}, expected the same in all")
+        for what, names in (
+            ("materials", [thing.material.name for thing in self.things]),
+            ("views", [view.name for view in self.views]),
+        ):
+            if len(set(names)) < len(names):
+                raise BadInput(f"{what}: found {', '.join(names)}, expected different names")
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the C channels of all materials."""
+        return self.things[0].material.channels
+
+
+@dataclass(frozen=True)
+class Part:
+    """One term of one object in one view: `rows` (P,) of the view's pixels, its transport, and the fixed factor (P, C).
+
+    `theta_o` (P,) in radians, for curves that are a number a pixel.
+    """
+
+    view: int
+    thing: int
+    term: str
+    rows: np.ndarray
+    transport: Transport
+    theta_o: Tensor
+    factor: Tensor | None
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """All parts of a scene, and what its views see."""
+
+    scene: EditScene
+    lights: TriangleLights
+    pixels: tuple[Pixels, ...]
+    parts: tuple[Part, ...]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all transports."""
+        return sum(part.transport.nbytes for part in self.parts)
+
+
+@one_thread
+def prepare(
+    scene: EditScene,
+    triangles: int = 4000,
+    form: str = FORMS[0],
+    tolerance: float = lowrank.TOLERANCE,
+    threads: int = 1,
+    progress: Callable[[float], None] | None = None,
+) -> Prepared:
+    """Precompute a scene with about that many lights, in a form of `FORMS`; `tolerance` is that of the low rank.
+
+    `progress` is told the share of pixels that are done. Raises BadInput for another form, and a full one of more than
+    1 GiB.
+    """
+    if form not in FORMS:
+        raise BadInput(f"form: found {form!r}, expected one of {', '.join(FORMS)}")
+    lights = triangle_lights(scene.lighting, triangles, len(scene.channels))
+    solids = Solids([thing.mesh for thing in scene.things])
+    pixels = tuple(solids.seen(view) for view in scene.views)
+    if not any(len(each) for each in pixels):
+        raise BadInput("views: found no object in any of them, expected one that sees something")
+    if form == "full":
+        _check_size(scene, pixels)
+    work = _Work(lights, solids, threads, sum(len(each) for each in pixels), progress)
+    parts: list[Part] = []
+    for number, seen in enumerate(pixels):
+        for which, thing in enumerate(scene.things):
+            rows = np.flatnonzero(seen.objects == which)
+            if len(rows):
+                own = seen.some(rows)
+                made = _full(work, own, thing) if form == "full" else _low_rank(work, own, thing, tolerance)
+                theta_o = torch.from_numpy(np.arctan2(np.hypot(own.wo[:, 0], own.wo[:, 1]), own.wo[:, 2]))
+                for term, found in zip(thing.material.terms, made, strict=True):
+                    pattern = thing.patterns.get(term.name)
+                    factor = None if pattern is None else torch.from_numpy(pattern(own.points))
+                    parts.append(Part(number, which, term.name, rows, found, theta_o, factor))
+    return Prepared(scene, lights, pixels, tuple(parts))
+
+
+def _check_size(scene: EditScene, pixels: Sequence[Pixels]) -> None:
+    total = 0
+    for seen in pixels:
+        for which, thing in enumerate(scene.things):
+            numbers = sum(int(np.prod(_bands(term))) for term in thing.material.terms)
+            total += 4 * len(scene.channels) * numbers * int((seen.objects == which).sum())
+    if total > MOST_BYTES:
+        raise BadInput(f"form: full would be {total} bytes, expected at most {MOST_BYTES}: fewer pixels, or low-rank")
+
+
+def _bands(term: Term) -> tuple[int, int]:
+    """(J, K), K = 1 where there is one curve."""
+    counts = [slot.bands for slot in term.summed]
+    return counts[0], counts[1] if len(counts) == 2 else 1
+
+
+@dataclass
+class _Work:
+    """What all blocks share."""
+
+    lights: TriangleLights
+    solids: Solids
+    threads: int
+    total: int
+    progress: Callable[[float], None] | None
+    done: int = 0
+
+    def fill(self, tables: Sequence[np.ndarray], pixels: Pixels, thing: Thing, kept: Sequence[Kept]) -> None:
+        """Fill the rows of every term's table with what its function keeps of each block (B, C, J·K) float64."""
+        widest = max(int(np.prod(_bands(term))) for term in thing.material.terms) * len(thing.material.channels)
+        step = max(1, min(_BLOCK_NUMBERS // widest, _PAIRS // self.lights.count))
+
+        def one(start: int) -> tuple[np.ndarray, list[np.ndarray]]:
+            rows = np.arange(start, min(start + step, len(pixels)))
+            found = self.block(pixels.some(rows), thing)
+            return rows, [keep(block) for keep, block in zip(kept, found, strict=True)]
+
+        with ThreadPoolExecutor(self.threads) as pool:
+            for rows, found in pool.map(one, range(0, len(pixels), step)):
+                for table, part in zip(tables, found, strict=True):
+                    table[rows] = part.reshape(len(rows), *table.shape[1:])
+                self.done += len(rows)
+                if self.progress is not None:
+                    self.progress(min(1.0, self.done / self.total))
+
+    def block(self, pixels: Pixels, thing: Thing) -> list[np.ndarray]:
+        """Every term's block (P, C, J·K) float64."""
+        begins, numbers = self.visible(pixels)
+        owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
+        directions = np.einsum("pij,pj->pi", pixels.frames[owner], self.lights.centres[numbers])
+        irradiance = directions[:, 2:] * (self.lights.solid_angles[:, None] * self.lights.radiance)[numbers]
+        wi, wo = torch.from_numpy(directions), torch.from_numpy(pixels.wo[owner])
+        found = []
+        for term in thing.material.terms:
+            light = irradiance * finite(term.quotient(wi, wo), thing.material, term).numpy()
+            kinds = [ANGLES.index(slot.angle) for slot in term.summed]
+            bands = _bands(term)
+            block = np.zeros((len(pixels), light.shape[1], bands[0] * bands[1]))
+            transport(
+                self.lights.vertices, self.lights.triangles, self.lights.middles, self.lights.sizes, pixels.frames,
+                pixels.wo, (kinds[0], kinds[1] if len(kinds) == 2 else -1), bands, begins, numbers,
+                np.ascontiguousarray(light), block,
+            )  # fmt: skip
+            found.append(block)
+        return found
+
+    def visible(self, pixels: Pixels) -> tuple[np.ndarray, np.ndarray]:
+        """(begins (P + 1,), numbers (S,)) of the lights that each pixel sees by a ray to their centres."""
+        normals = pixels.frames[:, 2]
+        above = normals @ self.lights.centres.T > 0
+        pixel, light = np.nonzero(above)
+        occluder = self.solids.occluder
+        origins = pixels.points + occluder.offset * normals
+        free = ~occluder.blocked(origins[pixel], self.lights.centres[light])
+        pixel, light = pixel[free], light[free]
+        begins = np.concatenate(([0], np.cumsum(np.bincount(pixel, minlength=len(pixels)))))
+        return begins.astype(np.int64), light
+
+
+def finite(values: Tensor, material: Editable, term: Term) -> Tensor:
+    """A quotient's values. Raises BadInput where one is not finite or negative."""
+    bad = ~torch.isfinite(values) | (values < 0)
+    if bool(bad.any()):
+        found = float(values[bad][0])
+        raise BadInput(f"{material.name}: {term.name}: the quotient is {found} somewhere, expected finite numbers >= 0")
+    return values
+
+
+def _whole(block: np.ndarray) -> np.ndarray:
+    return block.astype(np.float32)
+
+
+def _full(work: _Work, pixels: Pixels, thing: Thing) -> list[Transport]:
+    terms, channels = thing.material.terms, len(thing.material.channels)
+    tables = [np.empty((len(pixels), channels, *_bands(term)), np.float32) for term in terms]
+    work.fill(tables, pixels, thing, [_whole] * len(terms))
+    return [Full(table, len(term.summed)) for table, term in zip(tables, terms, strict=True)]
+
+
+def _low_rank(work: _Work, pixels: Pixels, thing: Thing, tolerance: float) -> list[Transport]:
+    terms, channels = thing.material.terms, len(thing.material.channels)
+    generator = np.random.default_rng(0)
+    chosen = np.sort(generator.permutation(len(pixels))[:_BASIS_PIXELS])
+    first = [np.empty((len(chosen), channels, int(np.prod(_bands(term)))), np.float32) for term in terms]
+    # Counted once, as pixels of the second time over.
+    done = work.done
+    work.fill(first, pixels.some(chosen), thing, [_whole] * len(terms))
+    work.done = done
+    starts = [[banded(slot.start, slot.bands).values for slot in term.summed] for term in terms]
+    bases = [lowrank.basis_of(table, curves, tolerance) for table, curves in zip(first, starts, strict=True)]
+    found = [np.empty((len(pixels), channels, basis.rank), np.float32) for basis in bases]
+    work.fill(found, pixels, thing, [basis.coefficients for basis in bases])
+    # Probes apart from the basis's pixels where there are enough of them.
+    others = np.setdiff1d(np.arange(len(pixels)), chosen)
+    probes = np.sort(generator.permutation(others if len(others) >= _PROBES else len(pixels))[:_PROBES])
+    blocks = work.block(pixels.some(probes), thing)
+    made: list[Transport] = []
+    for k, (term, basis, block) in enumerate(zip(terms, bases, blocks, strict=True)):
+        table = Full(block.reshape(len(probes), channels, *_bands(term)).astype(np.float32), len(term.summed))
+        sizes = tuple(slot.bands for slot in term.summed)
+        made.append(lowrank.LowRank(found[k], basis.outward, basis.scale, sizes, probes, table))
+    return made

@@ -1,0 +1,137 @@
+"""A prepared scene in one file (.npz), written whole or not at all: minutes to compute, megabytes to keep.
+
+Only transports at low rank are stored, in float32, with what the views see; meshes, materials and light are read from
+the scene again, and a digest of them says whether the file is that scene's. Materials count by their curves and by
+their quotients at fixed pairs of directions.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from homofact.errors import BadInput
+from homofact.files.archive import member_names, read_arrays, read_header, write_archive
+from homofact.files.fields import Fields
+from homofact.files.reading import read_bytes
+from homofact.geometry.directions import draw_in_discs
+from homofact.render.light import EnvironmentMap
+from homofact.scene.editing.lights import triangle_lights
+from homofact.scene.editing.lowrank import LowRank
+from homofact.scene.editing.precompute import EditScene, Part, Prepared
+from homofact.scene.editing.transport import Full
+from homofact.scene.editing.view import Pixels
+
+FORMAT, FORMAT_VERSION = "homofact prepared scene", 1
+_WHAT, _PAIRS = "a prepared scene", 200
+_PIXELS = ("numbers", "objects", "points", "frames", "wo")
+
+
+def digest_of(scene: EditScene, triangles: int) -> str:
+    """What tells one scene from another (SHA-256, hexadecimal)."""
+    told = hashlib.sha256()
+
+    def tell(*values: object) -> None:
+        for value in values:
+            told.update(
+                np.ascontiguousarray(value).tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+            )
+
+    tell(triangles, scene.views, scene.channels)
+    for light in scene.lighting.lights:
+        tell(*((light.radiance.numpy(), light.turn) if isinstance(light, EnvironmentMap) else (light,)))
+    wi, wo = draw_in_discs(_PAIRS, torch.Generator().manual_seed(0))
+    for thing in scene.things:
+        tell(thing.mesh.positions, thing.mesh.normals, thing.mesh.triangles, thing.material.name)
+        for name, pattern in thing.patterns.items():
+            tell(name, pattern(thing.mesh.positions[:100]))
+        for term in thing.material.terms:
+            tell(term.name, term.quotient(wi, wo).numpy())
+            for slot in term.slots:
+                tell(slot.name, slot.angle, slot.bands, slot.also_outgoing)
+        for bands in thing.material.banded_start().values():
+            tell(bands.values.numpy())
+    return told.hexdigest()
+
+
+def write_prepared(path: str | os.PathLike[str], prepared: Prepared, triangles: int) -> None:
+    """Write a prepared scene, made with about that many triangles.
+
+    Raises BadInput for an unwritable place, and for transports in full, which are too large to keep.
+    """
+    arrays: dict[str, np.ndarray] = {}
+    for number, seen in enumerate(prepared.pixels):
+        for name in _PIXELS:
+            arrays[f"view_{number}_{name}"] = getattr(seen, name)
+    parts = []
+    for number, part in enumerate(prepared.parts):
+        kept = part.transport
+        if not isinstance(kept, LowRank):
+            raise BadInput(f"{path}: found transports in full, expected them at low rank")
+        own = f"part_{number}_"
+        arrays |= {
+            f"{own}rows": part.rows,
+            f"{own}coefficients": kept.coefficients,
+            f"{own}outward": kept.outward,
+            f"{own}scale": kept.scale,
+            f"{own}probe_rows": kept.rows,
+            f"{own}probes": kept.probes.table,
+        }
+        parts.append({"view": part.view, "thing": part.thing, "term": part.term})
+    header = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "digest": digest_of(prepared.scene, triangles),
+        "triangles": triangles,
+        "parts": parts,
+    }
+    write_archive(path, header, arrays)
+
+
+def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> Prepared:
+    """What `write_prepared` wrote of this scene.
+
+    Raises BadInput for a file that is none or damaged, and one of another scene, light, view or material.
+    """
+    raw = read_bytes(Path(path), _WHAT)
+    arrays = read_arrays(path, raw, member_names(path, raw, _WHAT), _WHAT)
+    fields = Fields(f"{path}: ", read_header(path, arrays, _WHAT))
+    fields.text("format", (FORMAT,))
+    fields.version("format_version", FORMAT_VERSION)
+    triangles = fields.whole("triangles", 8, 10_000_000)
+    if fields.text("digest") != digest_of(scene, triangles):
+        raise BadInput(f"{path}: made of another scene, or of another state of it; expected this one: prepare it again")
+    try:
+        pixels = tuple(
+            Pixels(*(arrays[f"view_{number}_{name}"] for name in _PIXELS)) for number in range(len(scene.views))
+        )
+        parts = tuple(_part(scene, pixels, arrays, k, entry) for k, entry in enumerate(fields.inners("parts", 100_000)))
+    except (KeyError, IndexError, ValueError) as error:
+        raise BadInput(f"{path}: damaged ({error}), expected {_WHAT}: prepare it again") from error
+    return Prepared(scene, triangle_lights(scene.lighting, triangles, len(scene.channels)), pixels, parts)
+
+
+def _part(
+    scene: EditScene, pixels: tuple[Pixels, ...], arrays: dict[str, np.ndarray], number: int, entry: Fields
+) -> Part:
+    view = entry.whole("view", 0, len(pixels) - 1)
+    which = entry.whole("thing", 0, len(scene.things) - 1)
+    thing, own = scene.things[which], f"part_{number}_"
+    term = thing.material.term(entry.text("term"))
+    rows = arrays[f"{own}rows"]
+    sizes = tuple(slot.bands for slot in term.summed)
+    outward, scale = arrays[f"{own}outward"], arrays[f"{own}scale"]
+    coefficients, probes = arrays[f"{own}coefficients"], arrays[f"{own}probes"]
+    channels = len(scene.channels)
+    expected = (len(rows), channels, len(outward))
+    columns = int(np.prod(sizes))
+    if coefficients.shape != expected or outward.shape[1] != columns or scale.shape != (channels, columns):
+        raise ValueError(f"part {number} has {coefficients.shape} coefficients, not {expected}")
+    seen = pixels[view].some(rows)
+    theta_o = torch.from_numpy(np.arctan2(np.hypot(seen.wo[:, 0], seen.wo[:, 1]), seen.wo[:, 2]))
+    pattern = thing.patterns.get(term.name)
+    factor = None if pattern is None else torch.from_numpy(pattern(seen.points))
+    kept = LowRank(coefficients, outward, scale, sizes, arrays[f"{own}probe_rows"], Full(probes, len(sizes)))
+    return Part(view, which, term.name, rows, kept, theta_o, factor)
