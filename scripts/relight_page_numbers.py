@@ -28,10 +28,10 @@ from headless import chromium, first_frame, open_page, settled
 from homofact.errors import BadInput
 from homofact.evaluate.machine import machine
 from homofact.render.environment import read_environment
-from homofact.scene.transport.build import Stand, relit, stand
-from homofact.scene.transport.ledger import Seen, seen_vertices
+from homofact.scene.transport.build import relit, stand
+from homofact.scene.transport.ledger import dense_colours
 from homofact.scene.transport.page.build import PageReference, page_objects, write_page
-from homofact.scene.transport.page.skies import PageSky, page_sky
+from homofact.scene.transport.page.skies import page_sky
 from homofact.scene.transport.scene import read_relight_scene
 
 LARGEST, LATEST, SLOWEST = 20_000_000, 5.0, 20.0
@@ -93,23 +93,6 @@ def processor_seconds(driver: Any) -> float:
     return total
 
 
-def references(ready: Stand, sky: PageSky) -> PageReference:
-    """The dense sum at every vertex that the first camera sees well; NaN at the others."""
-    colours = []
-    for each in ready.objects:
-        found = np.full(each.mesh.positions.shape, np.nan)
-        try:
-            seen: Seen = seen_vertices(
-                each.mesh, each.reflectance, ready.occluder, ready.scene.cameras[0].eye, len(found)
-            )
-            found[seen.which] = seen.dense(sky.cube.astype(np.float64), ready.scene.settings.cube)
-        except BadInput:
-            # The camera sees none of this one.
-            pass
-        colours.append(found)
-    return PageReference(colours)
-
-
 def made(file: Path, skies: list[Path], target: Path) -> None:
     """Precompute the scene and write its page."""
     scene = read_relight_scene(file)
@@ -126,10 +109,8 @@ def made(file: Path, skies: list[Path], target: Path) -> None:
         }
         for each in objects
     }
-    write_page(
-        target, page_objects(objects), lights, numbers, references(ready, lights[0]), title=scene.name,
-        camera=scene.cameras[0],
-    )  # fmt: skip
+    reference = PageReference(dense_colours(ready, lights[0].cube))
+    write_page(target, page_objects(objects), lights, numbers, reference, title=scene.name, camera=scene.cameras[0])
 
 
 def measured(page: Path, frames: int) -> dict[str, Any]:

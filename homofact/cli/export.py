@@ -62,7 +62,8 @@ def export(
     if name == HTML:
         from homofact.cli.view import NAME, view
 
-        view(result, source, None, to if to.suffix in (".html", ".htm") else to / NAME, force, as_json, quiet)
+        page = to if to.suffix in (".html", ".htm") else to / NAME
+        view(result, source, out=page, force=force, as_json=as_json, quiet=quiet)
         return
 
     if name not in FORMAT_NAMES:

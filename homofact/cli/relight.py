@@ -31,6 +31,10 @@ def relight(
     whole: Annotated[
         bool, typer.Option("--ledger", help="Every stage of the error by itself, the cube map's too: takes minutes.")
     ] = False,
+    reference: Annotated[
+        bool,
+        typer.Option("--reference", help="Sum every seen vertex in full, for the page to compare with."),
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace a relit scene that is in the folder.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
@@ -48,7 +52,8 @@ def relight(
     from homofact.files.kinds import RELIT
     from homofact.files.lock import claimed
     from homofact.scene.transport.build import relit, stand
-    from homofact.scene.transport.cube import environment_cube
+    from homofact.scene.transport.ledger import dense_colours
+    from homofact.scene.transport.page.skies import page_sky
     from homofact.scene.transport.picture import picture
     from homofact.scene.transport.relight import shaded
     from homofact.scene.transport.result import write_relit
@@ -69,7 +74,7 @@ def relight(
         objects = relit(ready, blocks, lambda name, done, count: bar.run(f"transport of {name}", done, count))
         traced = time.perf_counter()
         bar.stage("rendering")
-        light = environment_cube(asked.light, asked.settings.cube)
+        light = page_sky(asked.light.name, asked.light, asked.settings.cube).cube.astype(float)
         tuples = [each.tuples(light) for each in objects]
         pictures = []
         for camera in asked.cameras:
@@ -79,6 +84,10 @@ def relight(
         if vertices:
             bar.stage("measuring the error")
             ledgers = _ledgers(ready, objects, vertices, whole)
+        whole_sums = None
+        if reference:
+            bar.stage("summing every vertex in full")
+            whole_sums = dense_colours(ready, light)
         record = _record(asked, objects, ledgers)
         record["seconds"] = {
             "materials": prepared - begun, "transport": traced - prepared,
@@ -86,7 +95,7 @@ def relight(
         }  # fmt: skip
         record["notes"] = list(ready.notes)
         bar.stage("writing")
-        write_relit(out, asked, objects, record, pictures, force)
+        write_relit(out, asked, objects, record, pictures, force, whole_sums)
         shutil.rmtree(blocks, ignore_errors=True)
     screen.show(object_table(objects), error_table(objects, ledgers) if ledgers else Text(""))
     screen.note(f"The relit scene: {out} ({len(pictures)} pictures); homofact view {out} relights it in a browser")

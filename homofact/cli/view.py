@@ -19,6 +19,9 @@ def view(
     mesh: Annotated[
         Path | None, typer.Option(metavar="FILE.obj", help="A mesh (OBJ, PLY, glTF) to show the material on.")
     ] = None,
+    sky: Annotated[
+        list[Path] | None, typer.Option(metavar="FILE.hdr", help="Of a relit scene: another sky. Repeatable.")
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE.html", help="The page. view.html in the result's folder, unless given."),
@@ -32,9 +35,19 @@ def view(
     One HTML file without network, drawn by WebGL 2: the fit, McCool's
     projections of the same size, and the source side by side on a sphere
     or a mesh, their differences, the textures, and the held-out errors.
+
+    Of a relit scene (homofact relight): the objects with their shadows,
+    turned and relit by built-in skies, --sky, or a dropped .hdr file.
     """
+    from homofact.scene.transport.result import is_relit
+
     target = place_of(result) if out is None else out
     check_page(target, force)
+    if is_relit(result):
+        _view_relit(result, target, sky or [], force, Screen(as_json, quiet), given={"source": source, "mesh": mesh})
+        return
+    if sky:
+        raise BadInput(f"sky: {result} is no relit scene, expected one that homofact relight wrote")
     check_result(result)
     if source is not None:
         check_measurement(source)
@@ -64,6 +77,28 @@ def view(
         pictures = " | ".join(page.titles)
         screen.show(f"The page: {page.file} ({page.size / 1000:.0f} kB): {pictures}")
     screen.answer({"result": str(result), **page.record})
+
+
+def _view_relit(
+    result: Path, target: Path, skies: list[Path], force: bool, screen: Screen, given: dict[str, object]
+) -> None:
+    """The page of a relit scene."""
+    for name, value in given.items():
+        if value is not None:
+            raise BadInput(f"{name}: {result} is a relit scene, which has its own; expected none")
+
+    from homofact.render.environment import read_environment
+    from homofact.scene.transport.page.relit_page import write_relit_page
+    from homofact.scene.transport.result import open_relit
+
+    with screen.bar() as bar:
+        bar.stage("reading")
+        saved = open_relit(result)
+        others = [read_environment(each) for each in skies]
+        bar.stage("writing the page")
+        size = write_relit_page(target, saved, others, new=not force)
+    screen.show(f"The page: {target} ({size / 1e6:.1f} MB): {len(saved.objects)} objects")
+    screen.answer({"result": str(result), "file": str(target), "bytes": size})
 
 
 def place_of(result: Path) -> Path:

@@ -11,6 +11,7 @@ formed, and orders of several hundred keep full precision.
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -71,6 +72,7 @@ def zonal(order: int, cosine: Tensor) -> Tensor:
     return torch.stack(legendre[: order + 1], 1) * torch.sqrt((2 * degree + 1) / (4 * math.pi))
 
 
+@lru_cache(maxsize=64)
 def gauss_legendre(count: int, low: float, high: float) -> tuple[Tensor, Tensor]:
     """(nodes, weights) of Gauss and Legendre on [low, high], both (count,) float64, nodes rising."""
     nodes, weights = np.polynomial.legendre.leggauss(count)

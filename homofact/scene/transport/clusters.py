@@ -24,8 +24,8 @@ from homofact.scene.transport.factors import InOutFactors
 from homofact.scene.transport.kernels import keep_largest
 from homofact.scene.transport.precompute import Transport
 
-COMPONENTS, KEPT = 12, 512
-_SKETCH, _ROUNDS, _A_CLUSTER = 128, 4, 256
+COMPONENTS, KEPT = 12, 256
+_SKETCH, _ROUNDS, _A_CLUSTER = 128, 4, 128
 _MOST = 32767
 
 
@@ -71,7 +71,7 @@ class Clustered:
 def clustered(
     transport: Transport, components: int = COMPONENTS, kept: int = KEPT, clusters: int | None = None, seed: int = 0
 ) -> Clustered:
-    """The compact form of a transport; as many clusters as give each about 256 vertices unless told.
+    """The compact form of a transport; as many clusters as give each about 128 vertices unless told.
 
     `kept` coefficients of each mean and component of a term. Raises BadInput for numbers below 1 and more clusters or
     components than vertices.

@@ -3,9 +3,13 @@
 Wang, Tran and Luebke (2004) decompose each channel by itself, (2). Here all channels share the light maps, and a view
 map has a value a channel: one transport vector a term serves them all. The best such sum is the singular value
 decomposition of the matrices of the channels side by side, ωi × (ωo, channel). The cosine stays out of f, as in Wang.
-It weights the error: rows by cos²θi dωi, for light from everywhere errs by f cosθi, and columns by cosθo dωo, the area
-that a surface takes in a picture. Weighted by cosθ on both sides, as on Wang's maps, the first terms are spent on f's
-rise towards the horizon.
+It weights the error: columns by cosθo dωo, the area that a surface takes in a picture, rows by f cosθi times the light
+to be expected. For white light, every direction by itself, the strongest functions of a sharp lobe are bumps wherever
+f cosθi is largest, and a few of them lose most of its light. Natural light is smooth: its spherical harmonics of order
+l have a variance of about 1/(l + 1)² (Dror, Willsky and Adelson 2004 find powers of 2 to 2.5 of the frequency). Rows
+are therefore projected on the harmonics, each times its expected amplitude; the strongest functions then are smooth,
+and what the terms leave out blurs a highlight. How many terms are needed is counted for white light as by Mahajan,
+Tseng and Ramamoorthi (2008); `strength` and `share` are of the light that natural light sends back.
 
 An isotropic f is decomposed order by order of azimuth, f = Σ_m f_m(θi, θo) exp(im(φo − φi)); a pair of terms of one
 order, cosine and sine, is kept whole or not at all. A lobe may be far narrower than any function that a few terms can
@@ -27,21 +31,20 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.symmetry import Symmetry, find_symmetry
 from homofact.errors import BadInput
-from homofact.geometry.directions import from_spherical
 from homofact.geometry.parabolic import from_disc, to_disc
 from homofact.linear.threads import one_thread
-from homofact.scene.harmonics import check_share, gauss_legendre
-from homofact.scene.in_out import Grid, evaluated, polynomial
+from homofact.scene.harmonics import check_share, harmonics, normalised_legendre, orders
+from homofact.scene.in_out import Grid, count_for_share, evaluated
+from homofact.scene.transport.moments import moments
 
 MAP_SIZE = 64
 MOST_TERMS = 256
 _ISOTROPIC_GRIDS = ((20, 40), (32, 64), (48, 96))
 _ANISOTROPIC_GRIDS = ((12, 36), (18, 54), (24, 72))
 # Radii of the table that an isotropic function is drawn from, for each texel of the map.
-_FINE = 4
-# Gauss nodes of each half of a crowded interval, and the power by which they crowd.
-_NODES, _CROWDING = 24, 3
+_FINE = 2
 LIGHT_POWER, VIEW_POWER = 2.0, 1.0
+FALLOFF = 2.0
 # A measurement says nothing at the horizon itself, and models run away there.
 _RIM = math.cos(math.radians(89.0))
 
@@ -50,7 +53,8 @@ _RIM = math.cos(math.radians(89.0))
 class InOutFactors:
     """Light maps `light` (K, M, M) and view maps `view` (K, M, M, C), float32, f in sr⁻¹ without the cosine.
 
-    `strength` (K,) is each term's part of `energy`, ∫∫ Σ_c f² cos²θi cosθo dωi dωo. Texel (i, j) lies at
+    `strength` (K,) is each term's part of `energy`, the expected Σ_c B² cosθo dωo of the light B that natural light
+    sends back. Texel (i, j) lies at
     (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
     """
 
@@ -67,7 +71,7 @@ class InOutFactors:
 
     @property
     def share(self) -> float:
-        """The part of the energy that the terms hold."""
+        """The part of the energy that the terms hold; √(1 − share) is the relative error to be expected."""
         return float(self.strength.sum() / self.energy)
 
     @property
@@ -107,7 +111,7 @@ class InOutFactors:
 def factor(
     reflectance: Reflectance, terms: int | None = None, share: float = 0.99, map_size: int = MAP_SIZE
 ) -> InOutFactors:
-    """The factors of a reflectance of 1 or 3 channels: `terms` of them, or as many as hold `share` of the energy.
+    """The factors of a reflectance of 1 or 3 channels: `terms` of them, or as many as hold `share` of f's energy.
 
     `MOST_TERMS` at most. Raises BadInput for terms outside 1 to `MOST_TERMS` and more than there are, a share outside
     (0, 1), maps of fewer than 8 texels across, and a reflectance without energy or with values that are not finite.
@@ -139,7 +143,9 @@ def factor(
 class _Terms:
     """Singular values in falling order with what each needs; `sigma` (R,), `multiplicity` (R,) 1 or 2.
 
-    `order` (R,) of azimuth, `left` (R, nodes) and `right` (R, C, nodes) the unit singular vectors, divided by nothing.
+    `order` (R,) of azimuth. `right` (R, C, nodes) are the unit singular vectors of the view; `excited` (R, rows) the
+    light that makes each of them, at the nodes of `rows`: σ v(ωo) = ∫ f p(ωi) cosθi dωi. `white` are the singular
+    values for white light, each as often as it counts.
     """
 
     grid: Grid
@@ -147,20 +153,17 @@ class _Terms:
     sigma: Tensor
     multiplicity: Tensor
     order: Tensor
-    left: Tensor
+    excited: Tensor
     right: Tensor
+    white: Tensor
     energy: float
     isotropic: bool
+    even: bool
 
     def chosen(self, terms: int | None, share: float) -> list[int]:
         """Which are kept: as many as the share asks for; or greedily, a pair only where there is room for both."""
         if terms is None:
-            running = (self.sigma**2 * self.multiplicity).cumsum(0)
-            # Of what this grid resolves: on it the terms' own sum is the energy.
-            count = int((running < share * running[-1]).sum()) + 1
-            while int(self.multiplicity[:count].sum()) > MOST_TERMS:
-                count -= 1
-            return list(range(count))
+            terms = min(count_for_share(self.white, share), MOST_TERMS)
         room, picked = terms, []
         for k in range(len(self.sigma)):
             if room == 0 or float(self.sigma[k]) <= 1e-7 * float(self.sigma[0]):
@@ -187,15 +190,15 @@ class _Terms:
 
     def _rings(self, reflectance: Reflectance, picked: list[int], size: int) -> tuple[Tensor, Tensor]:
         """From tables over the radius times the waves of the azimuth."""
-        incident, outgoing = _root(self.rows, LIGHT_POWER), _root(self.grid, VIEW_POWER)
+        outgoing = _root(self.grid, VIEW_POWER)
         radius = torch.linspace(0, 1, _FINE * size + 1, dtype=torch.float64)
         theta = torch.acos(((1 - radius**2) / (1 + radius**2)).clamp_min(_RIM))
         order, sigma = self.order[picked], self.sigma[picked]
-        seen = _moments(reflectance, theta, self.grid, VIEW_POWER)[0][order]
+        seen = _complex(moments(reflectance, theta, self.grid, VIEW_POWER, even=self.even)[0][order])
         views = (self.right[picked] / outgoing).conj()
         g = torch.stack([torch.einsum("foc,co->f", *each) for each in zip(seen, views, strict=True)])
-        sent = _moments(reflectance, theta, self.rows, LIGHT_POWER, swapped=True)[0][order]
-        lights = (self.left[picked] / incident).conj()
+        sent = _complex(moments(reflectance, theta, self.rows, 1.0, True, self.even)[0][order])
+        lights = self.excited[picked].conj()
         h = torch.stack([torch.einsum("fic,i->cf", *each) for each in zip(sent, lights, strict=True)])
         scale = (2 * math.pi * sigma).sqrt().to(g)
         g, h = g / scale[:, None], h / scale[:, None, None]
@@ -227,13 +230,14 @@ class _Terms:
         w = from_disc(uv)
         z = w[:, 2:].clamp_min(_RIM)
         w = torch.cat((w[:, :2] * ((1 - z**2) / (w[:, :2] ** 2).sum(1, keepdim=True).clamp_min(1e-300)).sqrt(), z), 1)
-        incident, outgoing = _roots(self.grid, LIGHT_POWER), _roots(self.grid, VIEW_POWER)
+        outgoing = _roots(self.grid, VIEW_POWER)
         nodes = self.grid.directions().reshape(-1, 3)
+        arriving = _roots(self.grid, 0) ** 2 * nodes[:, 2]
         sigma = self.sigma[picked].sqrt()[:, None]
         g, h = [], []
         for part in w.split(512):
             g.append(torch.einsum("toc,o,kco->kt", evaluated(reflectance, part, nodes), outgoing, self.right[picked]))
-            h.append(torch.einsum("itc,i,ki->ktc", evaluated(reflectance, nodes, part), incident, self.left[picked]))
+            h.append(torch.einsum("itc,i,ki->ktc", evaluated(reflectance, nodes, part), arriving, self.excited[picked]))
         light, view = torch.cat(g, 1) / sigma, torch.cat(h, 1) / sigma[..., None]
         return light.reshape(-1, size, size), view.reshape(len(view), size, size, -1)
 
@@ -242,28 +246,34 @@ def _isotropic(reflectance: Reflectance, grid: Grid, symmetry: Symmetry) -> _Ter
     # Twice the rings for the rows: they must hold what f makes of the finest polynomial.
     rows = Grid(2 * grid.rings, grid.turns, math.pi / 2)
     incident, outgoing = _root(rows, LIGHT_POWER), _root(grid, VIEW_POWER)
-    waves, squares = _moments(reflectance, rows.theta, grid, VIEW_POWER, even=symmetry.mirrored)
+    waves, squares = moments(reflectance, rows.theta, grid, VIEW_POWER, even=symmetry.mirrored)
     _check_energy(squares)
-    energy = 2 * math.pi * float(squares @ incident**2)
     waves = waves.permute(0, 1, 3, 2) * (incident[:, None, None] / outgoing)
-    orders, incidents, channels, rings = waves.shape
-    matrices = waves.reshape(orders, incidents, -1)
-    if symmetry.mirrored:
-        matrices = matrices.real
-    u, sigma, vh = torch.linalg.svd(matrices, full_matrices=False)
-    order = torch.arange(orders)[:, None].expand(sigma.shape).reshape(-1)
-    left, right = u.mT.reshape(-1, incidents), vh.reshape(-1, channels, rings)
-    place = sigma.reshape(-1).argsort(descending=True, stable=True)[: 2 * MOST_TERMS]
+    count, incidents, channels, rings = waves.shape
+    matrices = waves.reshape(count, incidents, -1)
+    order = torch.arange(count)[:, None]
+    white = torch.linalg.svdvals(matrices)
+    white = white.flatten().repeat_interleave((1 + (order > 0).long()).expand(white.shape).flatten())
+    lights = _ring_lights(rows, count).to(matrices)
+    arriving = lights * _root(rows, 0)[:, None]
+    u, sigma, vh = torch.linalg.svd(arriving.mT @ matrices, full_matrices=False)
+    order = order.expand(sigma.shape).flatten()
+    multiplicity = 1 + (order > 0).long()
+    energy = float((sigma.flatten() ** 2 * multiplicity).sum())
+    excited, right = (lights @ u).mT.reshape(-1, incidents), vh.reshape(-1, channels, rings)
+    place = sigma.flatten().argsort(descending=True, stable=True)[: 2 * MOST_TERMS]
     return _Terms(
         grid,
         rows,
-        sigma.reshape(-1)[place],
-        1 + (order[place] > 0).long(),
+        sigma.flatten()[place],
+        multiplicity[place],
         order[place],
-        _complex(left[place]),
+        _complex(excited[place]),
         _complex(right[place]),
+        white.sort(descending=True).values,
         energy,
         True,
+        symmetry.mirrored,
     )
 
 
@@ -273,23 +283,33 @@ def _anisotropic(reflectance: Reflectance, grid: Grid, symmetry: Symmetry) -> _T
     _check_energy(values)
     incident, outgoing = _roots(grid, LIGHT_POWER), _roots(grid, VIEW_POWER)
     matrix = (values.permute(0, 2, 1) * (incident[:, None, None] * outgoing)).reshape(len(nodes), -1)
-    # The eigenvectors of M Mᵀ: of its nodes alone, whatever the channels.
+    white = torch.linalg.eigvalsh(matrix @ matrix.T).flip(0).clamp_min(0).sqrt()
+    degree = 3 * grid.rings // 2
+    lights = harmonics(degree, nodes) * _amplitude(degree)[orders(degree)[0]]
+    matrix = (_roots(grid, 0)[:, None] * lights).T @ matrix
+    # The eigenvectors of M Mᵀ: of its rows alone, whatever the channels.
     power, u = torch.linalg.eigh(matrix @ matrix.T)
-    sigma = power.flip(0).clamp_min(0).sqrt()[: 2 * MOST_TERMS]
-    left = u.flip(1).T[: 2 * MOST_TERMS]
-    right = (left @ matrix) / sigma.clamp_min(1e-300)[:, None]
-    count = len(sigma)
-    return _Terms(
-        grid,
-        grid,
-        sigma,
-        torch.ones(count, dtype=torch.long),
-        torch.zeros(count, dtype=torch.long),
-        left,
-        right.reshape(count, -1, len(nodes)),
-        float((matrix**2).sum()),
-        False,
-    )
+    count = min(2 * MOST_TERMS, len(power))
+    sigma, left = power.flip(0).clamp_min(0).sqrt()[:count], u.flip(1).T[:count]
+    right = ((left @ matrix) / sigma.clamp_min(1e-300)[:, None]).reshape(count, -1, len(nodes))
+    single = torch.ones(count, dtype=torch.long)
+    energy = float((matrix**2).sum())
+    return _Terms(grid, grid, sigma, single, 0 * single, left @ lights.T, right, white, energy, False, False)
+
+
+def _amplitude(degree: int) -> Tensor:
+    """Root mean square (degree + 1,) of natural light's coefficients of order l, over that of l = 0."""
+    return (1 + torch.arange(degree + 1, dtype=torch.float64)) ** (-FALLOFF / 2)
+
+
+def _ring_lights(rows: Grid, count: int) -> Tensor:
+    """Functions (m, rings, l) of θ whose outer product is natural light's covariance in each order of azimuth.
+
+    Harmonics √(2π) N_lm P_lm(cosθ) times the amplitude at l.
+    """
+    degree = 2 * len(rows.theta)
+    values = normalised_legendre(degree, torch.cos(rows.theta)) * math.sqrt(2 * math.pi)
+    return (values * _amplitude(degree)[:, None, None])[:, :count].permute(1, 2, 0)
 
 
 def texel_points(size: int) -> Tensor:
@@ -307,49 +327,6 @@ def look_up(maps: Tensor, w: Tensor) -> Tensor:
     near = maps[i, j] * (1 - b) + maps[i, j + 1] * b
     far = maps[i + 1, j] * (1 - b) + maps[i + 1, j + 1] * b
     return near * (1 - a) + far * a
-
-
-def _moments(
-    reflectance: Reflectance, theta: Tensor, grid: Grid, power: float, swapped: bool = False, even: bool = False
-) -> tuple[Tensor, Tensor]:
-    """(∫ f p_q(θo) exp(−imφ) cosθo dωo (m, T, rings, C) complex, ∫ Σ_c f² cosθo dωo (T,)) for light from θ, φi = 0.
-
-    p_q are the polynomials through the grid's rings, m goes below half its turns. `swapped` integrates over ωi for a
-    view from θ at azimuth 0 instead, against exp(+imφ). An `even` f is asked on one side of the plane alone.
-    """
-    crowded, weights = _crowded()
-    phi = torch.cat((crowded, 2 * math.pi - crowded.flip(0))) if not even else crowded
-    turn = weights.repeat(2) if not even else 2 * weights
-    order = torch.arange((grid.turns + 1) // 2, dtype=torch.float64)
-    # The sign of an azimuth difference φo − φi: it is the light that is turned where swapped.
-    wave = torch.exp(1j * order[:, None] * phi * (1 if swapped else -1)) * turn
-    wave = torch.cos(order[:, None] * phi) * turn + 0j if even else wave
-    moments, squares = [], []
-    for each in theta.tolist():
-        # Crowded on both sides of θ itself, by its shares of the quarter turn.
-        low, high = each, math.pi / 2 - each
-        other = torch.cat((each - low * crowded.flip(0) / math.pi, each + high * crowded / math.pi))
-        width = torch.cat((low * weights.flip(0), high * weights)) / math.pi
-        fixed = torch.tensor([math.sin(each), 0.0, math.cos(each)], dtype=torch.float64)
-        w = from_spherical(other[:, None].expand(-1, len(phi)), phi.expand(len(other), -1)).reshape(-1, 3)
-        here = fixed.expand(len(w), 3)
-        values = reflectance.evaluate(*((w, here) if swapped else (here, w))).double()
-        if not bool(torch.isfinite(values).all()):
-            raise BadInput("relighting: the reflectance has values that are not finite, expected finite numbers")
-        values = values.reshape(len(other), len(phi), -1)
-        ring = width * torch.sin(other) * torch.cos(other) ** power
-        against = polynomial(grid, from_spherical(other, torch.zeros_like(other))) * ring[:, None]
-        moments.append(torch.einsum("mp,opc,oq->mqc", wave, values + 0j, against + 0j))
-        squares.append(torch.einsum("opc,o,p->", values**2, ring, turn))
-    return torch.stack(moments, 1), torch.stack(squares)
-
-
-def _crowded() -> tuple[Tensor, Tensor]:
-    """Nodes and weights of ∫ over [0, π] that crowd towards both ends: x = (π/2) s³ of Gauss nodes s."""
-    s, weights = gauss_legendre(_NODES, 0.0, 1.0)
-    x = math.pi / 2 * s**_CROWDING
-    weights = math.pi / 2 * _CROWDING * s ** (_CROWDING - 1) * weights
-    return torch.cat((x, math.pi - x.flip(0))), torch.cat((weights, weights.flip(0)))
 
 
 def _root(grid: Grid, power: float) -> Tensor:

@@ -115,7 +115,7 @@ def threshold_of_energy(values: np.ndarray, weights: np.ndarray, tolerance: floa
             if each != 0:
                 square = weights[k] * weights[k] * each * each
                 total += square
-                step = min(max(int(4 * math.log2(square)) + 1024, 0), 2047)
+                step = min(max(int(np.floor(4 * math.log2(square))) + 1024, 0), 2047)
                 counts[step] += square
     allowed, step, gone = tolerance * tolerance * total, 0, 0.0
     while step < 2048 and gone + counts[step] <= allowed:

@@ -16,6 +16,7 @@ squares over vertices that the eye sees, all channels together: √(Σ|B̂ − B
 `below zero` is the light that negative residues take away: Σ max(−B̂, 0)/Σ|B̂|.
 """
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -29,6 +30,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.render.light import EnvironmentMap
 from homofact.scene.transport import cube
+from homofact.scene.transport.build import Stand
 from homofact.scene.transport.clusters import Clustered
 from homofact.scene.transport.factors import InOutFactors, factor, look_up
 from homofact.scene.transport.kernels import transport_vectors
@@ -109,6 +111,23 @@ def seen_vertices(
         raise BadInput(f"{mesh.name}: no vertex is seen from {tuple(point.tolist())}, expected another eye")
     drawn = np.random.default_rng(seed).permutation(open_)[:most]
     return Seen(mesh, reflectance, occluder, point, np.sort(drawn))
+
+
+def dense_colours(ready: Stand, light: np.ndarray) -> list[np.ndarray]:
+    """Each object's light (V, 3) towards the first camera by the dense sum; NaN where the camera does not see it well.
+
+    `light` is a cube map of radiance (6, n, n, 3).
+    """
+    found = []
+    for each in ready.objects:
+        colours = np.full(each.mesh.positions.shape, np.nan)
+        eye = ready.scene.cameras[0].eye
+        # An object may be out of the camera's sight as a whole.
+        with contextlib.suppress(BadInput):
+            seen = seen_vertices(each.mesh, each.reflectance, ready.occluder, eye, len(colours))
+            colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1])
+        found.append(colours)
+    return found
 
 
 def ledger(

@@ -58,6 +58,7 @@ class Relit:
         self._light = np.zeros((cube.FACES * transport.settings.cube**2, 3))
         self._target: np.ndarray | None = None
         self._change = np.zeros_like(self._light)
+        self._order = np.zeros(0, np.int64)
         self.tuples = np.zeros((transport.vertices, transport.factors.terms, 3), np.float32)
 
     def relight(self, light: EnvironmentMap | np.ndarray) -> None:
@@ -70,6 +71,9 @@ class Relit:
         """Name the light that `step` will lead to."""
         self._target = light_coefficients(light, self.transport.settings.cube)
         self._change = self._target - self._light
+        size = np.abs(self._change).max(1) * self._columns[3]
+        # What reaches no transport vector changes nothing.
+        self._order = np.argsort(-size, kind="stable")[: np.count_nonzero(size)]
 
     def step(self, coefficients: int = 64) -> int:
         """Bring in the largest so many of the change, weighted by how much transport they reach; (how many are left).
@@ -78,17 +82,14 @@ class Relit:
         """
         if self._target is None:
             return 0
-        left = np.flatnonzero((self._change != 0).any(1))
-        if len(left) <= coefficients:
+        chosen, self._order = self._order[:coefficients], self._order[coefficients:]
+        if not len(self._order):
             self._light, self._target = self._target, None
             self._sum()
             return 0
-        size = np.abs(self._change[left]).max(1) * self._columns[3][left]
-        chosen = left[np.argpartition(-size, coefficients)[:coefficients]]
         self._add(chosen)
         self._light[chosen] = self._target[chosen]
-        self._change[chosen] = 0
-        return len(left) - len(chosen)
+        return len(self._order)
 
     def shade(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
         """Radiance (V, 3) float32 of every vertex towards a point `eye` (3,); negative residues stay in it."""

@@ -20,8 +20,8 @@ from homofact.render.sphere import SphereImage
 from homofact.render.tonemap import choose_exposure, tonemap
 from homofact.scene.transport.build import RelitObject
 from homofact.scene.transport.clusters import Clustered
-from homofact.scene.transport.cube import environment_cube
 from homofact.scene.transport.factors import InOutFactors
+from homofact.scene.transport.page.skies import PageSky, page_sky
 from homofact.scene.transport.precompute import Transport, TransportSettings
 from homofact.scene.transport.scene import Camera, RelightScene
 
@@ -34,12 +34,15 @@ _FACTORS = ("light", "view", "strength")
 
 @dataclass(frozen=True)
 class SavedScene:
-    """What `relight` wrote: objects, the light as a cube map (6, n, n, 3), cameras, the report."""
+    """What `relight` wrote: objects, their sky, cameras, the report.
+
+    `reference` is each object's light (V, 3) towards the first camera by the dense sum, NaN where it is not seen.
+    """
 
     name: str
     objects: tuple[RelitObject, ...]
-    sky: str
-    light: np.ndarray
+    sky: PageSky
+    reference: tuple[np.ndarray, ...] | None
     cameras: tuple[Camera, ...]
     report: dict[str, Any]
 
@@ -51,12 +54,16 @@ def write_relit(
     report: dict[str, Any],
     pictures: Sequence[tuple[np.ndarray, np.ndarray]],
     force: bool = False,
+    reference: Sequence[np.ndarray] | None = None,
 ) -> None:
-    """Write the folder, whole or not at all. Raises BadInput as `files.folder.write_folder`."""
+    """Write the folder, whole or not at all; `reference` as in `SavedScene`.
+
+    Raises BadInput as `files.folder.write_folder`.
+    """
     check_new_folder(folder, RELIT, force)
 
     def fill(place: Path) -> None:
-        save_scene(place / RELIT.mark, scene, objects, report)
+        save_scene(place / RELIT.mark, scene, objects, report, reference)
         write_json(place / REPORT, report)
         for number, each in enumerate(pictures, 1):
             write_png(place / f"picture_{number}.png", displayed_picture(*each))
@@ -72,9 +79,17 @@ def displayed_picture(radiance: np.ndarray, coverage: np.ndarray, exposure: floa
     return tonemap(whole, chosen).pixels.numpy()
 
 
-def save_scene(file: Path, scene: RelightScene, objects: Sequence[RelitObject], report: dict[str, Any]) -> None:
+def save_scene(
+    file: Path,
+    scene: RelightScene,
+    objects: Sequence[RelitObject],
+    report: dict[str, Any],
+    reference: Sequence[np.ndarray] | None = None,
+) -> None:
     """Write one archive of everything."""
-    arrays: dict[str, np.ndarray] = {"light": environment_cube(scene.light, scene.settings.cube).astype(np.float32)}
+    sky = page_sky(scene.light.name, scene.light, scene.settings.cube)
+    arrays: dict[str, np.ndarray] = {"sky_cube": sky.cube, "sky_picture": sky.picture}
+    arrays |= {f"reference_{k}": each.astype(np.float32) for k, each in enumerate(reference or ())}
     entries = []
     for number, each in enumerate(objects):
         made, factors = each.transport, each.transport.factors
@@ -99,7 +114,7 @@ def save_scene(file: Path, scene: RelightScene, objects: Sequence[RelitObject], 
         "format": _FORMAT,
         "version": _VERSION,
         "name": scene.name,
-        "sky": scene.light.describe(),
+        "sky": sky.name,
         "objects": entries,
         "settings": {
             "cube": settings.cube, "rays": settings.rays, "kept": settings.kept, "tolerance": settings.tolerance,
@@ -127,7 +142,11 @@ def open_relit(place: Path) -> SavedScene:
         cameras = tuple(
             Camera(tuple(c["eye"]), tuple(c["target"]), c["field"], tuple(c["pixels"])) for c in header["cameras"]
         )
-        return SavedScene(header["name"], objects, header["sky"], arrays["light"], cameras, header["report"])
+        sky = PageSky(header["sky"], arrays["sky_cube"], arrays["sky_picture"])
+        reference = None
+        if "reference_0" in arrays:
+            reference = tuple(arrays[f"reference_{number}"] for number in range(len(objects)))
+        return SavedScene(header["name"], objects, sky, reference, cameras, header["report"])
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise BadInput(f"{file}: its parts do not belong together ({error}), expected {_EXPECTED}") from error
 

@@ -1,0 +1,41 @@
+"""The page of a scene that `relight` wrote: its own sky, the built-in ones and others, its numbers, its reference."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from homofact.render.light import EnvironmentMap
+from homofact.scene.lighting import NAMED, named_lighting
+from homofact.scene.transport.page.build import PageReference, page_objects, write_page
+from homofact.scene.transport.page.skies import PageSky, page_sky
+from homofact.scene.transport.result import SavedScene
+
+
+def write_relit_page(target: Path, saved: SavedScene, others: Sequence[EnvironmentMap] = (), new: bool = False) -> int:
+    """Write the page, whole or not at all; its bytes. Raises BadInput as `page.build.write_page`."""
+    size = saved.sky.cube.shape[1]
+    skies = [saved.sky, *(page_sky(each.name, each, size) for each in others), *_built_in(size)]
+    numbers: dict[str, dict[str, str | int | float]] = {}
+    for entry in saved.report.get("objects", []):
+        rows: dict[str, str | int | float] = {
+            "vertices": entry["vertices"],
+            "terms K": entry["terms"],
+            "coefficients a vector": round(entry["coefficients_per_vector"]),
+            "bytes": entry["bytes"],
+        }
+        for stage, value in (entry["error"] or {}).items():
+            if stage not in ("below_zero", "vertices"):
+                rows[f"error, {stage}"] = f"{value:.2%}"
+        numbers[f"{entry['mesh']}, {entry['material']}"] = rows
+    reference = None if saved.reference is None else PageReference(saved.reference)
+    objects, camera = page_objects(saved.objects), saved.cameras[0]
+    return write_page(target, objects, skies, numbers, reference, title=saved.name, camera=camera, new=new)
+
+
+def _built_in(size: int) -> list[PageSky]:
+    """The named lightings that are maps."""
+    found = []
+    for name in NAMED:
+        lights = named_lighting(name).lights
+        if len(lights) == 1 and isinstance(lights[0], EnvironmentMap):
+            found.append(page_sky(name, lights[0], size))
+    return found

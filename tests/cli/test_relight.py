@@ -1,0 +1,114 @@
+"""`homofact relight` as a user runs it: what it writes and says, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from homofact.cli.main import main
+from homofact.containers.png import read_png
+
+pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
+
+SCENE = """
+[[object]]
+mesh = "ball.obj"
+material = "material:phong-10"
+terms = 3
+[ground]
+albedo = [0.4]
+half = 1.5
+steps = 4
+[lighting]
+named = "studio"
+[[camera]]
+eye = [0, 1, 4]
+pixels = [48, 36]
+[transport]
+cube = 8
+kept = 64
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    from homofact.meshes.shapes import sphere
+
+    ball = sphere(6)
+    lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in ball.positions]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in ball.triangles]
+    (tmp_path / "ball.obj").write_text("\n".join(lines) + "\n")
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return tmp_path / "scene.toml"
+
+
+def test_a_scene_is_relit_and_its_error_said(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = scene.parent / "out"
+    assert main(["relight", str(scene), "--out", str(out), "--vertices", "6", "--ledger", "--json"]) == 0
+    said = capsys.readouterr()
+    record = json.loads(said.out)
+    assert sorted(record["error"]) == ["ball.obj", "ground"]
+    stages = {"terms", "maps", "cube", "truncation", "quantisation", "interpolation", "together"}
+    assert stages <= set(record["error"]["ball.obj"])
+    assert 0 < record["error"]["ball.obj"]["together"] < 0.6
+    assert record["objects"][0]["terms"] == 3
+    assert "million rays, at most" in said.err
+    picture = read_png(out / "picture_1.png")
+    assert picture.shape == (36, 48, 3)
+    assert len(set(map(tuple, picture.reshape(-1, 3).tolist()))) > 100
+    assert json.loads((out / "relight.json").read_text())["bytes"] == record["bytes"]
+    assert not (scene.parent / "out.blocks").exists()
+
+
+def test_an_existing_result_stays_without_force(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = scene.parent / "out"
+    run = ["relight", str(scene), "--out", str(out), "--vertices", "0", "--quiet"]
+    assert main(run) == 0
+    before = (out / "relight.npz").read_bytes()
+    assert main(run) == 2
+    assert "found an existing relit scene, expected a new folder or --force" in capsys.readouterr().err
+    scene.write_text(SCENE.replace("half = 1.5", "half = 0"))
+    assert main([*run, "--force"]) == 2
+    assert "half: found 0, expected a number above 0" in capsys.readouterr().err
+    assert (out / "relight.npz").read_bytes() == before
+    scene.write_text(SCENE.replace("kept = 64", "kept = 32"))
+    assert main([*run, "--force"]) == 0
+    assert (out / "relight.npz").read_bytes() != before
+
+
+def test_blocks_of_another_run_are_refused_by_name(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What a killed run left is used by the same run and refused by another."""
+    out = scene.parent / "out"
+    from homofact.scene.transport.build import relit, stand
+    from homofact.scene.transport.scene import read_relight_scene
+
+    relit(stand(read_relight_scene(scene)), scene.parent / "out.blocks")
+    (scene.parent / "out.blocks" / "object_1" / "block_00000.npz").unlink()
+    assert main(["relight", str(scene), "--out", str(out), "--vertices", "0"]) == 0
+    relit(stand(read_relight_scene(scene)), scene.parent / "out.blocks")
+    scene.write_text(SCENE.replace("kept = 64", "kept = 32"))
+    assert main(["relight", str(scene), "--out", str(out), "--vertices", "0", "--force"]) == 2
+    assert "out.blocks/object_0: holds transport of ball.obj with another mesh, material or setting" in (
+        capsys.readouterr().err
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--vertices", "-1"], "vertices: found -1, expected 0 or more"),
+        (["--out", "scene.toml"], "found a file, expected a folder for the relit scene"),
+    ],
+)
+def test_arguments_that_are_none(
+    arguments: list[str],
+    expected: str,
+    scene: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(scene.parent)
+    assert main(["relight", "scene.toml", "--out", "out", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert expected in error
+    assert error.count("\n") == 1

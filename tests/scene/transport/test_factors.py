@@ -1,0 +1,150 @@
+"""In-out factors: exact where they are known, falling errors, energy that is kept, bad input."""
+
+import math
+from dataclasses import dataclass
+
+import pytest
+import torch
+from torch import Tensor
+
+from homofact.brdf.analytic import AshikhminShirley, Lambert, Phong
+from homofact.brdf.reflectance import Reflectance
+from homofact.errors import BadInput
+from homofact.geometry.directions import draw_cosine_weighted
+from homofact.scene.harmonics import harmonics, orders, quadrature
+from homofact.scene.transport.factors import FALLOFF, InOutFactors, factor
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A made-up reflectance of three channels."""
+
+    kind: str
+    channels: tuple[str, ...] = ("R", "G", "B")
+    nbytes: int = 0
+    fetches: int = 0
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        if self.kind == "two terms":
+            # 1 + 3 x_i x_o + 3 y_i y_o: three terms, isotropic.
+            columns = [1 + 3 * (wi[:, :2] * wo[:, :2]).sum(1)] * 3
+        elif self.kind == "chiral":
+            # Of the azimuth's sine too: isotropic, not mirrored, not reciprocal.
+            cross = wi[:, 0] * wo[:, 1] - wi[:, 1] * wo[:, 0]
+            columns = [2 + wo[:, 2] + cross, 1 + 0 * cross, 3 + 0.5 * cross]
+        elif self.kind == "brushed":
+            columns = [2 + wi[:, 0] * wo[:, 0], 1 + 0.5 * wi[:, 0] * wo[:, 0], 1 + 0 * wi[:, 0]]
+        else:
+            columns = [wi[:, 2] * math.nan] * 3
+        return torch.stack(columns, 1)
+
+
+def lost(f: Reflectance, found: InOutFactors) -> float:
+    """The part of f² that is lost, at pairs drawn by their cosines and weighted by the light's."""
+    wi, wo = draw_cosine_weighted(20_000, torch.Generator().manual_seed(3))
+    weight = wi[:, 2:]
+    truth = f.evaluate(wi, wo).double()
+    return float(((found.evaluate(wi, wo) - truth) ** 2 * weight).sum() / (truth**2 * weight).sum())
+
+
+def lost_in_natural_light(f: Reflectance, found: InOutFactors, lights: int = 400) -> float:
+    """The part of B² that is lost, cosine-weighted over views, in lights drawn with natural amplitudes."""
+    degree = 24
+    wi, weights = quadrature(2 * degree, 0.0)
+    amplitude = (1.0 + orders(degree)[0]) ** (-FALLOFF / 2)
+    drawn = torch.randn(len(amplitude), lights, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
+    arriving = harmonics(degree, wi) @ (amplitude[:, None] * drawn) * (weights * wi[:, 2])[:, None]
+    wo = draw_cosine_weighted(60, torch.Generator().manual_seed(6))[0]
+    pairs = wi.repeat(len(wo), 1), wo.repeat_interleave(len(wi), 0)
+    sent = [
+        torch.einsum("vic,il->vlc", each.evaluate(*pairs).double().reshape(len(wo), len(wi), -1), arriving)
+        for each in (f, found)
+    ]
+    return float(((sent[1] - sent[0]) ** 2).sum() / (sent[0] ** 2).sum())
+
+
+@pytest.mark.parametrize(("kind", "terms"), [("two terms", 3), ("chiral", 3), ("brushed", 2)])
+def test_sums_of_products_are_found_exactly(kind: str, terms: int) -> None:
+    found = factor(Formula(kind), terms)
+    assert lost(Formula(kind), found) < 1e-5
+    assert found.share == pytest.approx(1, abs=1e-6)
+    assert lost(Formula(kind), found.first(terms - 1)) > 1e-3
+
+
+def test_a_matt_material_is_one_term() -> None:
+    found = factor(Lambert((0.5, 0.2, 0.1)))
+    assert found.terms == 1
+    assert lost(Lambert((0.5, 0.2, 0.1)), found) < 1e-9
+    assert found.share == pytest.approx(1)
+
+
+def test_the_share_is_what_natural_light_measures() -> None:
+    phong = Phong((0.1, 0.2, 0.4), (0.4,) * 3, exponent=10)
+    found = factor(phong)
+    # Counted as Mahajan does, 2.3 s on the hemisphere for s = 10, the matt term beside it.
+    assert 14 <= found.terms <= 26
+    assert lost(phong, found) < 0.03
+    assert lost_in_natural_light(phong, found) < 0.002
+    for terms in (1, 4, 9):
+        few = factor(phong, terms)
+        assert few.terms <= terms
+        assert lost_in_natural_light(phong, few) == pytest.approx(1 - few.share, rel=0.4)
+
+
+def sharp_mean(phong: Phong) -> float:
+    """∫∫ f cosθi cosθo/π² of a lobe so sharp that the cosine is the light's own: its albedo is kd + ks cosθi."""
+    return (phong.diffuse[0] + phong.specular[0] * 2 / 3) / math.pi
+
+
+def test_a_lobe_that_no_few_terms_can_hold_is_blurred_and_keeps_its_light() -> None:
+    """Sharper than any grid of nodes: on a grid its samples would be hit or miss."""
+    sharp = Phong((0.05,) * 3, (0.5,) * 3, exponent=20_000)
+    found = factor(sharp, terms=25)
+    wi, wo = draw_cosine_weighted(40_000, torch.Generator().manual_seed(0))
+    # Both drawn by their cosines: the mean is the light that a furnace of cosine-weighted light sends back, over π.
+    kept = found.evaluate(wi, wo)[:, 0].mean() / sharp_mean(sharp)
+    assert float(kept) == pytest.approx(1, abs=0.05)
+    wi = wi[wi[:, 2] > 0.4][:50]
+    # The nodes that crowd towards the mirror direction integrate it: a bounded peak, not a spike or nothing.
+    mirror = wi * torch.tensor([-1.0, -1.0, 1.0])
+    assert (found.evaluate(wi, mirror)[:, 0] > 0.3).all()
+    assert (found.evaluate(wi, mirror)[:, 0] < 12).all()
+
+
+def test_an_anisotropic_lobe_is_followed() -> None:
+    brushed = AshikhminShirley((0.1,) * 3, (0.4,) * 3, nu=8, nv=40)
+    found = factor(brushed, 48)
+    few, many = (lost_in_natural_light(brushed, found.first(terms)) for terms in (8, 48))
+    assert many < 0.2 * few
+    assert many == pytest.approx(1 - found.share, rel=0.5)
+
+
+def test_first_is_the_shorter_sum() -> None:
+    whole = factor(Phong((0.1,) * 3, (0.4,) * 3, exponent=6), terms=9)
+    assert whole.first(4).terms == 4
+    assert whole.first(4).share < whole.share
+    assert whole.nbytes == 4 * 9 * 64 * 64 * 4
+    assert whole.fetches == 18
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ({"terms": 0}, "terms: found 0, expected 1 to 256"),
+        ({"terms": 257}, "terms: found 257, expected 1 to 256"),
+        ({"share": 1.0}, "share"),
+        ({"map_size": 4}, "map size: found 4, expected 8 to 256"),
+    ],
+)
+def test_numbers_that_are_no_choice_are_refused(arguments: dict[str, float], expected: str) -> None:
+    with pytest.raises(BadInput, match=expected):
+        factor(Lambert((0.5,) * 3), **arguments)  # type: ignore[arg-type]
+
+
+def test_nothing_and_nonsense_are_refused() -> None:
+    with pytest.raises(BadInput, match="0 everywhere, expected some light to be reflected"):
+        factor(Lambert((0.0,) * 3))
+    with pytest.raises(BadInput, match="not finite"):
+        factor(Formula("nan"))
+    with pytest.raises(BadInput, match="found 2 channels, expected 1 or 3"):
+        factor(Lambert((0.5, 0.5), channels=("a", "b")))

@@ -1,0 +1,195 @@
+"""Light and view changes, clusters, the ledger: against the dense sum, and against each other."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from relighting import EYE, SHINY, knot, light, occluder, shiny, whole
+
+from homofact.errors import BadInput
+from homofact.meshes.occlusion import Occluder
+from homofact.meshes.shapes import sphere
+from homofact.render.light import EnvironmentMap
+from homofact.scene.transport.clusters import clustered
+from homofact.scene.transport.ledger import STAGES, Seen, ledger, relative, seen_vertices
+from homofact.scene.transport.precompute import TransportSettings, transport
+from homofact.scene.transport.relight import Relit
+
+
+def seen(most: int = 40) -> Seen:
+    return seen_vertices(knot(), SHINY, occluder(), EYE, most)
+
+
+def test_everything_kept_is_the_dense_sum_of_the_factors() -> None:
+    relit = Relit(whole())
+    relit.relight(light(8))
+    those = seen()
+    dense = those.dense(light(8), 8, shiny())
+    assert relative(relit.shade(EYE)[those.which], dense) < 5e-4
+
+
+def test_more_terms_come_closer_to_the_material() -> None:
+    those = seen()
+    truth = those.dense(light(8), 8)
+    errors = []
+    for terms in (1, 3, 6):
+        made = transport(knot(), shiny().first(terms), TransportSettings(8, kept=384), occluder())
+        relit = Relit(made)
+        relit.relight(light(8))
+        errors.append(relative(relit.shade(EYE)[those.which], truth))
+    assert errors[0] > 2 * errors[2]
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_relighting_is_linear_in_the_light() -> None:
+    relit = Relit(whole())
+    found = []
+    for given in (light(8, 0), light(8, 1), light(8, 0) + 3 * light(8, 1)):
+        relit.relight(given)
+        found.append(relit.tuples.copy())
+    assert found[2] == pytest.approx(found[0] + 3 * found[1], rel=1e-3, abs=1e-4)
+
+
+def test_a_change_comes_in_piece_by_piece_and_ends_exactly() -> None:
+    relit, other = Relit(whole()), Relit(whole())
+    relit.relight(light(8, 0))
+    other.relight(light(8, 1))
+    relit.ask(light(8, 1))
+    distances = [np.abs(relit.tuples - other.tuples).max()]
+    left = 1
+    while left:
+        left = relit.step(40)
+        distances.append(float(np.abs(relit.tuples - other.tuples).max()))
+    assert (relit.tuples == other.tuples).all()
+    # The largest come first: a tenth of the coefficients brings near half of the way.
+    assert distances[1] < 0.6 * distances[0]
+    assert relit.step(40) == 0
+    # Asked for another light on the way, it goes there.
+    relit.ask(light(8, 0))
+    relit.step(40)
+    relit.ask(light(8, 1))
+    while relit.step(100):
+        pass
+    assert (relit.tuples == other.tuples).all()
+
+
+def test_steps_before_the_end_are_sums_of_what_is_in() -> None:
+    relit = Relit(whole())
+    relit.relight(light(8, 0))
+    relit.ask(light(8, 1))
+    assert relit.step(100) == 6 * 64 - 100
+    mixed = relit._light
+    fresh = Relit(whole())
+    fresh._light = mixed
+    fresh._sum()
+    assert relit.tuples == pytest.approx(fresh.tuples, rel=1e-3, abs=2e-4)
+
+
+def test_turning_the_light_and_the_knot_together_changes_nothing() -> None:
+    """A quarter turn takes the cube map's texels onto each other, and an isotropic material does not notice."""
+    rng = np.random.default_rng(3)
+    radiance = torch.from_numpy(rng.uniform(0, 1, (64, 128, 3)) ** 4)
+    radiance[18:24, 70:76] = 40
+    sky = EnvironmentMap(radiance)
+    quarter = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    mesh = knot()
+    turned = replace(mesh, positions=mesh.positions @ quarter.T, normals=mesh.normals @ quarter.T)
+    made = transport(turned, shiny(), TransportSettings(8, kept=384), Occluder(turned.positions, turned.triangles))
+    here, there = Relit(whole()), Relit(made)
+    here.relight(sky)
+    there.relight(sky.turned(math.pi / 2))
+    eye = np.array(EYE)
+    assert relative(there.shade(quarter @ eye), here.shade(eye)) < 0.02
+    there.relight(sky.turned(-math.pi / 2))
+    assert relative(there.shade(quarter @ eye), here.shade(eye)) > 0.1
+
+
+def test_clusters_hold_transport_ever_better() -> None:
+    relit = Relit(whole())
+    relit.relight(light(8))
+    exact, errors = relit.shade(EYE), []
+    for count, components in ((1, 2), (4, 4), (8, 12)):
+        compact = clustered(whole(), components, 384, count)
+        basis = Relit(compact.basis)
+        basis.relight(light(8))
+        relit.tuples = compact.mixed(basis.tuples)
+        errors.append(relative(relit.shade(EYE), exact))
+        assert compact.nbytes > compact.weights.nbytes
+        assert len(compact.steps) <= count
+    assert errors == sorted(errors, reverse=True)
+    assert errors[2] < 0.12 < errors[0] / 2
+
+
+def test_as_many_components_as_vertices_are_exact() -> None:
+    compact = clustered(whole(), 191, 384, 1)
+    basis, relit = Relit(compact.basis), Relit(whole())
+    basis.relight(light(8))
+    relit.relight(light(8))
+    assert relative(compact.mixed(basis.tuples), relit.tuples) < 0.01
+
+
+def test_equal_seed_equal_clusters() -> None:
+    first, second, other = (clustered(whole(), 4, 64, 4, seed) for seed in (0, 0, 1))
+    assert (first.cluster == second.cluster).all()
+    assert (first.weights == second.weights).all()
+    assert (first.basis.number == second.basis.number).all()
+    assert not (len(first.steps) == len(other.steps) and (first.cluster == other.cluster).all())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ((0, 10, 1), "components: found 0, expected 1 to 192"),
+        ((193, 10, 1), "components: found 193, expected 1 to 192"),
+        ((4, 0, 1), "kept: found 0, expected 1 to 384"),
+        ((4, 10, 193), "clusters: found 193, expected 1 to 192"),
+    ],
+)
+def test_numbers_of_clusters_that_are_no_choice(arguments: tuple[int, int, int], expected: str) -> None:
+    with pytest.raises(BadInput, match=expected):
+        clustered(whole(), *arguments)
+
+
+def sky() -> EnvironmentMap:
+    rng = np.random.default_rng(5)
+    radiance = torch.from_numpy(rng.uniform(0.1, 1, (32, 64, 3)))
+    radiance[8, 30] = 100
+    return EnvironmentMap(radiance)
+
+
+def test_the_ledger_names_each_stage_by_itself() -> None:
+    made = transport(knot(), shiny(), TransportSettings(8, kept=24), occluder())
+    compact = clustered(made, 4, 100, 3)
+    those = seen(12)
+    found = ledger(those, made, sky(), compact)
+    assert set(found.errors) == set(STAGES)
+    assert found.vertices == 12
+    assert found.errors["quantisation"] < 1e-3 < found.errors["truncation"]
+    assert 0 < found.errors["maps"] < 0.05
+    assert found.errors["clusters"] > 0.01
+    # Together is no sum, but not less than half of the largest of its stages.
+    largest = max(found.errors[each] for each in ("terms", "truncation", "clusters"))
+    assert found.errors["together"] > 0.5 * largest
+    # With everything kept and no clusters only terms and maps are left.
+    exact = ledger(those, whole(), sky(), None, ("terms", "truncation", "together"))
+    assert exact.errors["truncation"] < 1e-4
+    assert exact.errors["together"] == pytest.approx(exact.errors["terms"], rel=0.1)
+
+
+def test_light_below_zero_is_measured() -> None:
+    found = ledger(seen(40), whole(), sky(), None, ("together",))
+    relit = Relit(whole())
+    relit.relight(sky())
+    shown = relit.shade(EYE)[seen(40).which]
+    assert found.below_zero == pytest.approx(np.maximum(-shown, 0).sum() / np.abs(shown).sum(), rel=1e-3, abs=1e-9)
+
+
+def test_what_cannot_be_judged_is_refused() -> None:
+    with pytest.raises(BadInput, match="stage: found 'colour', expected one of terms, maps"):
+        ledger(seen(4), whole(), sky(), None, ("colour",))
+    mesh = sphere(8)
+    around = Occluder(mesh.positions, mesh.triangles)
+    with pytest.raises(BadInput, match=r"no vertex is seen from \(0\.0, 0\.0, 0\.0\)"):
+        seen_vertices(mesh, SHINY, around, (0, 0, 0), 5)

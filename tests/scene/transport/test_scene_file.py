@@ -1,0 +1,204 @@
+"""The scene file and the folder of a relit scene: round trips, and everything that can be wrong with them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from relighting import light
+
+from homofact.containers.exr import write_exr
+from homofact.errors import BadInput
+from homofact.files.archive import read_archive, write_archive
+from homofact.scene.transport.build import Stand, material_words, relit, stand
+from homofact.scene.transport.picture import camera_rays, picture
+from homofact.scene.transport.relight import Relit, shaded
+from homofact.scene.transport.result import open_relit, write_relit
+from homofact.scene.transport.scene import Camera, RelightScene, read_relight_scene
+
+ROOT = Path(__file__).resolve().parents[3]
+TEXT = """
+[[object]]
+mesh = "shape:sphere"
+albedo = [0.5]
+size = 0.5
+at = [0, 0.25, 0]
+[ground]
+albedo = [0.2, 0.4, 0.6]
+half = 1.5
+steps = 6
+[lighting]
+named = "studio"
+[[camera]]
+eye = [0, 1.5, 3]
+pixels = [40, 30]
+[transport]
+cube = 8
+kept = 40
+clusters = 2
+components = 3
+"""
+
+
+def read(folder: Path, text: str = TEXT) -> RelightScene:
+    (folder / "scene.toml").write_text(text)
+    return read_relight_scene(folder / "scene.toml")
+
+
+@pytest.fixture(scope="module")
+def ready(tmp_path_factory: pytest.TempPathFactory) -> Stand:
+    return stand(read(tmp_path_factory.mktemp("scene")))
+
+
+def test_the_scene_says_what_stands_where(ready: Stand) -> None:
+    ball, floor = ready.objects
+    assert np.linalg.norm(ball.mesh.positions - (0, 0.25, 0), axis=1) == pytest.approx(0.5)
+    assert floor.mesh.positions[:, 1] == pytest.approx(-0.25)
+    assert len(floor.mesh.positions) == 49
+    assert [material_words(each) for each in (ready.scene.objects[0],)] == ["albedo 0.5"]
+    assert ball.factors.terms == floor.factors.terms == 1
+    assert ready.cost.rays == (len(ball.mesh.positions) + 49) * 192
+    # The ball blocks the ground's light, and the ground the ball's from below.
+    assert ready.occluder.blocked(np.array([[0.0, -0.24, 0.0]]), np.array([[0.0, 1.0, 0.0]])).all()
+
+
+def test_a_folder_holds_everything_and_comes_back(ready: Stand, tmp_path: Path) -> None:
+    objects = relit(ready)
+    shown = (np.full((4, 5, 3), 0.3), np.ones((4, 5)))
+    write_relit(tmp_path / "out", ready.scene, objects, {"bytes": 7}, [shown])
+    names = sorted(each.name for each in (tmp_path / "out").iterdir())
+    assert names == ["picture_1.png", "relight.json", "relight.npz"]
+    found = open_relit(tmp_path / "out")
+    assert found.report == {"bytes": 7}
+    assert found.cameras == ready.scene.cameras
+    assert found.sky.name == ready.scene.light.name
+    assert found.sky.cube.shape == (6, 8, 8, 3)
+    assert found.reference is None
+    for before, after in zip(objects, found.objects, strict=True):
+        assert after.material == before.material
+        assert (after.tuples(light(8)) == before.tuples(light(8))).all()
+        mine, theirs = Relit(before.transport), Relit(after.transport)
+        mine.relight(light(8))
+        theirs.relight(light(8))
+        assert (mine.shade((0, 1, 3)) == theirs.shade((0, 1, 3))).all()
+    with pytest.raises(BadInput, match="found an existing relit scene, expected a new folder or --force"):
+        write_relit(tmp_path / "out", ready.scene, objects, {}, [])
+    assert open_relit(tmp_path / "out").report == {"bytes": 7}
+
+
+def test_files_that_are_none_are_refused(ready: Stand, tmp_path: Path) -> None:
+    write_relit(tmp_path / "out", ready.scene, relit(ready), {}, [])
+    file = tmp_path / "out" / "relight.npz"
+    whole = file.read_bytes()
+    file.write_bytes(whole[:2000])
+    with pytest.raises(BadInput, match=r"relight\.npz"):
+        open_relit(tmp_path / "out")
+    file.write_bytes(whole)
+    arrays, header = read_archive(file)
+    arrays.pop("header")
+    # What a compiled loop would read past the end of.
+    for name, bad in (("object_0_index", 384), ("object_0_basis_index", 500)):
+        spoiled = arrays | {name: np.full_like(arrays[name], bad)}
+        write_archive(file, header, spoiled)
+        with pytest.raises(BadInput, match=r"its parts do not belong together \(coefficients beyond the cube map\)"):
+            open_relit(tmp_path / "out")
+    write_archive(file, header, arrays | {"object_0_start": arrays["object_0_start"][:-1]})
+    with pytest.raises(BadInput, match="its parts do not belong together"):
+        open_relit(tmp_path / "out")
+    write_archive(file, header | {"version": 9}, arrays)
+    with pytest.raises(BadInput, match="expected a relit scene that homofact wrote"):
+        open_relit(tmp_path / "out")
+
+
+def test_a_picture_shows_the_sphere_where_it_is(ready: Stand) -> None:
+    camera = Camera((0.0, 0.25, 4.0), (0.0, 0.25, 0.0), 30.0, (60, 60))
+    meshes = [each.mesh for each in ready.objects]
+    colours = [np.full((len(mesh.positions), 3), level) for mesh, level in zip(meshes, (2.0, 1.0), strict=True)]
+    shown, covered = picture(meshes, colours, ready.occluder, camera, ready.scene.light)
+    w = camera_rays(camera)[:, :, 0]
+    assert w[30, 30] == pytest.approx([0, 0, -1], abs=0.02)
+    assert w[0, 30, 1] > 0 > w[-1, 30, 1]
+    assert w[30, -1, 0] > 0
+    assert shown[30, 30] == pytest.approx(2)
+    # The sphere's outline is at asin(.5/4) from the axis.
+    row = shown[30, :, 0] == 2
+    assert row.sum() == pytest.approx(60 * np.tan(np.arcsin(0.125)) / np.tan(np.radians(15)), abs=3)
+    assert covered[30, 30] == 1
+    assert covered[0, 0] == 0
+    assert (shown[58, 30] == pytest.approx(1)) or covered[58, 30] < 1
+
+
+def test_the_embedded_scene_is_readable() -> None:
+    found = read_relight_scene(ROOT / "configs" / "scenes" / "relight.toml")
+    assert found.objects[0].material == "material:lafortune-blue-paint"
+    assert found.light.name == "sky.hdr"
+
+
+CASES = {
+    "no object": ('[[object]]\nmesh = "shape:sphere"\nalbedo = [0.5]\nsize = 0.5\nat = [0, 0.25, 0]\n', "", "object"),
+    "no mesh": ("shape:sphere", "none.obj", r"object\[0\]\.mesh: no file .*none\.obj, expected a mesh"),
+    "no shape": (
+        "shape:sphere",
+        "shape:cow",
+        r"object\[0\]\.mesh: found 'shape:cow', expected a file or one of shape:sphere",
+    ),
+    "no material": ("albedo = [0.5]\n", "", "expected exactly one of material, albedo"),
+    "two materials": (
+        "albedo = [0.5]\n",
+        'albedo = [0.5]\nmaterial = "material:phong-10"\n',
+        "exactly one of material, albedo",
+    ),
+    "an albedo of 2": (
+        "albedo = [0.5]",
+        "albedo = [2]",
+        r"albedo: found \[2\.0\], expected 1 or 3 numbers from 0 to 1",
+    ),
+    "a missing file": ("albedo = [0.5]", 'material = "none.bsdf"', r"object\[0\]\.material: no file"),
+    "no size": ("size = 0.5", "size = 0", r"size: found 0, expected a number above 0"),
+    "a flat place": ("at = [0, 0.25, 0]", "at = [0, 1]", r"at: found \[0\.0, 1\.0\], expected three numbers"),
+    "a far place": ("at = [0, 0.25, 0]", "at = [0, 1e9, 0]", "at: .* expected three numbers below a million"),
+    "terms of 0": ("size = 0.5", "terms = 0", "terms: found 0, expected a whole number of at least 1"),
+    "terms of 1000": ("size = 0.5", "terms = 1000", "terms: found 1000, expected a whole number of at least 1"),
+    "two lights": ('named = "studio"', 'named = "studio"\nenvironment = "x.hdr"', "exactly one of environment, named"),
+    "the sun": (
+        'named = "studio"',
+        'named = "sun"',
+        "sun is no environment map, expected one of overcast, studio, uniform",
+    ),
+    "no sky": ('named = "studio"', 'environment = "none.hdr"', r"none\.hdr: no such file"),
+    "a blind camera": ("eye = [0, 1.5, 3]", "eye = [0, 0, 0]", "eye: found the target's place, expected another"),
+    "a small picture": (
+        "pixels = [40, 30]",
+        "pixels = [4, 30]",
+        r"pixels: found \[4, 30\], expected width and height of 8",
+    ),
+    "no camera": ("[[camera]]\neye = [0, 1.5, 3]\npixels = [40, 30]\n", "", "camera"),
+    "kept of 0": ("kept = 40", "kept = 0", "transport.kept: found 0 coefficients, expected 1 to 384"),
+    "kept too many": ("kept = 40", "kept = 385", "transport.kept: found 385 coefficients, expected 1 to 384"),
+    "another cube": ("cube = 8", "cube = 9", "transport.cube: found 9 texels along a face, expected one of 8, 16"),
+    "an unknown key": ("kept = 40", "keep = 40", "unknown key transport.keep, the nearest known one is transport.kept"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_wrong_with_a_scene_is_named_in_one_line(name: str, tmp_path: Path) -> None:
+    old, new, expected = CASES[name]
+    assert old in TEXT
+    with pytest.raises(BadInput, match=expected) as refused:
+        read(tmp_path, TEXT.replace(old, new, 1))
+    assert "scene.toml" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("pixel", "expected"), [(-1.0, "is negative"), (0.0, "every pixel is 0")])
+def test_an_environment_without_light_is_refused(pixel: float, expected: str, tmp_path: Path) -> None:
+    write_exr(tmp_path / "sky.exr", np.full((4, 8, 3), pixel, np.float32), ("R", "G", "B"))
+    with pytest.raises(BadInput, match=expected):
+        read(tmp_path, TEXT.replace('named = "studio"', 'environment = "sky.exr"'))
+
+
+def test_a_huge_sun_stays_finite(ready: Stand) -> None:
+    made = relit(ready)[0]
+    sky = np.full((6, 8, 8, 3), 1e-3)
+    sky[2, 4, 4] = 1e12
+    found = shaded(made.transport, made.tuples(sky), (0, 1.5, 3))
+    assert np.isfinite(found).all()
