@@ -234,7 +234,8 @@ def test_pending_coefficients_are_counted_on_the_page(page: Any) -> None:
     counts = page.execute_async_script(
         "const done = arguments[0], counts = [];"
         "(function look() { counts.push(document.getElementById('status').textContent.split(' ')[0]);"
-        " counts.length > 3 && !homofact.view.relit.pending ? done(counts) : setTimeout(look, 15); })();"
+        " const ended = counts.length > 3 && !homofact.view.relit.pending && counts.at(-1) === '0';"
+        " ended ? done(counts) : setTimeout(look, 15); })();"
     )
     assert counts[-1] == "0"
     assert any(int(each.replace(",", "")) > 100 for each in counts)

@@ -5,7 +5,7 @@ const LIGHT_BUDGET = 14;
 // Degrees a second.
 const TURNS = 24;
 // How a picture is drawn while it moves, from fine to quick: a part of the width and height, and whether edges are smooth.
-const LEVELS = [[1, true], [1, false], [0.71, false], [0.5, false], [0.35, false]];
+const LEVELS = [[1, true], [1, false], [0.71, false], [0.5, false]];
 const SLOW = 45, QUICK = 20, REST = 220, PAUSE = 1000;
 const TELLING = 150;
 
@@ -200,10 +200,10 @@ class View {
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
   }
 
-  /** The figures take longer than a frame may: once nothing moves. */
+  /** The figures take longer than a frame may: once nothing moves, or where it moves slower than that. */
   readSoon() {
     clearTimeout(this.reading);
-    this.reading = setTimeout(() => showError(this, this.statistics()), this.relit.pending || this.state.turning ? 1000 : 120);
+    this.reading = setTimeout(() => showError(this, this.statistics()), this.busy ? 600 : 120);
   }
 
   /** The part of the light below zero, and the error against the reference where it holds. */
