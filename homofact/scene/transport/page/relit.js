@@ -50,9 +50,9 @@ class Relit {
     for (let j = 0; j < count; j++) {
       let most = 0;
       for (let k = 3 * j; k < 3 * j + 3; k++) most = Math.max(most, Math.abs(light[k] - this.light[k]));
-      if (most > 0) changed++;
-      // What no vector has needs no adding, but is part of the light: last in the order.
-      changes[j] = most > 0 ? Math.max(most * reach[j], 1e-38) : 0;
+      // What reaches no vector changes nothing.
+      changes[j] = most * reach[j];
+      if (changes[j] > 0) changed++;
     }
     // Bits of positive floats order as the floats do: one number holds the change and, beneath it, the place.
     const bits = new Uint32Array(changes.buffer), keys = new Float64Array(count);

@@ -1,0 +1,50 @@
+"""The scripts of relighting: what they truncate and light with is what they say."""
+
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from relighting import knot, light, occluder, shiny, whole
+
+from homofact.scene.transport.cube import environment_cube, solid_angles
+from homofact.scene.transport.precompute import TransportSettings, transport
+from homofact.scene.transport.relight import Relit
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def figures(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    return importlib.import_module("relight_figures")
+
+
+def test_vectors_cut_short_are_those_of_fewer_coefficients(figures: ModuleType) -> None:
+    cut, made = figures.by_largest(whole(), 20), transport(knot(), shiny(), TransportSettings(8, kept=20), occluder())
+    found = []
+    for each in (cut, made):
+        relit = Relit(each)
+        relit.relight(light(8))
+        found.append(relit.tuples)
+    assert cut.mean_kept <= 20
+    assert found[0] == pytest.approx(found[1], rel=0.02, abs=0.02 * float(np.abs(found[1]).max()))
+
+
+def test_the_lamp_sends_what_a_furnace_does(figures: ModuleType) -> None:
+    found = environment_cube(figures.lamp((0.6, 0.7, 0.5), 4, 0.0), 64)
+    assert np.einsum("fijc,ij->c", found, solid_angles(64)) == pytest.approx(4 * np.pi, rel=0.02)
+
+
+def test_a_turning_light_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    numbers = importlib.import_module("relight_numbers")
+    monkeypatch.setattr(numbers, "A_FRAME", 100)
+    relit = Relit(whole())
+    relit.relight(light(8, 0))
+    seconds, errors = numbers.turning([relit], [light(8, 1)] * 5)
+    assert seconds > 0
+    # The same light is asked for again and again: after four steps of 100 all 384 are in.
+    assert errors[0] > errors[1] > errors[2] > 0
+    assert errors[3:] == [0, 0]
