@@ -7,7 +7,8 @@ three blocks of s × s details to the right, below, and both. The scalar product
 """
 
 import numpy as np
-from numba import njit
+
+from homofact.linear.kernels import kernel
 
 
 def transformed(maps: np.ndarray) -> np.ndarray:
@@ -39,7 +40,7 @@ def restored(coefficients: np.ndarray) -> np.ndarray:
     return found
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(nogil=True, fastmath=True)
 def transform_faces(faces: np.ndarray, scratch: np.ndarray) -> None:
     """`transformed` of float32 faces (F, n, n) in place; `scratch` (n, n) float32. Faces of zeros are passed over."""
     count, size = faces.shape[0], faces.shape[1]

@@ -6,15 +6,16 @@ All work on float32 and let go of the interpreter's lock, so that blocks run sid
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
+from homofact.linear.kernels import kernel
 from homofact.scene.transport.haar import transform_faces
 
 _NO_BITS = np.int32(0x7FFFFFFF)
 _LARGEST = np.float32(32767.0)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(nogil=True, inline="always")
 def _place(x: float, y: float, z: float, size: int) -> tuple:
     """Corner and shares of the bilinear look-up of a direction in a parabolic map."""
     below = np.float32(1.0) + max(z, np.float32(0.0))
@@ -25,7 +26,7 @@ def _place(x: float, y: float, z: float, size: int) -> tuple:
     return i, j, u - np.float32(i), v - np.float32(j)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(nogil=True, fastmath=True)
 def transport_vectors(
     frame: np.ndarray,
     lit: np.ndarray,
@@ -67,7 +68,7 @@ def transport_vectors(
         transform_faces(out[k].reshape(6, side, side), scratch)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def threshold_of(values: np.ndarray, kept: int) -> np.int32:
     """The bits of the `kept`-th largest magnitude of a flat float32 array; magnitudes order as their bits do.
 
@@ -102,7 +103,7 @@ def threshold_of(values: np.ndarray, kept: int) -> np.int32:
     return np.int32((top << 20) | (middle << 10) | low)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def threshold_of_energy(values: np.ndarray, weights: np.ndarray, tolerance: float) -> float:
     """The largest t for which the weighted squares below t sum to at most tolerance² of all, of (K, J) values.
 
@@ -124,7 +125,7 @@ def threshold_of_energy(values: np.ndarray, weights: np.ndarray, tolerance: floa
     return 2.0 ** ((step - 1024) / 4)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.ndarray) -> tuple:
     """(how many, scale): the `kept` largest of a vector (J,), as places and 16-bit numbers times the scale.
 
@@ -159,7 +160,7 @@ def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.nd
     return count, scale
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def keep_above(values: np.ndarray, weight: float, square: float, index: np.ndarray, number: np.ndarray) -> tuple:
     """(how many, scale) as `keep_largest`, of all whose weighted square is at least `square`."""
     count = 0
@@ -179,7 +180,7 @@ def keep_above(values: np.ndarray, weight: float, square: float, index: np.ndarr
     return count, scale
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@kernel(nogil=True, parallel=True, fastmath=True)
 def relight_all(
     start: np.ndarray, index: np.ndarray, number: np.ndarray, scale: np.ndarray, light: np.ndarray, out: np.ndarray
 ) -> None:
@@ -195,7 +196,7 @@ def relight_all(
         out[r, 0], out[r, 1], out[r, 2] = red * scale[r], green * scale[r], blue * scale[r]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(nogil=True, fastmath=True)
 def add_columns(
     chosen: np.ndarray,
     start: np.ndarray,
@@ -223,7 +224,7 @@ def add_columns(
             out[r, 2] += value * blue
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@kernel(nogil=True, parallel=True, fastmath=True)
 def shade_all(
     positions: np.ndarray, frames: np.ndarray, eye: np.ndarray, view_maps: np.ndarray, lit: np.ndarray, out: np.ndarray
 ) -> None:

@@ -7,7 +7,8 @@ vertices a triangle, in this order for about 0.7.
 """
 
 import numpy as np
-from numba import njit
+
+from homofact.linear.kernels import kernel
 
 CACHE = 16
 
@@ -28,7 +29,7 @@ def misses(triangles: np.ndarray, cache: int = CACHE) -> float:
     return float(_misses(np.ascontiguousarray(triangles, np.int64).reshape(-1), cache) / max(len(triangles), 1))
 
 
-@njit(cache=True)
+@kernel()
 def _walk(triangles: np.ndarray, start: np.ndarray, around: np.ndarray, left: np.ndarray) -> np.ndarray:
     """The numbers of the triangles in order; `left` (V,) is used up."""
     vertices = len(left)
@@ -77,7 +78,7 @@ def _walk(triangles: np.ndarray, start: np.ndarray, around: np.ndarray, left: np
         at = found
 
 
-@njit(cache=True)
+@kernel()
 def _misses(flat: np.ndarray, cache: int) -> int:
     stamp = np.full(flat.max() + 1, -cache - 1)
     time = 0
