@@ -4,7 +4,7 @@
 
 Figure 2: a cow of their Ashikhmin-Shirley material under one distant light, by 1, 2, 4 and 8 in-out terms and by the
 reflectance itself, with relative root mean square errors over the vertices that are seen. Figure 3: the shadow of the
-bunny on matt ground under a small light, by 16 to 256 coefficients a vertex and by all. Cube maps of 6 × 64² texels.
+bunny on matt ground under a small light, by 16 to 256 coefficients a vertex and by 4,096. Cube maps of 6 × 64² texels.
 """
 
 import sys
@@ -108,7 +108,7 @@ def shadow(mesh: Mesh, target: Path, pixels: int, steps: int) -> None:
     floor = ground(1.6, float(mesh.positions[:, 1].min()), steps)
     positions = np.concatenate((mesh.positions, floor.positions))
     occluder = Occluder(positions, np.concatenate((mesh.triangles, floor.triangles + len(mesh.positions))))
-    whole = 6 * 64**2
+    whole = 4096
     made = transport(floor, factor(Lambert((0.6,) * 3)), TransportSettings(kept=whole), occluder)
     light = lamp((-0.5, 0.8, 0.35), 3, 0.15)
     camera = Camera((0.0, 2.6, 2.2), (0.15, -0.7, 0.0), 38.0, (pixels, pixels * 3 // 4))
@@ -122,7 +122,7 @@ def shadow(mesh: Mesh, target: Path, pixels: int, steps: int) -> None:
         exact = colours if exact is None else exact
         shown.append(picture([mesh, floor], [grey, colours], occluder, camera, light))
         error = f", error {relative(colours, exact):.0%}" if kept != whole else ""
-        titles.append(f"N = {kept}" + error if kept != whole else "all 24,576")
+        titles.append(f"N = {kept}" + error if kept != whole else "N = 4,096")
     exposure = exposure_of(shown[0][0], shown[0][1])
     order = [*range(1, len(shown)), 0]
     drawn(target, [displayed_picture(shown[k][0], shown[k][1], exposure) for k in order], [titles[k] for k in order])
@@ -143,7 +143,7 @@ def main(arguments: list[str] | None = None) -> int:
     cow, bunny = (prepared(read_mesh(meshes / name))[0] for name in ("spot.obj", "bunny.ply"))
     pixels = 40 if chosen.short else 360
     highlight(cow, chosen.out / "relight_terms.png", pixels)
-    shadow(bunny, chosen.out / "relight_shadow.png", pixels, 16 if chosen.short else 120)
+    shadow(bunny, chosen.out / "relight_shadow.png", pixels, 16 if chosen.short else 100)
     return 0
 
 
