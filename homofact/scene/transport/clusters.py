@@ -89,7 +89,7 @@ def clustered(
     length = transport.factors.terms * cube.FACES * transport.settings.cube**2
     signs = rng.integers(0, 2, (length, _SKETCH), np.int8).astype(np.float32) * 2 - 1
     sketch = np.asarray(rows @ signs) / np.sqrt(_SKETCH)
-    labels = kmeans2(sketch, count, iter=12, minit="++", rng=rng)[1]
+    labels = kmeans2(sketch, count, iter=12, minit="points", rng=rng)[1]
     labels = _settled(sketch, labels, count, components)
     used, labels = np.unique(labels, return_inverse=True)
     vectors, weights = [], np.zeros((transport.vertices, components), np.float32)

@@ -6,7 +6,8 @@ decomposition of the matrices of the channels side by side, ωi × (ωo, channel
 It weights the error: columns by cosθo dωo, the area that a surface takes in a picture, rows by f cosθi times the light
 to be expected. For white light, every direction by itself, the strongest functions of a sharp lobe are bumps wherever
 f cosθi is largest, and a few of them lose most of its light. Natural light is smooth: its spherical harmonics of order
-l have a variance of about 1/(l + 1)² (Dror, Willsky and Adelson 2004 find powers of 2 to 2.5 of the frequency). Rows
+l fall in variance, here as 1/(l + 1), between the white of small lamps and the powers of 2 to 2.5 that Dror, Willsky
+and Adelson (2004) find in the logarithms of surroundings. Rows
 are therefore projected on the harmonics, each times its expected amplitude; the strongest functions then are smooth,
 and what the terms leave out blurs a highlight. How many terms are needed is counted for white light as by Mahajan,
 Tseng and Ramamoorthi (2008); `strength` and `share` are of the light that natural light sends back.
@@ -44,7 +45,7 @@ _ANISOTROPIC_GRIDS = ((12, 36), (18, 54), (24, 72))
 # Radii of the table that an isotropic function is drawn from, for each texel of the map.
 _FINE = 2
 LIGHT_POWER, VIEW_POWER = 2.0, 1.0
-FALLOFF = 2.0
+FALLOFF = 1.0
 # A measurement says nothing at the horizon itself, and models run away there.
 _RIM = math.cos(math.radians(89.0))
 
