@@ -11,6 +11,7 @@ rounds in which every vertex moves to the cluster whose components hold it best,
 those of the vectors themselves: eigenvectors of the Gram matrix of a cluster's sparse rows.
 """
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,7 +90,10 @@ def clustered(
     length = transport.factors.terms * cube.FACES * transport.settings.cube**2
     signs = rng.integers(0, 2, (length, _SKETCH), np.int8).astype(np.float32) * 2 - 1
     sketch = np.asarray(rows @ signs) / np.sqrt(_SKETCH)
-    labels = kmeans2(sketch, count, iter=12, minit="points", rng=rng)[1]
+    with warnings.catch_warnings():
+        # A cluster that runs empty is left out.
+        warnings.filterwarnings("ignore", "One of the clusters is empty")
+        labels = kmeans2(sketch, count, iter=12, minit="points", rng=rng)[1]
     labels = _settled(sketch, labels, count, components)
     used, labels = np.unique(labels, return_inverse=True)
     vectors, weights = [], np.zeros((transport.vertices, components), np.float32)
