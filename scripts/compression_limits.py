@@ -7,8 +7,6 @@ logarithms where θh < 10°, "rest" where it is more. The rows are written to li
 `compression_table.py` makes its table.
 """
 
-import csv
-import io
 import math
 import sys
 from dataclasses import replace
@@ -17,7 +15,7 @@ from pathlib import Path
 import torch
 from compression_fits import METHODS, READINGS
 from compression_protocol import kept, pairs, scores, shown, surroundings
-from conditions import data_folder, figure, parser_of, write
+from conditions import data_folder, figure, parser_of, write_csv
 from published_fits import published
 
 from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME
@@ -69,12 +67,7 @@ def main(arguments: list[str] | None = None) -> int:
                  f"{score['PSNR']:.1f}")
             )  # fmt: skip
             print(rows[-1], file=sys.stderr, flush=True)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(rows)
-    write(options.cache / FILE, text.getvalue())
-    print(text.getvalue(), end="")
+    print(write_csv(options.cache / FILE, COLUMNS, rows), end="")
     return 0
 
 

@@ -7,8 +7,6 @@ Both the samples that are drawn and the fit take the seed. Fitted to nbrdf, judg
 its table.
 """
 
-import csv
-import io
 import math
 import statistics
 import sys
@@ -16,7 +14,7 @@ from pathlib import Path
 
 from compression_fits import METHODS, READINGS, SharedSearch, fitted, name_of
 from compression_protocol import Shown, kept, scores, shown, surroundings
-from conditions import data_folder, parser_of, write
+from conditions import data_folder, parser_of, write_csv
 from published_fits import names, published
 
 from homofact.linear.normal import warm_up
@@ -65,12 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
                 figures = (own["MALE"], own["energy"], own["PSNR"], mean["MALE"], mean["PSNR"])
                 rows.append((material, label, seed, *(f"{x:.6g}" for x in figures)))
                 print(rows[-1], file=sys.stderr, flush=True)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(rows)
-    write(options.cache / FILE, text.getvalue())
-    print(text.getvalue(), end="")
+    print(write_csv(options.cache / FILE, COLUMNS, rows), end="")
     return 0
 
 

@@ -12,7 +12,6 @@ Rows are written to speeds.csv in the cache folder, from which `compression_tabl
 """
 
 import csv
-import io
 import os
 import statistics
 import sys
@@ -21,7 +20,7 @@ from pathlib import Path
 
 import torch
 from compression_fits import DEFAULT_METHODS, METHODS, SharedSearch, fitted
-from conditions import data_folder, parser_of, write
+from conditions import data_folder, parser_of, write_csv
 from ggx_program import ggx_program
 from network_program import network_program
 from published_fits import PUBLISHED, names, published
@@ -108,12 +107,7 @@ def main(arguments: list[str] | None = None) -> int:
             by = "ours" if way.name in _MAKE or way.name not in PUBLISHED else TORCH
             rows.append((material, way.name, by, way.nbytes, f"{best[way.name][0]:.4g}", threads))
             print(f"{material}, {way.name}: {best[way.name][0]:.4g} M/s at {best[way.name][1]}", file=sys.stderr)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(rows)
-    write(options.cache / FILE, text.getvalue())
-    print(text.getvalue(), end="")
+    print(write_csv(options.cache / FILE, COLUMNS, rows), end="")
     return 0
 
 

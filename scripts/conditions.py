@@ -1,6 +1,8 @@
 """What every script of figures shares: tables, where files are, what it is told on the command line."""
 
 import argparse
+import csv
+import io
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -55,6 +57,16 @@ def write(path: Path, text: str) -> None:
     """Write a file whole or not at all, its folder made where it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, text)
+
+
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Write a table as CSV, whole or not at all; its text."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    write(path, text.getvalue())
+    return text.getvalue()
 
 
 def effort_of(text: str) -> str | float:

@@ -20,7 +20,7 @@ from homofact.scene.transport.build import RelitObject
 from homofact.scene.transport.clusters import Clustered
 from homofact.scene.transport.page.build import PageReference, closed, page_objects, turns, write_page
 from homofact.scene.transport.page.order import cached_order, misses
-from homofact.scene.transport.page.skies import halves, page_sky, reduced, rounded, sky_of_cube
+from homofact.scene.transport.page.skies import halves, page_sky, reduced, rounded
 from homofact.viewer.packing import unpack
 
 
@@ -94,22 +94,6 @@ def test_skies_keep_the_light() -> None:
     assert flux(small) == pytest.approx(flux(picture), rel=1e-12)
     assert reduced(picture[:, :500], 64).shape == (64, 125, 3)
     assert reduced(picture, 300).shape == picture.shape
-    smooth = EnvironmentMap(
-        torch.from_numpy(1 + np.cos(np.linspace(0, 3, 256))[:, None, None] * np.ones((256, 512, 3)))
-    )
-    exact = cube.environment_cube(smooth, SIZE)
-    sky = sky_of_cube("cube", exact)
-    assert sky.picture.shape == (64, 128, 3)
-    again = cube.environment_cube(sky.environment(), SIZE)
-    assert np.abs(again - exact).max() < 0.03
-    assert np.array_equal(sky.cube, rounded(exact))
-
-
-def test_a_cube_map_s_picture_looks_where_the_cube_map_does() -> None:
-    exact = np.abs(cube.directions(SIZE)) + 0.3 * cube.directions(SIZE) + 0.5
-    sky = sky_of_cube("directions", exact)
-    again = cube.environment_cube(sky.environment(), SIZE)
-    assert np.abs(again - exact).max() < 0.05
 
 
 def test_a_turned_light_begins_turned() -> None:

@@ -42,35 +42,6 @@ def page_sky(name: str, light: EnvironmentMap, size: int) -> PageSky:
     return PageSky(name, rounded(cube.environment_cube(light, size)), rounded(reduced(own, 4 * size)))
 
 
-def sky_of_cube(name: str, radiance: np.ndarray) -> PageSky:
-    """The sky of a cube map (6, n, n, 3) alone: its picture is interpolated between the texels of a face."""
-    size = radiance.shape[1]
-    rows = 4 * size
-    polar, azimuth = (np.arange(rows) + 0.5) / rows * np.pi, ((np.arange(2 * rows) + 0.5) / rows - 1) * np.pi
-    around = np.sin(polar)[:, None]
-    w = np.stack(
-        np.broadcast_arrays(around * np.sin(azimuth), np.cos(polar)[:, None], -around * np.cos(azimuth)), -1
-    ).reshape(-1, 3)
-    face = cube.texel_of(w, 1)
-    axis, first, second = (np.array(cube.directions(1)).reshape(-1, 3)[face], *_along(face))
-    scaled = w / (w * axis).sum(1, keepdims=True)
-    places = [((scaled * each).sum(1) + 1) / 2 * size - 0.5 for each in (first, second)]
-    at = [place.clip(0, size - 1) for place in places]
-    low = [np.minimum(place.astype(int), max(size - 2, 0)) for place in at]
-    a, b = ((place - base)[:, None] for place, base in zip(at, low, strict=True))
-    high = [np.minimum(base + 1, size - 1) for base in low]
-    near = radiance[face, low[0], low[1]] * (1 - b) + radiance[face, low[0], high[1]] * b
-    far = radiance[face, high[0], low[1]] * (1 - b) + radiance[face, high[0], high[1]] * b
-    return PageSky(name, rounded(radiance), rounded((near * (1 - a) + far * a).reshape(rows, 2 * rows, 3)))
-
-
-def _along(face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The directions (N, 3) that the first and the second index of each of the faces (N,) run along."""
-    corner = cube.directions(2)
-    scaled = corner / np.abs(corner).max(-1, keepdims=True)
-    return (scaled[:, 1, 0] - scaled[:, 0, 0])[face], (scaled[:, 0, 1] - scaled[:, 0, 0])[face]
-
-
 def reduced(picture: np.ndarray, rows: int) -> np.ndarray:
     """Means (R, C, 3) over blocks of texels, weighted by their solid angles, as coarse as leaves at least `rows`."""
     height, width, _ = picture.shape
