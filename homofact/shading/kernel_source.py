@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from homofact.errors import BadInput
 from homofact.geometry.expression import INFIX, Expression, Let, component, nodes
 from homofact.shading.program import Program
 from homofact.shading.vector_code import LANES
@@ -19,6 +20,10 @@ from homofact.shading.vector_code import LANES
 BLOCK = 256
 # A loop keeps its constants in registers. Of more the compiler makes vectors in memory, which are slow to read.
 MOST_CONSTANTS = 16
+# Names of the kernel's own, besides `C_0` … and those that end in a number of a row or a texture.
+OWN = (
+    "i", "j", "x", "y", "row", "column", "count", "whole", "buffer", "texels", "places", "values", "np", "min", "max",
+)  # fmt: skip
 
 
 def texel_width(channels: int) -> int:
@@ -91,7 +96,9 @@ def kernel_source(program: Program) -> tuple[str, dict[str, np.float32]]:
     """(source of `kernel(wi, wo, values, *textures)`, its constants by name).
 
     Arrays are flat: directions and values of all pairs one behind the other, textures of `texel_width` numbers a texel.
+    Raises BadInput where two of the program's names would be one in the kernel.
     """
+    _check_names(program)
     made = _Source(program, {}, {}, [])
     phases = _loops(program)
     results = [f"value_{c}" for c in range(made.channels)]
@@ -115,6 +122,17 @@ def kernel_source(program: Program) -> tuple[str, dict[str, np.float32]]:
     made.lines += [f"for j in range(0, whole, {LANES}):", f"    {call}"]
     made.loop([f"values[{stride} * i + {c}] = buffer[{made.row(name)} + i]" for c, name in enumerate(results)], "whole")
     return _wrapped(made, count), made.constants
+
+
+def _check_names(program: Program) -> None:
+    """A vector `f` is the scalars `f_0`, `f_1`, … here, so a scalar of such a name would be taken for its component."""
+    taken = {f"{w}_{k}": w for w in ("wi", "wo") for k in range(3)} | dict.fromkeys(OWN, "the kernel")
+    taken |= {f"value_{c}": "the result" for c in range(len(program.channels))}
+    for let in program.statements:
+        for name in _made(let):
+            if name in taken:
+                raise BadInput(f"program: found {name} of {let.name} and of {taken[name]}, expected different names")
+            taken[name] = let.name
 
 
 def _wrapped(made: _Source, fetches: int) -> str:

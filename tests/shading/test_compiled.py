@@ -13,9 +13,11 @@ from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform
+from homofact.geometry.expression import Let, variable, vector
 from homofact.shading import float_functions
-from homofact.shading.compiled import compiled
+from homofact.shading.compiled import compiled, compiled_program
 from homofact.shading.kernel_source import BLOCK
+from homofact.shading.program import Program
 
 
 def pairs(count: int = 4001) -> tuple[torch.Tensor, torch.Tensor]:
@@ -173,3 +175,22 @@ def test_a_place_for_the_values_that_does_not_fit_is_refused() -> None:
     for out in (np.zeros((4, 3)), np.zeros((3, 3), np.float32), np.zeros((4, 1), np.float32)):
         with pytest.raises(BadInput, match=r"out: found float.* expected float32 of shape \(4, 3\)"):
             fast.evaluate_array(w, w, out)
+
+
+@pytest.mark.parametrize(
+    ("scalar", "whose"), [("f_0", "f"), ("wi_2", "wi"), ("value_1", "the result"), ("row", "the kernel")]
+)
+def test_a_scalar_named_as_what_the_kernel_has_is_refused(scalar: str, whose: str) -> None:
+    """A vector's components are scalars in the kernel: two of one name would silently be one value."""
+    wi = variable("wi", 3)
+    program = Program(
+        (Let("f", vector(wi.x, wi.y, wi.z), ""), Let(scalar, wi.x * 2.0, "")),
+        variable("f", 3) * variable(scalar, 1),
+        (),
+        ("r", "g", "b"),
+        (),
+    )
+    with pytest.raises(
+        BadInput, match=rf"^program: found {scalar} of {scalar} and of {whose}, expected different names$"
+    ):
+        compiled_program(program, [])
