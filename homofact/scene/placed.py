@@ -152,7 +152,10 @@ def material_words(table: PlacedObject | GroundPlane) -> str:
 
 def open_reflectance(text: str) -> Reflectance:
     """A material's name, a measurement's file, or a fit: the folder or the file that `factorize` wrote."""
+    return open_result(Path(text)) if is_fit(text) else open_source(text).reflectance
+
+
+def is_fit(text: str) -> bool:
+    """Whether a material's words name a result of `factorize` rather than a measurement or a named material."""
     place = Path(text)
-    if not text.startswith(MATERIAL_PREFIX) and (place.is_dir() or place.name == FACTORIZATION):
-        return open_result(place)
-    return open_source(text).reflectance
+    return not text.startswith(MATERIAL_PREFIX) and (place.is_dir() or place.name == FACTORIZATION)

@@ -23,18 +23,22 @@ from homofact.scene.editing.precompute import EditScene, Thing
 from homofact.scene.editing.scene_file import HD, HF, OWN, AskedEdit, EditedGround, EditedObject
 from homofact.scene.editing.view import View
 from homofact.scene.lighting import Lighting, named_lighting
-from homofact.scene.placed import LightTable, lowest, material_words, open_reflectance, placed_mesh, three
+from homofact.scene.placed import LightTable, is_fit, lowest, material_words, open_reflectance, placed_mesh, three
 
 Stage = Callable[[str], object]
-GROUND, MATT = "ground", "matt"
+GROUND, MATT, FIT, SOURCE = "ground", "matt", "fit", "source"
 _ANGLES, _BANDS = ("theta_h", "theta_d"), (256, 64)
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A material of the scene: as `words` name it, as it was opened, and as it is edited."""
+    """A material of the scene: as `words` name it, as it was opened, and as it is edited.
+
+    `kind` is "fit", a result of `factorize`, "source", what `brdf.source.open_source` takes, or "matt", an albedo.
+    """
 
     words: str
+    kind: str
     reflectance: Reflectance
     material: Editable
 
@@ -68,7 +72,8 @@ def subjects_of(asked: AskedEdit, stage: Stage | None = None) -> tuple[Subject, 
             material = editable(opened[words], names[where], table.curves, table.bands)
         except BadInput as error:
             raise BadInput(f"{where}: {error}") from error
-        found.append(Subject(words, opened[words], material))
+        kind = MATT if table.albedo else FIT if is_fit(words) else SOURCE
+        found.append(Subject(words, kind, opened[words], material))
     return tuple(found)
 
 
