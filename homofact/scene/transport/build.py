@@ -18,7 +18,8 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.prepare import prepared
 from homofact.meshes.shapes import ground, sphere, torus_knot
 from homofact.scene.transport.clusters import Clustered, clustered
-from homofact.scene.transport.factors import InOutFactors, factor
+from homofact.scene.transport.factoring import factor
+from homofact.scene.transport.factors import InOutFactors
 from homofact.scene.transport.precompute import Cost, Transport, cost, transport
 from homofact.scene.transport.relight import Relit
 from homofact.scene.transport.scene import SHAPE_PREFIX, Ground, RelightScene, SceneObject
