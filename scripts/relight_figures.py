@@ -26,7 +26,7 @@ from homofact.meshes.shapes import ground
 from homofact.render.light import EnvironmentMap
 from homofact.scene.placed import Camera
 from homofact.scene.transport.cube import environment_cube
-from homofact.scene.transport.factors import factor
+from homofact.scene.transport.factoring import factor
 from homofact.scene.transport.ledger import relative, seen_vertices
 from homofact.scene.transport.picture import picture
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport

@@ -30,7 +30,7 @@ from homofact.meshes.shapes import ground
 from homofact.render.environment import read_environment
 from homofact.scene.transport.clusters import clustered
 from homofact.scene.transport.cube import environment_cube
-from homofact.scene.transport.factors import factor
+from homofact.scene.transport.factoring import factor
 from homofact.scene.transport.ledger import ledger, relative, seen_vertices
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport
 from homofact.scene.transport.relight import Relit, shaded

@@ -1,6 +1,6 @@
 """Relit vertices against the sum over all texels and against Mitsuba: relative RMS, by material and sky.
 
-    python scripts/relight_truth.py [--data FOLDER] [--mesh FILE] [--vertices 300] [--spp 1024] [--repeats 4] [--short]
+    python scripts/relight_truth.py [--data FOLDER] [--mesh FILE] [--vertices 300] [--rules share,light] [--short]
 
 A mesh is lit by a sky and seen from one eye; errors are over vertices drawn among those that the eye sees, all
 channels together, √(Σ|found − truth|²/Σ|truth|²).
@@ -9,9 +9,11 @@ channels together, √(Σ|found − truth|²/Σ|truth|²).
 (`transport.ledger`); (b) is Mitsuba's direct illumination at the same vertices by the full environment map
 (`transport.reference`), whose noise is the relative RMS of its standard error. "Beyond the noise" is
 √(error² − noise²), 0 where the noise is all; so are the columns of (a) against (b), of which the fine one is of a cube
-map of --fine texels along a face: the difference is what the cube map's resolution costs. The relit has as many terms
-as hold --share of the energy (or --terms), and of each vertex's transport the coefficients that leave out at most
---tolerance.
+map of --fine texels along a face: the difference is what the cube map's resolution costs.
+
+How many terms there are is decided by each of --rules: `share`, as many as hold --share of f's energy (Mahajan et al.
+2008); `light`, as many as leave an expected error of --error under this sky's powers; `terms`, so many as --terms. Of
+each vertex's transport the coefficients stay that leave out at most --tolerance.
 
 Mitsuba's `measured` takes the viewer for the file's ωi, and measurements are not quite reciprocal: the RGL paint is
 relit with both exchanged, so that (b) is of the same numbers.
@@ -42,7 +44,7 @@ from homofact.render.light import EnvironmentMap
 from homofact.render.mitsuba_bsdf import VARIANT, open_mitsuba
 from homofact.scene.lighting import named_lighting
 from homofact.scene.transport.cube import environment_cube
-from homofact.scene.transport.factors import factor
+from homofact.scene.transport.factoring import factor
 from homofact.scene.transport.ledger import relative, seen_vertices
 from homofact.scene.transport.precompute import TransportSettings, transport
 from homofact.scene.transport.reference import Estimate, Geometry, Material, vertex_radiance
@@ -54,7 +56,8 @@ PAINT = "rgl/vch_golden_yellow_rgb.bsdf"
 SKIES = ("grace_probe_latlong.hdr", "stpeters_probe_latlong.hdr", "studio_small_03_1k.hdr")
 EYE = (0.6, 0.5, 3.0)
 HEADER = (
-    "material", "sky", "terms", "energy held", "coefficients", "relit against (a)", "noise of (b)", "(a) against (b)",
+    "material", "sky", "rule", "terms", "expected", "coefficients", "relit against (a)", "noise of (b)",
+    "(a) against (b)",
     "fine (a) against (b)", "relit against (b)", "the same, beyond the noise", "light below 0",
 )  # fmt: skip
 
@@ -139,7 +142,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--cube", type=int, default=64, help="texels along a cube map's face (%(default)s)")
     parser.add_argument("--share", type=float, default=0.99, help="of a material's energy in its terms (%(default)s)")
     parser.add_argument("--fine", type=int, help="a cube map's texels along a face for (a) once more, 256 say; slow")
-    parser.add_argument("--terms", type=int, help="so many terms of each material instead")
+    parser.add_argument("--rules", default="share,light", help="of share, light, terms (%(default)s)")
+    parser.add_argument("--error", type=float, default=0.01, help="expected of the rule light (%(default)s)")
+    parser.add_argument("--terms", type=int, default=4, help="of each material by the rule terms (%(default)s)")
     parser.add_argument("--map-size", type=int, default=64, help="texels across a light or view map (%(default)s)")
     parser.add_argument("--tolerance", type=float, default=0.005, help="of a vertex's transport (%(default)s)")
     parser.add_argument("--only", help="materials whose name has this in it")
@@ -147,6 +152,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     if chosen.short:
         chosen.vertices, chosen.spp, chosen.repeats, chosen.cube, chosen.fine = 12, 16, 2, 16, 32
+    rules = {"share": {"share": chosen.share}, "light": {"error": chosen.error}, "terms": {"terms": chosen.terms}}
+    unknown = [each for each in chosen.rules.split(",") if each not in rules]
+    if unknown:
+        parser.error(f"--rules: found {unknown[0]!r}, expected some of {', '.join(rules)}")
     folder = data_folder(chosen.data)
     bunny = folder / "meshes" / "bunny.ply"
     path = chosen.mesh or (None if chosen.short or not bunny.is_file() else bunny)
@@ -162,30 +171,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         seen = seen_vertices(mesh, reflectance, occluder, EYE, chosen.vertices)
         which = seen.which
         part = Mesh(mesh.positions[which], mesh.normals[which], mesh.triangles[:0], mesh.name)
-        factors = factor(reflectance, terms=chosen.terms, share=chosen.share, map_size=chosen.map_size)
         settings = TransportSettings(cube=chosen.cube, tolerance=chosen.tolerance)
-        made = transport(part, factors, settings, occluder)
         for sky, light in lights.items():
             radiance = environment_cube(light, chosen.cube)
-            relit = Relit(made)
-            relit.relight(radiance)
-            colours = relit.shade(np.asarray(EYE)).astype(np.float64)
-            dense = np.broadcast_to(seen.dense(radiance, chosen.cube), colours.shape)
+            dense = np.broadcast_to(seen.dense(radiance, chosen.cube), (len(which), 3))
             truth = at_vertices(mesh, which, shown, light, chosen.spp, chosen.repeats)
             # Two ray tracers may disagree about a vertex at a silhouette.
-            colours, dense, radiance = (each[truth.seen] for each in (colours, dense, truth.radiance))
+            exact, sampled = dense[truth.seen], truth.radiance[truth.seen]
             fine = "–"
             if chosen.fine:
                 much = seen.dense(environment_cube(light, chosen.fine), chosen.fine)[truth.seen]
-                fine = f"{beyond(relative(much, radiance), truth.noise):.2%}"
-            against = relative(colours, radiance)
-            rows.append([
-                name, sky, factors.terms, f"{factors.share:.1%}", f"{made.mean_kept:.0f}",
-                f"{relative(colours, dense):.2%}", f"{truth.noise:.2%}",
-                f"{beyond(relative(dense, radiance), truth.noise):.2%}", fine, f"{against:.2%}",
-                f"{beyond(against, truth.noise):.2%}",
-                f"{float(np.maximum(-colours, 0).sum() / np.abs(colours).sum()):.3%}",
-            ])  # fmt: skip
+                fine = f"{beyond(relative(much, sampled), truth.noise):.2%}"
+            for rule in chosen.rules.split(","):
+                factors = factor(reflectance, map_size=chosen.map_size, light=light, **rules[rule])
+                relit = Relit(transport(part, factors, settings, occluder))
+                relit.relight(radiance)
+                colours = relit.shade(np.asarray(EYE)).astype(np.float64)[truth.seen]
+                against = relative(colours, sampled)
+                rows.append([
+                    name, sky, rule, factors.terms, f"{factors.expected_error:.2%}",
+                    f"{relit.transport.mean_kept:.0f}", f"{relative(colours, exact):.2%}", f"{truth.noise:.2%}",
+                    f"{beyond(relative(exact, sampled), truth.noise):.2%}", fine, f"{against:.2%}",
+                    f"{beyond(against, truth.noise):.2%}",
+                    f"{float(np.maximum(-colours, 0).sum() / np.abs(colours).sum()):.3%}",
+                ])  # fmt: skip
             print(f"{time.perf_counter() - began:.0f} s: {name}, {sky}", file=sys.stderr, flush=True)
     smoke = ["- a smoke test: the figures mean nothing"] if chosen.short else []
     lines = [

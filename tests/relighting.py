@@ -9,7 +9,8 @@ from homofact.brdf.analytic import Lambert, Phong
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground, sphere, torus_knot
-from homofact.scene.transport.factors import InOutFactors, factor
+from homofact.scene.transport.factoring import factor
+from homofact.scene.transport.factors import InOutFactors
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")

@@ -14,7 +14,8 @@ from homofact.meshes.prepare import prepared
 from homofact.meshes.shapes import ground
 from homofact.scene.placed import lowest, material_words, open_reflectance, placed_mesh, three
 from homofact.scene.transport.clusters import Clustered, clustered
-from homofact.scene.transport.factors import InOutFactors, factor
+from homofact.scene.transport.factoring import factor
+from homofact.scene.transport.factors import InOutFactors
 from homofact.scene.transport.precompute import Cost, Transport, cost, transport
 from homofact.scene.transport.relight import Relit
 from homofact.scene.transport.scene import Ground, RelightScene, SceneObject

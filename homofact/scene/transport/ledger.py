@@ -32,7 +32,8 @@ from homofact.render.light import EnvironmentMap
 from homofact.scene.transport import cube
 from homofact.scene.transport.build import Stand
 from homofact.scene.transport.clusters import Clustered
-from homofact.scene.transport.factors import InOutFactors, factor, look_up
+from homofact.scene.transport.factoring import factor
+from homofact.scene.transport.factors import InOutFactors, look_up
 from homofact.scene.transport.kernels import transport_vectors
 from homofact.scene.transport.precompute import Tracer, Transport
 from homofact.scene.transport.relight import Relit, light_coefficients

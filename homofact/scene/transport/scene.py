@@ -45,7 +45,7 @@ from homofact.render.light import EnvironmentMap
 from homofact.scene.lighting import NAMED, named_lighting
 from homofact.scene.placed import Camera, GroundPlane, LightTable, PlacedObject, found_material, found_mesh
 from homofact.scene.transport.clusters import COMPONENTS
-from homofact.scene.transport.factors import MOST_TERMS
+from homofact.scene.transport.factoring import MOST_TERMS
 from homofact.scene.transport.precompute import KEPT, TransportSettings
 
 

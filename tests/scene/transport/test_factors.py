@@ -11,9 +11,13 @@ from homofact.brdf.analytic import AshikhminShirley, Lambert, Phong
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_cosine_weighted
+from homofact.render.light import EnvironmentMap
 from homofact.scene.harmonics import harmonics, orders, quadrature
 from homofact.scene.in_out import Grid
-from homofact.scene.transport.factors import FALLOFF, InOutFactors, factor
+from homofact.scene.light_power import light_power
+from homofact.scene.lighting import texel_directions
+from homofact.scene.transport.factoring import FALLOFF, MOST_TERMS, factor
+from homofact.scene.transport.factors import InOutFactors
 from homofact.scene.transport.moments import moments
 
 
@@ -49,11 +53,16 @@ def lost(f: Reflectance, found: InOutFactors) -> float:
     return float(((found.evaluate(wi, wo) - truth) ** 2 * weight).sum() / (truth**2 * weight).sum())
 
 
-def lost_in_natural_light(f: Reflectance, found: InOutFactors, lights: int = 400) -> float:
+def lost_in_natural_light(f: Reflectance, found: InOutFactors) -> float:
     """The part of B² that is lost, cosine-weighted over views, in lights drawn with natural amplitudes."""
-    degree = 24
+    return lost_in_light(f, found, (1.0 + torch.arange(25)) ** -FALLOFF)
+
+
+def lost_in_light(f: Reflectance, found: InOutFactors, power: Tensor, lights: int = 400) -> float:
+    """The same in lights whose harmonics of order l have the mean squares `power` (L + 1,)."""
+    degree = len(power) - 1
     wi, weights = quadrature(2 * degree, 0.0)
-    amplitude = (1.0 + orders(degree)[0]) ** (-FALLOFF / 2)
+    amplitude = power.double().sqrt()[orders(degree)[0]]
     drawn = torch.randn(len(amplitude), lights, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
     arriving = harmonics(degree, wi) @ (amplitude[:, None] * drawn) * (weights * wi[:, 2])[:, None]
     wo = draw_cosine_weighted(60, torch.Generator().manual_seed(6))[0]
@@ -91,6 +100,48 @@ def test_the_share_is_what_natural_light_measures() -> None:
         few = factor(phong, terms)
         assert few.terms <= terms
         assert lost_in_natural_light(phong, few) == pytest.approx(1 - few.share, rel=0.4)
+
+
+@pytest.fixture(scope="module")
+def lamp() -> EnvironmentMap:
+    """A round lamp of 14° in a dim room: hardly any power falls away up to order 12."""
+    w = texel_directions(48, 96)
+    bright = torch.where(w[:, 0] > math.cos(math.radians(14)), 30.0, 0.05).double()
+    return EnvironmentMap(bright.reshape(48, 96, 1))
+
+
+@pytest.mark.parametrize("kind", ["isotropic", "anisotropic"])
+def test_the_error_expected_under_a_light_is_what_lights_of_its_powers_measure(kind: str, lamp: EnvironmentMap) -> None:
+    lobe = Phong((0.1, 0.2, 0.4), (0.4,) * 3, exponent=8)
+    if kind == "anisotropic":
+        lobe = AshikhminShirley((0.1,) * 3, (0.4,) * 3, nu=4, nv=12)
+    most = factor(lobe, 16, light=lamp)
+    for terms in (2, 16):
+        found = most.first(terms)
+        measured = math.sqrt(lost_in_light(lobe, found, light_power(lamp, 18), 100))
+        assert found.expected_error == pytest.approx(measured, rel=0.2)
+    if kind == "isotropic":
+        # A lamp needs more than natural light.
+        assert most.expected_error > 1.2 * factor(lobe, 16).expected_error
+
+
+def test_an_error_asked_for_is_met_with_as_few_terms_as_can_be(lamp: EnvironmentMap) -> None:
+    lobe = Phong((0.1, 0.2, 0.4), (0.4,) * 3, exponent=8)
+    counts = {}
+    for light in (None, lamp):
+        found = factor(lobe, error=0.02, light=light)
+        assert found.expected_error <= 0.02
+        # The last of them may be a pair.
+        assert found.first(found.terms - 2).expected_error > 0.02
+        counts[light is None] = found.terms
+    assert counts[False] > counts[True]
+    assert factor(lobe, error=0.1).terms < counts[True]
+
+
+def test_terms_do_not_suffice_for_every_error() -> None:
+    found = factor(Phong((0.05,) * 3, (0.5,) * 3, exponent=20_000), error=0.001, map_size=8)
+    assert found.terms == MOST_TERMS
+    assert found.expected_error > 0.001
 
 
 def sharp_mean(phong: Phong) -> float:
@@ -148,6 +199,9 @@ def test_first_is_the_shorter_sum() -> None:
         ({"terms": 0}, "terms: found 0, expected 1 to 256"),
         ({"terms": 257}, "terms: found 257, expected 1 to 256"),
         ({"share": 1.0}, "share"),
+        ({"error": 0.0}, "error: found 0.0, expected between 0 and 1"),
+        ({"error": 1.0}, "error: found 1.0, expected between 0 and 1"),
+        ({"error": 0.1, "terms": 3}, "found terms and error, expected one of the two"),
         ({"map_size": 4}, "map size: found 4, expected 8 to 256"),
     ],
 )

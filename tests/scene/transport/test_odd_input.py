@@ -14,7 +14,8 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.render.light import EnvironmentMap
 from homofact.scene.transport.cube import environment_cube
-from homofact.scene.transport.factors import InOutFactors, factor
+from homofact.scene.transport.factoring import factor
+from homofact.scene.transport.factors import InOutFactors
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport
 from homofact.scene.transport.reference import Estimate
 from homofact.scene.transport.relight import Relit
