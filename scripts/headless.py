@@ -87,10 +87,11 @@ def first_frame(driver: Any) -> float:
 
 
 def settled(driver: Any) -> dict[str, Any]:
-    """The page's state when it has nothing left to draw."""
+    """The page's state when it has nothing left to draw: when it says so itself, or draws no frame for a while."""
     return driver.execute_async_script(
         "const done = arguments[0]; let before = -1, still = 0;"
-        "(function wait() { const now = window.homofact.frames;"
-        " still = now === before && now > 0 ? still + 1 : 0; before = now;"
-        " still > 3 ? done(window.homofact.state) : setTimeout(wait, 60); })();"
+        "(function wait() { const { frames, idle } = window.homofact;"
+        " still = frames === before && frames > 0 ? still + 1 : 0; before = frames;"
+        " (idle === undefined ? still > 3 : idle && frames > 0) ? done(window.homofact.state)"
+        " : setTimeout(wait, idle === undefined ? 60 : 15); })();"
     )

@@ -1,4 +1,4 @@
-"""A self-contained HTML file of its parts: template, style, scripts and data, nothing loaded from anywhere.
+"""A self-contained HTML file of its parts: head, body, style, scripts and data, nothing loaded from anywhere.
 
 The data are JSON in a script element, `<` written as \\u003c so that nothing in them ends it; texts are made
 `harmless`. Scripts share one function's scope.
@@ -23,12 +23,23 @@ def part(package: str, name: str) -> str:
 
 
 def assembled(
-    template: str, *, title: str, subtitle: str, styles: Sequence[str], scripts: Sequence[str], data: dict[str, Any]
+    body: str,
+    *,
+    title: str,
+    subtitle: str,
+    styles: Sequence[str],
+    scripts: Sequence[str],
+    data: dict[str, Any],
+    workers: bool = False,
 ) -> str:
-    """The page: `template` with {{title}}, {{subtitle}}, {{generator}}, {{css}}, {{data}} and {{script}} filled in."""
+    """The page: head.html and the `body` that goes on from it, with {{title}}, {{data}} and the like filled in.
+
+    `workers` lets it start workers of its own text.
+    """
     # In JSON a letter may be written by its number: the text can then neither end nor open anything in HTML.
     text = json.dumps(harmless_words(data), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     fill = {
+        "policy": "; worker-src blob:" if workers else "",
         "generator": f"homofact {__version__}",
         "title": html.escape(harmless(title)),
         "subtitle": html.escape(harmless(subtitle)),
@@ -37,4 +48,4 @@ def assembled(
         "script": '(() => {\n"use strict";\n' + "\n".join(scripts) + "\n})();",
     }
     # One pass, so that braces in what is put in are left alone.
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: fill[match[1]], template)
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: fill[match[1]], f"{part('homofact.viewer', 'head.html')}\n{body}")

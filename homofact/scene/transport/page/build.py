@@ -24,6 +24,7 @@ from homofact.meshes.mesh import Mesh
 from homofact.scene.placed import Camera
 from homofact.scene.transport.build import RelitObject
 from homofact.scene.transport.clusters import Clustered
+from homofact.scene.transport.page.coarse import coarse_triangles
 from homofact.scene.transport.page.order import cached_order
 from homofact.scene.transport.page.skies import PageSky, halves
 from homofact.scene.transport.precompute import Transport
@@ -33,7 +34,7 @@ from homofact.viewer.packing import differences, pack
 PACKAGE = "homofact.scene.transport.page"
 SHARED = ("data.js", "elements.js")
 SCRIPTS = (
-    "vectors.js", "cube.js", "hdr.js", "sky.js", "transport.js", "relit.js", "shade.js", "shaders.js", "gpu.js",
+    "vectors.js", "cube.js", "hdr.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "shaders.js", "gpu.js",
     "background.js",
     "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
@@ -124,6 +125,7 @@ def write_page(
             *(assembly.part(PACKAGE, name) for name in SCRIPTS),
         ],
         data=data,
+        workers=True,
     ).encode()
     write_bytes(target, page, new=new)
     return len(page)
@@ -186,7 +188,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
             "weights": pack(np.ascontiguousarray(transport.weights.T)),
             "steps": pack(transport.steps),
         }
-    view = transport.factors.packed_view
+    view, few = transport.factors.packed_view, coarse_triangles(mesh)
     return {
         "name": given.name,
         "material": given.material,
@@ -198,13 +200,18 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "step": step.tolist(),
         "positions": pack(np.rint((mesh.positions - low) / step).astype(np.uint16)),
         "frames": pack(turns(transport.frames)),
-        "triangles": pack(differences(cached_order(mesh.triangles).astype(np.int32).reshape(-1), (0,))),
+        "triangles": _triangles(mesh.triangles),
+        "coarse": None if few is None else _triangles(few),
         "map": {"size": view.shape[0], "channels": view.shape[3], "texels": pack(view)},
         "basis": _basis(given.basis),
         "mix": mix,
         "reference": None if colours is None else _halves(colours),
         "bytes": transport.nbytes,
     }
+
+
+def _triangles(triangles: np.ndarray) -> dict[str, str]:
+    return pack(differences(cached_order(triangles).astype(np.int32).reshape(-1), (0,)))
 
 
 def closed(triangles: np.ndarray) -> bool:

@@ -1,4 +1,7 @@
-// What lies on the graphics card: programs, an object's buffers and textures, a sky's picture.
+// What lies on the graphics card: programs, an object's buffers and textures.
+
+// The attribute that numbers the vertices of a coarse surface.
+const NUMBER = 6;
 
 /** A WebGL 2 context, or Trouble in a line. */
 function openContext(canvas) {
@@ -47,46 +50,74 @@ function makeTexture(gl, target, filter) {
   return texture;
 }
 
+/** The values (`width` a vertex) of the chosen vertices; all where none are chosen. */
+function picked(values, width, chosen) {
+  if (!chosen) return values;
+  const found = new Float32Array(width * chosen.length);
+  chosen.forEach((v, k) => { for (let c = 0; c < width; c++) found[width * k + c] = values[width * v + c]; });
+  return found;
+}
+
+/** The vertices that triangles use, in the order in which they do, and the triangles among these. */
+function usedVertices(triangles, vertices) {
+  const places = new Int32Array(vertices).fill(-1), chosen = [];
+  const own = Uint32Array.from(triangles, (v) => (places[v] < 0 ? (places[v] = chosen.push(v) - 1) : places[v]));
+  return [own, Uint32Array.from(chosen)];
+}
+
+// An object's triangles with what their vertices are and shine: all of them, or the few that are drawn while it moves.
+class Surface {
+  /** `chosen` numbers the vertices, in the object's arrays; all unless given. */
+  constructor(gl, object, triangles, chosen = null) {
+    this.vertices = chosen ? chosen.length : object.vertices;
+    this.indices = triangles.length;
+    const attribute = (place, width, buffer) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.enableVertexAttribArray(place);
+      if (place === NUMBER) gl.vertexAttribIPointer(place, width, gl.UNSIGNED_INT, 0, 0);
+      else gl.vertexAttribPointer(place, width, gl.FLOAT, false, 0, 0);
+      return buffer;
+    };
+    const fill = (place, width, values, use = gl.STATIC_DRAW) => {
+      const buffer = gl.createBuffer();
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.bufferData(gl.ARRAY_BUFFER, values, use);
+      return attribute(place, width, buffer);
+    };
+    // Shading reads what a vertex is, drawing what it shines: a buffer must not be read while it is written.
+    this.shading = gl.createVertexArray();
+    gl.bindVertexArray(this.shading);
+    const given = [object.positions, object.normals, object.tangents].map((values, place) => [place, 3, fill(place, 3, picked(values, 3, chosen))]);
+    if (chosen) given.push([NUMBER, 1, fill(NUMBER, 1, chosen)]);
+    this.drawing = gl.createVertexArray();
+    gl.bindVertexArray(this.drawing);
+    for (const each of given) attribute(...each);
+    this.colours = fill(4, 3, 12 * this.vertices, gl.DYNAMIC_COPY);
+    if (object.reference) {
+      fill(3, 3, picked(object.reference, 3, chosen));
+      fill(5, 1, picked(object.seen, 1, chosen));
+    }
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
+    gl.bindVertexArray(null);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+  }
+}
+
 class ObjectOnGpu {
   constructor(gl, object) {
     this.gl = gl;
     this.object = object;
     this.programs = new Map();
-    this.makeBuffers();
+    this.whole = new Surface(gl, object, new Uint32Array(object.triangles));
+    this.coarse = object.coarse ? new Surface(gl, object, ...usedVertices(object.coarse, object.vertices)) : null;
     this.makeMaps();
     this.makeTuples();
   }
 
-  makeBuffers() {
-    const { gl, object } = this;
-    const fill = (place, width, values, use = gl.STATIC_DRAW) => {
-      const buffer = gl.createBuffer();
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      gl.bufferData(gl.ARRAY_BUFFER, values, use);
-      gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, width, gl.FLOAT, false, 0, 0);
-      return buffer;
-    };
-    // Shading reads what a vertex is, drawing what it shines: a buffer must not be read while it is written.
-    this.shading = gl.createVertexArray();
-    gl.bindVertexArray(this.shading);
-    const given = [object.positions, object.normals, object.tangents].map((values, place) => fill(place, 3, values));
-    this.drawing = gl.createVertexArray();
-    gl.bindVertexArray(this.drawing);
-    given.forEach((buffer, place) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 0, 0);
-    });
-    this.colours = fill(4, 3, 12 * object.vertices, gl.DYNAMIC_COPY);
-    if (object.reference) {
-      fill(3, 3, object.reference);
-      fill(5, 1, object.seen);
-    }
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(object.triangles), gl.STATIC_DRAW);
-    gl.bindVertexArray(null);
-    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+  /** The triangles to draw: the few where there are any and they are asked for. */
+  surface(coarse) {
+    return (coarse && this.coarse) || this.whole;
   }
 
   /** The view maps as layers of a texture; one channel is grey. */
@@ -124,7 +155,7 @@ class ObjectOnGpu {
     return this.object.quads + 5 <= this.gl.getParameter(this.gl.MAX_VARYING_VECTORS);
   }
 
-  /** The program for surfaces, "BY_PIXEL" and "COMPARED" or neither; or for shading vertices. */
+  /** The program for surfaces, "BY_PIXEL" and "COMPARED" or neither; or for shading vertices; "CHOSEN" of a coarse one. */
   program(...kinds) {
     const { gl, object } = this, key = kinds.join();
     if (!this.programs.has(key)) {
@@ -149,18 +180,19 @@ class ObjectOnGpu {
     gl.uniform3f(program.at("u_eye"), ...view.orbit.eye);
   }
 
-  /** Shades every vertex once, into the buffer that drawing reads. */
-  shade(view) {
-    const { gl } = this, program = this.program("SHADES");
+  /** Shades every vertex of a surface once, into the buffer that drawing reads. */
+  shade(view, coarse = false) {
+    const { gl } = this, surface = this.surface(coarse);
+    const program = this.program("SHADES", ...(surface === this.coarse ? ["CHOSEN"] : []));
     this.feedback ??= gl.createTransformFeedback();
     gl.useProgram(program.program);
     this.bind(program, view);
-    gl.bindVertexArray(this.shading);
+    gl.bindVertexArray(surface.shading);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
-    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, this.colours);
+    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, surface.colours);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.beginTransformFeedback(gl.POINTS);
-    gl.drawArrays(gl.POINTS, 0, this.object.vertices);
+    gl.drawArrays(gl.POINTS, 0, surface.vertices);
     gl.endTransformFeedback();
     gl.disable(gl.RASTERIZER_DISCARD);
     gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, null);
@@ -168,10 +200,10 @@ class ObjectOnGpu {
     gl.bindVertexArray(null);
   }
 
-  /** The colours (3 V) that the last shading made. */
-  read() {
-    const { gl } = this, found = new Float32Array(3 * this.object.vertices);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.colours);
+  /** The colours (3 a vertex) that the last shading of a surface made. */
+  read(coarse = false) {
+    const { gl } = this, surface = this.surface(coarse), found = new Float32Array(3 * surface.vertices);
+    gl.bindBuffer(gl.ARRAY_BUFFER, surface.colours);
     gl.getBufferSubData(gl.ARRAY_BUFFER, 0, found);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     return found;

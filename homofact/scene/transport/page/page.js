@@ -4,8 +4,9 @@
 const LIGHT_BUDGET = 14;
 // Degrees a second.
 const TURNS = 24;
-// How a picture is drawn while it moves, from fine to quick: a part of the width and height, and whether edges are smooth.
-const LEVELS = [[1, true], [1, false], [0.71, false], [0.5, false]];
+// How a picture is drawn while it moves, from fine to quick: a part of the width and height, whether edges are smooth,
+// whether with fewer triangles.
+const LEVELS = [[1, true, false], [1, false, false], [1, false, true], [0.71, false, true], [0.5, false, true]];
 const SLOW = 45, QUICK = 20, REST = 220, PAUSE = 1000;
 const TELLING = 150;
 
@@ -46,7 +47,9 @@ class View {
     this.moving = false;
     by("objects").textContent = objects.map(({ name, material }) => `${name}, ${material}`).join(" · ");
     makeTables(by("numbers"), data.numbers);
+    this.turner = new Turner((sky, light) => this.arrive(sky, light));
     this.relit.relight(this.sky.coefficients(0));
+    this.lit = this.sky;
     this.bring();
     this.expose();
     this.controls = new Controls(this);
@@ -113,7 +116,7 @@ class View {
     this.before = state.turning ? now : null;
     if (this.update()) {
       this.bring();
-      if (!relit.pending && this.exposed !== this.sky) this.expose();
+      if (!relit.pending && this.exposed !== this.lit) this.expose();
       this.times.light = performance.now() - began;
     }
     this.paint();
@@ -134,16 +137,23 @@ class View {
   }
 
   get busy() {
-    return this.moving || this.state.turning || this.relit.pending > 0;
+    return this.moving || this.state.turning || this.relit.pending > 0 || this.turner.busy;
+  }
+
+  /** Whether the picture and all that is said of it are those of the state: for programs that drive the page. */
+  get idle() {
+    const asked = this.pending !== null || this.lightAsked || this.keptAsked || this.arrived;
+    return !asked && !this.busy && !this.resting && !this.reading;
   }
 
   /** Draws: finely at rest; while something moves as finely as keeps up, by the time from frame to frame. */
   paint() {
     const moving = this.busy, began = performance.now();
-    const [scale, smooth] = LEVELS[moving ? this.level : 0];
+    const [scale, smooth, coarse] = LEVELS[moving ? this.level : 0];
     this.fit(scale);
-    this.stage.draw(this, smooth);
+    this.stage.draw(this, smooth, coarse);
     clearTimeout(this.resting);
+    this.resting = null;
     if (!moving) {
       this.stage.finish();
       this.times.view = performance.now() - began;
@@ -156,21 +166,39 @@ class View {
       else if (this.times.view < QUICK) this.level = Math.max(this.level - 1, 0);
     }
     this.last = began;
-    this.resting = setTimeout(() => this.changed("picture"), REST);
+    this.resting = setTimeout(() => { this.resting = null; this.changed("picture"); }, REST);
   }
 
   /** Brings the sums in line with sky, turn and N, or nearer to it; whether they changed. */
   update() {
     const { state, relit } = this;
-    if (!this.keptAsked && !this.lightAsked && !relit.pending) return false;
+    if (this.lightAsked && state.turn === 0) {
+      this.turner.forget();
+      this.arrived = [this.sky, this.sky.coefficients(0)];
+    } else if (this.lightAsked) {
+      this.turner.ask(this.sky, state.turn);
+    }
+    this.lightAsked = false;
+    if (!this.keptAsked && !this.arrived && !relit.pending) return false;
     if (this.keptAsked) relit.keep(state.kept);
-    if (this.lightAsked) {
-      const light = this.sky.coefficients(state.turn);
+    if (this.arrived) {
+      const [sky, light] = this.arrived;
+      this.lit = sky;
       if (state.pieces) relit.ask(light); else relit.relight(light);
     }
-    this.keptAsked = this.lightAsked = false;
+    this.keptAsked = false;
+    this.arrived = null;
     relit.advance(this.lightBudget);
     return true;
+  }
+
+  /** A turned sky's light, which may be a few frames old while the sky is turning; another sky's is no longer wanted. */
+  arrive(sky, light) {
+    if (sky !== this.sky) return;
+    this.arrived = [sky, light];
+    // What passed since the last frame was no drawing.
+    if (!this.state.turning) this.last = null;
+    this.pending ??= requestAnimationFrame((now) => this.frame(now));
   }
 
   /** Mixes the vertices' K-tuples and brings them to the graphics card. */
@@ -185,7 +213,7 @@ class View {
 
   /** The exposure of this sky: a new sky has a scale of its own. */
   expose() {
-    this.exposed = this.sky;
+    this.exposed = this.lit;
     this.stops = middleStops(this.shade());
   }
 
@@ -203,7 +231,10 @@ class View {
   /** The figures take longer than a frame may: once nothing moves, or where it moves slower than that. */
   readSoon() {
     clearTimeout(this.reading);
-    this.reading = setTimeout(() => showError(this, this.statistics()), this.busy ? 600 : 120);
+    this.reading = setTimeout(() => {
+      this.reading = null;
+      showError(this, this.statistics());
+    }, this.busy ? 600 : 120);
   }
 
   /** The part of the light below zero, and the error against the reference where it holds. */
@@ -254,6 +285,7 @@ async function begin() {
     },
     get firstFrameMs() { return view.firstFrameMs; },
     get frames() { return view.frames; },
+    get idle() { return view.idle; },
   };
 }
 

@@ -26,8 +26,14 @@ ${lines.join("\n")}
 
 const TUPLES = `
 uniform highp sampler2D u_tuples;
+#ifdef CHOSEN
+layout(location = 6) in uint a_number;
+#define NUMBER int(a_number)
+#else
+#define NUMBER gl_VertexID
+#endif
 vec4 tuple(int q) {
-  int width = textureSize(u_tuples, 0).x, at = gl_VertexID * QUADS + q;
+  int width = textureSize(u_tuples, 0).x, at = NUMBER * QUADS + q;
   return texelFetch(u_tuples, ivec2(at % width, at / width), 0);
 }
 `;
@@ -188,6 +194,24 @@ out vec4 colour;
 ${TONES}
 void main() {
   colour = vec4(u_plain == 1 ? u_ground : displayed(textureLod(u_picture, v_along, 0.0).rgb * u_scale), 1.0);
+}
+`;
+
+const COPY_VERTEX = `
+layout(location = 0) in vec2 a_corner;
+out vec2 v_at;
+void main() {
+  v_at = 0.5 * a_corner + 0.5;
+  gl_Position = vec4(a_corner, 1.0, 1.0);
+}
+`;
+
+const COPY_FRAGMENT = `
+in vec2 v_at;
+uniform sampler2D u_picture;
+out vec4 colour;
+void main() {
+  colour = texture(u_picture, v_at);
 }
 `;
 

@@ -4,6 +4,7 @@ class Sky {
   /** `cube` (6 n² × 3) where it is known exactly; `picture` {values, rows, columns}. */
   constructor(name, picture, size, cube = null) {
     this.name = name;
+    this.id = Sky.count = (Sky.count ?? 0) + 1;
     this.size = size;
     this.cube = cube ?? environmentCube(picture, size, 0);
     // Four rows a texel of the cube map are all that a turn needs; a large picture would make it slow.

@@ -3,6 +3,8 @@
 const SHOWS = ["picture", "split", "reference", "difference"];
 const RAMP = ["#15161a", "#4b3471", "#a54a78", "#ec8350", "#fbe58a"];
 const SAMPLES = 4;
+// Rows of the small picture of the sky: background.js's cube map has about 77 texels over a field of 36°.
+const SMALL = 160;
 
 class Stage {
   constructor(canvas, objects) {
@@ -12,6 +14,7 @@ class Stage {
     this.objects = objects.map((object) => new ObjectOnGpu(gl, object));
     this.skies = new Map();
     this.sky = makeProgram(gl, shaderText(SKY_VERTEX), shaderText(SKY_FRAGMENT), "the sky");
+    this.copy = makeProgram(gl, shaderText(COPY_VERTEX), shaderText(COPY_FRAGMENT), "the sky");
     this.square = gl.createVertexArray();
     gl.bindVertexArray(this.square);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
@@ -19,6 +22,7 @@ class Stage {
     gl.enableVertexAttribArray(0);
     gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
     gl.bindVertexArray(null);
+    this.small = { frame: gl.createFramebuffer(), picture: makeTexture(gl, gl.TEXTURE_2D, gl.LINEAR), width: 0, height: 0 };
     this.smooth = { frame: gl.createFramebuffer(), parts: [gl.createRenderbuffer(), gl.createRenderbuffer()], width: 0, height: 0 };
     this.samples = Math.min(SAMPLES, gl.getParameter(gl.MAX_SAMPLES));
     this.ramp = Float32Array.from(RAMP.flatMap((c) => [1, 3, 5].map((k) => parseInt(c.slice(k, k + 2), 16) / 255)));
@@ -33,25 +37,49 @@ class Stage {
     for (const each of this.objects) each.upload();
   }
 
-  /** Draws into the whole canvas, its edges smooth or not; `view` has the state, orbit and current sky. */
-  draw(view, smooth = true) {
+  /**
+   * Draws into the whole canvas; `view` has the state, orbit and current sky. Edges are `smooth` or not; `coarse` draws
+   * fewer triangles, and the sky, which is soft, from a smaller picture: both for a picture that moves.
+   */
+  draw(view, smooth = true, coarse = false) {
     const { gl } = this, { width, height } = this.canvas;
-    if (view.state.interpolation === "vertex") for (const each of this.objects) each.shade(view);
+    if (view.state.interpolation === "vertex") for (const each of this.objects) each.shade(view, coarse);
+    if (coarse && !smooth) this.drawSmallSky(view, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, smooth ? this.smoothFrame(width, height) : null);
     gl.viewport(0, 0, width, height);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    gl.disable(gl.DEPTH_TEST);
-    this.drawSky(view, width / height);
+    if (!coarse || smooth) this.drawSky(view, width / height);
     gl.enable(gl.DEPTH_TEST);
     // What ends softly comes last, over the others' background.
     const ordered = this.objects.toSorted((a, b) => Boolean(a.object.fade) - Boolean(b.object.fade));
-    for (const each of ordered) this.drawObject(view, each, width, height);
+    for (const each of ordered) this.drawObject(view, each, width, height, coarse);
     gl.bindVertexArray(null);
     if (!smooth) return;
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.smooth.frame);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  /** The sky alone, by way of a picture of at most `SMALL` rows: its own texels are larger. */
+  drawSmallSky(view, width, height) {
+    const { gl, small } = this, part = Math.min(1, SMALL / height);
+    const own = [width, height].map((x) => Math.max(1, Math.round(x * part)));
+    gl.bindFramebuffer(gl.FRAMEBUFFER, small.frame);
+    if (small.width !== own[0] || small.height !== own[1]) {
+      [small.width, small.height] = own;
+      gl.bindTexture(gl.TEXTURE_2D, small.picture);
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, ...own, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, small.picture, 0);
+    }
+    gl.viewport(0, 0, ...own);
+    this.drawSky(view, width / height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.viewport(0, 0, width, height);
+    gl.useProgram(this.copy.program);
+    gl.bindTexture(gl.TEXTURE_2D, small.picture);
+    gl.uniform1i(this.copy.at("u_picture"), 0);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
   /** A picture of several samples a pixel. */
@@ -79,6 +107,7 @@ class Stage {
     const { gl, sky } = this;
     if (!this.skies.has(view.sky)) this.skies.set(view.sky, skyTexture(gl, view.sky.picture));
     const { texture, scale } = this.skies.get(view.sky);
+    gl.disable(gl.DEPTH_TEST);
     gl.useProgram(sky.program);
     this.tones(view, sky);
     gl.bindTexture(gl.TEXTURE_CUBE_MAP, texture);
@@ -93,10 +122,11 @@ class Stage {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  drawObject(view, each, width, height) {
+  drawObject(view, each, width, height, coarse = false) {
     const { gl } = this, { state, orbit } = view, { object } = each;
     const byPixel = state.interpolation === "pixel", compared = view.shown !== "picture";
-    const program = each.program(...(byPixel ? ["BY_PIXEL"] : []), ...(compared ? ["COMPARED"] : []));
+    const surface = each.surface(coarse), chosen = byPixel && surface === each.coarse;
+    const program = each.program(...(byPixel ? ["BY_PIXEL"] : []), ...(chosen ? ["CHOSEN"] : []), ...(compared ? ["COMPARED"] : []));
     gl.useProgram(program.program);
     this.tones(view, program);
     if (byPixel) each.bind(program, view);
@@ -115,8 +145,8 @@ class Stage {
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     }
-    gl.bindVertexArray(each.drawing);
-    gl.drawElements(gl.TRIANGLES, object.triangles.length, gl.UNSIGNED_INT, 0);
+    gl.bindVertexArray(surface.drawing);
+    gl.drawElements(gl.TRIANGLES, surface.indices, gl.UNSIGNED_INT, 0);
     gl.disable(gl.CULL_FACE);
     gl.disable(gl.BLEND);
   }

@@ -116,12 +116,12 @@ class Transport {
 /** Unpacks one object of the page's data. */
 async function unpackTransport(packed, coefficients) {
   const { basis, mix, map, reference } = packed;
-  const all = { positions: packed.positions, turns: packed.frames, triangles: packed.triangles, texels: map.texels,
+  const all = { positions: packed.positions, turns: packed.frames, triangles: packed.triangles, coarse: packed.coarse, texels: map.texels,
     count: basis.count, index: basis.index, sizes: basis.size, negative: basis.negative, scale: basis.scale,
     ...(mix ?? {}), ...(reference ? { reference: reference.values } : {}) };
   const arrays = Object.fromEntries(await Promise.all(Object.entries(all).map(
-    async ([name, array]) => [name, await unpack(array)])));
-  accumulate(arrays.triangles, 1, arrays.triangles.length);
+    async ([name, array]) => [name, array && await unpack(array)])));
+  for (const list of [arrays.triangles, arrays.coarse]) if (list) accumulate(list, 1, list.length);
   accumulate(arrays.sizes, 1, arrays.sizes.length);
   // 16-bit numbers are at most 32767, so signs fit beside their magnitudes.
   const number = new Int16Array(arrays.sizes);
@@ -129,7 +129,7 @@ async function unpackTransport(packed, coefficients) {
   return new Transport({
     name: packed.name, material: packed.material, fade: packed.fade, closed: packed.closed, vertices: packed.vertices, terms: packed.terms,
     bytes: packed.bytes, coefficients, number, count: arrays.count, index: arrays.index, scale: arrays.scale,
-    cluster: arrays.cluster, weights: arrays.weights, steps: arrays.steps, triangles: arrays.triangles,
+    cluster: arrays.cluster, weights: arrays.weights, steps: arrays.steps, triangles: arrays.triangles, coarse: arrays.coarse,
     map: { size: map.size, channels: map.channels, texels: arrays.texels },
     reference: reference ? fromHalves(arrays.reference, reference.scale) : null,
     ...geometry(packed, arrays.positions, arrays.turns),
