@@ -27,6 +27,7 @@ from homofact.cli import (
     relight,
     render,
     stability,
+    sweep,
     terms,
     view,
 )
@@ -51,6 +52,7 @@ app.command("plan")(plan.plan)
 app.command("relight")(relight.relight)
 app.command("render")(render.render)
 app.command("stability")(stability.stability)
+app.command("sweep")(sweep.sweep)
 app.command("terms")(terms.terms)
 app.command("view")(view.view)
 

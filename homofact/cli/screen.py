@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.segment import Segment
 
 from homofact.errors import Report, Status
+from homofact.files.plain import plain
 from homofact.files.words import harmless
 
 if TYPE_CHECKING:
@@ -181,16 +182,3 @@ def say_subset(screen: Screen, record: dict[str, Any]) -> None:
     drawn = record["subset"]
     if drawn is not None:
         screen.note(f"homofact: fitted to {drawn['samples']} of {drawn['of']} samples, from {drawn['cells']} cells")
-
-
-def plain(value: Any) -> Any:
-    """`value` in JSON's own types: tuples to lists, numbers that are not finite to None, others by str."""
-    if isinstance(value, dict):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    return plain(value.tolist()) if hasattr(value, "tolist") else str(value)

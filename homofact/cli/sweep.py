@@ -1,0 +1,79 @@
+"""`homofact sweep`: every source with every method, on all processors, survived and remembered."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.text import Text
+
+from homofact.cli import options as o
+from homofact.cli.places import check_place
+from homofact.cli.screen import Screen
+from homofact.errors import BadInput
+
+
+def sweep(
+    file: Annotated[Path, typer.Argument(metavar="SWEEP.toml", help="Sources, methods, bytes, seeds.")],
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the results are, and go on from.")],
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Processes on this machine. Default: one a processor.")
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Try again what was set aside.")] = False,
+    as_json: o.AsJson = False,
+    quiet: o.Quiet = False,
+) -> None:
+    """Fit many sources by several methods, and keep every result.
+
+    What is done is never done again: the same command goes on after
+    Ctrl-C, kill -9 or a crash. A source whose worker dies twice is set
+    aside and named, as is one that homofact refuses.
+    """
+    if workers is not None and workers < 1:
+        raise BadInput(f"workers: found {workers}, expected 1 or more")
+    check_place(out)
+
+    from homofact.sweep.local import Ending, Local
+    from homofact.sweep.progress import Progress
+    from homofact.sweep.run import State, sweep
+    from homofact.sweep.summary import rows_of, summary_records, summary_table
+    from homofact.sweep.sweep_file import read_sweep
+
+    asked = read_sweep(file)
+    screen = Screen(as_json, quiet)
+    count = workers or _processors()
+    progress = Progress(count)
+    with screen.bar() as bar:
+        bar.stage("reading the sources")
+
+        def told(state: State, ending: Ending | None) -> None:
+            if ending is None:
+                screen.note(f"homofact: {progress.begin(state)}")
+            else:
+                progress.end(state, ending)
+                if ending.seconds is None:
+                    screen.note(f"homofact: {ending.task.words}: {progress.misfortune(state, ending)}")
+            bar.run(progress.words(), len(state.tasks) - state.left, len(state.tasks))
+
+        state = sweep(asked, out, Local(out, count), told, retry)
+    rows = rows_of(out)
+    aside = [each for each in state.aside.values() if each.final]
+    screen.show(summary_table(rows))
+    screen.show(*(Text(f"set aside: {each.task.words}: {each.reason}") for each in aside))
+    screen.show(f"{out}: {len(rows)} results in results/, {len(aside)} set aside")
+    screen.answer(
+        {
+            "folder": str(out),
+            "name": asked.name,
+            "tasks": len(state.tasks),
+            "done_before": state.before,
+            "done": state.done,
+            "set_aside": [{**each.task.record(), "reason": each.reason, "deaths": each.deaths} for each in aside],
+            "error": summary_records(rows),
+        }
+    )
+
+
+def _processors() -> int:
+    import os
+
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,1 @@
+"""Whole databases: every source with every method, survived and remembered."""

@@ -1,0 +1,73 @@
+"""One task done: the source opened, fitted, measured, its result put into the sweep's folder, whole or not at all."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from homofact.brdf.channels import display_of
+from homofact.brdf.source import Source, open_source
+from homofact.errors import BadInput, SolverFailure
+from homofact.evaluate.compare import fit_and_measure
+from homofact.export.manifest import write_json
+from homofact.export.result import REPORT
+from homofact.figures.compare_picture import compare_picture
+from homofact.files.folder import write_folder
+from homofact.files.kinds import FACTORIZATION, RESULT
+from homofact.files.plain import plain
+from homofact.sections import SourceSettings
+from homofact.sweep.ledger import Ledger, file_digest
+from homofact.sweep.task import Task, source_digest
+from homofact.version import __version__
+
+PICTURE = "compare.png"
+
+
+def do(task: Task, folder: Path) -> dict[str, Any]:
+    """Fit a task into the sweep's folder; returns what became of it: "seconds", or "refused" with the reason.
+
+    A result that is there stays. Raises OSError where the folder cannot be written, a full disk among the reasons.
+    """
+    ledger = Ledger(folder)
+    if ledger.is_done(task):
+        return {"seconds": 0.0}
+    try:
+        if task.version != __version__:
+            raise BadInput(f"task: found one of homofact {task.version}, expected {__version__}")
+        source = _opened(task.source, task.digest, task.source_settings(), int(task.settings["seed"]))
+        method = task.fit_method()
+        row = fit_and_measure(source, method, task.held_out, subset=task.source_settings().subset)
+    except (BadInput, SolverFailure) as error:
+        return {"refused": " ".join(str(error).split())}
+    report = plain(row.record())
+
+    def fill(place: Path) -> None:
+        row.factorization.save(place / FACTORIZATION)
+        own = {"task": task.record(), "sha256": file_digest(place / FACTORIZATION)}
+        write_json(place / REPORT, report | own)
+        panels = [(task.label, row.factorization, [])]
+        shown = display_of(source.samples.channels)
+        compare_picture(place / PICTURE, (source.name, source.reflectance), panels, to_rgb=shown)
+
+    try:
+        write_folder(ledger.place(task), RESULT, fill)
+    except BadInput:
+        # Another worker may have been at the same task: one whose client had died.
+        if not ledger.is_done(task):
+            raise
+    return {"seconds": row.seconds_total - row.seconds_read}
+
+
+@lru_cache(maxsize=1)
+def _opened(words: str, digest: str, settings: SourceSettings, seed: int) -> Source:
+    """A source, kept for the next task, which most often has the same. Raises BadInput where it was changed."""
+    if source_digest(words) != digest:
+        raise BadInput(f"{words}: was changed since the sweep began, expected it as it was")
+    return open_source(
+        words,
+        channels=settings.channels,
+        count=settings.count,
+        scheme=settings.scheme,
+        seed=seed,
+        calibrate=settings.calibrate,
+        clipped=settings.clipped,
+    )
