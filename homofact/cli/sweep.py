@@ -18,6 +18,14 @@ def sweep(
     workers: Annotated[
         int | None, typer.Option(metavar="N", help="Processes on this machine. Default: one a processor.")
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WHERE",
+            help="On Dask's workers instead: local, tcp://HOST:8786, a scheduler's .json file, or MODULE:CLASS of a"
+            " cluster, such as dask_jobqueue:SLURMCluster.",
+        ),
+    ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Try again what was set aside.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
@@ -32,6 +40,7 @@ def sweep(
         raise BadInput(f"workers: found {workers}, expected 1 or more")
     check_place(out)
 
+    from homofact.sweep.cluster import Cluster
     from homofact.sweep.local import Ending, Local
     from homofact.sweep.progress import Progress
     from homofact.sweep.run import State, sweep
@@ -41,6 +50,7 @@ def sweep(
     asked = read_sweep(file)
     screen = Screen(as_json, quiet)
     count = workers or _processors()
+    engine = Local(out, count) if scheduler is None else Cluster(out, scheduler, count, screen.note)
     progress = Progress(count)
     with screen.bar() as bar:
         bar.stage("reading the sources")
@@ -54,7 +64,7 @@ def sweep(
                     screen.note(f"homofact: {ending.task.words}: {progress.misfortune(state, ending)}")
             bar.run(progress.words(), len(state.tasks) - state.left, len(state.tasks))
 
-        state = sweep(asked, out, Local(out, count), told, retry)
+        state = sweep(asked, out, engine, told, retry)
     rows = rows_of(out)
     aside = [each for each in state.aside.values() if each.final]
     screen.show(summary_table(rows))

@@ -4,13 +4,14 @@ A worker that dies takes its task with it and nothing else: the task is tried on
 aside where that dies too. A thread waits for each worker; none of them computes.
 """
 
+import contextlib
 import json
 import os
 import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 from homofact.errors import BadInput
 from homofact.sweep.task import Task
 
+COMMAND = (sys.executable, "-m", "homofact.sweep.worker")
 _PATIENCE = 5.0  # seconds that a worker has to end by itself
 
 
@@ -34,11 +36,11 @@ class Ending:
 class Local:
     """`count` workers for the sweep in `folder`; each has its share of the processors."""
 
-    def __init__(self, folder: Path, count: int) -> None:
-        """Nothing is started yet. Raises BadInput for no workers."""
+    def __init__(self, folder: Path, count: int, command: Sequence[str] = COMMAND) -> None:
+        """Nothing is started yet; `command` with the folder behind it is a worker. Raises BadInput for no workers."""
         if count < 1:
             raise BadInput(f"workers: found {count}, expected 1 or more")
-        self._folder, self._count = folder, count
+        self._folder, self._count, self._command = folder, count, command
         self._waiting: deque[Task] = deque()
         self._running = 0
         self._changed = threading.Condition()
@@ -58,10 +60,12 @@ class Local:
             for thread in threads:
                 thread.start()
             for thread in threads:
-                while thread.is_alive():
+                while thread.is_alive() and self._stop is None and self._failure is None:
                     thread.join(0.2)
         finally:
             self._end()
+            for thread in threads:
+                thread.join()
         if self._failure is not None:
             raise self._failure
         if self._stop is not None:
@@ -106,11 +110,15 @@ class Local:
     def _started(self) -> "subprocess.Popen[str]":
         share = str(max(1, (os.cpu_count() or 1) // self._count))
         environment = {"OMP_NUM_THREADS": share, "NUMBA_NUM_THREADS": share} | dict(os.environ)
-        command = [sys.executable, "-m", "homofact.sweep.worker", str(self._folder)]
         worker = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, text=True, encoding="utf-8",
+            [*self._command, str(self._folder)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment,
+            text=True,
+            encoding="utf-8",
             start_new_session=True,
-        )  # fmt: skip
+        )
         with self._changed:
             self._processes.add(worker)
         return worker
@@ -119,16 +127,20 @@ class Local:
         """How a worker ended a task; None where all workers are to stop."""
         assert worker.stdin is not None
         assert worker.stdout is not None
-        answer: dict[str, Any] | None = None
         try:
             worker.stdin.write(json.dumps(task.record()) + "\n")
             worker.stdin.flush()
             line = worker.stdout.readline()
-            answer = json.loads(line) if line.endswith("\n") else None
-        except (BrokenPipeError, ValueError):
-            pass
-        if answer is None:
+        except BrokenPipeError:
+            line = ""
+        if not line.endswith("\n"):
             return Ending(task, died=_death(worker.wait()))
+        try:
+            answer: dict[str, Any] = json.loads(line)
+        except ValueError:
+            worker.kill()
+            worker.wait()
+            return Ending(task, died="its worker gave no answer that can be read")
         if "stop" in answer:
             with self._changed:
                 self._stop = self._stop or str(answer["stop"])
@@ -140,15 +152,20 @@ class Local:
         with self._changed:
             self._waiting.clear()
             self._stop = self._stop if self._stop is not None or not self._running else ""
-        for worker in self._processes:
+            all_of_them = list(self._processes)
+        for worker in all_of_them:
             if worker.poll() is None:
                 worker.terminate()
-        for worker in self._processes:
+        for worker in all_of_them:
             try:
                 worker.wait(_PATIENCE)
             except subprocess.TimeoutExpired:
                 worker.kill()
                 worker.wait()
+            for pipe in (worker.stdin, worker.stdout):
+                with contextlib.suppress(BrokenPipeError):
+                    assert pipe is not None
+                    pipe.close()
 
 
 def _death(code: int) -> str:

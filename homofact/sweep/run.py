@@ -46,18 +46,22 @@ def sweep(asked: AskedSweep, folder: Path, engine: Engine, told: Told, retry: bo
     What was set aside stays so, unless `retry`. Raises BadInput where the folder is another's, a source is gone that
     had results to come, another process sweeps there, and where results cannot be written.
     """
-    tasks = _once(tasks_of(asked))
+    return sweep_tasks(asked.name, tasks_of(asked), folder, engine, told, retry)
+
+
+def sweep_tasks(name: str, tasks: list[Task], folder: Path, engine: Engine, told: Told, retry: bool = False) -> State:
+    """The same of tasks as they stand, as the sweep `name`."""
+    tasks = _once(tasks)
     ledger = Ledger(folder)
     with claimed(folder):
         _refuse_gone(ledger, tasks)
-        ledger.begin(asked.name, tasks)
-        keys = {task.key for task in tasks}
+        ledger.begin(name, tasks)
+        todo = [task for task in tasks if not ledger.is_done(task)]
+        keys = {task.key for task in todo}
         aside = {key: each for key, each in ledger.aside().items() if key in keys}
         if retry:
             ledger.forgive(aside)
             aside = {}
-        todo = [task for task in tasks if not ledger.is_done(task)]
-        aside = {key: each for key, each in aside.items() if key in {task.key for task in todo}}
         done = len(tasks) - len(todo)
         state = State(tasks, done, done, aside)
         todo = [task for task in todo if task.key not in aside or not aside[task.key].final]

@@ -133,8 +133,8 @@ def _section(name: str, kind: type[Any], table: Any) -> Any:
 
 def _methods(tables: Any) -> "tuple[tuple[str, Method], ...]":
     if not isinstance(tables, list) or not tables:
-        found = "none" if tables in (None, []) else described(tables)
-        raise BadInput(f"method: found {found}, expected one or more sections [[method]]")
+        words = "none" if tables in (None, []) else described(tables)
+        raise BadInput(f"method: found {words}, expected one or more sections [[method]]")
     found: dict[str, Method] = {}
     for number, table in enumerate(tables):
         where = f"method[{number}]"
@@ -143,7 +143,8 @@ def _methods(tables: Any) -> "tuple[tuple[str, Method], ...]":
         settings = dict(table)
         label = settings.pop("method", None)
         if not isinstance(label, str):
-            raise BadInput(f"{where}.method: found {described(label)}, expected a method's name")
+            found_words = "none" if label is None else described(label)
+            raise BadInput(f"{where}.method: found {found_words}, expected a method's name")
         for key in ("seed", "bytes"):
             if key in settings:
                 instead = "seeds = [...]" if key == "seed" else "bytes = [...]"
@@ -162,7 +163,8 @@ def _methods(tables: Any) -> "tuple[tuple[str, Method], ...]":
 
 def _sources(given: Any, folder: Path, place: str) -> tuple[str, ...]:
     if not isinstance(given, list) or not given or not all(isinstance(each, str) for each in given):
-        raise BadInput(f"{place}sources: found {described(given)}, expected an array of files and material:NAME")
+        words = "none" if given in (None, []) else described(given)
+        raise BadInput(f"{place}sources: found {words}, expected an array of files and material:NAME")
     found: dict[str, None] = {}
     for number, words in enumerate(given):
         some = _matching(words, folder)

@@ -58,6 +58,11 @@ class Task:
         """For messages: the source and the method."""
         return f"{self.name}, {self.label}, seed {self.settings['seed']}"
 
+    def is_here(self) -> bool:
+        """Whether this machine has the source, as it was."""
+        named = self.source.startswith(MATERIAL_PREFIX)
+        return named or (Path(split_member(self.source)[0]).exists() and source_digest(self.source) == self.digest)
+
     def fit_method(self) -> "Method":
         """The method object. Raises BadInput for settings that are none of its own."""
         return ALL_METHODS[self.method](**self.settings)

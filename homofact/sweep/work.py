@@ -1,5 +1,6 @@
 """One task done: the source opened, fitted, measured, its result put into the sweep's folder, whole or not at all."""
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,11 @@ from homofact.version import __version__
 PICTURE = "compare.png"
 
 
-def do(task: Task, folder: Path) -> dict[str, Any]:
+def do(task: Task, folder: Path, words: str | None = None) -> dict[str, Any]:
     """Fit a task into the sweep's folder; returns what became of it: "seconds", or "refused" with the reason.
 
-    A result that is there stays. Raises OSError where the folder cannot be written, a full disk among the reasons.
+    `words` say where the source lies here, if elsewhere. A result that is there stays. Raises OSError where the folder
+    cannot be written, a full disk among the reasons.
     """
     ledger = Ledger(folder)
     if ledger.is_done(task):
@@ -33,7 +35,9 @@ def do(task: Task, folder: Path) -> dict[str, Any]:
     try:
         if task.version != __version__:
             raise BadInput(f"task: found one of homofact {task.version}, expected {__version__}")
-        source = _opened(task.source, task.digest, task.source_settings(), int(task.settings["seed"]))
+        source = _opened(
+            words or task.source, task.source, task.digest, task.source_settings(), int(task.settings["seed"])
+        )
         method = task.fit_method()
         row = fit_and_measure(source, method, task.held_out, subset=task.source_settings().subset)
     except (BadInput, SolverFailure) as error:
@@ -58,11 +62,11 @@ def do(task: Task, folder: Path) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=1)
-def _opened(words: str, digest: str, settings: SourceSettings, seed: int) -> Source:
+def _opened(words: str, known_as: str, digest: str, settings: SourceSettings, seed: int) -> Source:
     """A source, kept for the next task, which most often has the same. Raises BadInput where it was changed."""
     if source_digest(words) != digest:
         raise BadInput(f"{words}: was changed since the sweep began, expected it as it was")
-    return open_source(
+    source = open_source(
         words,
         channels=settings.channels,
         count=settings.count,
@@ -71,3 +75,6 @@ def _opened(words: str, digest: str, settings: SourceSettings, seed: int) -> Sou
         calibrate=settings.calibrate,
         clipped=settings.clipped,
     )
+    # A result says where its owner has the source, not where a worker was sent it.
+    opening = None if source.opening is None else replace(source.opening, path=known_as)
+    return replace(source, opening=opening)

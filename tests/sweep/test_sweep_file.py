@@ -1,0 +1,120 @@
+"""The sweep's file: what it means, and what it refuses."""
+
+from pathlib import Path
+
+import pytest
+
+from homofact.errors import BadInput
+from homofact.methods.mccool import McCool
+from homofact.methods.search import Search
+from homofact.sweep.sweep_file import read_sweep
+from homofact.sweep.task import source_digest, tasks_of
+
+ROOT = Path(__file__).parents[2]
+METHOD = '[[method]]\nmethod = "mccool"\n'
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "paints.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_the_embedded_example() -> None:
+    asked = read_sweep(ROOT / "configs/sweep.toml")
+    names = [Path(each).name.removeprefix("material:") for each in asked.sources]
+    assert names == ["lafortune-blue-paint", "lafortune-clay", "lafortune-skin", "blue_paint.npz"]
+    assert [label for label, _ in asked.fits()] == ["ours, 3276 B", "mccool, 3276 B", "ggx"]
+
+
+def test_methods_times_bytes_times_seeds_and_what_bytes_mean(tmp_path: Path) -> None:
+    text = 'sources = ["material:phong-30"]\nseeds = [3, 5]\nbytes = [3276, 12288]\n'
+    text += '[[method]]\nmethod = "search"\n[[method]]\nmethod = "mccool"\n[[method]]\nmethod = "svd"\n'
+    fits = read_sweep(written(tmp_path, text)).fits()
+    assert [(label, method.seed) for label, method in fits] == [
+        (label, seed)
+        for label in ("search, 3276 B", "search, 12288 B", "mccool, 3276 B", "mccool, 12288 B", "svd")
+        for seed in (3, 5)
+    ]
+    spent = [method.bytes for _, method in fits if isinstance(method, Search)]
+    assert spent == [3276, 3276, 12288, 12288]
+    # Two RGB textures of n² texels in float32: the largest n that fits.
+    sizes = [method.size for _, method in fits if isinstance(method, McCool)]
+    assert sizes == [11, 11, 22, 22]
+    assert all(2 * 12 * n**2 <= count < 2 * 12 * (n + 1) ** 2 for n, count in ((11, 3276), (22, 12288)))
+
+
+def test_files_are_relative_to_the_file_and_patterns_match(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    for name in ("b.brdf", "a.brdf", "c.txt"):
+        (tmp_path / "data" / name).write_text(name)
+    asked = read_sweep(written(tmp_path, f'sources = ["data/*.brdf", "data/c.txt", "data/a.brdf"]\n{METHOD}'))
+    assert asked.sources == tuple(str((tmp_path / "data" / name).resolve()) for name in ("a.brdf", "b.brdf", "c.txt"))
+
+
+def test_a_key_follows_what_matters_and_nothing_else(tmp_path: Path) -> None:
+    first, second = tmp_path / "a.brdf", tmp_path / "b.brdf"
+    first.write_text("1")
+    second.write_text("1")
+
+    def keys(text: str) -> list[str]:
+        return [task.key for task in tasks_of(read_sweep(written(tmp_path, text)))]
+
+    one = keys(f'sources = ["a.brdf"]\n{METHOD}')
+    assert keys(f'sources = ["b.brdf"]\n{METHOD}') == one, "the same bytes are the same source"
+    assert keys(f'name = "x"\nsources = ["a.brdf"]\n{METHOD}label = "other words"') == one
+    assert keys(f'sources = ["a.brdf"]\nseeds = [1]\n{METHOD}') != one
+    assert keys(f'sources = ["a.brdf"]\nheld_out = 0.3\n{METHOD}') != one
+    assert keys(f'sources = ["a.brdf"]\n{METHOD}size = 8') != one
+    assert keys(f'sources = ["a.brdf"]\n[source]\nchannels = "luminance"\n{METHOD}') != one
+    first.write_text("2")
+    assert keys(f'sources = ["a.brdf"]\n{METHOD}') != one
+
+
+def test_a_folder_is_told_by_its_files_and_their_names(tmp_path: Path) -> None:
+    place = tmp_path / "rings"
+    place.mkdir()
+    (place / "a").write_text("1")
+    before = source_digest(str(place))
+    (place / "a").rename(place / "b")
+    assert source_digest(str(place)) != before
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (METHOD, "sources: found none, expected an array of files and material:NAME"),
+        (f"sources = []\n{METHOD}", "sources: found none, expected an array of files and material:NAME"),
+        (f'sources = ["x.brdf"]\n{METHOD}', "sources[0]: found 'x.brdf', which matches nothing; expected a file under"),
+        (f'sources = ["*.xyz"]\n{METHOD}', "sources[0]: found '*.xyz', which matches nothing; expected a file under"),
+        (
+            f'sources = ["material:plastik"]\n{METHOD}',
+            "sources[0]: found 'material:plastik', which matches nothing; expected a material",
+        ),
+        ('sources = ["material:*"]\n', "method: found none, expected one or more sections [[method]]"),
+        ('sources = ["material:*"]\nmethod = "search"\n', "method: found the string 'search', expected one or more"),
+        ('sources = ["material:*"]\n[[method]]\nsize = 8\n', "method[0].method: found none, expected a method's name"),
+        (
+            'sources = ["material:*"]\n[[method]]\nmethod = "serch"\n',
+            "method[0].method: found 'serch', expected one of search, ",
+        ),
+        (f'sources = ["material:*"]\n{METHOD}siz = 8\n', "method[0].siz: mccool has no such setting, expected one of"),
+        (f'sources = ["material:*"]\n{METHOD}seed = 8\n', "method[0].seed: found 8, expected seeds = [...] above all"),
+        (f'sources = ["material:*"]\n{METHOD}{METHOD}', "method[1]: found 'mccool' twice, expected another label"),
+        (f'sources = ["material:*"]\nseeds = []\n{METHOD}', "seeds: found [], expected one or more whole numbers"),
+        (f'sources = ["material:*"]\nseeds = [1, 1]\n{METHOD}', "seeds: found [1, 1], expected one or more whole"),
+        (f'sources = ["material:*"]\nbytes = [8]\n{METHOD}', "bytes: found 8, expected enough for 2 textures of 2 x 2"),
+        (f'sources = ["material:*"]\nheld_out = 2\n{METHOD}', "held_out: found 2, expected between 0 and 1"),
+        (f'sources = ["material:*"]\nsedes = [1]\n{METHOD}', "unknown key sedes, the nearest known one is seeds"),
+        (
+            f'sources = ["material:*"]\n[source]\nchanels = "rgb"\n{METHOD}',
+            "unknown key source.chanels, the nearest known one is source.channels",
+        ),
+        (f'sources = ["material:*"]\n[source]\ncount = 0\n{METHOD}', "source.count: found 0, expected a whole number"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    file = written(tmp_path, text)
+    with pytest.raises(BadInput) as refusal:
+        read_sweep(file)
+    assert str(refusal.value).startswith(f"{file}: {message}")
