@@ -1,7 +1,7 @@
 """From a scene to relit objects: meshes placed, materials opened and factored, transport precomputed."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.names import MATERIAL_PREFIX
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import open_source
+from homofact.errors import BadInput
 from homofact.export.result import open_result
 from homofact.files.kinds import FACTORIZATION
 from homofact.meshes.mesh import Mesh, read_mesh
@@ -104,12 +105,16 @@ def stand(scene: RelightScene, stage: Stage | None = None) -> Stand:
             told(f"factoring {Path(text).name}")
             factored[key] = factor(opened[text], terms, share)
         objects.append(Placed(mesh, text, opened[text], factored[key]))
+    return Stand(scene, tuple(objects), Occluder(*together(meshes)), tuple(notes))
+
+
+def together(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and triangles of all meshes as one."""
     starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
-    occluder = Occluder(
+    return (
         np.concatenate([mesh.positions for mesh in meshes]),
         np.concatenate([mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]),
     )
-    return Stand(scene, tuple(objects), occluder, tuple(notes))
 
 
 def relit(
@@ -153,12 +158,19 @@ def open_reflectance(text: str) -> Reflectance:
     return open_source(text).reflectance
 
 
+def open_mesh(text: str) -> Mesh:
+    """A mesh's file, or one of `SHAPES` by its name with `SHAPE_PREFIX`. Raises BadInput for what cannot be read."""
+    if not text.startswith(SHAPE_PREFIX):
+        return read_mesh(text)
+    if text.removeprefix(SHAPE_PREFIX) not in _SHAPES:
+        names = ", ".join(SHAPE_PREFIX + name for name in _SHAPES)
+        raise BadInput(f"mesh: found {text!r}, expected a file or one of {names}")
+    return _SHAPES[text.removeprefix(SHAPE_PREFIX)]()
+
+
 def _placed(each: SceneObject) -> Mesh:
     """The object's mesh, turned about y, scaled and moved."""
-    if each.mesh.startswith(SHAPE_PREFIX):
-        mesh = _SHAPES[each.mesh.removeprefix(SHAPE_PREFIX)]()
-    else:
-        mesh = read_mesh(each.mesh)
+    mesh = open_mesh(each.mesh)
     angle = math.radians(each.turn)
     turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
     return replace(

@@ -42,7 +42,7 @@ from homofact.files.tables import limits, read_table
 from homofact.options import MOST_SEED
 from homofact.render.environment import read_environment
 from homofact.render.light import EnvironmentMap
-from homofact.scene.lighting import NAMED, named_lighting
+from homofact.scene.lighting import named_environment
 from homofact.scene.plan.scene import found_source
 from homofact.scene.transport.clusters import COMPONENTS
 from homofact.scene.transport.factoring import MOST_TERMS
@@ -216,11 +216,10 @@ def _light(table: _Lighting, folder: Path) -> EnvironmentMap:
     turn = math.radians(table.turn)
     if table.environment is not None:
         return read_environment(folder / table.environment, turn)
-    found = named_lighting(str(table.named)).lights
-    if len(found) != 1 or not isinstance(found[0], EnvironmentMap):
-        maps = [name for name, (make, _) in NAMED.items() if isinstance(make()[0], EnvironmentMap)]
-        raise BadInput(f"lighting.named: {table.named} is no environment map, expected one of {', '.join(maps)}")
-    return found[0].turned(turn)
+    try:
+        return named_environment(str(table.named)).turned(turn)
+    except BadInput as error:
+        raise BadInput(f"lighting.named: {error}") from error
 
 
 def _point(name: str, found: tuple[float, ...]) -> None:

@@ -162,7 +162,7 @@ CASES = {
     "the sun": (
         'named = "studio"',
         'named = "sun"',
-        "sun is no environment map, expected one of overcast, studio, uniform",
+        "lighting.named: found 'sun', expected an environment map or one of overcast, studio, uniform",
     ),
     "no sky": ('named = "studio"', 'environment = "none.hdr"', r"none\.hdr: no such file"),
     "a blind camera": ("eye = [0, 1.5, 3]", "eye = [0, 0, 0]", "eye: found the target's place, expected another"),
