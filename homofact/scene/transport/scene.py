@@ -5,13 +5,14 @@ seed = 0
 mesh = "bunny.ply"                 # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot
 material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
 albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
-terms = 4                          # K of its in-out factors; as many as hold `share` of the energy unless given
-share = 0.99
+terms = 4                          # K of its in-out factors, or one of the two rules of `factoring` for it:
+error = 0.02                       # as many as leave this expected error under the scene's light
+share = 0.99                       # as many as hold this of the material's energy; the rule where none is given
 size = 1.0                         # radius of the sphere round it
 at = [0, 0, 0]                     # the middle of that sphere; y is up
 turn = 0                           # degrees about y
 [ground]                           # optional: a square plane under the objects
-albedo = [0.5]                     # or material, as above
+albedo = [0.5]                     # or material, as above; terms, error or share, as above
 half = 2.5                         # half of its width
 steps = 64                         # squares along a side
 [lighting]                         # one of the two: an environment map, or one of `scene.lighting.NAMED` that is a map
@@ -30,6 +31,8 @@ kept = 96                          # wavelet coefficients of a vector
 tolerance = 0.05                   # or: what of a vertex's root sum square may be left out
 clusters = 0                       # clustered principal components; 0 is none, −1 as many as suit the vertices
 components = 12
+[tolerance]                        # optional, in place of error, share, kept, clusters and the tolerance above:
+reflected = 0.02                   # `plan` chooses all of them so that the light errs by this at most, relative RMS
 """
 
 import math
@@ -60,15 +63,17 @@ class SceneObject:
     material: str | None = None
     albedo: tuple[float, ...] | None = None
     terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
-    share: float = field(default=0.99, metadata=limits(above=0, most=0.9999))
+    error: float | None = field(default=None, metadata=limits(above=0, most=0.9))
+    share: float | None = field(default=None, metadata=limits(above=0, most=0.9999))
     size: float = field(default=1.0, metadata=limits(above=0))
     at: tuple[float, ...] = (0.0, 0.0, 0.0)
     turn: float = field(default=0.0, metadata=limits())
 
     def __post_init__(self) -> None:
-        """Refuse what is no point, and no or two materials. Raises BadInput."""
+        """Refuse what is no point, no or two materials, and two rules for K. Raises BadInput."""
         _point("at", self.at)
         _one_material(self.material, self.albedo)
+        _one_rule(self)
 
 
 @dataclass(frozen=True)
@@ -80,11 +85,13 @@ class Ground:
     half: float = field(default=2.5, metadata=limits(above=0))
     steps: int = field(default=64, metadata=limits(least=1, most=1024))
     terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
-    share: float = field(default=0.99, metadata=limits(above=0, most=0.9999))
+    error: float | None = field(default=None, metadata=limits(above=0, most=0.9))
+    share: float | None = field(default=None, metadata=limits(above=0, most=0.9999))
 
     def __post_init__(self) -> None:
-        """Refuse no or two materials. Raises BadInput."""
+        """Refuse no or two materials and two rules for K. Raises BadInput."""
         _one_material(self.material, self.albedo)
+        _one_rule(self)
 
 
 @dataclass(frozen=True)
@@ -121,10 +128,15 @@ class _Lighting:
 class _Transport:
     cube: int = 64
     rays: int = 1
-    kept: int = KEPT
+    kept: int | None = None
     tolerance: float | None = None
-    clusters: int = field(default=0, metadata=limits(least=-1))
+    clusters: int | None = field(default=None, metadata=limits(least=-1))
     components: int = field(default=COMPONENTS, metadata=limits(least=1, most=64))
+
+
+@dataclass(frozen=True)
+class _Tolerance:
+    reflected: float = field(metadata=limits(above=0, most=0.9))
 
 
 @dataclass(frozen=True)
@@ -134,12 +146,23 @@ class _Table:
     camera: tuple[Camera, ...]
     transport: _Transport = _Transport()
     ground: Ground | None = None
+    tolerance: _Tolerance | None = None
     seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
 
     def __post_init__(self) -> None:
         for name, found in (("object", self.object), ("camera", self.camera)):
             if not found:
                 raise BadInput(f"{name}: found none, expected at least one")
+        if self.tolerance is None:
+            return
+        given = [f"transport.{name}" for name in ("kept", "tolerance", "clusters") if _given(self.transport, name)]
+        tables = [(f"object[{place}]", each) for place, each in enumerate(self.object)]
+        tables += [] if self.ground is None else [("ground", self.ground)]
+        given += [f"{where}.{name}" for where, each in tables for name in ("error", "share") if _given(each, name)]
+        if given:
+            raise BadInput(
+                f"{given[0]}: found it beside tolerance.reflected, which chooses it; expected one of the two"
+            )
 
 
 @dataclass(frozen=True)
@@ -155,6 +178,7 @@ class RelightScene:
     clusters: int
     components: int
     seed: int
+    reflected: float | None = None
 
 
 def read_relight_scene(path: str | Path) -> RelightScene:
@@ -179,15 +203,22 @@ def read_relight_scene(path: str | Path) -> RelightScene:
         if ground is not None:
             ground = replace(ground, material=_found(ground.material, file.parent, "ground.material"))
         try:
-            settings = TransportSettings(asked.cube, asked.rays, asked.kept, asked.tolerance)
+            kept = KEPT if asked.kept is None else asked.kept
+            settings = TransportSettings(asked.cube, asked.rays, kept, asked.tolerance)
         except BadInput as error:
             raise BadInput(f"transport.{error}") from error
         light = _light(found.lighting, file.parent)
     except BadInput as error:
         raise BadInput(f"{file}: {error}") from error
     return RelightScene(
-        file.stem, objects, ground, light, found.camera, settings, asked.clusters, asked.components, found.seed
-    )
+        file.stem, objects, ground, light, found.camera, settings, asked.clusters or 0, asked.components, found.seed,
+        None if found.tolerance is None else found.tolerance.reflected,
+    )  # fmt: skip
+
+
+def is_relight_scene(path: Path) -> bool:
+    """Whether a scene's file has objects rather than materials. Raises BadInput for what is no TOML."""
+    return "object" in read_toml(path, "a scene in TOML")
 
 
 def _mesh(text: str, folder: Path, where: str) -> str:
@@ -210,6 +241,16 @@ def _one_material(material: str | None, albedo: tuple[float, ...] | None) -> Non
         raise BadInput("found none or both, expected exactly one of material, albedo")
     if albedo is not None and (len(albedo) not in (1, 3) or not all(0 <= each <= 1 for each in albedo)):
         raise BadInput(f"albedo: found {list(albedo)}, expected 1 or 3 numbers from 0 to 1")
+
+
+def _given(table: object, name: str) -> bool:
+    return getattr(table, name) is not None
+
+
+def _one_rule(table: SceneObject | Ground) -> None:
+    given = [name for name in ("terms", "error", "share") if _given(table, name)]
+    if len(given) > 1:
+        raise BadInput(f"found {' and '.join(given)}, expected at most one of terms, error, share")
 
 
 def _light(table: _Lighting, folder: Path) -> EnvironmentMap:

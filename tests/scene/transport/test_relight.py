@@ -13,9 +13,10 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import sphere
 from homofact.render.light import EnvironmentMap
 from homofact.scene.transport.clusters import clustered
-from homofact.scene.transport.ledger import STAGES, Seen, ledger, relative, seen_vertices
+from homofact.scene.transport.ledger import STAGES, ledger, relative
 from homofact.scene.transport.precompute import TransportSettings, transport
 from homofact.scene.transport.relight import Relit
+from homofact.scene.transport.seen import Seen, seen_vertices
 
 
 def seen(most: int = 40) -> Seen:
