@@ -114,6 +114,18 @@ def factors_of_sizes(
     return [found.drawn(reflectance, picked, size) for size in map_sizes]
 
 
+@one_thread
+def terms_by_share(reflectance: Reflectance, shares: Sequence[float]) -> list[int]:
+    """Mahajan's K for each share of f's energy, on the finest grid, decomposed once; `MOST_TERMS` at most.
+
+    Raises BadInput for a share outside (0, 1) and as `factor` for the reflectance.
+    """
+    symmetry = find_symmetry(reflectance)
+    split, grids = (_isotropic, _ISOTROPIC_GRIDS) if symmetry.isotropic else (_anisotropic, _ANISOTROPIC_GRIDS)
+    white = split(reflectance, Grid(*grids[-1], math.pi / 2), symmetry).white
+    return [min(count_for_share(white, share), MOST_TERMS) for share in shares]
+
+
 @dataclass(frozen=True)
 class _Terms:
     """Singular values in falling order with what each needs; `sigma` (R,), `multiplicity` (R,) 1 or 2.
