@@ -4,10 +4,11 @@
 
 A scene of several materials, each on the same mesh under the same sky. Of each, the light that the first K in-out terms
 send from drawn vertices to an eye is measured for every K against the sum with the reflectance itself, nothing
-truncated. Terms are shared out over the materials in four ways, the same number of them in all:
+truncated. Terms are shared out over the materials in five ways, the same number of them in all:
 
 - share: as many of each as hold one share of its energy, the same for all (Mahajan et al. 2008, l*);
 - light: as many of each as leave one expected error under the sky, the same for all (`transport.factoring`);
+- expected: the split of which the error that is expected of the whole scene under the sky is least, nothing measured;
 - one K: the same number of each;
 - best: the split of which the measured error is least, by dynamic programming over all splits.
 
@@ -38,7 +39,7 @@ from homofact.scene.transport.precompute import KEPT, Tracer
 from homofact.scene.transport.seen import Seen, seen_vertices
 
 SHARES = (0.8, 0.9, 0.95, 0.99)
-RULES = ("share", "light", "one K", "best")
+RULES = ("share", "light", "expected", "one K", "best")
 HEADER = ("rule", "terms of each", "terms", "MB", "error of the scene", "over the best", "largest of a material")
 
 
@@ -107,7 +108,8 @@ def splits(
     errors: Sequence[np.ndarray],
     shares: Sequence[float],
 ) -> list[dict[str, list[int]]]:
-    """For each share the terms of each material by the four rules, as many together as the share takes."""
+    """For each share the terms of each material by every rule, as many together as the share takes."""
+    foretold = [each.energy - np.append(0, each.strength.astype(np.float64).cumsum()) for each in factors]
     by_share = [terms_by_share(each, shares) for each in models]
     found = []
     for number in range(len(shares)):
@@ -118,6 +120,7 @@ def splits(
             {
                 "share": counts,
                 "light": split_by_light(factors, total),
+                "expected": best_split(foretold, total),
                 "one K": one,
                 "best": best_split(errors, total),
             }
@@ -201,9 +204,10 @@ def draw(
 
     drawing = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes = drawing.add_subplot()
-    styles = {"share": "o-", "light": "s-", "one K": "^--", "best": "k:"}
+    styles = {"share": "o-", "light": "s-", "expected": "d-", "one K": "^--", "best": "k:"}
     words = {
-        "share": "share of energy (Mahajan et al.)", "light": "expected error under the sky",
+        "share": "share of energy (Mahajan et al.)", "light": "one expected error under the sky",
+        "expected": "least expected error of the scene",
         "one K": "one K for all", "best": "best split",
     }  # fmt: skip
     for rule in RULES:

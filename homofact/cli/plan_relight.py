@@ -57,21 +57,24 @@ def plan_answer(plans: "Sequence[ObjectPlan]") -> dict[str, Any]:
 
 
 def choice_table(plans: "Sequence[ObjectPlan]", reflected: float) -> Table:
-    """Of each object the cheapest choices, the one that was made in bold: form, terms, maps, numbers, bytes, errors."""
+    """Of each object the cheapest choices, the one that was made in bold.
+
+    Form, terms K, size of the maps, numbers N a vector, bytes and the error that is expected.
+    """
     table = Table(
         title=f"Relative RMS of the light at most {reflected:g}", title_justify="left", box=box.SIMPLE_HEAD,
         pad_edge=False, padding=(0, 1, 0, 0),
     )  # fmt: skip
     table.add_column("", overflow="fold")
-    table.add_column("form")
-    for name in ("terms", "maps", "numbers a vector", "kB", "error", "by terms", "by maps", "by transport"):
-        table.add_column(name, justify="right")
+    table.add_column("form", no_wrap=True)
+    for name in ("K", "maps", "N", "kB", "error"):
+        table.add_column(name, justify="right", no_wrap=True)
     for plan in plans:
         for number, each in enumerate(plan.choices[:_SHOWN]):
             style = ("bold" if plan.met else "bold red") if each is plan.chosen else ""
             cells = (
                 each.form, str(each.terms), f"{each.map_size}²", f"{each.coefficients:.0f}", f"{each.bytes / 1000:.0f}",
-                f"{each.error:.2%}", f"{each.of_terms:.2%}", f"{each.of_maps:.2%}", f"{each.of_transport:.2%}",
+                f"{each.error:.2%}",
             )  # fmt: skip
             first = f"{plan.name}, {Path(plan.material).name}" if number == 0 else ""
             table.add_row(first, *(Text(cell, style) for cell in cells))
