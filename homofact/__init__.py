@@ -4,6 +4,10 @@
     fitted = homofact.fit(samples, textures=2)
     fitted.evaluate(wi, wo)
 
+    knot = homofact.transport("knot.ply", fitted, error=0.02)
+    knot.relight("sky.hdr")
+    knot.shade((0.6, 0.9, 3.6))
+
 The names here are loaded when first used, so that `import homofact` stays quick; the methods do not load torch before
 they fit.
 """
@@ -23,14 +27,17 @@ if TYPE_CHECKING:
     from homofact.methods.nmf import Nmf
     from homofact.methods.search import Search
     from homofact.methods.svd import Svd
+    from homofact.scene.transport.front import transport
 
 __all__ = [
     "Cole", "Gaussians", "Ggx", "McCool", "Nbrdf", "Nmf", "Npf", "Search", "Svd", "__version__", "fit", "load", "read",
+    "transport",
 ]  # fmt: skip
 
 _HOMES = {name: "homofact.api" for name in ("read", "fit", "load")} | {
     name: f"homofact.methods.{name.lower()}" for name in ("Search", "Cole", "McCool", "Svd", "Nmf")
 }
+_HOMES["transport"] = "homofact.scene.transport.front"
 _HOMES |= {name: "homofact.methods.models" for name in ("Ggx", "Gaussians", "Npf", "Nbrdf")}
 
 

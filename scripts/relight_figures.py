@@ -27,11 +27,12 @@ from homofact.render.light import EnvironmentMap
 from homofact.scene.placed import Camera
 from homofact.scene.transport.cube import environment_cube
 from homofact.scene.transport.factoring import factor
-from homofact.scene.transport.ledger import relative, seen_vertices
+from homofact.scene.transport.ledger import relative
 from homofact.scene.transport.picture import picture
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport
 from homofact.scene.transport.relight import Relit, shaded
 from homofact.scene.transport.result import displayed_picture
+from homofact.scene.transport.seen import seen_vertices
 
 TERMS, KEPT = (1, 2, 4, 8), (16, 32, 64, 96, 256)
 

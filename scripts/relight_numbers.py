@@ -31,9 +31,10 @@ from homofact.render.environment import read_environment
 from homofact.scene.transport.clusters import clustered
 from homofact.scene.transport.cube import environment_cube
 from homofact.scene.transport.factoring import factor
-from homofact.scene.transport.ledger import ledger, relative, seen_vertices
+from homofact.scene.transport.ledger import ledger, relative
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport
 from homofact.scene.transport.relight import Relit, shaded
+from homofact.scene.transport.seen import seen_vertices
 
 MATERIAL = "material:ashikhmin-shirley-wang"
 EYE = (0.6, 0.5, 3.0)

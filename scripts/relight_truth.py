@@ -45,10 +45,11 @@ from homofact.render.mitsuba_bsdf import VARIANT, open_mitsuba
 from homofact.scene.lighting import named_lighting
 from homofact.scene.transport.cube import environment_cube
 from homofact.scene.transport.factoring import factor
-from homofact.scene.transport.ledger import relative, seen_vertices
+from homofact.scene.transport.ledger import relative
 from homofact.scene.transport.precompute import TransportSettings, transport
 from homofact.scene.transport.reference import Estimate, Geometry, Material, vertex_radiance
 from homofact.scene.transport.relight import Relit
+from homofact.scene.transport.seen import seen_vertices
 
 NAMED = ("ashikhmin-shirley-wang", "lafortune-clay", "lafortune-skin")
 SURROGATE = ("nbrdf/merl_nbrdf_weights.npz", "gold-metallic-paint")

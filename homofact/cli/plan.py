@@ -12,6 +12,7 @@ from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.places import check_file, check_place
+from homofact.cli.plan_relight import plan_relight
 from homofact.cli.screen import Screen
 from homofact.cli.verdicts import brief_lines, refuse_findings, refused_names
 from homofact.config import fit_options
@@ -23,6 +24,9 @@ from homofact.methods.search import Search
 if TYPE_CHECKING:
     from homofact.evaluate.verdict.verdict import Verdict
     from homofact.scene.plan.plan import MaterialPlan, ScenePlan
+
+
+_COUNT = 8000
 
 
 def plan(
@@ -42,7 +46,7 @@ def plan(
         float | None,
         typer.Option(metavar="SECONDS", help="A guard: ends each search, and the plan is then not reproducible."),
     ] = None,
-    count: Annotated[int, typer.Option(help="Pairs drawn from an analytic model.")] = 8000,
+    count: Annotated[int, typer.Option(help="Pairs drawn from an analytic model.")] = _COUNT,
     force: Annotated[bool, typer.Option("--force", help="Replace a plan that is in the folder.")] = False,
     strict: Annotated[
         bool,
@@ -59,8 +63,17 @@ def plan(
 
     It meets the scene's tolerances under each of its lightings, in drawn
     views and with a margin for others: docs/planning.md. Where the bytes do
-    not suffice, they are shared out so that the picture errs least.
+    not suffice, they are shared out so that the picture errs least. Of a
+    scene of relighting, it chooses how each object's transport is held:
+    docs/relighting.md.
     """
+    if scene.is_file() and _of_relighting(scene):
+        given = {
+            "plot": plot, "write": write, "against": against, "effort": effort != "quick", "budget": budget,
+            "count": count != _COUNT, "force": force, "refuse": refuse,
+        }  # fmt: skip
+        plan_relight(scene, given, strict, Screen(as_json, quiet))
+        return
     refused = refused_names(refuse)
     if plot is not None:
         check_file(plot, ".png", ".pdf", ".svg")
@@ -122,6 +135,12 @@ def plan(
     if other is not None:
         answer["against"] = plan_record(other)
     screen.answer(answer | {"plot": None if plot is None else str(plot), "folders": folders})
+
+
+def _of_relighting(scene: Path) -> bool:
+    from homofact.scene.transport.scene import is_relight_scene
+
+    return is_relight_scene(scene)
 
 
 def choice_table(found: "ScenePlan") -> Table:

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.places import check_place
+from homofact.cli.plan_relight import choice_table, plan_answer
 from homofact.cli.screen import Screen
 from homofact.errors import BadInput
 from homofact.evaluate.wording import figure
@@ -69,6 +70,9 @@ def relight(
         ready = stand(asked, bar.stage)
         for line in ready.notes:
             screen.note(f"homofact: {line}")
+        plans = [each.plan for each in ready.objects if each.plan is not None]
+        for line in (each.warning for each in plans if each.warning):
+            screen.note(f"homofact: {line}")
         screen.note(f"homofact: {ready.cost.describe()}")
         prepared = time.perf_counter()
         objects = relit(ready, blocks, lambda name, done, count: bar.run(f"transport of {name}", done, count))
@@ -94,9 +98,12 @@ def relight(
             "pictures and errors": time.perf_counter() - traced,
         }  # fmt: skip
         record["notes"] = list(ready.notes)
+        record["plan"] = plan_answer(plans) if plans else None
         bar.stage("writing")
         write_relit(out, asked, objects, record, pictures, force, whole_sums)
         shutil.rmtree(blocks, ignore_errors=True)
+    if plans:
+        screen.show(choice_table(plans, plans[0].reflected))
     screen.show(object_table(objects), error_table(objects, ledgers) if ledgers else Text(""))
     screen.note(f"The relit scene: {out} ({len(pictures)} pictures); homofact view {out} relights it in a browser")
     screen.answer({"folder": str(out), **record})
@@ -104,10 +111,11 @@ def relight(
 
 def _ledgers(ready: "Stand", objects: "tuple[RelitObject, ...]", vertices: int, whole: bool) -> "list[Ledger | None]":
     """The error of each object from the first camera; None where it sees none of it."""
-    from homofact.scene.transport.ledger import STAGES, ledger, seen_vertices
+    from homofact.scene.transport.ledger import STAGES, ledger
+    from homofact.scene.transport.seen import seen_vertices
 
     found: list[Ledger | None] = []
-    stages = STAGES if whole else ("truncation", "quantisation", "clusters", "together")
+    stages = STAGES if whole else ("truncation", "quantisation", "harmonics", "clusters", "together")
     for placed, each in zip(ready.objects, objects, strict=True):
         eye = ready.scene.cameras[0].eye
         try:
@@ -133,7 +141,10 @@ def _record(
                 "material": each.material,
                 "vertices": made.vertices,
                 "terms": made.factors.terms,
+                "form": each.form,
+                "map_size": made.factors.view.shape[1],
                 "share_of_energy": made.factors.share,
+                "expected_error_of_terms": made.factors.expected_error,
                 "coefficients_per_vector": made.mean_kept,
                 "bytes": each.nbytes,
                 "bytes_unclustered": made.nbytes + made.factors.view.nbytes,
@@ -145,7 +156,8 @@ def _record(
         "light": asked.light.describe(),
         "cube": settings.cube,
         "rays": settings.rays,
-        "kept": settings.kept if settings.tolerance is None else None,
+        "kept": settings.kept if settings.tolerance is None and asked.reflected is None else None,
+        "reflected": asked.reflected,
         "tolerance": settings.tolerance,
         "seed": asked.seed,
         "objects": entries,
@@ -156,16 +168,17 @@ def _record(
 
 def object_table(objects: "tuple[RelitObject, ...]") -> Table:
     """A line an object: its size, its terms and what is stored of it."""
-    table = _table("vertices", "terms", "of energy", "coefficients a vector", "kB")
+    table = _table("vertices", "form", "terms", "their error", "coefficients a vector", "kB")
     for each in objects:
         made = each.transport
         table.add_row(
             f"{each.mesh.name}, {Path(each.material).name}",
             str(made.vertices),
+            each.form,
             str(made.factors.terms),
-            f"{made.factors.share:.1%}",
+            f"{made.factors.expected_error:.1%}",
             f"{made.mean_kept:.0f}",
-            f"{each.nbytes / 1000:.0f}" + ("" if each.compact is None else ", clustered"),
+            f"{each.nbytes / 1000:.0f}",
         )
     return table
 

@@ -10,11 +10,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.render.environment import read_environment
 from homofact.render.light import DirectionalLight, EnvironmentMap, Light
 from homofact.scene.harmonics import energy_by_order, harmonics, orders
 from homofact.scene.reflection import directional_lighting, lambertian_filter
@@ -134,6 +136,24 @@ def named_lighting(name: str) -> Lighting:
         raise BadInput(f"lighting.named: found {name!r}, expected one of {', '.join(NAMED)}")
     make, words = NAMED[name]
     return Lighting(name, make(), words)
+
+
+def named_environment(name: str) -> EnvironmentMap:
+    """The lighting called `name`, where it is a map. Raises BadInput that lists the names."""
+    maps = {key: found for key, (make, _) in NAMED.items() if isinstance(found := make()[0], EnvironmentMap)}
+    if name not in maps:
+        raise BadInput(f"found {name!r}, expected an environment map or one of {', '.join(maps)}")
+    return maps[name]
+
+
+def open_environment(place: str | Path) -> EnvironmentMap:
+    """A named lighting that is a map, or the map in a .hdr or .exr file. Raises BadInput for neither."""
+    if Path(place).suffix or Path(place).is_file():
+        return read_environment(place)
+    try:
+        return named_environment(str(place))
+    except BadInput as error:
+        raise BadInput(f"light: {error}") from error
 
 
 def _sun() -> tuple[Light, ...]:

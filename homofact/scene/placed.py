@@ -105,6 +105,16 @@ def check_material(material: str | None, albedo: tuple[float, ...] | None) -> No
         raise BadInput(f"albedo: found {list(albedo)}, expected 1 or 3 numbers from 0 to 1")
 
 
+def open_mesh(text: str) -> Mesh:
+    """A mesh's file, or a shape by its name with `SHAPE_PREFIX`. Raises BadInput for what cannot be read."""
+    if not text.startswith(SHAPE_PREFIX):
+        return read_mesh(text)
+    if text.removeprefix(SHAPE_PREFIX) not in _SHAPES:
+        names = ", ".join(SHAPE_PREFIX + name for name in _SHAPES)
+        raise BadInput(f"mesh: found {text!r}, expected a file or one of {names}")
+    return _SHAPES[text.removeprefix(SHAPE_PREFIX)]()
+
+
 def found_mesh(text: str, folder: Path, where: str) -> str:
     """The mesh, relative to `folder`, made findable. Raises BadInput, beginning with `where`, where it is not there."""
     if text.startswith(SHAPE_PREFIX):
@@ -124,10 +134,7 @@ def found_material(material: str | None, folder: Path, where: str) -> str | None
 
 def placed_mesh(each: PlacedObject) -> Mesh:
     """The object's mesh, turned about y, scaled and moved. Raises BadInput for a file that is no mesh."""
-    if each.mesh.startswith(SHAPE_PREFIX):
-        mesh = _SHAPES[each.mesh.removeprefix(SHAPE_PREFIX)]()
-    else:
-        mesh = read_mesh(each.mesh)
+    mesh = open_mesh(each.mesh)
     angle = math.radians(each.turn)
     turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
     return replace(

@@ -71,7 +71,10 @@ class Cluster:
 
     def run(self, tasks: Iterable[Task], ended: Callable[[Ending], bool]) -> None:
         """Do all tasks, as `local.Local.run`. Raises BadInput where the scheduler cannot be reached, or is gone."""
+        from concurrent.futures import CancelledError
+
         import distributed
+        from distributed.comm.core import CommClosedError
 
         waiting = list(reversed(list(tasks)))
         out: dict[Any, Task] = {}
@@ -94,17 +97,19 @@ class Cluster:
                         give(task, packed(Path(split_member(task.source)[0])))
                     elif ended(ending):
                         waiting.append(task)
-            except (distributed.comm.CommClosedError, distributed.CancelledError, TimeoutError) as error:
+            except (CommClosedError, CancelledError, TimeoutError) as error:
                 raise BadInput(f"{self._scheduler}: the scheduler is gone; the same command goes on") from error
 
     def _ending(self, task: Task, future: Any) -> tuple[Ending, bool]:
         """How a task ended, and whether its source was missing there; a result is put into its place."""
-        import distributed
+        from concurrent.futures import CancelledError
+
+        from distributed.scheduler import KilledWorker
 
         if future.status == "cancelled":
-            raise distributed.CancelledError
+            raise CancelledError
         error = future.exception()
-        if isinstance(error, distributed.scheduler.KilledWorker):
+        if isinstance(error, KilledWorker):
             return Ending(task, died="its worker died"), False
         if isinstance(error, OSError):
             return Ending(task, died=f"{error.filename or 'its worker'}: {error.strerror or error}"), False
@@ -130,12 +135,12 @@ class Cluster:
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
-        import dask
         import distributed
+        from dask import config
 
         with ExitStack() as stack:
             # A task that kills its worker is counted here, not tried again by Dask.
-            stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 0}))
+            stack.enter_context(config.set({"distributed.scheduler.allowed-failures": 0}))
             try:
                 client = stack.enter_context(distributed.Client(self._place(stack), timeout=_PATIENCE))
             except (OSError, TimeoutError) as error:

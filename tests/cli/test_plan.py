@@ -146,3 +146,96 @@ def test_strict_refuses_a_fit_whose_fault_a_picture_shows(scene: Path, capsys: p
     assert not plastic["verdict"]["trusted"]
     assert main(["plan", str(scene), *QUICK, "--strict"]) == 2
     assert "refused by --strict" in capsys.readouterr().err
+
+
+RELIGHT = """
+[[object]]
+mesh = "shape:sphere"
+albedo = [0.5]
+[lighting]
+named = "overcast"
+[[camera]]
+eye = [0, 1, 4]
+[transport]
+cube = 8
+[tolerance]
+reflected = 0.05
+"""
+
+
+@pytest.fixture
+def relit(tmp_path: Path) -> Path:
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
+    file = tmp_path / "relight.toml"
+    file.write_text(RELIGHT)
+    return file
+
+
+def test_a_relighting_is_planned_and_relit_as_planned(relit: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", str(relit), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    (ball,) = found["objects"]
+    assert ball["met"]
+    assert ball["chosen"]["form"].startswith("harmonics to order")
+    assert ball["chosen"]["error"] <= found["reflected"] == 0.05
+    assert ball["chosen"]["bytes"] == found["bytes"] == min(each["bytes"] for each in ball["choices"])
+    assert "all frequencies" in [each["form"] for each in ball["choices"]]
+    out = relit.parent / "out"
+    assert main(["relight", str(relit), "--out", str(out), "--vertices", "20", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["plan"]["objects"] == found["objects"]
+    assert record["objects"][0]["form"] == ball["chosen"]["form"]
+    assert record["objects"][0]["bytes"] == found["bytes"]
+    assert record["error"]["sphere"]["harmonics"] <= record["error"]["sphere"]["together"] + 0.01 <= 0.06
+
+
+def test_the_table_of_a_relighting_shows_what_was_considered(relit: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", str(relit)]) == 0
+    said = capsys.readouterr()
+    shown = " ".join(said.out.split())
+    assert "Relative RMS of the light at most 0.05" in shown
+    assert "all frequencies" in shown
+    assert "harmonics to order" in shown
+    assert "Of all objects:" in said.err
+
+
+def test_a_tolerance_that_no_terms_meet_is_a_warning_or_refused(
+    relit: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    relit.write_text(RELIGHT.replace("albedo = [0.5]", 'material = "material:phong-10"\nterms = 1'))
+    assert main(["plan", str(relit)]) == 0
+    assert "Warning: sphere: reflected 0.05 cannot be met; the best reachable is 0." in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert main(["plan", str(relit), "--strict"]) == 2
+    error = capsys.readouterr().err
+    assert "sphere: reflected 0.05 cannot be met" in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "change", "expected"),
+    [
+        (["--plot", "p.png"], ("", ""), "--plot: relight.toml is a scene of relighting, which fits nothing"),
+        (["--effort", "normal"], ("", ""), "--effort: relight.toml is a scene of relighting, which fits nothing"),
+        (["--refuse", "scatter"], ("", ""), "--refuse: relight.toml is a scene of relighting, which fits nothing"),
+        ([], ("[tolerance]\nreflected = 0.05", ""), "tolerance: found none, expected reflected = a relative RMS error"),
+        ([], ("reflected = 0.05", "reflected = 2"), "tolerance.reflected: found 2, expected"),
+        ([], ("reflected = 0.05", "delta_e = 2"), "unknown key tolerance.delta_e"),
+    ],
+)
+def test_what_is_wrong_with_the_plan_of_a_relighting_is_one_line(
+    arguments: list[str],
+    change: tuple[str, str],
+    expected: str,
+    relit: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(relit.parent)
+    relit.write_text(RELIGHT.replace(*change))
+    assert main(["plan", "relight.toml", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert expected in error
+    assert error.count("\n") == 1
+    assert list(relit.parent.iterdir()) == [relit]

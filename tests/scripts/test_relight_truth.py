@@ -14,7 +14,7 @@ def test_relit_vertices_are_held_against_both_truths(monkeypatch: pytest.MonkeyP
     variant("llvm_ad_rgb", register=False)
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
     script = importlib.import_module("relight_truth")
-    assert script.main(["--short", "--terms", "8", "--map-size", "16", "--out", str(tmp_path)]) == 0
+    assert script.main(["--short", "--rules", "terms", "--terms", "8", "--map-size", "16", "--out", str(tmp_path)]) == 0
     text = (tmp_path / "relight_truth.md").read_text(encoding="utf-8")
     assert "a smoke test" in text
     rows = [

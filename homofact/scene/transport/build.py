@@ -1,6 +1,6 @@
 """From a scene to relit objects: meshes placed, materials opened and factored, transport precomputed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,10 +14,12 @@ from homofact.meshes.prepare import prepared
 from homofact.meshes.shapes import ground
 from homofact.scene.placed import lowest, material_words, open_reflectance, placed_mesh, three
 from homofact.scene.transport.clusters import Clustered, clustered
-from homofact.scene.transport.factoring import factor
+from homofact.scene.transport.compact import lit_tuples
+from homofact.scene.transport.factoring import SHARE, factor
 from homofact.scene.transport.factors import InOutFactors
-from homofact.scene.transport.precompute import Cost, Transport, cost, transport
-from homofact.scene.transport.relight import Relit
+from homofact.scene.transport.harmonic import Harmonic, harmonic
+from homofact.scene.transport.plan import ObjectPlan, plan_object
+from homofact.scene.transport.precompute import Cost, Transport, TransportSettings, cost, transport
 from homofact.scene.transport.scene import Ground, RelightScene, SceneObject
 
 Stage = Callable[[str], object]
@@ -25,12 +27,17 @@ Stage = Callable[[str], object]
 
 @dataclass(frozen=True)
 class Placed:
-    """An object before its transport: its mesh in the world, the material and the material's factors."""
+    """An object before its transport: its mesh in the world, the material, its factors and how it will be held.
+
+    `plan` says why, where the scene has a tolerance.
+    """
 
     mesh: Mesh
     material: str
     reflectance: Reflectance
     factors: InOutFactors
+    settings: TransportSettings
+    plan: ObjectPlan | None = None
 
 
 @dataclass(frozen=True)
@@ -40,7 +47,14 @@ class RelitObject:
     mesh: Mesh
     material: str
     transport: Transport
-    compact: Clustered | None
+    compact: Clustered | Harmonic | None
+
+    @property
+    def form(self) -> str:
+        """How its transport is held: for tables."""
+        if isinstance(self.compact, Harmonic):
+            return f"harmonics to order {self.compact.order}"
+        return "all frequencies" if self.compact is None else "all frequencies, clustered"
 
     @property
     def nbytes(self) -> int:
@@ -50,9 +64,7 @@ class RelitObject:
 
     def tuples(self, light: np.ndarray) -> np.ndarray:
         """K-tuples (V, K, 3) under a cube map of radiance, by the form that is used."""
-        relit = Relit(self.transport if self.compact is None else self.compact.basis)
-        relit.relight(light)
-        return relit.tuples if self.compact is None else self.compact.mixed(relit.tuples)
+        return lit_tuples(self.transport, self.compact, light)
 
 
 @dataclass(frozen=True)
@@ -67,7 +79,7 @@ class Stand:
     @property
     def cost(self) -> Cost:
         """What all of its transport will take, at most."""
-        each = [cost(len(o.mesh.positions), o.factors.terms, self.scene.settings) for o in self.objects]
+        each = [cost(len(o.mesh.positions), o.factors.terms, o.settings) for o in self.objects]
         stored = sum(c.most_bytes for c in each)
         peak = max(c.peak_bytes - c.most_bytes for c in each) + stored
         return Cost(sum(c.rays for c in each), stored, peak)
@@ -86,24 +98,39 @@ def stand(scene: RelightScene, stage: Stage | None = None) -> Stand:
     if scene.ground is not None:
         meshes.append(ground(scene.ground.half, lowest(meshes), scene.ground.steps))
         tables.append(scene.ground)
+    occluder = Occluder(*together(meshes))
     opened: dict[str, Reflectance] = {}
-    factored: dict[tuple[str, int | None, float], InOutFactors] = {}
+    factored: dict[tuple[object, ...], InOutFactors] = {}
     objects = []
     for mesh, table in zip(meshes, tables, strict=True):
-        text, terms, share = key = (material_words(table), table.terms, table.share)
+        text = material_words(table)
         if text not in opened:
             told(f"opening {Path(text).name}")
             opened[text] = Lambert(three(table.albedo)) if table.albedo else open_reflectance(str(table.material))
+        if scene.reflected is not None:
+            told(f"planning {mesh.name}")
+            plan = plan_object(
+                mesh, text, opened[text], occluder, scene.light, scene.cameras[0].eye, scene.reflected, scene.settings,
+                table.terms, scene.seed,
+            )  # fmt: skip
+            objects.append(Placed(mesh, text, opened[text], plan.factors, plan.settings(scene.settings), plan))
+            continue
+        key = (text, table.terms, table.error, table.share)
         if key not in factored:
             told(f"factoring {Path(text).name}")
-            factored[key] = factor(opened[text], terms, share)
-        objects.append(Placed(mesh, text, opened[text], factored[key]))
+            share = SHARE if table.share is None else table.share
+            factored[key] = factor(opened[text], table.terms, share, error=table.error, light=scene.light)
+        objects.append(Placed(mesh, text, opened[text], factored[key], scene.settings))
+    return Stand(scene, tuple(objects), occluder, tuple(notes))
+
+
+def together(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and triangles of all meshes as one."""
     starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
-    occluder = Occluder(
+    return (
         np.concatenate([mesh.positions for mesh in meshes]),
         np.concatenate([mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]),
     )
-    return Stand(scene, tuple(objects), occluder, tuple(notes))
 
 
 def relit(
@@ -121,9 +148,11 @@ def relit(
                 progress(name, done, count)
 
         folder = None if blocks is None else blocks / f"object_{number}"
-        made = transport(each.mesh, each.factors, scene.settings, ready.occluder, folder, told)
+        made = transport(each.mesh, each.factors, each.settings, ready.occluder, folder, told)
         compact = None
-        if scene.clusters:
+        if each.plan is not None and each.plan.chosen.order is not None:
+            compact = harmonic(made, each.plan.chosen.order)
+        elif scene.clusters:
             count = None if scene.clusters < 0 else min(scene.clusters, made.vertices)
             compact = clustered(made, scene.components, clusters=count, seed=scene.seed)
         found.append(RelitObject(each.mesh, each.material, made, compact))

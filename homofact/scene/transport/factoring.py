@@ -28,6 +28,7 @@ is the horizon. An anisotropic f is sampled on a grid of nodes.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -57,7 +58,6 @@ FALLOFF = 1.0
 _RIM = math.cos(math.radians(89.0))
 
 
-@one_thread
 def factor(
     reflectance: Reflectance,
     terms: int | None = None,
@@ -75,15 +75,27 @@ def factor(
     share outside (0, 1), maps of fewer than 8 texels across, and a reflectance without energy or with values that are
     not finite.
     """
-    if terms is not None and not 1 <= terms <= MOST_TERMS:
-        raise BadInput(f"terms: found {terms}, expected 1 to {MOST_TERMS}")
+    return factors_of_sizes(reflectance, (map_size,), terms, share, error, light)[0]
+
+
+@one_thread
+def factors_of_sizes(
+    reflectance: Reflectance,
+    map_sizes: Sequence[int],
+    terms: int | None = None,
+    share: float = SHARE,
+    error: float | None = None,
+    light: EnvironmentMap | None = None,
+) -> list[InOutFactors]:
+    """`factor` on maps of several sizes: the same terms, decomposed once. Raises BadInput as `factor`."""
     if terms is not None and error is not None:
         raise BadInput("found terms and error, expected one of the two")
     if error is not None and not 0 < error < 1:
         raise BadInput(f"error: found {error}, expected between 0 and 1")
     check_share(share)
-    if not 8 <= map_size <= 256:
-        raise BadInput(f"map size: found {map_size}, expected 8 to 256 texels across")
+    for size in map_sizes:
+        if not 8 <= size <= 256:
+            raise BadInput(f"map size: found {size}, expected 8 to 256 texels across")
     if len(reflectance.channels) not in (1, 3):
         raise BadInput(f"relighting: found {len(reflectance.channels)} channels, expected 1 or 3")
     symmetry = find_symmetry(reflectance)
@@ -99,7 +111,19 @@ def factor(
             break
         before = now
     assert found is not None
-    return found.drawn(reflectance, picked, map_size)
+    return [found.drawn(reflectance, picked, size) for size in map_sizes]
+
+
+@one_thread
+def terms_by_share(reflectance: Reflectance, shares: Sequence[float]) -> list[int]:
+    """Mahajan's K for each share of f's energy, on the finest grid, decomposed once; `MOST_TERMS` at most.
+
+    Raises BadInput for a share outside (0, 1) and as `factor` for the reflectance.
+    """
+    symmetry = find_symmetry(reflectance)
+    split, grids = (_isotropic, _ISOTROPIC_GRIDS) if symmetry.isotropic else (_anisotropic, _ANISOTROPIC_GRIDS)
+    white = split(reflectance, Grid(*grids[-1], math.pi / 2), symmetry).white
+    return [min(count_for_share(white, share), MOST_TERMS) for share in shares]
 
 
 @dataclass(frozen=True)

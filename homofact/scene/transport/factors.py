@@ -93,3 +93,10 @@ def look_up(maps: Tensor, w: Tensor) -> Tensor:
     near = maps[i, j] * (1 - b) + maps[i, j + 1] * b
     far = maps[i + 1, j] * (1 - b) + maps[i + 1, j + 1] * b
     return near * (1 - a) + far * a
+
+
+def view_values(factors: InOutFactors, wo: np.ndarray) -> np.ndarray:
+    """h_k (S, K, 3) of the view maps at directions (S, 3)."""
+    maps = torch.from_numpy(factors.packed_view).flatten(2).double()
+    found = look_up(maps, torch.from_numpy(wo)).reshape(len(wo), factors.terms, -1)
+    return found.expand(-1, -1, 3).numpy()

@@ -125,6 +125,37 @@ def threshold_of_energy(values: np.ndarray, weights: np.ndarray, tolerance: floa
     return 2.0 ** ((step - 1024) / 4)
 
 
+@kernel(nogil=True, fastmath=True)
+def binned(
+    values: np.ndarray,
+    weights: np.ndarray,
+    group: np.ndarray,
+    light: np.ndarray,
+    view: np.ndarray,
+    counts: np.ndarray,
+    squares: np.ndarray,
+    sent: np.ndarray,
+) -> None:
+    """What (K, J) coefficients are worth, by the bins of `threshold_of_energy` and by groups of terms.
+
+    Adds to `counts` and `squares` (G, 2048) how many there are and their weighted squares, to `sent` (G, 2048, L·C)
+    what they send to an eye of view values (K, C) under the L lights of `light` (J, L·C). `group` (K,) is below G.
+    """
+    channels = view.shape[1]
+    for k in range(values.shape[0]):
+        g = group[k]
+        for j in range(values.shape[1]):
+            each = values[k, j]
+            if each == 0:
+                continue
+            square = weights[k] * weights[k] * each * each
+            step = min(max(int(np.floor(4 * math.log2(square))) + 1024, 0), 2047)
+            counts[g, step] += 1
+            squares[g, step] += square
+            for c in range(light.shape[1]):
+                sent[g, step, c] += each * view[k, c % channels] * light[j, c]
+
+
 @kernel(nogil=True)
 def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.ndarray) -> tuple:
     """(how many, scale): the `kept` largest of a vector (J,), as places and 16-bit numbers times the scale.

@@ -9,6 +9,7 @@ squares over vertices that the eye sees, all channels together: √(Σ|B̂ − B
     cube          the reference on this cube map against one of `FINE` times as many texels along a face
     truncation    of the wavelets of the transport, all but the kept left out, not rounded
     quantisation  those that are kept as 16-bit numbers
+    harmonics     low orders of the light instead of wavelets
     clusters      means and components instead of every vertex's own transport
     interpolation a picture's points between vertices against the vertices' own light mixed over the triangle
     together      everything that is in use against the reference
@@ -18,29 +19,28 @@ squares over vertices that the eye sees, all channels together: √(Σ|B̂ − B
 
 import contextlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-import torch
 
-from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
-from homofact.meshes.occlusion import Occluder
-from homofact.meshes.tangents import frames
 from homofact.render.light import EnvironmentMap
 from homofact.scene.transport import cube
 from homofact.scene.transport.build import Stand
 from homofact.scene.transport.clusters import Clustered
+from homofact.scene.transport.compact import lit_tuples
 from homofact.scene.transport.factoring import factor
-from homofact.scene.transport.factors import InOutFactors, look_up
+from homofact.scene.transport.factors import InOutFactors, view_values
+from homofact.scene.transport.harmonic import Harmonic
 from homofact.scene.transport.kernels import transport_vectors
 from homofact.scene.transport.precompute import Tracer, Transport
 from homofact.scene.transport.relight import Relit, light_coefficients
+from homofact.scene.transport.seen import Seen, seen_vertices
 
 FINE = 4
 _FINE_MAPS = 128
-STAGES = ("terms", "maps", "cube", "truncation", "quantisation", "clusters", "interpolation", "together")
+STAGES = ("terms", "maps", "cube", "truncation", "quantisation", "harmonics", "clusters", "interpolation", "together")
 
 
 @dataclass(frozen=True)
@@ -54,64 +54,6 @@ class Ledger:
     def record(self) -> dict[str, float]:
         """The JSON form."""
         return {**self.errors, "below_zero": self.below_zero, "vertices": self.vertices}
-
-
-@dataclass
-class Seen:
-    """Vertices that an eye sees, with what their light is summed from."""
-
-    mesh: Mesh
-    reflectance: Reflectance
-    occluder: Occluder
-    eye: np.ndarray
-    which: np.ndarray
-    rows: np.ndarray = field(init=False)
-    wo: np.ndarray = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Frames of the vertices, and the eye's direction in them."""
-        self.rows = frames(self.mesh.normals[self.which])
-        towards = self.eye - self.mesh.positions[self.which]
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        self.wo = np.einsum("vij,vj->vi", self.rows, towards)
-
-    def dense(self, light: np.ndarray, size: int, reflectance: Reflectance | None = None) -> np.ndarray:
-        """The sum over all texels (S, 3) for a cube map of radiance (6, n, n, 3) and the reflectance, or another."""
-        asked = self.reflectance if reflectance is None else reflectance
-        tracer = Tracer(self.mesh, self.occluder, size)
-        w = cube.directions(size).reshape(-1, 3)
-        flux = light.reshape(-1, 3) * np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)[:, None]
-        found = np.zeros((len(self.which), 3))
-        for s, v in enumerate(self.which):
-            lit = np.flatnonzero(tracer.visible(int(v)))
-            wi = w[lit] @ self.rows[s].T
-            kept = wi[:, 2] > 0
-            wi = torch.from_numpy(wi[kept])
-            wo = torch.from_numpy(self.wo[s]).expand(len(wi), 3)
-            values = asked.evaluate(wi, wo).double().numpy() * wi[:, 2:].numpy()
-            found[s] = (values * flux[lit[kept]]).sum(0)
-        return found
-
-
-def seen_vertices(
-    mesh: Mesh, reflectance: Reflectance, occluder: Occluder, eye: Sequence[float], most: int, seed: int = 0
-) -> Seen:
-    """At most so many vertices, drawn by the seed, that face the eye and that nothing hides from it.
-
-    Raises BadInput where the eye sees none.
-    """
-    point = np.asarray(eye, np.float64)
-    towards = point - mesh.positions
-    distance = np.linalg.norm(towards, axis=1)
-    towards /= distance[:, None]
-    # At grazing angles a vertex is hardly a pixel, and measured reflectance is a guess.
-    facing = np.flatnonzero((towards * mesh.normals).sum(1) > 0.1)
-    start = mesh.positions[facing] + occluder.offset * mesh.normals[facing]
-    open_ = facing[~occluder.blocked(start, towards[facing])]
-    if not len(open_):
-        raise BadInput(f"{mesh.name}: no vertex is seen from {tuple(point.tolist())}, expected another eye")
-    drawn = np.random.default_rng(seed).permutation(open_)[:most]
-    return Seen(mesh, reflectance, occluder, point, np.sort(drawn))
 
 
 def dense_colours(ready: Stand, light: np.ndarray) -> list[np.ndarray]:
@@ -135,7 +77,7 @@ def ledger(
     seen: Seen,
     transport: Transport,
     light: EnvironmentMap,
-    compact: Clustered | None = None,
+    compact: Clustered | Harmonic | None = None,
     stages: Sequence[str] = STAGES,
     progress: Callable[[str], object] | None = None,
 ) -> Ledger:
@@ -175,12 +117,11 @@ def ledger(
     relit = Relit(transport)
     relit.relight(radiance)
     used = relit.tuples
-    if compact is not None and (told("clusters") or told("together")):
-        basis = Relit(compact.basis)
-        basis.relight(radiance)
-        used = compact.mixed(basis.tuples)
-        if "clusters" in stages:
-            errors["clusters"] = relative(_seen_of(seen, factors, used), _seen_of(seen, factors, relit.tuples))
+    stage = "harmonics" if isinstance(compact, Harmonic) else "clusters"
+    if compact is not None and (told(stage) or told("together")):
+        used = lit_tuples(transport, compact, radiance)
+        if stage in stages:
+            errors[stage] = relative(_seen_of(seen, factors, used), _seen_of(seen, factors, relit.tuples))
     shown = _seen_of(seen, factors, used)
     if told("interpolation"):
         errors["interpolation"] = _interpolation(seen, radiance, size)
@@ -199,13 +140,6 @@ def _seen_of(seen: Seen, factors: InOutFactors, tuples: np.ndarray) -> np.ndarra
     """Light (S, 3) towards the eye of K-tuples (V, K, 3) of all vertices."""
     h = view_values(factors, seen.wo)
     return np.einsum("skc,skc->sc", h, tuples[seen.which])
-
-
-def view_values(factors: InOutFactors, wo: np.ndarray) -> np.ndarray:
-    """h_k (S, K, 3) of the view maps at directions (S, 3)."""
-    maps = torch.from_numpy(factors.packed_view).flatten(2).double()
-    found = look_up(maps, torch.from_numpy(wo)).reshape(len(wo), factors.terms, -1)
-    return found.expand(-1, -1, 3).numpy()
 
 
 def _vectors(seen: Seen, transport: Transport, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

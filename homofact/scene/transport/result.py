@@ -22,13 +22,14 @@ from homofact.scene.placed import Camera
 from homofact.scene.transport.build import RelitObject
 from homofact.scene.transport.clusters import Clustered
 from homofact.scene.transport.factors import InOutFactors
+from homofact.scene.transport.harmonic import MOST_ORDER, Harmonic
 from homofact.scene.transport.page.skies import PageSky, page_sky
 from homofact.scene.transport.precompute import Transport, TransportSettings
 from homofact.scene.transport.scene import RelightScene
 
 REPORT = "relight.json"
 _EXPECTED = "a relit scene that homofact wrote"
-_FORMAT, _VERSION = "homofact relit scene", 1
+_FORMAT, _VERSION = "homofact relit scene", 2
 _VECTORS = ("start", "index", "number", "scale")
 _FACTORS = ("light", "view", "strength")
 
@@ -97,7 +98,9 @@ def save_scene(
         own = {"positions": each.mesh.positions, "normals": each.mesh.normals, "triangles": each.mesh.triangles}
         own |= {"frames": made.frames} | {name: getattr(made, name) for name in _VECTORS}
         own |= {f"factors_{name}": getattr(factors, name) for name in _FACTORS}
-        if each.compact is not None:
+        if isinstance(each.compact, Harmonic):
+            own |= {"harmonic_number": each.compact.number, "harmonic_step": each.compact.step}
+        elif each.compact is not None:
             own |= {f"basis_{name}": getattr(each.compact.basis, name) for name in _VECTORS}
             own |= {name: getattr(each.compact, name) for name in ("cluster", "weights", "steps")}
         arrays |= {f"object_{number}_{name}": array for name, array in own.items()}
@@ -107,19 +110,16 @@ def save_scene(
                 "material": each.material,
                 "channels": list(factors.channels),
                 "energy": factors.energy,
-                "compact": each.compact is not None,
+                "compact": "harmonic" if isinstance(each.compact, Harmonic) else each.compact is not None,
+                "settings": _settings(made.settings),
             }
         )
-    settings = scene.settings
     header = {
         "format": _FORMAT,
         "version": _VERSION,
         "name": scene.name,
         "sky": sky.name,
         "objects": entries,
-        "settings": {
-            "cube": settings.cube, "rays": settings.rays, "kept": settings.kept, "tolerance": settings.tolerance,
-        },
         "cameras": [
             {"eye": list(c.eye), "target": list(c.target), "field": c.field, "pixels": list(c.pixels)}
             for c in scene.cameras
@@ -127,6 +127,12 @@ def save_scene(
         "report": report,
     }  # fmt: skip
     write_archive(file, header, arrays)
+
+
+def _settings(settings: TransportSettings) -> dict[str, Any]:
+    return {
+        "cube": settings.cube, "rays": settings.rays, "kept": settings.kept, "tolerance": settings.tolerance,
+    }  # fmt: skip
 
 
 def open_relit(place: Path) -> SavedScene:
@@ -138,8 +144,7 @@ def open_relit(place: Path) -> SavedScene:
     if header.get("format") != _FORMAT or header.get("version") != _VERSION:
         raise BadInput(f"{file}: found {header.get('format')} {header.get('version')}, expected {_EXPECTED}")
     try:
-        settings = TransportSettings(**header["settings"])
-        objects = tuple(_object(arrays, number, each, settings) for number, each in enumerate(header["objects"]))
+        objects = tuple(_object(arrays, number, each) for number, each in enumerate(header["objects"]))
         cameras = tuple(
             Camera(tuple(c["eye"]), tuple(c["target"]), c["field"], tuple(c["pixels"])) for c in header["cameras"]
         )
@@ -157,12 +162,11 @@ def is_relit(place: Path) -> bool:
     return (place / RELIT.mark).is_file() if place.is_dir() else place.name == RELIT.mark
 
 
-def _object(
-    arrays: dict[str, np.ndarray], number: int, entry: dict[str, Any], settings: TransportSettings
-) -> RelitObject:
+def _object(arrays: dict[str, np.ndarray], number: int, entry: dict[str, Any]) -> RelitObject:
     def part(name: str) -> np.ndarray:
         return arrays[f"object_{number}_{name}"]
 
+    settings = TransportSettings(**entry["settings"])
     light, view, strength = (part(f"factors_{name}") for name in _FACTORS)
     factors = InOutFactors(light, view, strength, entry["energy"], tuple(entry["channels"]))
     mesh = Mesh(part("positions"), part("normals"), part("triangles"), entry["name"])
@@ -170,7 +174,15 @@ def _object(
     made = Transport(positions, rows, factors, settings, *(_checked(part(n), n) for n in _VECTORS))
     _check(made, len(mesh.positions))
     compact = None
-    if entry["compact"]:
+    if entry["compact"] == "harmonic":
+        numbers, step = part("harmonic_number"), part("harmonic_step")
+        order = round(numbers.shape[2] ** 0.5) - 1
+        if (order + 1) ** 2 != numbers.shape[2] or not 0 <= order <= MOST_ORDER:
+            raise ValueError(f"harmonics of {numbers.shape[2]} numbers")
+        if numbers.shape[:2] != step.shape or step.shape != (len(positions), factors.terms):
+            raise ValueError("harmonics of other vertices")
+        compact = Harmonic(made, numbers, step)
+    elif entry["compact"]:
         steps, weights, cluster = part("steps"), part("weights"), part("cluster")
         count = len(steps) * (weights.shape[1] + 1)
         empty = np.zeros((count, 3), np.float32)

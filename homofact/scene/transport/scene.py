@@ -5,13 +5,14 @@ seed = 0
 mesh = "bunny.ply"                 # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot
 material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
 albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
-terms = 4                          # K of its in-out factors; as many as hold `share` of the energy unless given
-share = 0.99
+terms = 4                          # K of its in-out factors, or one of the two rules of `factoring` for it:
+error = 0.02                       # as many as leave this expected error under the scene's light
+share = 0.99                       # as many as hold this of the material's energy; the rule where none is given
 size = 1.0                         # radius of the sphere round it
 at = [0, 0, 0]                     # the middle of that sphere; y is up
 turn = 0                           # degrees about y
 [ground]                           # optional: a square plane under the objects
-albedo = [0.5]                     # or material, as above
+albedo = [0.5]                     # or material, as above; terms, error or share, as above
 half = 2.5                         # half of its width
 steps = 64                         # squares along a side
 [lighting]                         # one of the two: an environment map, or one of `scene.lighting.NAMED` that is a map
@@ -30,6 +31,8 @@ kept = 96                          # wavelet coefficients of a vector
 tolerance = 0.05                   # or: what of a vertex's root sum square may be left out
 clusters = 0                       # clustered principal components; 0 is none, −1 as many as suit the vertices
 components = 12
+[tolerance]                        # optional, in place of error, share, kept, clusters and the tolerance above:
+reflected = 0.02                   # `plan` chooses all of them so that the light errs by this at most, relative RMS
 """
 
 import math
@@ -42,7 +45,7 @@ from homofact.files.tables import limits, read_table
 from homofact.options import MOST_SEED
 from homofact.render.environment import read_environment
 from homofact.render.light import EnvironmentMap
-from homofact.scene.lighting import NAMED, named_lighting
+from homofact.scene.lighting import named_environment
 from homofact.scene.placed import Camera, GroundPlane, LightTable, PlacedObject, found_material, found_mesh
 from homofact.scene.transport.clusters import COMPONENTS
 from homofact.scene.transport.factoring import MOST_TERMS
@@ -54,7 +57,13 @@ class SceneObject(PlacedObject):
     """One object: `terms` K of its in-out factors, or as many as hold `share` of the energy."""
 
     terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
-    share: float = field(default=0.99, metadata=limits(above=0, most=0.9999))
+    error: float | None = field(default=None, metadata=limits(above=0, most=0.9))
+    share: float | None = field(default=None, metadata=limits(above=0, most=0.9999))
+
+    def __post_init__(self) -> None:
+        """Refuse what is no object, and two rules for K. Raises BadInput."""
+        super().__post_init__()
+        _check_rule(self)
 
 
 @dataclass(frozen=True)
@@ -62,17 +71,28 @@ class Ground(GroundPlane):
     """The plane under the objects, with its in-out factors as of an object."""
 
     terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
-    share: float = field(default=0.99, metadata=limits(above=0, most=0.9999))
+    error: float | None = field(default=None, metadata=limits(above=0, most=0.9))
+    share: float | None = field(default=None, metadata=limits(above=0, most=0.9999))
+
+    def __post_init__(self) -> None:
+        """Refuse what is no plane, and two rules for K. Raises BadInput."""
+        super().__post_init__()
+        _check_rule(self)
 
 
 @dataclass(frozen=True)
 class _Transport:
     cube: int = 64
     rays: int = 1
-    kept: int = KEPT
+    kept: int | None = None
     tolerance: float | None = None
-    clusters: int = field(default=0, metadata=limits(least=-1))
+    clusters: int | None = field(default=None, metadata=limits(least=-1))
     components: int = field(default=COMPONENTS, metadata=limits(least=1, most=64))
+
+
+@dataclass(frozen=True)
+class _Tolerance:
+    reflected: float = field(metadata=limits(above=0, most=0.9))
 
 
 @dataclass(frozen=True)
@@ -82,12 +102,23 @@ class _Table:
     camera: tuple[Camera, ...]
     transport: _Transport = _Transport()
     ground: Ground | None = None
+    tolerance: _Tolerance | None = None
     seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
 
     def __post_init__(self) -> None:
         for name, found in (("object", self.object), ("camera", self.camera)):
             if not found:
                 raise BadInput(f"{name}: found none, expected at least one")
+        if self.tolerance is None:
+            return
+        given = [f"transport.{name}" for name in ("kept", "tolerance", "clusters") if _given(self.transport, name)]
+        tables = [(f"object[{place}]", each) for place, each in enumerate(self.object)]
+        tables += [] if self.ground is None else [("ground", self.ground)]
+        given += [f"{where}.{name}" for where, each in tables for name in ("error", "share") if _given(each, name)]
+        if given:
+            raise BadInput(
+                f"{given[0]}: found it beside tolerance.reflected, which chooses it; expected one of the two"
+            )
 
 
 @dataclass(frozen=True)
@@ -103,6 +134,7 @@ class RelightScene:
     clusters: int
     components: int
     seed: int
+    reflected: float | None = None
 
 
 def read_relight_scene(path: str | Path) -> RelightScene:
@@ -127,23 +159,39 @@ def read_relight_scene(path: str | Path) -> RelightScene:
         if ground is not None:
             ground = replace(ground, material=found_material(ground.material, file.parent, "ground.material"))
         try:
-            settings = TransportSettings(asked.cube, asked.rays, asked.kept, asked.tolerance)
+            kept = KEPT if asked.kept is None else asked.kept
+            settings = TransportSettings(asked.cube, asked.rays, kept, asked.tolerance)
         except BadInput as error:
             raise BadInput(f"transport.{error}") from error
         light = _light(found.lighting, file.parent)
     except BadInput as error:
         raise BadInput(f"{file}: {error}") from error
     return RelightScene(
-        file.stem, objects, ground, light, found.camera, settings, asked.clusters, asked.components, found.seed
-    )
+        file.stem, objects, ground, light, found.camera, settings, asked.clusters or 0, asked.components, found.seed,
+        None if found.tolerance is None else found.tolerance.reflected,
+    )  # fmt: skip
+
+
+def is_relight_scene(path: Path) -> bool:
+    """Whether a scene's file has objects rather than materials. Raises BadInput for what is no TOML."""
+    return "object" in read_toml(path, "a scene in TOML")
+
+
+def _given(table: object, name: str) -> bool:
+    return getattr(table, name) is not None
+
+
+def _check_rule(table: SceneObject | Ground) -> None:
+    given = [name for name in ("terms", "error", "share") if _given(table, name)]
+    if len(given) > 1:
+        raise BadInput(f"found {' and '.join(given)}, expected at most one of terms, error, share")
 
 
 def _light(table: LightTable, folder: Path) -> EnvironmentMap:
     turn = math.radians(table.turn)
     if table.environment is not None:
         return read_environment(folder / table.environment, turn)
-    found = named_lighting(str(table.named)).lights
-    if len(found) != 1 or not isinstance(found[0], EnvironmentMap):
-        maps = [name for name, (make, _) in NAMED.items() if isinstance(make()[0], EnvironmentMap)]
-        raise BadInput(f"lighting.named: {table.named} is no environment map, expected one of {', '.join(maps)}")
-    return found[0].turned(turn)
+    try:
+        return named_environment(str(table.named)).turned(turn)
+    except BadInput as error:
+        raise BadInput(f"lighting.named: {error}") from error

@@ -11,6 +11,8 @@ from homofact.errors import BadInput
 from homofact.files.archive import read_archive, write_archive
 from homofact.scene.placed import Camera, material_words
 from homofact.scene.transport.build import Stand, relit, stand
+from homofact.scene.transport.harmonic import Harmonic
+from homofact.scene.transport.page.relit_page import write_relit_page
 from homofact.scene.transport.picture import camera_rays, picture
 from homofact.scene.transport.relight import Relit, shaded
 from homofact.scene.transport.result import open_relit, write_relit
@@ -163,7 +165,7 @@ CASES = {
     "the sun": (
         'named = "studio"',
         'named = "sun"',
-        "sun is no environment map, expected one of overcast, studio, uniform",
+        "lighting.named: found 'sun', expected an environment map or one of overcast, studio, uniform",
     ),
     "no sky": ('named = "studio"', 'environment = "none.hdr"', r"none\.hdr: no such file"),
     "a blind camera": ("eye = [0, 1.5, 3]", "eye = [0, 0, 0]", "eye: found the target's place, expected another"),
@@ -176,6 +178,37 @@ CASES = {
     "kept of 0": ("kept = 40", "kept = 0", "transport.kept: found 0 coefficients, expected 1 to 384"),
     "kept too many": ("kept = 40", "kept = 385", "transport.kept: found 385 coefficients, expected 1 to 384"),
     "another cube": ("cube = 8", "cube = 9", "transport.cube: found 9 texels along a face, expected one of 8, 16"),
+    "two rules for K": (
+        "albedo = [0.5]",
+        "albedo = [0.5]\nterms = 2\nshare = 0.9",
+        "found terms and share, expected at most one of terms, error, share",
+    ),
+    "two rules for the ground": (
+        "half = 1.5",
+        "half = 1.5\nerror = 0.1\nshare = 0.9",
+        "found error and share, expected at most one of terms, error, share",
+    ),
+    "an error of 0": ("albedo = [0.5]", "albedo = [0.5]\nerror = 0", r"error: found 0, expected a number above 0"),
+    "a tolerance of 0": (
+        "[transport]\ncube = 8\nkept = 40\nclusters = 2\ncomponents = 3",
+        "[tolerance]\nreflected = 0",
+        "reflected: found 0, expected a number above 0",
+    ),
+    "a tolerance and kept": (
+        "clusters = 2\ncomponents = 3",
+        "[tolerance]\nreflected = 0.1",
+        r"transport\.kept: found it beside tolerance\.reflected, which chooses it; expected one of the two",
+    ),
+    "a tolerance and clusters": (
+        "kept = 40\nclusters = 2\ncomponents = 3",
+        "clusters = 2\n[tolerance]\nreflected = 0.1",
+        r"transport\.clusters: found it beside tolerance\.reflected",
+    ),
+    "a tolerance and a share of the ground": (
+        "half = 1.5\nsteps = 6\n[lighting]",
+        "half = 1.5\nsteps = 6\nshare = 0.9\n[tolerance]\nreflected = 0.1\n[lighting]",
+        r"transport\.kept: found it beside",
+    ),
     "an unknown key": ("kept = 40", "keep = 40", "unknown key transport.keep, the nearest known one is transport.kept"),
 }
 
@@ -195,6 +228,57 @@ def test_an_environment_without_light_is_refused(pixel: float, expected: str, tm
     write_exr(tmp_path / "sky.exr", np.full((4, 8, 3), pixel, np.float32), ("R", "G", "B"))
     with pytest.raises(BadInput, match=expected):
         read(tmp_path, TEXT.replace('named = "studio"', 'environment = "sky.exr"'))
+
+
+PLANNED = TEXT.replace("kept = 40\nclusters = 2\ncomponents = 3\n", "[tolerance]\nreflected = 0.1\n")
+
+
+def test_a_share_beside_a_tolerance_is_refused(tmp_path: Path) -> None:
+    for old, name in (("albedo = [0.5]", r"object\[0\]"), ("albedo = [0.2, 0.4, 0.6]", "ground")):
+        with pytest.raises(BadInput, match=rf"{name}\.share: found it beside tolerance\.reflected, which chooses it"):
+            read(tmp_path, PLANNED.replace(old, f"{old}\nshare = 0.9"))
+    assert read(tmp_path, PLANNED.replace("albedo = [0.5]", "albedo = [0.5]\nterms = 1")).objects[0].terms == 1
+
+
+def test_a_planned_scene_keeps_its_forms_in_the_folder(tmp_path: Path) -> None:
+    """An overcast sky over matt things: nine numbers a vertex, there and back."""
+    scene = read(tmp_path, PLANNED.replace("studio", "overcast").replace("0.1", "0.03"))
+    assert scene.reflected == 0.03
+    made = stand(scene)
+    objects = relit(made)
+    write_relit(tmp_path / "out", scene, objects, {}, [])
+    saved = open_relit(tmp_path / "out")
+    for each, placed, back in zip(objects, made.objects, saved.objects, strict=True):
+        assert placed.plan is not None
+        assert isinstance(each.compact, Harmonic)
+        assert isinstance(back.compact, Harmonic)
+        assert each.compact.order == placed.plan.chosen.order
+        assert back.transport.settings.tolerance == placed.plan.chosen.tolerance
+        assert back.form == each.form == placed.plan.chosen.form
+        assert (back.tuples(light(8)) == each.tuples(light(8))).all()
+        assert each.nbytes == placed.plan.chosen.bytes
+    size = write_relit_page(tmp_path / "page.html", saved)
+    assert size == (tmp_path / "page.html").stat().st_size
+    file = tmp_path / "out" / "relight.npz"
+    arrays, header = read_archive(file)
+    name = "object_0_harmonic_number"
+    for numbers in (arrays[name][:2], arrays[name][:, :, :3]):
+        write_archive(file, header, arrays | {name: numbers})
+        with pytest.raises(BadInput, match=r"its parts do not belong together \(harmonics of"):
+            open_relit(tmp_path / "out")
+
+
+def test_terms_follow_the_rule_that_is_named(tmp_path: Path) -> None:
+    shiny = 'material = "material:phong-10"'
+    counts = {}
+    for rule in ("error = 0.05", "error = 0.2", "share = 0.9", ""):
+        objects = stand(read(tmp_path, TEXT.replace("albedo = [0.5]", f"{shiny}\n{rule}"))).objects
+        counts[rule] = objects[0].factors.terms
+        if rule.startswith("error"):
+            assert objects[0].factors.expected_error <= float(rule.split("=")[1])
+    assert counts["error = 0.05"] > counts["error = 0.2"]
+    # 99% where no rule is named.
+    assert counts[""] > counts["share = 0.9"]
 
 
 def test_a_huge_sun_stays_finite(ready: Stand) -> None:

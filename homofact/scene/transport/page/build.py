@@ -24,6 +24,7 @@ from homofact.meshes.mesh import Mesh
 from homofact.scene.placed import Camera
 from homofact.scene.transport.build import RelitObject
 from homofact.scene.transport.clusters import Clustered
+from homofact.scene.transport.harmonic import Harmonic
 from homofact.scene.transport.page.coarse import coarse_triangles
 from homofact.scene.transport.page.order import cached_order
 from homofact.scene.transport.page.skies import PageSky, halves
@@ -78,6 +79,8 @@ def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
         flat = float(np.ptp(each.mesh.positions[:, 1])) == 0
         half = float(np.abs(each.mesh.positions[:, ::2]).max())
         made = each.transport if each.compact is None else each.compact
+        if isinstance(made, Harmonic):
+            made = made.clustered()
         found.append(
             PageObject(each.mesh.name, each.mesh, made, each.material, (0.55 * half, 0.98 * half) if flat else None)
         )
