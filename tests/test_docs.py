@@ -33,6 +33,31 @@ def test_the_lines_of_a_document_run(name: str, tmp_path: Path, monkeypatch: pyt
         assert os.path.getsize("held_out.html") == names["page"].size
 
 
+def test_the_relighting_that_its_document_shows_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
+    for folder in ("data_synthetic", "configs"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    scene = tmp_path / "configs" / "scenes" / "relight.toml"
+    # The same lines on a coarser scene.
+    scene.write_text(
+        scene.read_text(encoding="utf-8").replace("cube = 32", "cube = 8").replace("share = 0.99", "terms = 2")
+    )
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs/relighting.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", text[: text.index("## The page")], re.DOTALL | re.MULTILINE)
+    assert len(blocks) == 2
+    names: dict[str, Any] = {}
+    for number, block in enumerate(blocks, 1):
+        exec(compile(block, f"docs/relighting.md, block {number}", "exec"), names)
+    assert names["colours"].shape == names["knot"].mesh.positions.shape
+    assert names["colours"].max() > 0.1
+    assert names["tuples"].shape == (
+        len(names["objects"][0].mesh.positions),
+        names["objects"][0].transport.factors.terms,
+        3,
+    )
+
+
 def test_the_table_of_projections_is_that_of_the_code() -> None:
     rows = re.findall(r"^\| `([a-z-]+)` \|.*\| (`.*`) \|$", (ROOT / "docs/python.md").read_text(encoding="utf-8"), re.M)
     told = {coordinates: set(re.findall(r"`([^`]+)`", listed)) for coordinates, listed in rows}

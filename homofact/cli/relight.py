@@ -167,17 +167,19 @@ def _record(
 
 
 def object_table(objects: "tuple[RelitObject, ...]") -> Table:
-    """A line an object: its size, its terms and what is stored of it."""
-    table = _table("vertices", "form", "terms", "their error", "coefficients a vector", "kB")
+    """A line an object: its size, form, terms K, numbers N a vector, and what is stored of it."""
+    from homofact.scene.transport.harmonic import Harmonic
+
+    table = _table("vertices", "form", "K", "N", "kB")
     for each in objects:
         made = each.transport
+        kept = each.compact.number.shape[2] if isinstance(each.compact, Harmonic) else None
         table.add_row(
             f"{each.mesh.name}, {Path(each.material).name}",
             str(made.vertices),
             each.form,
             str(made.factors.terms),
-            f"{made.factors.expected_error:.1%}",
-            f"{made.mean_kept:.0f}",
+            f"{made.mean_kept if kept is None else kept:.0f}",
             f"{each.nbytes / 1000:.0f}",
         )
     return table

@@ -177,7 +177,7 @@ def test_a_relighting_is_planned_and_relit_as_planned(relit: Path, capsys: pytes
     (ball,) = found["objects"]
     assert ball["met"]
     assert ball["chosen"]["form"].startswith("harmonics to order")
-    assert ball["chosen"]["error"] <= found["reflected"] == 0.05
+    assert ball["chosen"]["error"] * 1.25 <= found["reflected"] == 0.05
     assert ball["chosen"]["bytes"] == found["bytes"] == min(each["bytes"] for each in ball["choices"])
     assert "all frequencies" in [each["form"] for each in ball["choices"]]
     out = relit.parent / "out"
@@ -186,7 +186,8 @@ def test_a_relighting_is_planned_and_relit_as_planned(relit: Path, capsys: pytes
     assert record["plan"]["objects"] == found["objects"]
     assert record["objects"][0]["form"] == ball["chosen"]["form"]
     assert record["objects"][0]["bytes"] == found["bytes"]
-    assert record["error"]["sphere"]["harmonics"] <= record["error"]["sphere"]["together"] + 0.01 <= 0.06
+    assert record["error"]["sphere"]["together"] <= 0.05
+    assert record["error"]["sphere"]["harmonics"] <= record["error"]["sphere"]["together"] + 0.01
 
 
 def test_the_table_of_a_relighting_shows_what_was_considered(relit: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,8 +3,8 @@
 Candidates are numbers of terms whose own expected error (`factoring`, under the scene's light) is part of the
 tolerance, on maps of each of `SIZES`, in two forms: wavelets of all frequencies, of which as many are kept as the rest
 of the tolerance asks for, and harmonics of low order, where what they lose is within it. Errors of different origin add
-up in squares. All but the terms' own is measured at `SPOTS` vertices that the first camera sees (`probe`). The fewest
-bytes win.
+up in squares. All but the terms' own is measured at `SPOTS` vertices that the first camera sees (`probe`); the error
+times `MARGIN` has to be within the tolerance, since other vertices are not those. The fewest bytes win.
 """
 
 import math
@@ -26,7 +26,7 @@ from homofact.scene.transport.probe import Measured, Spot, measured
 from homofact.scene.transport.seen import seen_vertices
 
 SIZES = (16, 32, 64)
-SPOTS = 24
+SPOTS, MARGIN = 40, 1.25
 # What the maps are held against, and the parts of the tolerance that numbers of terms may take.
 _FINE = 128
 _PARTS = (0.95, 0.85, 0.75, 0.6, 0.45, 0.3)
@@ -81,8 +81,8 @@ class ObjectPlan:
 
     @property
     def met(self) -> bool:
-        """Whether the error that is expected is within the tolerance."""
-        return self.chosen.error <= self.reflected
+        """Whether the error that is expected is within the tolerance, with the margin."""
+        return self.chosen.error * MARGIN <= self.reflected * (1 + 1e-9)
 
     @property
     def warning(self) -> str | None:
@@ -90,8 +90,8 @@ class ObjectPlan:
         if self.met:
             return None
         return (
-            f"{self.name}: reflected {self.reflected:g} cannot be met; the best reachable is {self.chosen.error:.3g}"
-            f" with {self.chosen.terms} terms"
+            f"{self.name}: reflected {self.reflected:g} cannot be met; the best reachable is"
+            f" {self.chosen.error * MARGIN:.3g}, with the margin of {MARGIN:g} and {self.chosen.terms} terms"
         )
 
     def settings(self, scene: TransportSettings) -> TransportSettings:
@@ -126,9 +126,10 @@ def plan_object(
     Raises BadInput as `factoring.factor` and where no light reaches the vertices drawn.
     """
     sizes = (*SIZES, _FINE)
-    error = _PARTS[-1] * reflected if terms is None else None
+    allowed = reflected / MARGIN
+    error = _PARTS[-1] * allowed if terms is None else None
     made = factors_of_sizes(reflectance, sizes, terms, error=error, light=light)
-    counts = candidate_terms(made[0], reflected) if terms is None else [made[0].terms]
+    counts = candidate_terms(made[0], allowed) if terms is None else [made[0].terms]
     whole = [each.first(counts[-1]) for each in made]
     groups = np.searchsorted(counts, np.arange(counts[-1]), side="right")
     spot = _spot(mesh, reflectance, occluder, eye, seed)
@@ -139,7 +140,7 @@ def plan_object(
         choice
         for g, count in enumerate(counts)
         for m in range(len(SIZES))
-        for choice in _choices(found, g, m, count, errors[g], reflected, len(mesh.positions), whole[0].view.shape[3])
+        for choice in _choices(found, g, m, count, errors[g], allowed, len(mesh.positions), whole[0].view.shape[3])
     ]
     if not choices:
         choices = [_nearest(found, counts, errors, len(mesh.positions), whole[0].view.shape[3])]
@@ -149,25 +150,25 @@ def plan_object(
     return ObjectPlan(mesh.name, material, reflected, shown, chosen, factors)
 
 
-def candidate_terms(factors: InOutFactors, reflected: float) -> list[int]:
-    """Numbers of terms, rising, whose own error takes a part of the tolerance; all that there are where none does."""
+def candidate_terms(factors: InOutFactors, allowed: float) -> list[int]:
+    """Numbers of terms, rising, whose own error takes a part of what is allowed; all that there are where none does."""
     left = 1 - factors.strength.astype(np.float64).cumsum() / factors.energy
     # A pair is kept whole: its two strengths are the same number.
     whole = np.append(factors.strength[1:] != factors.strength[:-1], True)
     found = set()
     for part in _PARTS:
-        enough = np.flatnonzero(whole & (left <= (part * reflected) ** 2))
+        enough = np.flatnonzero(whole & (left <= (part * allowed) ** 2))
         if len(enough):
             found.add(int(enough[0]) + 1)
     return sorted(found) or [factors.terms]
 
 
 def _choices(
-    found: Measured, g: int, m: int, terms: int, error: float, reflected: float, vertices: int, channels: int
+    found: Measured, g: int, m: int, terms: int, error: float, allowed: float, vertices: int, channels: int
 ) -> list[Choice]:
     """Of so many terms on maps of one size: all frequencies, and the harmonics that are enough."""
     size, maps = SIZES[m], float(found.maps[g, m])
-    square = reflected**2 - error**2 - maps**2
+    square = allowed**2 - error**2 - maps**2
     if square <= 0:
         return []
     view = terms * size**2 * channels * 4

@@ -17,7 +17,7 @@ from homofact.scene.transport.factoring import factor
 from homofact.scene.transport.factors import view_values
 from homofact.scene.transport.harmonic import harmonic
 from homofact.scene.transport.ledger import ledger, relative
-from homofact.scene.transport.plan import ObjectPlan, candidate_terms, plan_object
+from homofact.scene.transport.plan import MARGIN, ObjectPlan, candidate_terms, plan_object
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport
 from homofact.scene.transport.probe import TURNS, Measured, Spot, measured
 from homofact.scene.transport.seen import Seen, seen_vertices
@@ -114,10 +114,10 @@ def test_a_plan_holds_at_vertices_that_it_has_not_seen(reflected: float) -> None
     assert plan.met
     assert plan.warning is None
     assert plan.chosen.bytes == min(each.bytes for each in plan.choices)
-    assert all(each.error <= reflected for each in plan.choices)
+    assert all(each.error * MARGIN <= reflected * 1.001 for each in plan.choices)
     made = transport(knot(), plan.factors, plan.settings(TransportSettings(CUBE)), occluder())
     found = ledger(seen(60, 9), made, STUDIO, None, ("together",)).errors["together"]
-    assert 0.2 * reflected < found < 1.1 * reflected
+    assert 0.2 * reflected < found < reflected
     stored = made.nbytes + plan.factors.view.nbytes
     assert plan.chosen.bytes == pytest.approx(stored, rel=0.15)
     assert (plan.factors.terms, plan.factors.view.shape[1]) == (plan.chosen.terms, plan.chosen.map_size)
@@ -153,8 +153,8 @@ def test_terms_that_are_given_stay_and_what_cannot_be_met_is_said() -> None:
     assert not plan.met
     assert plan.warning is not None
     assert plan.warning.startswith(f"{knot().name}: reflected 0.01 cannot be met; the best reachable is 0.")
-    assert plan.warning.endswith("with 2 terms")
-    assert plan.chosen.error > 0.01
+    assert plan.warning.endswith("with the margin of 1.25 and 2 terms")
+    assert plan.chosen.error > 0.008
 
 
 def test_an_object_that_no_camera_sees_is_planned_all_the_same() -> None:
