@@ -34,9 +34,8 @@ from homofact.viewer.packing import differences, pack
 PACKAGE = "homofact.scene.transport.page"
 SHARED = ("data.js", "elements.js")
 SCRIPTS = (
-    "vectors.js", "cube.js", "hdr.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "shaders.js", "gpu.js",
-    "background.js",
-    "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
+    "vectors.js", "cube.js", "hdr.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "shaders.js",
+    "gpu.js", "background.js", "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
 CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
 Numbers = Mapping[str, Mapping[str, str | int | float]]
