@@ -49,11 +49,11 @@ def relit(folder: Path, vertices: int, cube: int, kept: int) -> dict[str, float]
         folder / "knot.ply"
     )
     (folder / "scene.toml").write_text(SCENE.format(cube=cube, kept=kept), encoding="utf-8")
-    command = [sys.executable, "-m", "homofact.cli.main", "relight", "scene.toml", "--out", "out", "--vertices", "0", "--json"]
+    command = [sys.executable, "-m", "homofact.cli.main", "relight", "scene.toml", "--out", "out", "--vertices", "0"]
     found = {"own": 0.0, "mapped": 0.0}
     with (folder / "said").open("w") as said, (folder / "record").open("w") as record:
         began = time.perf_counter()
-        process = subprocess.Popen(command, cwd=folder, stderr=said, stdout=record, env=dict(os.environ))
+        process = subprocess.Popen([*command, "--json"], cwd=folder, stderr=said, stdout=record, env=dict(os.environ))
         while process.poll() is None:
             try:
                 text = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
