@@ -141,6 +141,7 @@ def test_a_folder_holds_everything_and_comes_back(ready: Stand, tmp_path: Path) 
         assert (mine.shade((0, 1, 3)) == theirs.shade((0, 1, 3))).all()
     with pytest.raises(BadInput, match="found an existing relit scene, expected a new folder or --force"):
         write_relit(tmp_path / "out", ready.scene, objects, {}, [])
+    assert [each.name for each in tmp_path.iterdir() if not each.name.startswith(".")] == ["out"]
     assert open_relit(tmp_path / "out").report == {"bytes": 7}
 
 
