@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich import box
 from rich.table import Table
-from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.places import check_place
@@ -102,9 +101,10 @@ def relight(
         bar.stage("writing")
         write_relit(out, asked, objects, record, pictures, force, whole_sums)
         shutil.rmtree(blocks, ignore_errors=True)
-    if plans:
-        screen.show(choice_table(plans, plans[0].reflected))
-    screen.show(object_table(objects), error_table(objects, ledgers) if ledgers else Text(""))
+    if not quiet:
+        if plans:
+            screen.show(choice_table(plans, plans[0].reflected))
+        screen.show(object_table(objects), *([error_table(objects, ledgers)] if ledgers else []))
     screen.note(f"The relit scene: {out} ({len(pictures)} pictures); homofact view {out} relights it in a browser")
     screen.answer({"folder": str(out), **record})
 

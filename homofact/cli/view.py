@@ -97,7 +97,8 @@ def _view_relit(
         others = [read_environment(each) for each in skies]
         bar.stage("writing the page")
         size = write_relit_page(target, saved, others, new=not force)
-    screen.show(f"The page: {target} ({size / 1e6:.1f} MB): {len(saved.objects)} objects")
+    if not screen.quiet:
+        screen.show(f"The page: {target} ({size / 1e6:.1f} MB): {len(saved.objects)} objects")
     screen.answer({"result": str(result), "file": str(target), "bytes": size})
 
 

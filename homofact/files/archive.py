@@ -32,6 +32,8 @@ _FIT = "the .npz of a fit"
 
 # Deflate can shrink zeros a thousandfold: more than this beside the file itself is refused.
 _SLACK = 64 * 2**20
+# More than numpy's header of a plain array takes.
+_HEADER_ROOM = 2**16
 _HEADER = re.compile(
     rb"\{'descr': '([<>|=]?[bifuUS]\d+)', 'fortran_order': (True|False), 'shape': \(((?:\d+, ?)*\d*)\), \} *\n"
 )
@@ -100,7 +102,7 @@ def read_header(path: object, arrays: dict[str, np.ndarray], expected: str) -> d
 
 
 def write_arrays(path: str | os.PathLike[str], arrays: dict[str, np.ndarray]) -> None:
-    """Write an uncompressed .npz, whole or not at all; the same arrays give the same bytes.
+    """Write an uncompressed .npz, whole or not at all, piece by piece; the same arrays give the same bytes.
 
     Raises BadInput where the place cannot be written.
     """
@@ -108,12 +110,13 @@ def write_arrays(path: str | os.PathLike[str], arrays: dict[str, np.ndarray]) ->
     def write(place: Path) -> None:
         with zipfile.ZipFile(place, "w", zipfile.ZIP_STORED) as archive:
             for name, array in arrays.items():
-                member = io.BytesIO()
-                np.lib.format.write_array(member, array, version=(1, 0), allow_pickle=False)
                 # A fixed date and creator, or the same arrays would give another file elsewhere.
                 info = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
                 info.create_system = 3
-                archive.writestr(info, member.getvalue())
+                # A member of unknown size could not grow past 2 GB; what it says is put right when it is closed.
+                info.file_size = array.nbytes + _HEADER_ROOM
+                with archive.open(info, "w") as member:
+                    np.lib.format.write_array(member, array, version=(1, 0), allow_pickle=False)
 
     replace_file(path, write)
 

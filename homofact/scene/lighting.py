@@ -121,9 +121,13 @@ def environment_coefficients(light: EnvironmentMap, order: int) -> Tensor:
     return total
 
 
-def texel_directions(rows: int, columns: int, turn: float = 0.0) -> Tensor:
-    """Unit directions (rows·columns, 3) of a lat-long map's texel centres, laid out as `render.light` says."""
-    polar = (torch.arange(rows, dtype=torch.float64) + 0.5) * (math.pi / rows)
+def texel_directions(rows: int, columns: int, turn: float = 0.0, which: Tensor | None = None) -> Tensor:
+    """Unit directions (rows·columns, 3) of a lat-long map's texel centres, laid out as `render.light` says.
+
+    `which` numbers the rows, all unless given.
+    """
+    own = torch.arange(rows) if which is None else which
+    polar = (own.double() + 0.5) * (math.pi / rows)
     azimuth = ((torch.arange(columns, dtype=torch.float64) + 0.5) / columns - 0.5) * (2 * math.pi) - turn
     y = torch.cos(polar)[:, None].expand(-1, columns)
     around = torch.sin(polar)[:, None]
@@ -212,8 +216,13 @@ def _levels(light: Light) -> tuple[float, ...]:
 
 def solid_angles(rows: int, columns: int) -> Tensor:
     """Steradians of each texel (rows·columns,)."""
+    return band_angles(rows, columns).repeat_interleave(columns)
+
+
+def band_angles(rows: int, columns: int) -> Tensor:
+    """Steradians of a texel of each row (rows,)."""
     edges = torch.cos(torch.arange(rows + 1, dtype=torch.float64) * (math.pi / rows))
-    return ((edges[:-1] - edges[1:]) * (2 * math.pi / columns)).repeat_interleave(columns)
+    return (edges[:-1] - edges[1:]) * (2 * math.pi / columns)
 
 
 def _resized(radiance: Tensor) -> Tensor:

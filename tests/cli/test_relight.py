@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from homofact.cli.main import main
@@ -64,9 +65,16 @@ def test_an_existing_result_stays_without_force(scene: Path, capsys: pytest.Capt
     out = scene.parent / "out"
     run = ["relight", str(scene), "--out", str(out), "--vertices", "0", "--quiet"]
     assert main(run) == 0
+    assert main(["view", str(out), "--quiet"]) == 0
+    assert (out / "view.html").exists()
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "")
     before = (out / "relight.npz").read_bytes()
     assert main(run) == 2
     assert "found an existing relit scene, expected a new folder or --force" in capsys.readouterr().err
+    # Before anything is read.
+    assert main(["relight", "missing.toml", *run[2:]]) == 2
+    assert "found an existing relit scene" in capsys.readouterr().err
     scene.write_text(SCENE.replace("half = 1.5", "half = 0"))
     assert main([*run, "--force"]) == 2
     assert "half: found 0, expected a number above 0" in capsys.readouterr().err
@@ -91,6 +99,52 @@ def test_blocks_of_another_run_are_refused_by_name(scene: Path, capsys: pytest.C
     assert "out.blocks/object_0: holds transport of ball.obj with another mesh, material or setting" in (
         capsys.readouterr().err
     )
+
+
+MATT = SCENE.replace('material = "material:phong-10"\nterms = 3', "albedo = [0.6]").replace(
+    "eye = [0, 1, 4]\npixels = [48, 36]",
+    "eye = [0, -3, 4]\npixels = [20, 16]\n[[camera]]\neye = [1, 2, 3]\npixels = [24, 18]",
+)
+
+
+def test_each_camera_has_its_own_picture_and_each_object_its_own_line(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """From below the ground is not seen; a triangle without area is left out and said."""
+    from homofact.scene.transport.result import open_relit
+
+    ball = scene.parent / "ball.obj"
+    ball.write_text(ball.read_text() + "f 1 1 2\n")
+    scene.write_text(MATT.replace("kept = 64", "tolerance = 0.2"))
+    run = ["relight", str(scene), "--vertices", "4", "--json"]
+    assert main([*run, "--out", str(scene.parent / "out"), "--reference"]) == 0
+    said = capsys.readouterr()
+    record = json.loads(said.out)
+    assert record["notes"] == ["ball.obj: 1 degenerate triangles of 121 are left out"]
+    assert f"homofact: {record['notes'][0]}" in said.err
+    assert record["error"]["ground"] is None
+    assert set(record["error"]["ball.obj"]) == {"truncation", "quantisation", "together", "below_zero", "vertices"}
+    assert record["bytes"] == sum(each["bytes"] for each in record["objects"])
+    assert (record["kept"], record["tolerance"]) == (None, 0.2)
+    reference = open_relit(scene.parent / "out").reference
+    assert reference is not None
+    assert np.isnan(reference[1]).all()
+    assert 0 < np.isfinite(reference[0]).all(1).sum() < len(reference[0])
+    first, second = MATT.split("[[camera]]")[0], MATT.split("[[camera]]")[2]
+    scene.write_text(f"{first}[[camera]]{second}".replace("kept = 64", "tolerance = 0.2"))
+    assert main(["relight", str(scene), "--vertices", "4", "--out", str(scene.parent / "other")]) == 0
+    said = capsys.readouterr()
+    assert "ground" in said.out
+    assert "not seen" not in said.out
+    pictures = (scene.parent / "out" / "picture_2.png", scene.parent / "other" / "picture_1.png")
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+    assert open_relit(scene.parent / "other").reference is None
+
+
+def test_what_is_not_seen_is_said(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene.write_text(MATT)
+    assert main(["relight", str(scene), "--vertices", "4", "--out", str(scene.parent / "out")]) == 0
+    assert "not seen" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,10 @@ from homofact.scene.transport.precompute import Cost, Transport, TransportSettin
 from homofact.scene.transport.scene import Ground, RelightScene, SceneObject
 
 Stage = Callable[[str], object]
+# Bytes of memory of a vertex and a triangle: the object's mesh, that of all, Embree's with its tree.
+_PLACE_BYTES, _TRIANGLE_BYTES = 200, 300
+# Clustering works on all of an object's transport in memory: a sparse matrix of it takes so many times as much.
+_CLUSTERED = 8
 
 
 @dataclass(frozen=True)
@@ -78,11 +82,14 @@ class Stand:
 
     @property
     def cost(self) -> Cost:
-        """What all of its transport will take, at most."""
-        each = [cost(len(o.mesh.positions), o.factors.terms, o.settings) for o in self.objects]
+        """What all of its transport will take, at most, with its blocks on disk; memory that of the meshes too."""
+        each = [cost(len(o.mesh.positions), o.factors.terms, o.settings, on_disk=True) for o in self.objects]
+        positions, triangles = self.occluder.arrays
+        peak = sum(c.peak_bytes for c in each) + len(positions) * _PLACE_BYTES + len(triangles) * _TRIANGLE_BYTES
+        if self.scene.clusters:
+            peak += _CLUSTERED * max(c.most_bytes for c in each)
         stored = sum(c.most_bytes for c in each)
-        peak = max(c.peak_bytes - c.most_bytes for c in each) + stored
-        return Cost(sum(c.rays for c in each), stored, peak)
+        return Cost(sum(c.rays for c in each), stored, peak, sum(c.disk_bytes for c in each))
 
 
 def stand(scene: RelightScene, stage: Stage | None = None) -> Stand:

@@ -6,13 +6,12 @@ a = 2(i + ½)/n − 1 along its first axis, b along its second, and points along
 Ω(a, b) = atan(ab/√(1 + a² + b²)).
 """
 
-import math
-
 import numpy as np
 import torch
 
 from homofact.errors import BadInput
 from homofact.render.light import EnvironmentMap
+from homofact.scene.lighting import band_angles, texel_directions
 
 FACES = 6
 SIZES = (8, 16, 32, 64)
@@ -76,17 +75,11 @@ def environment_cube(light: EnvironmentMap, size: int) -> np.ndarray:
     radiance = light.radiance.expand(-1, -1, 3) if channels == 1 else light.radiance
     total = FACES * size * size
     flux, given = np.zeros((total, 3)), np.zeros(total)
-    azimuth = ((torch.arange(columns * times, dtype=torch.float64) + 0.5) / (columns * times) - 0.5) * (2 * math.pi)
-    azimuth = azimuth - light.turn
-    edges = torch.arange(rows * times + 1, dtype=torch.float64) * (math.pi / (rows * times))
-    height = -torch.cos(edges).diff() * (2 * math.pi / (columns * times))
-    for first in range(0, rows * times, _ROWS):
-        place = torch.arange(first, min(first + _ROWS, rows * times))
-        polar = ((place + 0.5) * (math.pi / (rows * times)))[:, None]
-        around = torch.sin(polar)
-        w = (around * torch.sin(azimuth), torch.cos(polar).expand(-1, len(azimuth)), -around * torch.cos(azimuth))
-        at = texel_of(torch.stack(w, -1).reshape(-1, 3).numpy(), size)
-        angle = height[place].repeat_interleave(columns * times).numpy()
+    height, width = rows * times, columns * times
+    for first in range(0, height, _ROWS):
+        place = torch.arange(first, min(first + _ROWS, height))
+        at = texel_of(texel_directions(height, width, light.turn, place).numpy(), size)
+        angle = band_angles(height, width)[place].repeat_interleave(width).numpy()
         values = radiance[place // times].repeat_interleave(times, 1).reshape(-1, 3).numpy()
         given += np.bincount(at, angle, total)
         for c in range(3):

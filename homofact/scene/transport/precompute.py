@@ -6,8 +6,9 @@ each term weighted by how strong its view map is. What is kept is stored as 16-b
 16-bit place.
 
 Vertices go in blocks, side by side in threads. Each block is written whole or not at all when a folder is given, under
-the fingerprint of everything that goes into it: a run that was stopped goes on with what is there. Memory is bounded by
-the blocks at work and the result; `cost` says it before anything is traced.
+the fingerprint of everything that goes into it: a run that was stopped goes on with what is there. The finished blocks
+are then strung together in two files of that folder, which are mapped and not read: memory is bounded by the blocks at
+work and a few numbers a vector, however much is kept. `cost` says it before anything is traced.
 """
 
 import hashlib
@@ -20,6 +21,7 @@ import numpy as np
 
 from homofact.errors import BadInput
 from homofact.files.archive import read_arrays, write_arrays
+from homofact.files.atomic import replace_file
 from homofact.files.reading import read_bytes
 from homofact.linear.threads import in_parallel
 from homofact.meshes.mesh import Mesh
@@ -32,6 +34,10 @@ from homofact.scene.transport.kernels import keep_above, keep_largest, threshold
 BLOCK = 256
 KEPT = 96
 _PARTS = ("count", "index", "number", "scale")
+# What is large, and kept in files of its own.
+_LONG = {"index": np.uint16, "number": np.int16}
+# Bytes of memory beside the stored vectors: places and frames with what makes them; counts, scales, starts, products.
+_VERTEX_BYTES, _VECTOR_BYTES = 400, 64
 _EXPECTED = "a block of transport that homofact wrote"
 
 
@@ -105,29 +111,40 @@ class Transport:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a precomputation will take: rays, the largest size of the result and the peak of memory, in bytes."""
+    """What a precomputation will take: rays, the largest size of the result and the peak of memory, in bytes.
+
+    `disk_bytes` is what its blocks take, with the files that they are strung together in; 0 without a folder.
+    """
 
     rays: int
     most_bytes: int
     peak_bytes: int
+    disk_bytes: int = 0
 
     def describe(self) -> str:
         """In words, before it starts."""
+        disk = f" and {self.disk_bytes / 1e6:.0f} MB of disk for blocks" if self.disk_bytes else ""
         return (
             f"{self.rays / 1e6:.0f} million rays, at most {self.most_bytes / 1e6:.0f} MB of transport, at most"
-            f" {self.peak_bytes / 1e6:.0f} MB of memory"
+            f" {self.peak_bytes / 1e6:.0f} MB of memory{disk}"
         )
 
 
-def cost(vertices: int, terms: int, settings: TransportSettings) -> Cost:
-    """What `transport` of so many vertices and terms will take, at most."""
+def cost(vertices: int, terms: int, settings: TransportSettings, on_disk: bool = False) -> Cost:
+    """What `transport` of so many vertices and terms will take, at most; `on_disk` with a folder for its blocks.
+
+    Memory beside the program's own, the mesh's and Embree's.
+    """
     texels = cube.FACES * settings.cube**2
     kept = texels if settings.tolerance is not None else settings.kept
     stored = vertices * terms * (4 * kept + 6)
     threads = numba.get_num_threads()
-    at_work = threads * (BLOCK * terms * kept * 4 + terms * texels * 4 + texels * settings.rays**2 * 40)
-    # Blocks and what they are put together to stand in memory at once.
-    return Cost(vertices * texels // 2 * settings.rays**2, stored, 2 * stored + at_work)
+    # A block's arrays stand there twice while they are put together, and once more while they are written.
+    at_work = threads * (BLOCK * terms * kept * 12 + terms * texels * 4 + texels * settings.rays**2 * 40)
+    rays = vertices * texels // 2 * settings.rays**2
+    peak = vertices * (_VERTEX_BYTES + terms * _VECTOR_BYTES) + at_work
+    # Without a folder, blocks and what they are put together to stand in memory at once.
+    return Cost(rays, stored, peak, 2 * stored) if on_disk else Cost(rays, stored, peak + 2 * stored)
 
 
 def transport(
@@ -156,23 +173,51 @@ def transport(
     done = [0]
 
     def one(first: int) -> dict[str, np.ndarray]:
-        file = None if folder is None else folder / f"block_{first // BLOCK:05d}.npz"
-        found = _read(file, work.factors.terms, min(BLOCK, len(mesh.positions) - first)) if file else None
+        file = None if folder is None else _block_file(folder, first)
+        vertices = min(BLOCK, len(mesh.positions) - first)
+        found = _read(file, work.factors.terms, vertices) if file else None
         if found is None:
-            found = work.block(first, min(first + BLOCK, len(mesh.positions)))
+            found = work.block(first, first + vertices)
             if file is not None:
                 write_arrays(file, found)
         done[0] += 1
         if progress is not None:
             progress(done[0], len(places))
-        return found
+        return found if file is None else {name: each for name, each in found.items() if name not in _LONG}
 
     blocks = in_parallel(one, places)
     counts = np.concatenate([each["count"] for each in blocks])
     start = np.zeros(len(counts) + 1, np.int64)
     np.cumsum(counts, out=start[1:])
-    index, number, scale = (np.concatenate([each[name] for each in blocks]) for name in _PARTS[1:])
+    scale = np.concatenate([each["scale"] for each in blocks])
+    if folder is None:
+        index, number = (np.concatenate([each[name] for each in blocks]) for name in _LONG)
+    else:
+        index, number = _strung(folder, places, int(start[-1]))
     return Transport(mesh.positions.astype(np.float32), work.rows, factors, settings, start, index, number, scale)
+
+
+def _block_file(folder: Path, first: int) -> Path:
+    return folder / f"block_{first // BLOCK:05d}.npz"
+
+
+def _strung(folder: Path, places: list[int], entries: int) -> list[np.ndarray]:
+    """`_LONG` of all blocks, one after the other in a file each, mapped: pages are read as they are asked for."""
+    found = []
+    for name, kind in _LONG.items():
+        file = folder / f"{name}.bin"
+
+        def write(target: Path, part: str = name) -> None:
+            with target.open("wb") as out:
+                for first in places:
+                    block = _block_file(folder, first)
+                    out.write(read_arrays(block, read_bytes(block, _EXPECTED), (part,), _EXPECTED)[part].data)
+
+        replace_file(file, write)
+        # Copied where it is written to: nothing writes, but compiled loops know one kind of array then.
+        mapped = np.memmap(file, kind, "c", shape=(entries,)) if entries else np.zeros(0, kind)
+        found.append(np.asarray(mapped))
+    return found
 
 
 class Tracer:
@@ -210,7 +255,7 @@ class _Work(Tracer):
         """A digest of everything that decides about the blocks."""
         digest = hashlib.sha256(repr((self.settings, self.mesh.name)).encode())
         for each in (self.positions, self.rows, self.maps, self.factors.view, *self.occluder.arrays):
-            digest.update(np.ascontiguousarray(each).tobytes())
+            digest.update(np.ascontiguousarray(each).data)
         return digest.hexdigest()
 
     def block(self, first: int, last: int) -> dict[str, np.ndarray]:

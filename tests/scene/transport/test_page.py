@@ -18,7 +18,7 @@ from homofact.render.light import EnvironmentMap
 from homofact.scene.transport import cube
 from homofact.scene.transport.build import RelitObject
 from homofact.scene.transport.clusters import Clustered
-from homofact.scene.transport.page.build import PageReference, closed, page_objects, turns, write_page
+from homofact.scene.transport.page.build import PageReference, closed, page_objects, shown_name, turns, write_page
 from homofact.scene.transport.page.order import cached_order, misses
 from homofact.scene.transport.page.skies import halves, page_sky, reduced, rounded
 from homofact.viewer.packing import unpack
@@ -193,3 +193,18 @@ def test_bad_references_are_named(tmp_path: Path) -> None:
         ([good * np.nan], 0, "found no light at any vertex"),
     ):
         assert said in refused(tmp_path, reference=PageReference(colours, sky))
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("knot.ply", "knot"),
+        ("material:lafortune-blue-paint", "lafortune-blue-paint"),
+        ("/data/rgl/chm_light_blue_rgb.bsdf", "chm_light_blue_rgb.bsdf"),
+        ("albedo 0.45, 0.42, 0.38", "albedo 0.45, 0.42, 0.38"),
+        ("skies/Evening.HDR", "Evening"),
+        ("torus knot 2,3", "torus knot 2,3"),
+    ],
+)
+def test_names_are_shown_without_what_a_program_needs(text: str, shown: str) -> None:
+    assert shown_name(text) == shown

@@ -1,5 +1,6 @@
 """Transport vectors: what they are without shadows and with them, what is kept, blocks that survive."""
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -208,3 +209,31 @@ def test_light_must_be_light() -> None:
         relit.step(0)
     with pytest.raises(BadInput, match="expected a point of 3 finite numbers"):
         relit.shade((0.0, np.nan, 1.0))
+
+
+def test_blocks_on_disk_are_mapped_and_bound_the_memory(tmp_path: Path) -> None:
+    """With a folder nothing of the long arrays is held; the bits are those of a run without one."""
+    mesh = sphere(48)
+    around = Occluder(mesh.positions, mesh.triangles)
+    settings = TransportSettings(8, kept=384)
+    held = transport(mesh, matt(), settings, around)
+    traced = []
+    for folder in (tmp_path, None):
+        tracemalloc.start()
+        made = transport(mesh, matt(), settings, around, folder)
+        traced.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        for name in ("start", "index", "number", "scale"):
+            assert (getattr(made, name) == getattr(held, name)).all()
+    said = cost(len(mesh.positions), 1, settings, on_disk=True)
+    assert traced[0] < said.peak_bytes < said.disk_bytes
+    assert traced[1] > 2 * traced[0]
+    assert sum(each.stat().st_size for each in tmp_path.iterdir()) < 1.05 * said.disk_bytes
+    assert f"{said.disk_bytes / 1e6:.0f} MB of disk for blocks" in said.describe()
+    assert cost(len(mesh.positions), 1, settings).disk_bytes == 0
+
+
+def test_memory_on_disk_does_not_grow_with_what_is_kept() -> None:
+    few, many = (cost(1_000_000, 4, TransportSettings(64, kept=kept), on_disk=True) for kept in (96, 960))
+    assert many.most_bytes > 9 * few.most_bytes
+    assert many.peak_bytes < 1.1 * few.peak_bytes

@@ -6,13 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from relighting import EYE, SHINY, knot, light, occluder, shiny, whole
+from relighting import EYE, MATT, SHINY, knot, light, matt, occluder, shiny, whole
 
 from homofact.errors import BadInput
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import sphere
 from homofact.render.light import EnvironmentMap
 from homofact.scene.transport.clusters import clustered
+from homofact.scene.transport.cube import environment_cube
 from homofact.scene.transport.ledger import STAGES, ledger, relative
 from homofact.scene.transport.precompute import TransportSettings, transport
 from homofact.scene.transport.relight import Relit
@@ -177,6 +178,54 @@ def test_the_ledger_names_each_stage_by_itself() -> None:
     exact = ledger(those, whole(), sky(), None, ("terms", "truncation", "together"))
     assert exact.errors["truncation"] < 1e-4
     assert exact.errors["together"] == pytest.approx(exact.errors["terms"], rel=0.1)
+
+
+def test_stages_without_transport_are_what_they_say() -> None:
+    """The cube map's against one of four times as many texels; nothing that is hidden from the eye is asked."""
+    those = seen(12)
+    found = ledger(those, whole(), sky(), None, ("cube",))
+    coarse, fine = (those.dense(environment_cube(sky(), size), size) for size in (8, 32))
+    assert found.errors == {"cube": pytest.approx(relative(coarse, fine))}
+    every = seen(len(knot().positions)).which
+    towards = np.array(EYE) - knot().positions
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    hidden = occluder().blocked(knot().positions + occluder().offset * knot().normals, towards)
+    facing = (towards * knot().normals).sum(1) > 0.1
+    assert not hidden[every].any()
+    assert set(every) == set(np.flatnonzero(facing & ~hidden))
+    assert (facing & hidden).any()
+
+
+def test_between_vertices_light_is_mixed_from_all_corners() -> None:
+    """On a ball under a smooth sky the mix of three corners is off by 1.4%; one of them would be by 6%."""
+    mesh = sphere(16)
+    around = Occluder(mesh.positions, mesh.triangles)
+    made = transport(mesh, matt(), TransportSettings(8, kept=384), around)
+    smooth = EnvironmentMap(torch.linspace(2, 0, 16, dtype=torch.float64)[:, None, None].expand(16, 32, 1))
+    those = seen_vertices(mesh, MATT, around, EYE, 40)
+    assert ledger(those, made, smooth, None, ("interpolation",)).errors["interpolation"] < 0.03
+
+
+def test_clusters_are_part_of_all_together() -> None:
+    made = transport(knot(), shiny(), TransportSettings(8, kept=64), occluder())
+    compact, those = clustered(made, 1, 40, 2), seen(12)
+    rough = ledger(those, made, sky(), compact, ("together", "clusters"))
+    fine = ledger(those, made, sky(), None, ("together",))
+    assert rough.errors["clusters"] > 0.1
+    assert rough.errors["together"] > 1.2 * fine.errors["together"]
+
+
+def test_light_below_zero_is_a_share_of_all_light() -> None:
+    """Half of the view maps of the wrong sign: what is below zero is counted against what is on both sides."""
+    wrong = shiny().view.copy()
+    wrong[1:] *= -3
+    made = replace(whole(), factors=replace(shiny(), view=wrong))
+    found = ledger(seen(40), made, sky(), None, ("together",))
+    relit = Relit(made)
+    relit.relight(sky())
+    shown = relit.shade(EYE)[seen(40).which]
+    assert (shown < 0).mean() > 0.02
+    assert found.below_zero == pytest.approx(np.maximum(-shown, 0).sum() / np.abs(shown).sum(), rel=1e-3)
 
 
 def test_light_below_zero_is_measured() -> None:

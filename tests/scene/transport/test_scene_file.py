@@ -1,5 +1,6 @@
 """The scene file and the folder of a relit scene: round trips, and everything that can be wrong with them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,11 @@ from relighting import light
 from homofact.containers.exr import write_exr
 from homofact.errors import BadInput
 from homofact.files.archive import read_archive, write_archive
+from homofact.meshes.shapes import torus_knot
 from homofact.scene.placed import Camera, material_words
+from homofact.scene.transport import build
 from homofact.scene.transport.build import Stand, relit, stand
+from homofact.scene.transport.cube import environment_cube
 from homofact.scene.transport.harmonic import Harmonic
 from homofact.scene.transport.page.relit_page import write_relit_page
 from homofact.scene.transport.picture import camera_rays, picture
@@ -64,20 +68,75 @@ def test_the_scene_says_what_stands_where(ready: Stand) -> None:
     assert ready.occluder.blocked(np.array([[0.0, -0.24, 0.0]]), np.array([[0.0, 1.0, 0.0]])).all()
 
 
+def test_a_mesh_is_turned_scaled_and_moved_with_its_normals(tmp_path: Path) -> None:
+    text = TEXT.replace("shape:sphere", "shape:knot").replace("at = [0, 0.25, 0]", "at = [0.5, 1, -2]\nturn = 90")
+    mesh = stand(read(tmp_path, text)).objects[0].mesh
+    plain = torus_knot()
+    # About y by 90°: z goes to x, x to −z.
+    for found, given in ((mesh.positions, 0.5 * plain.positions), (mesh.normals, plain.normals)):
+        turned = np.stack((given[:, 2], given[:, 1], -given[:, 0]), 1)
+        assert found == pytest.approx(turned + ((0.5, 1, -2) if found is mesh.positions else 0), abs=1e-12)
+
+
+def test_what_the_file_says_of_factors_and_clusters_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each material with its own terms and share; clusters with the scene's seed, at most one a vertex."""
+    asked: list[tuple[object, ...]] = []
+    made, grouped = build.factor, build.clustered
+
+    def factor(reflectance: object, terms: int | None, share: float) -> object:
+        asked.append((terms, share))
+        return made(reflectance, terms, share)  # type: ignore[arg-type]
+
+    def clustered(transport: object, components: int, *, clusters: int | None, seed: int) -> object:
+        asked.append((components, clusters, seed))
+        return grouped(transport, components, clusters=clusters, seed=seed)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(build, "factor", factor)
+    monkeypatch.setattr(build, "clustered", clustered)
+    text = "seed = 7\n" + TEXT.replace("size = 0.5", "size = 0.5\nterms = 1\nshare = 0.875").replace(
+        "steps = 6", "steps = 2"
+    )
+    objects = relit(stand(read(tmp_path, text)))
+    assert asked == [(1, 0.875), (None, 0.99), (3, 2, 7), (3, 2, 7)]
+    # What is used is the compact form.
+    for each in objects:
+        assert each.compact is not None
+        plain = Relit(each.transport)
+        plain.relight(light(8))
+        assert not np.array_equal(each.tuples(light(8)), plain.tuples)
+    monkeypatch.setattr(build, "clustered", grouped)
+    text = TEXT.replace("steps = 6", "steps = 2").replace("clusters = 2", "clusters = 12")
+    assert relit(stand(read(tmp_path, text.replace("components = 3", "components = 1"))))[1].compact is not None
+
+
 def test_a_folder_holds_everything_and_comes_back(ready: Stand, tmp_path: Path) -> None:
     objects = relit(ready)
     shown = (np.full((4, 5, 3), 0.3), np.ones((4, 5)))
-    write_relit(tmp_path / "out", ready.scene, objects, {"bytes": 7}, [shown])
+    cameras = (*ready.scene.cameras, Camera((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 33.0, (31, 17)))
+    scene = replace(ready.scene, cameras=cameras)
+    reference = [np.full((len(each.mesh.positions), 3), number + 0.5) for number, each in enumerate(objects)]
+    reference[1][3] = np.nan
+    write_relit(tmp_path / "out", scene, objects, {"bytes": 7}, [shown, shown], reference=reference)
     names = sorted(each.name for each in (tmp_path / "out").iterdir())
-    assert names == ["picture_1.png", "relight.json", "relight.npz"]
+    assert names == ["picture_1.png", "picture_2.png", "relight.json", "relight.npz"]
     found = open_relit(tmp_path / "out")
     assert found.report == {"bytes": 7}
-    assert found.cameras == ready.scene.cameras
+    assert found.cameras == cameras
     assert found.sky.name == ready.scene.light.name
-    assert found.sky.cube.shape == (6, 8, 8, 3)
-    assert found.reference is None
+    assert found.sky.cube == pytest.approx(environment_cube(ready.scene.light, 8), rel=1e-3, abs=1e-3)
+    assert found.reference is not None
+    for before, after in zip(reference, found.reference, strict=True):
+        assert np.array_equal(after, before, equal_nan=True)
     for before, after in zip(objects, found.objects, strict=True):
         assert after.material == before.material
+        assert after.transport.factors.energy == before.transport.factors.energy
+        assert after.transport.factors.channels == before.transport.factors.channels
+        assert after.transport.settings == before.transport.settings
+        assert after.mesh.name == before.mesh.name
+        for name in ("positions", "normals", "triangles"):
+            assert np.array_equal(getattr(after.mesh, name), getattr(before.mesh, name))
         assert (after.tuples(light(8)) == before.tuples(light(8))).all()
         mine, theirs = Relit(before.transport), Relit(after.transport)
         mine.relight(light(8))
@@ -85,6 +144,7 @@ def test_a_folder_holds_everything_and_comes_back(ready: Stand, tmp_path: Path) 
         assert (mine.shade((0, 1, 3)) == theirs.shade((0, 1, 3))).all()
     with pytest.raises(BadInput, match="found an existing relit scene, expected a new folder or --force"):
         write_relit(tmp_path / "out", ready.scene, objects, {}, [])
+    assert [each.name for each in tmp_path.iterdir() if not each.name.startswith(".")] == ["out"]
     assert open_relit(tmp_path / "out").report == {"bytes": 7}
 
 
@@ -105,6 +165,17 @@ def test_files_that_are_none_are_refused(ready: Stand, tmp_path: Path) -> None:
         with pytest.raises(BadInput, match=r"its parts do not belong together \(coefficients beyond the cube map\)"):
             open_relit(tmp_path / "out")
     write_archive(file, header, arrays | {"object_0_start": arrays["object_0_start"][:-1]})
+    with pytest.raises(BadInput, match="its parts do not belong together"):
+        open_relit(tmp_path / "out")
+    late, short = arrays["object_1_start"].copy(), arrays["object_0_cluster"].copy()
+    late[0] = 1
+    short[2] = 60000
+    fewer = arrays["object_0_frames"][:-1]
+    for name, other in (("object_1_start", late), ("object_0_cluster", short), ("object_0_frames", fewer)):
+        write_archive(file, header, arrays | {name: other})
+        with pytest.raises(BadInput, match="its parts do not belong together"):
+            open_relit(tmp_path / "out")
+    write_archive(file, header, {name: each for name, each in arrays.items() if name != "object_1_scale"})
     with pytest.raises(BadInput, match="its parts do not belong together"):
         open_relit(tmp_path / "out")
     write_archive(file, header | {"version": 9}, arrays)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from homofact.brdf.names import MATERIAL_PREFIX
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.meshes.mesh import Mesh
@@ -36,9 +37,10 @@ PACKAGE = "homofact.scene.transport.page"
 SHARED = ("data.js", "elements.js")
 SCRIPTS = (
     "vectors.js", "cube.js", "hdr.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "shaders.js",
-    "gpu.js", "background.js",
-    "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
+    "gpu.js", "background.js", "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
+# Endings of files that a name is shown without.
+_ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")
 CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
 Numbers = Mapping[str, Mapping[str, str | int | float]]
 
@@ -81,10 +83,15 @@ def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
         made = each.transport if each.compact is None else each.compact
         if isinstance(made, Harmonic):
             made = made.clustered()
-        found.append(
-            PageObject(each.mesh.name, each.mesh, made, each.material, (0.55 * half, 0.98 * half) if flat else None)
-        )
+        fade = (0.55 * half, 0.98 * half) if flat else None
+        found.append(PageObject(shown_name(each.mesh.name), each.mesh, made, shown_name(each.material), fade))
     return found
+
+
+def shown_name(text: str) -> str:
+    """A mesh's, a sky's or a material's name without what only a program needs: folder, ending, "material:"."""
+    name = Path(text.removeprefix(MATERIAL_PREFIX)).name
+    return name.rpartition(".")[0] if name.lower().endswith(_ENDINGS) else name
 
 
 def write_page(

@@ -17,6 +17,8 @@ FEW = 4000
 _ROUNDS = 40
 # An edge in a flat place still counts by its length: light changes there too.
 _FLAT = 0.1
+# What a triangle may turn by in one collapse, and stand off the normals of its corners: 60°.
+_LEAST = 0.5
 
 
 def coarse_triangles(mesh: Mesh) -> np.ndarray | None:
@@ -51,13 +53,14 @@ def _collapses(triangles: np.ndarray, positions: np.ndarray, normals: np.ndarray
     flat = triangles.reshape(-1)
     start = np.concatenate(([0], np.cumsum(np.bincount(flat, minlength=len(positions)))))
     around = np.argsort(flat, kind="stable") // 3
-    return _round(triangles, positions, order, held, start, around, most)
+    return _round(triangles, positions, normals, order, held, start, around, most)
 
 
 @kernel()
 def _round(
     triangles: np.ndarray,
     positions: np.ndarray,
+    normals: np.ndarray,
     order: np.ndarray,
     held: np.ndarray,
     start: np.ndarray,
@@ -74,7 +77,12 @@ def _round(
             break
         for turn in range(2):
             v, u = order[e, turn], order[e, 1 - turn]
-            if held[v] or touched[v] or touched[u] or not _fits(triangles, positions, start, around, mark, v, u):
+            if (
+                held[v]
+                or touched[v]
+                or touched[u]
+                or not _fits(triangles, positions, normals, start, around, mark, v, u)
+            ):
                 continue
             target[v] = u
             for p in range(start[v], start[v + 1]):
@@ -89,13 +97,14 @@ def _round(
 def _fits(
     triangles: np.ndarray,
     positions: np.ndarray,
+    normals: np.ndarray,
     start: np.ndarray,
     around: np.ndarray,
     mark: np.ndarray,
     v: int,
     u: int,
 ) -> bool:
-    """Whether v may become u: their rings share two vertices alone, and no triangle turns over or thins out."""
+    """Whether v may become u: their rings share two vertices alone, and none of v's triangles turns over."""
     for p in range(start[u], start[u + 1]):
         for w in triangles[around[p]]:
             mark[w] = u
@@ -112,11 +121,16 @@ def _fits(
         before = _normal(positions[a], positions[b], positions[c])
         x, y, z = u if a == v else a, u if b == v else b, u if c == v else c
         after = _normal(positions[x], positions[y], positions[z])
-        product = before[0] * after[0] + before[1] * after[1] + before[2] * after[2]
-        lengths = np.sqrt((before**2).sum() * (after**2).sum())
-        if product <= 0.5 * lengths:
+        if _cosine(before, after) < _LEAST or _cosine(after, normals[x] + normals[y] + normals[z]) < _LEAST:
             return False
     return shared == 2
+
+
+@kernel()
+def _cosine(a: np.ndarray, b: np.ndarray) -> float:
+    """Of the angle between two vectors; 0 where one has no length."""
+    lengths = np.sqrt((a**2).sum() * (b**2).sum())
+    return (a * b).sum() / lengths if lengths > 0 else 0.0
 
 
 @kernel()

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from homofact.evaluate.wording import figure
 from homofact.render.light import EnvironmentMap
 from homofact.scene.lighting import NAMED, named_lighting
-from homofact.scene.transport.page.build import PageReference, page_objects, write_page
+from homofact.scene.transport.page.build import PageReference, page_objects, shown_name, write_page
 from homofact.scene.transport.page.skies import PageSky, page_sky
 from homofact.scene.transport.result import SavedScene
 
@@ -13,7 +14,8 @@ from homofact.scene.transport.result import SavedScene
 def write_relit_page(target: Path, saved: SavedScene, others: Sequence[EnvironmentMap] = (), new: bool = False) -> int:
     """Write the page, whole or not at all; its bytes. Raises BadInput as `page.build.write_page`."""
     size = saved.sky.cube.shape[1]
-    skies = [saved.sky, *(page_sky(each.name, each, size) for each in others), *_built_in(size)]
+    own = PageSky(shown_name(saved.sky.name), saved.sky.cube, saved.sky.picture)
+    skies = [own, *(page_sky(shown_name(each.name), each, size) for each in others), *_built_in(size)]
     numbers: dict[str, dict[str, str | int | float]] = {}
     for entry in saved.report.get("objects", []):
         rows: dict[str, str | int | float] = {
@@ -24,11 +26,16 @@ def write_relit_page(target: Path, saved: SavedScene, others: Sequence[Environme
         }
         for stage, value in (entry["error"] or {}).items():
             if stage not in ("below_zero", "vertices"):
-                rows[f"error, {stage}"] = f"{value:.2%}"
-        numbers[f"{entry['mesh']}, {entry['material']}"] = rows
+                rows[f"error, {stage}"] = _percent(value)
+        numbers[f"{shown_name(entry['mesh'])}, {shown_name(entry['material'])}"] = rows
     reference = None if saved.reference is None else PageReference(saved.reference)
     objects, camera = page_objects(saved.objects), saved.cameras[0]
     return write_page(target, objects, skies, numbers, reference, title=saved.name, camera=camera, new=new)
+
+
+def _percent(share: float) -> str:
+    """With three digits, however small."""
+    return f"{figure(100 * share)}%"
 
 
 def _built_in(size: int) -> list[PageSky]:

@@ -26,6 +26,8 @@ class Turner {
     // Where workers may not start, the page does it itself.
     this.worker.onerror = () => {
       const open = this.waiting ?? this.asked;
+      this.worker.onmessage = null;
+      this.worker.terminate();
       this.worker = this.asked = this.waiting = null;
       if (open) this.ask(...open);
     };

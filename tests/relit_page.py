@@ -1,0 +1,126 @@
+"""The page of the small scene in a browser, for tests: what it holds, and what the library says of the same."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import relit_scene
+from browser import headless
+from relit_scene import CAMERA, tuples, whole
+
+from homofact.scene.transport.page.build import PageObject
+from homofact.scene.transport.relight import shaded
+
+ANGLE = 37.0
+
+
+def colours_of(given: PageObject, light: Any, eye: Any, terms: int = 3, kept: int | None = None) -> np.ndarray:
+    """What the library shades (V, 3)."""
+    transport = replace(given.basis, positions=given.transport.positions, frames=given.transport.frames)
+    first = transport.factors.first(terms)
+    return shaded(replace(transport, factors=first), tuples(given, light, kept)[:, :terms], eye)
+
+
+def shrink(driver: Any) -> None:
+    """A picture that software draws in no time."""
+    driver.execute_script(
+        "const p = document.getElementById('picture'); p.style.width = '420px'; p.style.height = '320px';"
+        "homofact.changed('picture');"
+    )
+    headless.settled(driver)
+
+
+def change(driver: Any, what: str = "light", **state: Any) -> None:
+    driver.execute_script("Object.assign(homofact.state, arguments[0]); homofact.changed(arguments[1])", state, what)
+    headless.settled(driver)
+
+
+def page_tuples(driver: Any, number: int) -> np.ndarray:
+    """(V, K, 3) of the page."""
+    given = relit_scene.scene().objects[number]
+    values = driver.execute_script(f"return Array.from(homofact.view.objects[{number}].tuples)")
+    terms = given.basis.factors.terms
+    return np.array(values).reshape(len(given.mesh.positions), -1)[:, : 3 * terms].reshape(-1, terms, 3)
+
+
+def page_colours(driver: Any, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """(V, 3) as the page's processor shades, and as its graphics card does."""
+    found = driver.execute_script(
+        "const v = homofact.view, o = v.stage.objects[arguments[0]]; o.shade(v);"
+        "return [Array.from(v.shade()[arguments[0]]), Array.from(o.read())]",
+        number,
+    )
+    processor, card = (np.array(each).reshape(-1, 3) for each in found)
+    return processor, card
+
+
+def eye_of(driver: Any) -> np.ndarray:
+    return np.array(driver.execute_script("return homofact.view.orbit.eye"))
+
+
+def check_colours(driver: Any, light: Any, terms: int = 3, kept: int | None = None) -> None:
+    """The page's colours are the library's; positions and frames are rounded in it."""
+    for number, given in enumerate(relit_scene.scene().objects):
+        expected = colours_of(given, light, eye_of(driver), min(terms, given.basis.factors.terms), kept)
+        facing = np.flatnonzero(expected.any(1))
+        assert len(facing) > 20
+        for found in page_colours(driver, number):
+            assert off(found[facing], expected[facing]) < 2e-3
+
+
+def off(found: np.ndarray, expected: np.ndarray) -> float:
+    """The largest difference, as a part of the largest value."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def check_tuples(driver: Any, light: Any, kept: int | None = None) -> None:
+    for number, given in enumerate(relit_scene.scene().objects):
+        expected = tuples(given, light, kept)
+        assert off(page_tuples(driver, number), expected) < 2e-6
+
+
+def slide(driver: Any, name: str, value: float) -> None:
+    driver.execute_script(
+        "const s = document.getElementById(arguments[0]); s.value = arguments[1]; s.dispatchEvent(new Event('input'))",
+        name,
+        value,
+    )
+    headless.settled(driver)
+
+
+def seen_pixels(driver: Any, given: tuple[PageObject, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(which vertices of all the camera sees well, their (row from below, column), pixels (H, W, 3) 0 … 255)."""
+    width, height, data = driver.execute_script(
+        "const p = homofact.pixels(), c = homofact.view.stage.canvas; return [c.width, c.height, Array.from(p)]"
+    )
+    mesh, eye = whole(given), eye_of(driver)
+    towards = eye - mesh.positions
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    occluder = relit_scene.scene().occluder
+    seen = (towards * mesh.normals).sum(1) > 0.4
+    seen &= ~occluder.blocked(mesh.positions + occluder.offset * 20 * mesh.normals, towards)
+    # On the ground, where it is not fading yet.
+    seen &= np.linalg.norm(mesh.positions[:, ::2], axis=1) < 1.4
+    forward = np.array(CAMERA.target) - eye
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, (0, 1, 0))
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    relative_to = mesh.positions - eye
+    scale = height / 2 / math.tan(math.radians(CAMERA.field / 2)) / (relative_to @ forward)
+    columns, rows = width / 2 + scale * (relative_to @ right), height / 2 + scale * (relative_to @ up)
+    seen &= (columns > 1) & (columns < width - 1) & (rows > 1) & (rows < height - 1)
+    which = np.flatnonzero(seen)
+    picture = np.array(data, float).reshape(height, width, 4)[..., :3]
+    return which, np.stack((rows[which], columns[which]), 1).astype(int), picture
+
+
+def statistics(driver: Any) -> dict[str, Any]:
+    return driver.execute_script("return homofact.view.statistics()")
+
+
+def words(driver: Any, place: str) -> str:
+    """An element's text, once the page has said all there is to say of its picture."""
+    headless.settled(driver)
+    return driver.execute_script("return document.getElementById(arguments[0]).textContent", place)
