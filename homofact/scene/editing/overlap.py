@@ -26,7 +26,7 @@ from homofact.scene.editing.angles import RIGHT_ANGLE, chord_at
 # Shares that differ by less are alike; part of a band that is none; how often a light is divided at most.
 TOLERANCE, SLACK, DEEPEST = 0.05, 0.03, 5
 # Pairs of bands within which two angles count as independent though they could be told apart further.
-CELLS = 32
+CELLS = 16
 _STACK = 3 * DEEPEST + 4
 # Steps of y in which its band is looked up.
 _STEPS = 1024
