@@ -177,8 +177,8 @@ def main(arguments: list[str]) -> str:
         markdown(("edited material", "light", *(f"{count} triangles" for count in counts), f"{points} points",
                   "Mitsuba's noise"), rows, 2),
         "",
-        f"{covered} pixels of a torus knot of {len(mesh.triangles)} triangles, low rank as by default. Mitsuba {version},"
-        f" {VARIANT}, {repeats} runs of {spp} samples a pixel. {machine()}.",
+        f"{covered} pixels of a torus knot of {len(mesh.triangles)} triangles, low rank as by default. Mitsuba"
+        f" {version}, {VARIANT}, {repeats} runs of {spp} samples a pixel. {machine()}.",
     ]  # fmt: skip
     text = "\n".join(lines) + "\n"
     if given.to is not None:

@@ -219,8 +219,8 @@ def test_curves_become_textures_of_the_fit(
     wanted = (1 + 1.5 * torch.exp(-(((gamma - 0.5) / 0.25) ** 2)))[:, None] * before.evaluate(wi, wo)
     off = float((after.evaluate(wi, wo) - wanted).square().mean().sqrt() / wanted.square().mean().sqrt())
     assert off < most
-    assert record["error"]["edited"] == pytest.approx(off, abs=0.005)
-    assert record["error"]["edits"][0]["rms"] == pytest.approx(off, abs=0.005)
+    assert record["error"]["edited"] == pytest.approx(off, rel=0.25, abs=0.003)
+    assert record["error"]["edits"][0]["rms"] == pytest.approx(off, rel=0.25, abs=0.003)
     # In the manifest; and no error is measured on the source, which is another material now.
     (kept,) = json.loads((out / "manifest.json").read_text())["provenance"]["edits"]
     assert (kept["angle"], kept["way"]) == ("theta_h", way)
@@ -252,7 +252,7 @@ def test_curves_of_what_is_no_fit_are_fitted_anew(
     wi, wo = draw_cosine_weighted(4000, torch.Generator().manual_seed(9))
     wanted = model.evaluate(wi, wo) + 2 * torch.tensor(model.diffuse, dtype=torch.float64) / np.pi
     found = torch.as_tensor(after.evaluate(wi, wo))
-    assert float(found.median()) == pytest.approx(float(wanted.median()), rel=0.1)
+    assert float(found.median()) == pytest.approx(float(wanted.median()), rel=0.25)
     assert float(found.median()) > 2 * float(model.evaluate(wi, wo).median())
     # What is said is what is left of the edited material, by any pairs.
     assert 0.01 < record["error"]["edited"] < 0.6
@@ -339,3 +339,19 @@ def test_a_folder_that_is_none_is_said(scene: Path, capsys: pytest.CaptureFixtur
     assert main(["edit", str(scene), "--out", str(out), "--quiet"]) == 0
     assert main(["edit", str(out), "--out", str(out.with_name("again"))]) == 2
     assert "is a prepared scene already, expected a scene in TOML, or --apply" in capsys.readouterr().err
+
+
+def test_one_material_at_a_time(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Curves of two materials need a name; the one that is named is the one that is taken."""
+    text = curves_text(material="plastic", term="diffuse", curve="incident", angle="theta_i")
+    (entry,) = text["curves"]
+    text["curves"].append(entry | {"material": "ground"})
+    file, out = scene.parent / "curves.json", scene.parent / "out"
+    file.write_text(json.dumps(text))
+    assert main(["edit", str(scene), "--apply", str(file), "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "curves: of plastic, ground are edited, expected one material: --material names it" in said
+    run = ["edit", str(scene), "--apply", str(file), "--out", str(out), "--material", "plastic", "--way", "texels"]
+    assert main(run) == 2
+    assert "way: plastic is edited by terms and is fitted anew, expected no --way" in capsys.readouterr().err
+    assert not out.exists()
