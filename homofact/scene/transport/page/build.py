@@ -33,8 +33,8 @@ from homofact.viewer.packing import differences, pack
 PACKAGE = "homofact.scene.transport.page"
 SHARED = ("data.js", "elements.js")
 SCRIPTS = (
-    "vectors.js", "cube.js", "hdr.js", "sky.js", "transport.js", "relit.js", "shade.js", "shaders.js", "gpu.js",
-    "background.js",
+    "vectors.js", "cube.js", "hdr.js", "sky.js", "transport.js", "relit.js", "shade.js", "context.js", "shaders.js",
+    "gpu.js", "background.js",
     "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
 CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
