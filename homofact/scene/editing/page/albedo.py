@@ -5,11 +5,9 @@ each angle of ωi and each such combination of bands, a weight a channel: Σ ρ_
 curves, and has the library's albedo to rounding.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from homofact.scene.editing.angles import angle
 from homofact.scene.editing.curves import band_of

@@ -84,7 +84,11 @@ class Plot {
     context.clip();
     const { channels } = curve, order = channel === null ? [...Array(channels).keys()] : [...Array(channels).keys()].sort((a) => (a === channel ? 1 : -1));
     for (const c of order) this.line(context, curve.start.values, channels, c, START_COLOUR, 1, [4, 3]);
-    for (const c of order) this.line(context, values, channels, c, channels === 1 ? GREY_COLOUR : CHANNEL_COLOURS[c], channel === null || c === channel ? 2 : 1, [], channel === null || c === channel ? 1 : 0.45);
+    const grey = values.every((value, i) => value === values[i - (i % channels)]);
+    for (const c of order) {
+      const inHand = channel === null || c === channel;
+      this.line(context, values, channels, c, grey ? GREY_COLOUR : CHANNEL_COLOURS[c], inHand ? 2 : 1, [], inHand ? 1 : 0.45);
+    }
     context.restore();
     const point = (j, size, filled) => {
       context.beginPath();

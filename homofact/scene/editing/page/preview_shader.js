@@ -39,8 +39,8 @@ vec3 curve(int row, int bands, float gamma) {
   return mix(texelFetch(u_curves, ivec2(low, row), 0).rgb, texelFetch(u_curves, ivec2(low + 1, row), 0).rgb, at - float(low));
 }
 
-// sizes: levels of θh, θd, φd, φh; angles likewise.
-vec3 quotient(highp sampler3D table, ivec4 sizes, vec4 angles) {
+// The table over the square of the cosines' sum; sizes: levels of θh, θd, φd, φh; angles likewise.
+vec3 quotient(highp sampler3D table, ivec4 sizes, vec4 angles, float cosines) {
   if (sizes.x == 1) return texelFetch(table, ivec3(0), 0).rgb;
   vec2 at = vec2(sqrt(clamp(angles.x / (0.5 * PI), 0.0, 1.0)), clamp(angles.y / (0.5 * PI), 0.0, 1.0));
   at = (at * vec2(sizes.xy - 1) + 0.5) / vec2(sizes.xy);
@@ -50,10 +50,10 @@ vec3 quotient(highp sampler3D table, ivec4 sizes, vec4 angles) {
   float depth = float(sizes.z * sizes.w);
   vec3 found = mix(texture(table, vec3(at, (float(low.y * sizes.z + low.x) + 0.5) / depth)).rgb,
                    texture(table, vec3(at, (float(low.y * sizes.z + high.x) + 0.5) / depth)).rgb, share.x);
-  if (sizes.w == 1) return found;
+  if (sizes.w == 1) return found / (cosines * cosines);
   vec3 other = mix(texture(table, vec3(at, (float(high.y * sizes.z + low.x) + 0.5) / depth)).rgb,
                    texture(table, vec3(at, (float(high.y * sizes.z + high.x) + 0.5) / depth)).rgb, share.x);
-  return mix(found, other, share.y);
+  return mix(found, other, share.y) / (cosines * cosines);
 }
 `;
 
@@ -65,7 +65,7 @@ function previewFragment(terms, curves) {
       const at = (angle) => `curve(${row}, ${curve.bands}, ${ANGLE_TEXTS[angle]})`;
       return curve.also ? [at(curve.angle), at("theta_o")] : [at(curve.angle)];
     });
-    return `  f += ${[`quotient(u_quotient_${t}, ivec4(${sizes.join(", ")}), angles) * ${scale.toExponential(8)}`, ...factors].join("\n    * ")};`;
+    return `  f += ${[`quotient(u_quotient_${t}, ivec4(${sizes.join(", ")}), angles, wi.z + wo.z) * ${scale.toExponential(8)}`, ...factors].join("\n    * ")};`;
   });
   return `${TONES}${PREVIEW_HEAD}
 ${samplers}

@@ -1,5 +1,7 @@
 """Quotients as tables for the page's preview: by θh, θd, φd and, where a material is not isotropic, φh (Rusinkiewicz).
 
+What is tabulated is ρ_q (cosθi + cosθo)² = ρ_q (2 cosθh cosθd)², which stays smooth where both directions graze and
+models grow without bound.
 Levels lie at θh = π/2 u², dense where highlights are, and at equal steps of θd; both azimuths go round whole, since a
 quotient need be neither reciprocal nor mirrored. Directions that fall under the horizon are lifted to it, so that what
 is interpolated there stays smooth. A quotient that is the same everywhere is one number a channel. How far the table is
@@ -19,14 +21,14 @@ from homofact.scene.editing.material import Term
 from homofact.scene.editing.pairs import pairs_of
 
 # Levels of θh, θd, φd and φh.
-ISOTROPIC, ANISOTROPIC = (48, 24, 24, 1), (32, 12, 16, 16)
+ISOTROPIC, ANISOTROPIC = (48, 32, 32, 1), (32, 12, 16, 16)
 _LOWEST, _SAME = 0.02, 1e-6
 _PAIRS, _SEED = 2000, 3
 
 
 @dataclass(frozen=True)
 class QuotientTable:
-    """`values` (φh, φd, θd, θh, C) float64; `sizes` are the levels of θh, θd, φd and φh."""
+    """`values` (φh, φd, θd, θh, C) float64: what is tabulated, or a constant quotient as it is."""
 
     values: np.ndarray
 
@@ -52,16 +54,15 @@ class QuotientTable:
             picks = [places[axis][corner >> axis & 1] for axis in range(4)]
             weight = picks[0][1] * picks[1][1] * picks[2][1] * picks[3][1]
             total += weight[:, None] * table[picks[3][0], picks[2][0], picks[1][0], picks[0][0]]
-        return total
+        return total if self.sizes == (1, 1, 1, 1) else total / (wi[:, 2:] + wo[:, 2:]) ** 2
 
     def error(self, term: Term) -> float:
-        """Relative RMS of the term as it starts, table against quotient, over fixed pairs of directions."""
+        """Relative RMS of ρ cosθi cosθo of the term as it starts, table against quotient, over fixed directions."""
         wi, wo = pairs_of(_PAIRS, _SEED)
-        exact = term.evaluate(wi, wo)
-        quotient = term.quotient(wi, wo)
-        curves = torch.where(quotient > 0, exact / quotient, torch.zeros_like(exact))
-        size = float(exact.square().mean())
-        off = float((self.at(wi, wo) * curves - exact).square().mean())
+        quotient, weights = term.quotient(wi, wo), wi[:, 2:] * wo[:, 2:]
+        curves = torch.where(quotient > 0, term.evaluate(wi, wo) / quotient, torch.zeros_like(quotient)) * weights
+        size = float((quotient * curves).square().mean())
+        off = float(((self.at(wi, wo) - quotient) * curves).square().mean())
         return math.sqrt(off / size) if size > 0 else 0.0
 
 
@@ -78,7 +79,8 @@ def quotient_table(term: Term) -> QuotientTable:
     phi_d, phi_h = (torch.arange(count, dtype=torch.float64) * (2 * math.pi / count) for count in (about, around))
     grid = torch.meshgrid(phi_h, phi_d, theta_d, theta_h, indexing="ij")
     wi, wo = (lifted(each) for each in from_rusinkiewicz(*(grid[k].reshape(-1) for k in (3, 2, 1, 0))))
-    return QuotientTable(term.quotient(wi, wo).reshape(around, about, difference, half, -1).numpy())
+    values = term.quotient(wi, wo) * (wi[:, 2:] + wo[:, 2:]) ** 2
+    return QuotientTable(values.reshape(around, about, difference, half, -1).numpy())
 
 
 def is_isotropic(term: Term, wi: Tensor, wo: Tensor, values: Tensor) -> bool:
