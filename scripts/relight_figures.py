@@ -24,6 +24,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.prepare import prepared
 from homofact.meshes.shapes import ground
 from homofact.render.light import EnvironmentMap
+from homofact.scene.placed import Camera
 from homofact.scene.transport.cube import environment_cube
 from homofact.scene.transport.factors import factor
 from homofact.scene.transport.ledger import relative, seen_vertices
@@ -31,7 +32,6 @@ from homofact.scene.transport.picture import picture
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport
 from homofact.scene.transport.relight import Relit, shaded
 from homofact.scene.transport.result import displayed_picture
-from homofact.scene.transport.scene import Camera
 
 TERMS, KEPT = (1, 2, 4, 8), (16, 32, 64, 96, 256)
 

@@ -12,13 +12,13 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground, torus_knot
 from homofact.render.light import EnvironmentMap
+from homofact.scene.placed import Camera
 from homofact.scene.transport.clusters import Clustered, clustered
 from homofact.scene.transport.factors import InOutFactors, texel_points
 from homofact.scene.transport.page.build import PageObject
 from homofact.scene.transport.page.skies import PageSky, page_sky
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport
 from homofact.scene.transport.relight import Relit
-from homofact.scene.transport.scene import Camera
 
 SIZE = 16
 CAMERA = Camera((0.9, 0.8, 3.2), (0.0, -0.1, 0.0), 36.0)

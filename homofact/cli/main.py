@@ -15,7 +15,21 @@ from typing import Annotated
 import typer
 from typer.main import get_command
 
-from homofact.cli import chart, compare, convert, export, factorize, info, plan, relight, render, stability, terms, view
+from homofact.cli import (
+    chart,
+    compare,
+    convert,
+    edit,
+    export,
+    factorize,
+    info,
+    plan,
+    relight,
+    render,
+    stability,
+    terms,
+    view,
+)
 from homofact.errors import BadInput, SolverFailure
 from homofact.files.words import harmless
 from homofact.version import __version__
@@ -30,6 +44,7 @@ app.command("factorize")(factorize.factorize)
 app.command("compare")(compare.compare)
 app.command("chart")(chart.chart)
 app.command("convert")(convert.convert)
+app.command("edit")(edit.edit)
 app.command("export")(export.export)
 app.command("info")(info.info)
 app.command("plan")(plan.plan)

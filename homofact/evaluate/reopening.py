@@ -17,6 +17,7 @@ from homofact.brdf.source import Source
 from homofact.errors import BadInput
 from homofact.evaluate.guessed_split import USUAL_HELD_OUT, guess_split, has_mean_of, source_named_by
 from homofact.evaluate.split import Split
+from homofact.factor.names import EDITED, EDITS
 
 if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
@@ -106,6 +107,8 @@ def settings_of(fitted: "Fitted") -> "Method":
 
 def _own(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> Reopened:
     """The source that the fit names. Raises BadInput."""
+    if fitted.provenance.get(EDITS) or EDITED in _mapping(fitted.provenance.get("source")):
+        raise BadInput("it is of an edited material, and its source is the material before the edit")
     split = Split.saved_with(fitted)
     if split is None:
         path = source_named_by(fitted, near)

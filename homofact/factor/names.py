@@ -3,6 +3,8 @@
 from homofact.geometry.names import COORDINATE_NAMES
 
 BOUNDS = ("disc", "cube")
+# Under which a fit's provenance keeps the edits that its textures were given, and its samples' that of its material.
+EDITS, EDITED = "edits", "edited"
 
 # Fixed projections: coordinates and the axes that become the texture's columns and rows.
 FIXED_AXES = {

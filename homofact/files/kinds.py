@@ -22,9 +22,10 @@ RESULT = FolderKind("result", FACTORIZATION)
 EXPORT = FolderKind("export", "brdf.glsl")
 PLAN = FolderKind("plan", "plan.json")
 RELIT = FolderKind("relit scene", "relight.npz")
+PREPARED = FolderKind("prepared scene", "edit.npz")
 _OURS = re.compile(
     r"factorization\.npz|manifest\.json|report\.json|compare\.png|view\.html|brdf\.(glsl|hlsl|wgsl|c)"
-    r"|relight\.(npz|json)|picture_\d+\.png"
+    r"|(relight|edit)\.(npz|json)|picture_\d+\.png"
     r"|(texture_\d+|term_\d+_(first|second))(_deviation)?(\.[a-z0-9]+)+"
 )
 

@@ -197,7 +197,7 @@ class _Work:
 
     def block(self, pixels: Pixels, thing: Thing) -> list[np.ndarray]:
         """Every term's block (P, C, J·K) float64."""
-        begins, numbers = self.visible(pixels)
+        begins, numbers = visible_lights(pixels, self.lights, self.solids)
         owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
         directions = np.einsum("pij,pj->pi", pixels.frames[owner], self.lights.centres[numbers])
         irradiance = directions[:, 2:] * (self.lights.solid_angles[:, None] * self.lights.radiance)[numbers]
@@ -216,17 +216,18 @@ class _Work:
             found.append(block)
         return found
 
-    def visible(self, pixels: Pixels) -> tuple[np.ndarray, np.ndarray]:
-        """(begins (P + 1,), numbers (S,)) of the lights that each pixel sees by a ray to their centres."""
-        normals = pixels.frames[:, 2]
-        above = normals @ self.lights.centres.T > 0
-        pixel, light = np.nonzero(above)
-        occluder = self.solids.occluder
-        origins = pixels.points + occluder.offset * normals
-        free = ~occluder.blocked(origins[pixel], self.lights.centres[light])
-        pixel, light = pixel[free], light[free]
-        begins = np.concatenate(([0], np.cumsum(np.bincount(pixel, minlength=len(pixels)))))
-        return begins.astype(np.int64), light
+
+def visible_lights(pixels: Pixels, lights: TriangleLights, solids: Solids) -> tuple[np.ndarray, np.ndarray]:
+    """(begins (P + 1,), numbers (S,)) of the lights that each pixel sees by a ray to their centres."""
+    normals = pixels.frames[:, 2]
+    above = normals @ lights.centres.T > 0
+    pixel, light = np.nonzero(above)
+    occluder = solids.occluder
+    origins = pixels.points + occluder.offset * normals
+    free = ~occluder.blocked(origins[pixel], lights.centres[light])
+    pixel, light = pixel[free], light[free]
+    begins = np.concatenate(([0], np.cumsum(np.bincount(pixel, minlength=len(pixels)))))
+    return begins.astype(np.int64), light
 
 
 def finite(values: Tensor, material: Editable, term: Term) -> Tensor:

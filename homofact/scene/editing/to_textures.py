@@ -26,6 +26,7 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization, Term
+from homofact.factor.names import EDITS
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms
 from homofact.geometry.directions import draw_cosine_weighted
@@ -38,7 +39,7 @@ from homofact.scene.editing.texel_angles import angles_of_texels
 
 WAYS = ("texels", "solve", "texture")
 LEAST = 1e-6
-PROVENANCE = "edits"
+PROVENANCE = EDITS
 PAIRS, HELD_OUT, SEED = 20_000, 10_000, 0
 _SMOOTHING = 1e-3
 _SAME_SWAPPED = ("theta_h", "theta_d", "gamma_alpha", "gamma_beta")

@@ -1,30 +1,25 @@
 """From a scene to relit objects: meshes placed, materials opened and factored, transport precomputed."""
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from homofact.brdf.analytic.lambert import Lambert
-from homofact.brdf.names import MATERIAL_PREFIX
 from homofact.brdf.reflectance import Reflectance
-from homofact.brdf.source import open_source
-from homofact.export.result import open_result
-from homofact.files.kinds import FACTORIZATION
-from homofact.meshes.mesh import Mesh, read_mesh
+from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.prepare import prepared
-from homofact.meshes.shapes import ground, sphere, torus_knot
+from homofact.meshes.shapes import ground
+from homofact.scene.placed import lowest, material_words, open_reflectance, placed_mesh, three
 from homofact.scene.transport.clusters import Clustered, clustered
 from homofact.scene.transport.factors import InOutFactors, factor
 from homofact.scene.transport.precompute import Cost, Transport, cost, transport
 from homofact.scene.transport.relight import Relit
-from homofact.scene.transport.scene import SHAPE_PREFIX, Ground, RelightScene, SceneObject
+from homofact.scene.transport.scene import Ground, RelightScene, SceneObject
 
 Stage = Callable[[str], object]
-_SHAPES = {"sphere": sphere, "knot": torus_knot}
 
 
 @dataclass(frozen=True)
@@ -83,13 +78,12 @@ def stand(scene: RelightScene, stage: Stage | None = None) -> Stand:
     meshes, notes = [], []
     for each in scene.objects:
         told(f"reading {Path(each.mesh).name}")
-        mesh, found = prepared(_placed(each))
+        mesh, found = prepared(placed_mesh(each))
         meshes.append(mesh)
         notes += found
     tables: list[SceneObject | Ground] = list(scene.objects)
     if scene.ground is not None:
-        lowest = min(float(mesh.positions[np.unique(mesh.triangles), 1].min()) for mesh in meshes)
-        meshes.append(ground(scene.ground.half, lowest, scene.ground.steps))
+        meshes.append(ground(scene.ground.half, lowest(meshes), scene.ground.steps))
         tables.append(scene.ground)
     opened: dict[str, Reflectance] = {}
     factored: dict[tuple[str, int | None, float], InOutFactors] = {}
@@ -98,7 +92,7 @@ def stand(scene: RelightScene, stage: Stage | None = None) -> Stand:
         text, terms, share = key = (material_words(table), table.terms, table.share)
         if text not in opened:
             told(f"opening {Path(text).name}")
-            opened[text] = Lambert(_three(table.albedo)) if table.albedo else open_reflectance(str(table.material))
+            opened[text] = Lambert(three(table.albedo)) if table.albedo else open_reflectance(str(table.material))
         if key not in factored:
             told(f"factoring {Path(text).name}")
             factored[key] = factor(opened[text], terms, share)
@@ -133,33 +127,3 @@ def relit(
             compact = clustered(made, scene.components, clusters=count, seed=scene.seed)
         found.append(RelitObject(each.mesh, each.material, made, compact))
     return tuple(found)
-
-
-def material_words(table: SceneObject | Ground) -> str:
-    """The material as tables and reports name it."""
-    return table.material if table.material is not None else f"albedo {', '.join(f'{x:g}' for x in table.albedo or ())}"
-
-
-def _three(albedo: tuple[float, ...]) -> tuple[float, ...]:
-    return albedo * 3 if len(albedo) == 1 else albedo
-
-
-def open_reflectance(text: str) -> Reflectance:
-    """A material's name, a measurement's file, or a fit: the folder or the file that `factorize` wrote."""
-    place = Path(text)
-    if not text.startswith(MATERIAL_PREFIX) and (place.is_dir() or place.name == FACTORIZATION):
-        return open_result(place)
-    return open_source(text).reflectance
-
-
-def _placed(each: SceneObject) -> Mesh:
-    """The object's mesh, turned about y, scaled and moved."""
-    if each.mesh.startswith(SHAPE_PREFIX):
-        mesh = _SHAPES[each.mesh.removeprefix(SHAPE_PREFIX)]()
-    else:
-        mesh = read_mesh(each.mesh)
-    angle = math.radians(each.turn)
-    turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
-    return replace(
-        mesh, positions=mesh.positions @ turn.T * each.size + np.array(each.at), normals=mesh.normals @ turn.T
-    )

@@ -13,7 +13,7 @@ import torch
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.render.light import EnvironmentMap
-from homofact.scene.transport.scene import Camera
+from homofact.scene.placed import Camera
 
 _RAYS = 2
 

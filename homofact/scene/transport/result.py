@@ -18,12 +18,13 @@ from homofact.files.reading import read_bytes
 from homofact.meshes.mesh import Mesh
 from homofact.render.sphere import SphereImage
 from homofact.render.tonemap import choose_exposure, tonemap
+from homofact.scene.placed import Camera
 from homofact.scene.transport.build import RelitObject
 from homofact.scene.transport.clusters import Clustered
 from homofact.scene.transport.factors import InOutFactors
 from homofact.scene.transport.page.skies import PageSky, page_sky
 from homofact.scene.transport.precompute import Transport, TransportSettings
-from homofact.scene.transport.scene import Camera, RelightScene
+from homofact.scene.transport.scene import RelightScene
 
 REPORT = "relight.json"
 _EXPECTED = "a relit scene that homofact wrote"

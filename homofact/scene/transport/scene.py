@@ -43,78 +43,26 @@ from homofact.options import MOST_SEED
 from homofact.render.environment import read_environment
 from homofact.render.light import EnvironmentMap
 from homofact.scene.lighting import NAMED, named_lighting
-from homofact.scene.plan.scene import found_source
+from homofact.scene.placed import Camera, GroundPlane, LightTable, PlacedObject, found_material, found_mesh
 from homofact.scene.transport.clusters import COMPONENTS
 from homofact.scene.transport.factors import MOST_TERMS
 from homofact.scene.transport.precompute import KEPT, TransportSettings
 
-SHAPE_PREFIX = "shape:"
-SHAPES = ("sphere", "knot")
-
 
 @dataclass(frozen=True)
-class SceneObject:
-    """One object of the scene, as its table in the file says."""
+class SceneObject(PlacedObject):
+    """One object: `terms` K of its in-out factors, or as many as hold `share` of the energy."""
 
-    mesh: str
-    material: str | None = None
-    albedo: tuple[float, ...] | None = None
-    terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
-    share: float = field(default=0.99, metadata=limits(above=0, most=0.9999))
-    size: float = field(default=1.0, metadata=limits(above=0))
-    at: tuple[float, ...] = (0.0, 0.0, 0.0)
-    turn: float = field(default=0.0, metadata=limits())
-
-    def __post_init__(self) -> None:
-        """Refuse what is no point, and no or two materials. Raises BadInput."""
-        _point("at", self.at)
-        _one_material(self.material, self.albedo)
-
-
-@dataclass(frozen=True)
-class Ground:
-    """The plane under the objects, at the height of their lowest vertex."""
-
-    material: str | None = None
-    albedo: tuple[float, ...] | None = None
-    half: float = field(default=2.5, metadata=limits(above=0))
-    steps: int = field(default=64, metadata=limits(least=1, most=1024))
     terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
     share: float = field(default=0.99, metadata=limits(above=0, most=0.9999))
 
-    def __post_init__(self) -> None:
-        """Refuse no or two materials. Raises BadInput."""
-        _one_material(self.material, self.albedo)
-
 
 @dataclass(frozen=True)
-class Camera:
-    """A pinhole at `eye` that looks at `target`, y up: `field` degrees from top to bottom, `pixels` width, height."""
+class Ground(GroundPlane):
+    """The plane under the objects, with its in-out factors as of an object."""
 
-    eye: tuple[float, ...]
-    target: tuple[float, ...] = (0.0, 0.0, 0.0)
-    field: float = field(default=40.0, metadata=limits(above=0, most=170))
-    pixels: tuple[int, ...] = (480, 360)
-
-    def __post_init__(self) -> None:
-        """Refuse what is no camera. Raises BadInput."""
-        _point("eye", self.eye)
-        _point("target", self.target)
-        if self.eye == self.target:
-            raise BadInput("eye: found the target's place, expected another")
-        if len(self.pixels) != 2 or not all(8 <= each <= 8192 for each in self.pixels):
-            raise BadInput(f"pixels: found {list(self.pixels)}, expected width and height of 8 to 8192")
-
-
-@dataclass(frozen=True)
-class _Lighting:
-    environment: str | None = None
-    named: str | None = None
-    turn: float = field(default=0.0, metadata=limits())
-
-    def __post_init__(self) -> None:
-        if (self.environment is None) is (self.named is None):
-            raise BadInput("found none or both, expected exactly one of environment, named")
+    terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
+    share: float = field(default=0.99, metadata=limits(above=0, most=0.9999))
 
 
 @dataclass(frozen=True)
@@ -130,7 +78,7 @@ class _Transport:
 @dataclass(frozen=True)
 class _Table:
     object: tuple[SceneObject, ...]
-    lighting: _Lighting
+    lighting: LightTable
     camera: tuple[Camera, ...]
     transport: _Transport = _Transport()
     ground: Ground | None = None
@@ -170,14 +118,14 @@ def read_relight_scene(path: str | Path) -> RelightScene:
         objects = tuple(
             replace(
                 each,
-                mesh=_mesh(each.mesh, file.parent, f"object[{place}].mesh"),
-                material=_found(each.material, file.parent, f"object[{place}].material"),
+                mesh=found_mesh(each.mesh, file.parent, f"object[{place}].mesh"),
+                material=found_material(each.material, file.parent, f"object[{place}].material"),
             )
             for place, each in enumerate(found.object)
         )
         ground = found.ground
         if ground is not None:
-            ground = replace(ground, material=_found(ground.material, file.parent, "ground.material"))
+            ground = replace(ground, material=found_material(ground.material, file.parent, "ground.material"))
         try:
             settings = TransportSettings(asked.cube, asked.rays, asked.kept, asked.tolerance)
         except BadInput as error:
@@ -190,29 +138,7 @@ def read_relight_scene(path: str | Path) -> RelightScene:
     )
 
 
-def _mesh(text: str, folder: Path, where: str) -> str:
-    if text.startswith(SHAPE_PREFIX):
-        if text.removeprefix(SHAPE_PREFIX) not in SHAPES:
-            names = ", ".join(SHAPE_PREFIX + name for name in SHAPES)
-            raise BadInput(f"{where}: found {text!r}, expected a file or one of {names}")
-        return text
-    if not (folder / text).is_file():
-        raise BadInput(f"{where}: no file {folder / text}, expected a mesh or {SHAPE_PREFIX}NAME")
-    return str(folder / text)
-
-
-def _found(material: str | None, folder: Path, where: str) -> str | None:
-    return None if material is None else found_source(material, folder, where)
-
-
-def _one_material(material: str | None, albedo: tuple[float, ...] | None) -> None:
-    if (material is None) is (albedo is None):
-        raise BadInput("found none or both, expected exactly one of material, albedo")
-    if albedo is not None and (len(albedo) not in (1, 3) or not all(0 <= each <= 1 for each in albedo)):
-        raise BadInput(f"albedo: found {list(albedo)}, expected 1 or 3 numbers from 0 to 1")
-
-
-def _light(table: _Lighting, folder: Path) -> EnvironmentMap:
+def _light(table: LightTable, folder: Path) -> EnvironmentMap:
     turn = math.radians(table.turn)
     if table.environment is not None:
         return read_environment(folder / table.environment, turn)
@@ -221,8 +147,3 @@ def _light(table: _Lighting, folder: Path) -> EnvironmentMap:
         maps = [name for name, (make, _) in NAMED.items() if isinstance(make()[0], EnvironmentMap)]
         raise BadInput(f"lighting.named: {table.named} is no environment map, expected one of {', '.join(maps)}")
     return found[0].turned(turn)
-
-
-def _point(name: str, found: tuple[float, ...]) -> None:
-    if len(found) != 3 or not all(abs(each) < 1e6 for each in found):
-        raise BadInput(f"{name}: found {list(found)}, expected three numbers below a million")

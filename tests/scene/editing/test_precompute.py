@@ -25,8 +25,7 @@ from homofact.scene.lighting import named_lighting
 def centre_sum(prepared, view: int = 0) -> torch.Tensor:
     """R (P, C) by each light's centre, the material as it is, no curves and no bands."""
     pixels, lights, scene = prepared.pixels[view], prepared.lights, prepared.scene
-    work = precompute._Work(lights, Solids([thing.mesh for thing in scene.things]), 1, 1, None)
-    begins, numbers = work.visible(pixels)
+    begins, numbers = precompute.visible_lights(pixels, lights, Solids([thing.mesh for thing in scene.things]))
     owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
     wi = torch.from_numpy(np.einsum("pij,pj->pi", pixels.frames[owner], lights.centres[numbers]))
     weight = torch.from_numpy((lights.solid_angles[:, None] * lights.radiance)[numbers]) * wi[:, 2:]

@@ -9,11 +9,12 @@ from relighting import light
 from homofact.containers.exr import write_exr
 from homofact.errors import BadInput
 from homofact.files.archive import read_archive, write_archive
-from homofact.scene.transport.build import Stand, material_words, relit, stand
+from homofact.scene.placed import Camera, material_words
+from homofact.scene.transport.build import Stand, relit, stand
 from homofact.scene.transport.picture import camera_rays, picture
 from homofact.scene.transport.relight import Relit, shaded
 from homofact.scene.transport.result import open_relit, write_relit
-from homofact.scene.transport.scene import Camera, RelightScene, read_relight_scene
+from homofact.scene.transport.scene import RelightScene, read_relight_scene
 
 ROOT = Path(__file__).resolve().parents[3]
 TEXT = """

@@ -21,12 +21,12 @@ from scipy.spatial.transform import Rotation
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.meshes.mesh import Mesh
+from homofact.scene.placed import Camera
 from homofact.scene.transport.build import RelitObject
 from homofact.scene.transport.clusters import Clustered
 from homofact.scene.transport.page.order import cached_order
 from homofact.scene.transport.page.skies import PageSky, halves
 from homofact.scene.transport.precompute import Transport
-from homofact.scene.transport.scene import Camera
 from homofact.viewer import assembly
 from homofact.viewer.packing import differences, pack
 

@@ -1,0 +1,199 @@
+"""The scene of an editing session, read from strict TOML: objects with editable materials, a light, cameras.
+
+[[object]]                         # one or more
+mesh = "knot.ply"                  # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot
+material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
+albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
+name = "paint"                     # what curves name it by; the material's own name unless given
+curves = "own"                     # a model's own; "HF" or "HD", found from the material; or one or two angles that
+                                   # start at 1, as ["theta_h", "theta_d"], which "own" means for what is no such model
+bands = [256, 64]                  # of the curves that count in the sum over the light: 256, 128, 64 or 32 each
+size = 1.0                         # radius of the sphere round it
+at = [0, 0, 0]                     # the middle of that sphere; y is up
+turn = 0                           # degrees about y
+[ground]                           # optional: a square plane under the objects
+albedo = [0.5]                     # or material; name, curves and bands as above
+half = 2.5                         # half of its width
+steps = 64                         # squares along a side
+[lighting]                         # one of the two: an environment map, or one of `scene.lighting.NAMED`
+environment = "sky.hdr"
+named = "studio"
+turn = 0                           # degrees about y
+[[camera]]                         # one or more: the fixed views
+name = "front"                     # "view 1" and so on unless given
+eye = [0, 1, 4]
+target = [0, 0, 0]
+field = 40                         # degrees from top to bottom
+pixels = [480, 360]                # width, height
+[edit]                             # all optional
+triangles = 4000                   # of the light; 400 for a preview
+tolerance = 0.003                  # relative RMS that the low rank may leave
+"""
+
+import os
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from homofact.brdf.names import MATERIAL_PREFIX
+from homofact.errors import BadInput
+from homofact.files.reading import read_toml
+from homofact.files.tables import limits, read_table
+from homofact.scene.editing.angles import check_angle
+from homofact.scene.editing.curves import BANDS
+from homofact.scene.editing.lowrank import TOLERANCE
+from homofact.scene.placed import (
+    SHAPE_PREFIX,
+    Camera,
+    GroundPlane,
+    LightTable,
+    PlacedObject,
+    found_material,
+    found_mesh,
+)
+
+OWN, HF, HD = "own", "HF", "HD"
+TRIANGLES = 4000
+
+
+@dataclass(frozen=True)
+class EditedObject(PlacedObject):
+    """One object; `curves` and `bands` say what of its material is edited."""
+
+    name: str | None = None
+    curves: str | tuple[str, ...] = OWN
+    bands: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no object, no name, no curves and no bands. Raises BadInput."""
+        super().__post_init__()
+        _check_curves(self.name, self.curves, self.bands)
+
+
+@dataclass(frozen=True)
+class EditedGround(GroundPlane):
+    """The plane under the objects, edited as one of them."""
+
+    name: str | None = None
+    curves: str | tuple[str, ...] = OWN
+    bands: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse as `EditedObject` does. Raises BadInput."""
+        super().__post_init__()
+        _check_curves(self.name, self.curves, self.bands)
+
+
+@dataclass(frozen=True)
+class EditCamera(Camera):
+    """A fixed view and its name."""
+
+    name: str | None = None
+
+
+@dataclass(frozen=True)
+class EditSettings:
+    """[edit]: how many triangles the light is divided into, and what the low rank may leave."""
+
+    triangles: int = field(default=TRIANGLES, metadata=limits(least=8, most=100_000))
+    tolerance: float = field(default=TOLERANCE, metadata=limits(above=0, most=0.5))
+
+
+@dataclass(frozen=True)
+class _Table:
+    object: tuple[EditedObject, ...]
+    lighting: LightTable
+    camera: tuple[EditCamera, ...]
+    ground: EditedGround | None = None
+    edit: EditSettings = EditSettings()
+
+    def __post_init__(self) -> None:
+        for name, found in (("object", self.object), ("camera", self.camera)):
+            if not found:
+                raise BadInput(f"{name}: found none, expected at least one")
+
+
+@dataclass(frozen=True)
+class AskedEdit:
+    """What is edited, as the file says. Sources, meshes and the map are findable from the working folder."""
+
+    name: str
+    objects: tuple[EditedObject, ...]
+    ground: EditedGround | None
+    lighting: LightTable
+    cameras: tuple[EditCamera, ...]
+    settings: EditSettings
+
+    def record(self, folder: Path) -> dict[str, Any]:
+        """The file's table again, JSON-able, with paths relative to `folder`: `asked_of_record` reads it."""
+
+        def relative(text: str | None) -> str | None:
+            named = text is None or text.startswith((SHAPE_PREFIX, MATERIAL_PREFIX))
+            return text if named else os.path.relpath(Path(text).resolve(), folder.resolve())
+
+        def told(table: Any) -> dict[str, Any]:
+            found = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(table).items()}
+            found |= {key: relative(found[key]) for key in ("mesh", "material", "environment") if key in found}
+            return {key: value for key, value in found.items() if value is not None}
+
+        found: dict[str, Any] = {"object": [told(each) for each in self.objects]}
+        if self.ground is not None:
+            found["ground"] = told(self.ground)
+        return found | {
+            "lighting": told(self.lighting),
+            "camera": [told(each) for each in self.cameras],
+            "edit": told(self.settings),
+        }
+
+
+def read_edit_scene(path: str | Path) -> AskedEdit:
+    """The scene in a TOML file.
+
+    Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, and for meshes, sources and
+    environments that are not there.
+    """
+    file = Path(path)
+    return asked_of_record(read_toml(file, "a scene in TOML"), file.stem, file.parent, f"{file}: ")
+
+
+def asked_of_record(table: dict[str, Any], name: str, folder: Path, place: str) -> AskedEdit:
+    """The scene of a table whose paths are relative to `folder`; `place` goes before every message. Raises BadInput."""
+    found = read_table(_Table, table, place)
+    try:
+        objects = tuple(
+            replace(
+                each,
+                mesh=found_mesh(each.mesh, folder, f"object[{number}].mesh"),
+                material=found_material(each.material, folder, f"object[{number}].material"),
+            )
+            for number, each in enumerate(found.object)
+        )
+        ground, lighting = found.ground, found.lighting
+        if ground is not None:
+            ground = replace(ground, material=found_material(ground.material, folder, "ground.material"))
+        if lighting.environment is not None:
+            lighting = replace(lighting, environment=str(folder / lighting.environment))
+            if not Path(str(lighting.environment)).is_file():
+                raise BadInput(f"lighting.environment: no file {lighting.environment}, expected a .hdr or .exr picture")
+    except BadInput as error:
+        raise BadInput(f"{place}{error}") from error
+    return AskedEdit(name, objects, ground, lighting, found.camera, found.edit)
+
+
+def _check_curves(name: str | None, curves: str | tuple[str, ...], bands: tuple[int, ...] | None) -> None:
+    if name is not None and not name.strip():
+        raise BadInput("name: found an empty one, expected a name")
+    if isinstance(curves, str):
+        if curves not in (OWN, HF, HD):
+            raise BadInput(f"curves: found {curves!r}, expected {OWN}, {HF}, {HD} or a list of angles")
+    elif not 1 <= len(curves) <= 3:
+        raise BadInput(f"curves: found {len(curves)} angles, expected one, two, or two and theta_o")
+    else:
+        for each in curves:
+            try:
+                check_angle(each)
+            except BadInput as error:
+                raise BadInput(f"curves: {error}") from error
+    for count in bands or ():
+        if count not in BANDS:
+            raise BadInput(f"bands: found {count}, expected some of {', '.join(map(str, BANDS))}")
