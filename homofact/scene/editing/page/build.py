@@ -23,12 +23,12 @@ from homofact.files.atomic import write_bytes
 from homofact.scene.editing import curves_file, furnace, lowrank
 from homofact.scene.editing.angles import LETTERS
 from homofact.scene.editing.curves import band_of
+from homofact.scene.editing.errors import rank_errors
 from homofact.scene.editing.lowrank import LowRank
 from homofact.scene.editing.material import Editable, Slot, Term
 from homofact.scene.editing.page.albedo import factors, furnace_table
 from homofact.scene.editing.page.coded import coded
 from homofact.scene.editing.page.quotients import quotient_table
-from homofact.scene.editing.picture import starting_curves, summed_curves
 from homofact.scene.editing.precompute import Part, Prepared
 from homofact.scene.transport.page.skies import halves
 from homofact.viewer import assembly
@@ -57,7 +57,7 @@ def write_edit_page(
     title: str = "Editing",
     subtitle: str = "",
     numbers: Numbers | None = None,
-    stage: Callable[[str], None] | None = None,
+    stage: Callable[[str], object] | None = None,
     new: bool = False,
 ) -> int:
     """Write the page, whole or not at all; its bytes. `new` says that nothing there may be replaced.
@@ -108,15 +108,12 @@ def scene_numbers(prepared: Prepared) -> dict[str, dict[str, str | int | float]]
             "bytes of the transports": prepared.nbytes,
         }
     }
-    curves = starting_curves(prepared)
-    for part in prepared.parts:
-        transport = _low_rank(part)
-        material = prepared.scene.things[part.thing].material
-        off = transport.error(summed_curves(part, material, curves))
-        view = f"{prepared.scene.views[part.view].name}: " if len(prepared.pixels) > 1 else ""
-        bands = " × ".join(map(str, transport.bands))
-        rows = found.setdefault(f"{view}{material.name}", {"pixels": len(part.rows)})
-        rows[f"{part.term}, {bands} bands"] = f"rank {transport.rank}, error {figure(100 * off)}%"
+    for part in rank_errors(prepared):
+        view = f"{part.view}: " if len(prepared.pixels) > 1 else ""
+        rows = found.setdefault(f"{view}{part.material}", {"pixels": part.pixels})
+        rows[f"{part.term}, {' × '.join(map(str, part.bands))} bands"] = (
+            f"rank {part.rank}, error {figure(100 * part.error)}%"
+        )
     return found
 
 
