@@ -182,9 +182,11 @@ class Part {
 /** The arrays of a part, unpacked; small ones as they are. */
 async function unpackPart(given) {
   const [numbers, outward] = await Promise.all([unpack(given.numbers), unpack(given.outward)]);
+  const [rank, first, second = 1] = given.outward.shape;
+  accumulate(outward, second, first);
   const outgoing = {};
   for (const [name, packed] of Object.entries(given.outgoing)) outgoing[name] = await unpack(packed);
   const pattern = given.pattern && { scale: given.pattern.scale, values: await unpack(given.pattern.values) };
-  // Products with whole numbers of 16 bits are as fast, but W is read again and again.
-  return { ...given, numbers, outward: Float32Array.from(outward), outgoing, pattern };
+  // What is read again and again is kept as floats.
+  return { ...given, rank, numbers, outward: Float32Array.from(outward), outgoing, pattern };
 }
