@@ -112,9 +112,14 @@ def scene_numbers(prepared: Prepared) -> dict[str, dict[str, str | int | float]]
         view = f"{part.view}: " if len(prepared.pixels) > 1 else ""
         rows = found.setdefault(f"{view}{part.material}", {"pixels": part.pixels})
         rows[f"{part.term}, {' × '.join(map(str, part.bands))} bands"] = (
-            f"rank {part.rank}, error {figure(100 * part.error)}%"
+            f"rank {part.rank}, error {percent(part.error)}"
         )
     return found
+
+
+def percent(share: float) -> str:
+    """A share in words; what nobody sees is not counted out."""
+    return "below 0.001%" if share < 1e-5 else f"{figure(100 * share)}%"
 
 
 def _check(prepared: Prepared) -> None:

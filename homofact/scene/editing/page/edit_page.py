@@ -3,8 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from homofact.evaluate.wording import figure
-from homofact.scene.editing.page.build import write_edit_page
+from homofact.scene.editing.page.build import percent, write_edit_page
 from homofact.scene.editing.result import SavedEdit
 
 
@@ -17,7 +16,7 @@ def write_saved_page(
     lights = saved.report.get("error", {}).get("lights_and_bands", {})
     if lights:
         numbers["Lights and bands against a finer division"] = {
-            view: f"error {figure(100 * error)}%" for view, error in lights.items()
+            view: f"error {percent(error)}" for view, error in lights.items()
         }
     title = saved.asked.name
     return write_edit_page(target, saved.prepared, title=title, subtitle=names, numbers=numbers, stage=stage, new=new)

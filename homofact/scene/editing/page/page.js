@@ -52,13 +52,13 @@ class Page {
   /** The preview alone draws with WebGL 2: without it the rest of the page works. */
   makePreview() {
     this.preview = null;
+    by("preview").addEventListener("webglcontextlost", () => { this.preview = null; });
     try {
       this.preview = new Preview(by("preview"), this.materials, this.data.channels.length);
     } catch (error) {
       by("preview-place").replaceChildren(element("p", { class: "note", id: "no-preview" },
         error instanceof Trouble ? "The preview sphere is drawn with WebGL 2, which is not available here. Everything else works without it." : String(error)));
     }
-    by("preview").addEventListener?.("webglcontextlost", () => { this.preview = null; });
   }
 
   get view() { return this.views[this.state.view]; }
