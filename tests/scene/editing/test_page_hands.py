@@ -127,7 +127,8 @@ def test_handles_move_what_is_between_their_neighbours(page: Any) -> None:
     at = float(before[band].mean())
     drag(page, (band, at), (band, at * 2))
     after = values(page)
-    ratio = np.where(before > 0, after / np.maximum(before, 1e-300), 1)[:, 0]
+    # At the end the curve is next to nothing.
+    ratio = np.where(before > 1e-100, after / np.maximum(before, 1e-100), 1)[:, 0]
     assert ratio[band] == pytest.approx(2, rel=0.1)
     assert (ratio[: handles[4] + 1] == 1).all()
     assert (ratio[handles[6] :] == 1).all()
