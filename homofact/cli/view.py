@@ -122,7 +122,8 @@ def _view_edit(result: Path, target: Path, force: bool, screen: Screen, given: d
         saved = open_edit(result, bar.stage)
         size = write_saved_page(target, saved, stage=bar.stage, new=not force)
     things, views = len(saved.prepared.scene.things), len(saved.prepared.pixels)
-    screen.show(f"The page: {target} ({size / 1e6:.1f} MB): {things} materials, {views} views")
+    words = f"{things} material{'s' * (things > 1)}, {views} view{'s' * (views > 1)}"
+    screen.show(f"The page: {target} ({size / 1e6:.1f} MB): {words}")
     screen.answer({"result": str(result), "file": str(target), "bytes": size})
 
 

@@ -20,7 +20,7 @@ from homofact.scene.editing.session import Session
 
 # What a half float leaves of each value.
 HALF = 2.0**-11
-PAINT = ("paint", "specular", "distribution")
+PAINT: Address = ("paint", "specular", "distribution")
 
 
 @pytest.fixture(scope="module")

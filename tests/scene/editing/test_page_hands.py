@@ -194,6 +194,20 @@ def test_resets_and_kept_states(page: Any) -> None:
     assert page.execute_script("return homofact.page.history.changed.length") == 0
 
 
+def test_an_edit_after_an_undo_forgets_what_was_undone(page: Any) -> None:
+    start = values(page)
+    click(page, "#shapes button:nth-child(1)")
+    click(page, "#shapes button:nth-child(1)")
+    press(page, "z")
+    click(page, "#shapes button:nth-child(2)")
+    assert values(page) == pytest.approx(start, rel=1e-12)
+    assert page.execute_script("return document.getElementById('redo').disabled") is True
+    press(page, "z")
+    assert values(page) == pytest.approx(1.25 * start, rel=1e-12)
+    press(page, "y", "y")
+    assert values(page) == pytest.approx(start, rel=1e-12)
+
+
 def test_shapes_do_what_they_say(page: Any) -> None:
     before = values(page)
     click(page, "#shapes button:nth-child(3)")

@@ -123,6 +123,7 @@ class Controls {
     const { page } = this, { kept } = page.history;
     fillButtons(by("kept"), kept.map(({ name, state }) => [`Go to ${name}`, "", () => { page.history.put([...state]); page.changed("all"); }]));
     by("compare").replaceChildren();
+    by("compare").parentElement.hidden = kept.length < 2;
     this.choices.compare = makeChoice(by("compare"), kept.map(({ name }, k) => ({ value: String(k), title: name })),
       (value) => { page.state.compare = Number(value); page.changed("picture"); });
   }

@@ -212,7 +212,10 @@ class Page {
     const before = state.show === "after" ? null : view.other(history.kept[state.compare].state);
     this.tones.set(2 ** (this.stops + state.stops), state.tones);
     this.tones.paint(image.data, view, view.radiance, before, cut);
-    if (canvas.width !== view.width || canvas.height !== view.height) [canvas.width, canvas.height] = [view.width, view.height];
+    if (canvas.width !== view.width || canvas.height !== view.height) {
+      [canvas.width, canvas.height] = [view.width, view.height];
+      by("picture").style.setProperty("--aspect", `${view.width} / ${view.height}`);
+    }
     canvas.getContext("2d").putImageData(image, 0, 0);
     const box = this.box();
     Object.assign(by("divider").style, { left: `${box.left + state.split * box.width}px`, top: `${box.top}px`, height: `${box.height}px`, bottom: "auto" });
