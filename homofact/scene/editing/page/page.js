@@ -2,7 +2,7 @@
 
 // A frame's share for the picture's sums, in milliseconds, while an edit comes in piece by piece.
 const BUDGET = 16;
-const TELLING = 120, QUIET = 90;
+const TELLING = 120, QUIET = 90, READING = 500;
 // While something is dragged the preview follows at every so many frames.
 const PREVIEW_EVERY = 4;
 
@@ -193,6 +193,7 @@ class Page {
     this.told = now;
     showState(this);
     showStatus(this);
+    showPoint(this);
   }
 
   drawPlot() {
@@ -201,7 +202,6 @@ class Page {
       curve: this.curve, values: this.values, axis: this.axis, root: state.root, channel: state.channel, band: state.band,
       handles: state.tool === "handles" ? handlesOf(this.curve.bands) : null, focused: document.activeElement === plot,
     });
-    showPoint(this);
   }
 
   /** The picture onto its canvas. */
@@ -216,7 +216,7 @@ class Page {
       [canvas.width, canvas.height] = [view.width, view.height];
       by("picture").style.setProperty("--aspect", `${view.width} / ${view.height}`);
     }
-    canvas.getContext("2d").putImageData(image, 0, 0);
+    canvas.getContext("2d", { willReadFrequently: true }).putImageData(image, 0, 0);
     const box = this.box();
     Object.assign(by("divider").style, { left: `${box.left + state.split * box.width}px`, top: `${box.top}px`, height: `${box.height}px`, bottom: "auto" });
   }
@@ -227,14 +227,16 @@ class Page {
     return { left: (clientWidth - scale * width) / 2, top: (clientHeight - scale * height) / 2, width: scale * width, height: scale * height };
   }
 
-  /** The albedo takes longer than a frame may: once nothing has moved for a moment. */
+  /** The albedo takes longer than a frame may: once nothing has moved for a moment, and now and then in a drag. */
   readSoon() {
     clearTimeout(this.reading);
+    const since = performance.now() - (this.read ?? -Infinity);
     this.reading = setTimeout(() => {
+      this.read = performance.now();
       const furnace = this.furnaces[this.state.material];
       showAlbedo(furnace, furnace.albedo(this.history.state), this.data.channels);
       if (!this.step) this.tell(performance.now());
-    }, QUIET);
+    }, this.step ? Math.max(QUIET, READING - since) : QUIET);
   }
 }
 

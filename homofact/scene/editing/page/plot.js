@@ -48,7 +48,8 @@ class Plot {
     this.height = canvas.clientHeight;
     const [width, height] = [Math.round(this.width * ratio), Math.round(this.height * ratio)];
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-    const context = canvas.getContext("2d");
+    // Drawn by the processor: lines and letters by a graphics card that is software take several times as long.
+    const context = canvas.getContext("2d", { willReadFrequently: true });
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     return context;
   }
