@@ -9,9 +9,10 @@ A headless Chromium shows the page in a window of 1400 × 900; WebGL, which the 
 curve of each material is dragged by its brush for some frames. "Frames a second" are of the clock, from a drag's first
 frame to its last; on a machine that does other work they are too few, so that beside them stand the milliseconds that
 the page's own work takes in a frame (`draw`, on the page's thread), the processors' seconds a frame of all the
-browser's processes (the compositor's drawing of 1400 × 900 included), and the machine's load. "All columns" is a frame
-in which the whole change comes in at once. Products a second are those of the sums; for comparison the same sums by a
-WebGL 2 fragment shader that reads the coefficients from a texture, at the same number of pixels and columns.
+browser's processes (the compositor's drawing of 1400 × 900 included), and the machine's load. "All columns" is a
+frame in which the whole change comes in at once; what is "not put on the canvas" is computed and not shown. Products a
+second are those of the sums; for comparison the same sums by a WebGL 2 fragment shader that reads the coefficients from
+a texture, at the same number of pixels and columns.
 """
 
 import os
@@ -31,6 +32,12 @@ from homofact.evaluate.machine import machine
 
 RATE = 30.0
 FRAMES = 45
+# What is done before a drag, by what is added to its name.
+WAYS = {
+    "": "",
+    ", all columns": "homofact.page.budget = 1e6",
+    ", not put on the canvas": "homofact.page.paint = () => {}",
+}
 # Drags the curve of a material by the brush, frame by frame, and tells when each was done and how long it worked.
 DRAG = """
 const [material, count, done] = arguments, p = homofact.page, times = [], work = [], { bell, pulled } = homofact.shapes;
@@ -130,18 +137,17 @@ def measured(page: Path, frames: int) -> dict[str, Any]:
         settled(driver)
         found: dict[str, Any] = {"first": first_frame(driver) / 1000, "drags": []}
         for number in range(driver.execute_script("return homofact.page.data.materials.length")):
-            for budget in (None, 1e6):
-                if budget is not None:
-                    driver.execute_script("homofact.page.budget = arguments[0]", budget)
+            for way, script in WAYS.items():
+                driver.execute_script(script)
                 driver.execute_async_script(DRAG, number, 6)
                 settled(driver)
                 began = processor_seconds(driver)
                 drag = driver.execute_async_script(DRAG, number, frames)
                 drag["processor"] = 1000 * (processor_seconds(driver) - began) / frames
                 settled(driver)
-                drag["whole"] = budget is not None
+                drag["way"] = way
                 found["drags"].append(drag)
-            driver.execute_script("homofact.page.budget = 16; homofact.page.resetAll()")
+            driver.execute_script("const p = homofact.page; p.budget = 16; delete p.paint; p.resetAll()")
         found["products"] = driver.execute_script(PRODUCTS)
         found["pixels"] = driver.execute_script("return homofact.page.views.map((v) => v.count)")
         found["browser"] = f"Chromium {driver.capabilities['browserVersion']}"
@@ -155,7 +161,7 @@ def text_of(page: Path, found: dict[str, Any]) -> str:
     for drag in found["drags"]:
         steps = np.diff(drag["times"])
         rows.append(
-            (drag["name"] + (", all columns" if drag["whole"] else ""), str(drag["rank"]),
+            (drag["name"] + drag["way"], str(drag["rank"]),
              figure(1000 / median(steps)), figure(median(drag["work"])), figure(drag["processor"]))
         )  # fmt: skip
     products = found["products"]

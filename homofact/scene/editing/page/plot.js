@@ -29,7 +29,7 @@ function axisOf(tables, logs) {
 function valueInWords(value) {
   if (value === 0) return "0";
   const size = Math.abs(value);
-  if (size >= 1e4 || size < 1e-3) return value.toExponential(size >= 9.95e4 || size < 1e-3 ? 1 : 2).replace("e+", "e").replace("-", "−");
+  if (size >= 1e4 || size < 1e-3) return Number(value.toPrecision(3)).toExponential().replace("e+", "e").replace("-", "−");
   return String(Number(value.toPrecision(3)));
 }
 
