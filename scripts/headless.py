@@ -4,6 +4,7 @@ Debian's packages chromium and chromium-driver, driven by selenium (an extra: pi
 browser gets a profile of its own, and flags that keep it off the network.
 """
 
+import os
 import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
@@ -95,3 +96,22 @@ def settled(driver: Any) -> dict[str, Any]:
         " (idle === undefined ? still > 3 : idle && frames > 0) ? done(window.homofact.state)"
         " : setTimeout(wait, idle === undefined ? 60 : 15); })();"
     )
+
+
+def processor_seconds(driver: Any) -> float:
+    """Seconds that the browser's processes have taken so far, all threads; 0 where the system does not tell."""
+    parents: dict[int, list[int]] = {}
+    seconds: dict[int, float] = {}
+    for place in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = place.read_text(encoding="utf-8").rpartition(")")[2].split()
+        except OSError:
+            continue
+        parents.setdefault(int(fields[1]), []).append(int(place.parent.name))
+        seconds[int(place.parent.name)] = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    open_, total = [driver.service.process.pid], 0.0
+    while open_:
+        own = open_.pop()
+        total += seconds.get(own, 0.0)
+        open_ += parents.get(own, [])
+    return total

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 from conditions import figure, markdown, parser_of, write
-from headless import chromium, first_frame, open_page, settled
+from headless import chromium, first_frame, open_page, processor_seconds, settled
 
 from homofact.errors import BadInput
 from homofact.evaluate.machine import machine
@@ -72,25 +72,6 @@ for (let k = 1; k <= 12; k++) {
 }
 return times.slice(2);
 """
-
-
-def processor_seconds(driver: Any) -> float:
-    """Seconds that the browser's processes have taken so far, all threads; 0 where the system does not tell."""
-    parents: dict[int, list[int]] = {}
-    seconds: dict[int, float] = {}
-    for place in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = place.read_text(encoding="utf-8").rpartition(")")[2].split()
-        except OSError:
-            continue
-        parents.setdefault(int(fields[1]), []).append(int(place.parent.name))
-        seconds[int(place.parent.name)] = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    open_, total = [driver.service.process.pid], 0.0
-    while open_:
-        own = open_.pop()
-        total += seconds.get(own, 0.0)
-        open_ += parents.get(own, [])
-    return total
 
 
 def made(file: Path, skies: list[Path], target: Path) -> None:

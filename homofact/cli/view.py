@@ -38,13 +38,20 @@ def view(
 
     Of a relit scene (homofact relight): the objects with their shadows,
     turned and relit by built-in skies, --sky, or a dropped .hdr file.
+
+    Of a prepared scene (homofact edit): its pictures with curves to drag.
     """
+    from homofact.scene.editing.result import is_edit
     from homofact.scene.transport.result import is_relit
 
     target = place_of(result) if out is None else out
     check_page(target, force)
     if is_relit(result):
         _view_relit(result, target, sky or [], force, Screen(as_json, quiet), given={"source": source, "mesh": mesh})
+        return
+    if is_edit(result):
+        given = {"source": source, "mesh": mesh, "sky": sky or None}
+        _view_edit(result, target, force, Screen(as_json, quiet), given)
         return
     if sky:
         raise BadInput(f"sky: {result} is no relit scene, expected one that homofact relight wrote")
@@ -99,6 +106,25 @@ def _view_relit(
         size = write_relit_page(target, saved, others, new=not force)
     if not screen.quiet:
         screen.show(f"The page: {target} ({size / 1e6:.1f} MB): {len(saved.objects)} objects")
+    screen.answer({"result": str(result), "file": str(target), "bytes": size})
+
+
+def _view_edit(result: Path, target: Path, force: bool, screen: Screen, given: dict[str, object]) -> None:
+    """The page of a scene whose materials are edited."""
+    for name, value in given.items():
+        if value is not None:
+            raise BadInput(f"{name}: {result} is a prepared scene, which has its own; expected none")
+
+    from homofact.scene.editing.page.edit_page import write_saved_page
+    from homofact.scene.editing.result import open_edit
+
+    with screen.bar() as bar:
+        bar.stage("reading")
+        saved = open_edit(result, bar.stage)
+        size = write_saved_page(target, saved, stage=bar.stage, new=not force)
+    things, views = len(saved.prepared.scene.things), len(saved.prepared.pixels)
+    words = f"{things} material{'s' * (things > 1)}, {views} view{'s' * (views > 1)}"
+    screen.show(f"The page: {target} ({size / 1e6:.1f} MB): {words}")
     screen.answer({"result": str(result), "file": str(target), "bytes": size})
 
 

@@ -5,9 +5,11 @@ it gets; curves drawn by hand may say so, and a picture does not show it.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.geometry.directions import from_spherical
@@ -42,16 +44,21 @@ class Albedo:
         return f"albedo {max(row):.2f} at {angle:.0f} degrees in {channel}: more light comes back than falls in"
 
 
+def furnace_nodes(degrees: float) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
+    """(wi, wo) (N, 3) and weights (N,), cosθo dωo over the number of azimuths, of each azimuth of ωi at that angle."""
+    for azimuth in AZIMUTHS:
+        angles = (torch.tensor([math.radians(each)], dtype=torch.float64) for each in (degrees, azimuth))
+        wi = from_spherical(*angles)
+        wo, weights = hemisphere_nodes(wi, _RINGS, _SPOKES)
+        yield wi.expand(wo.shape[1], 3).contiguous(), wo[0], weights[0] * wo[0, :, 2] / len(AZIMUTHS)
+
+
 def albedo_of(reflectance: Reflectance) -> Albedo:
     """The furnace's albedo of a reflectance."""
     rows = []
     for degrees in DEGREES:
         total = torch.zeros(len(reflectance.channels), dtype=torch.float64)
-        for azimuth in AZIMUTHS:
-            angles = (torch.tensor([math.radians(each)], dtype=torch.float64) for each in (degrees, azimuth))
-            wi = from_spherical(*angles)
-            wo, weights = hemisphere_nodes(wi, _RINGS, _SPOKES)
-            values = torch.as_tensor(reflectance.evaluate(wi.expand(wo.shape[1], 3).contiguous(), wo[0]))
-            total += (values * (weights[0] * wo[0, :, 2])[:, None]).sum(0)
-        rows.append(tuple((total / len(AZIMUTHS)).tolist()))
+        for wi, wo, weights in furnace_nodes(degrees):
+            total += (torch.as_tensor(reflectance.evaluate(wi, wo)) * weights[:, None]).sum(0)
+        rows.append(tuple(total.tolist()))
     return Albedo(tuple(reflectance.channels), DEGREES, tuple(rows))

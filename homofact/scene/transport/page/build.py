@@ -36,8 +36,8 @@ from homofact.viewer.packing import differences, pack
 PACKAGE = "homofact.scene.transport.page"
 SHARED = ("data.js", "elements.js")
 SCRIPTS = (
-    "vectors.js", "cube.js", "hdr.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "shaders.js",
-    "gpu.js", "background.js", "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
+    "vectors.js", "cube.js", "hdr.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "context.js",
+    "shaders.js", "gpu.js", "background.js", "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
 # Endings of files that a name is shown without.
 _ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")

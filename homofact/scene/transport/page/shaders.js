@@ -98,19 +98,6 @@ ${fetched(quads, "v_tuple")}
 }
 `;
 
-const TONES = `
-uniform float u_exposure;
-uniform int u_filmic;
-
-// render/tonemap.py: radiance times the exposure, the filmic bend where it is asked for, sRGB.
-vec3 displayed(vec3 radiance) {
-  vec3 x = max(radiance * u_exposure, 0.0);
-  if (u_filmic == 1) x = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14);
-  x = min(x, 1.0);
-  return mix(1.055 * pow(max(x, 1e-5), vec3(1.0 / 2.4)) - 0.055, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
-}
-`;
-
 const COMPARISON = `
 in vec4 v_reference;
 uniform int u_show;
@@ -214,9 +201,3 @@ void main() {
   colour = texture(u_picture, v_at);
 }
 `;
-
-/** The text of a shader with its version and what it is made for. */
-function shaderText(body, defines = {}) {
-  const lines = Object.entries(defines).map(([name, value]) => `#define ${name} ${value}\n`).join("");
-  return `#version 300 es\nprecision highp float;\nprecision highp int;\n${lines}${body}`;
-}
