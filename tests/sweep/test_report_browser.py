@@ -1,5 +1,6 @@
 """The report opened and clicked through in a headless Chromium, from a folder and without network."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -112,31 +113,58 @@ def test_what_is_looked_for_and_which_methods_are_on_narrow_the_table(page: Any)
     assert set(column(page, "Method")) == {"ours"}
     assert one(page, "#found").text == "2 of 12 fits"
     assert all_of(page, "#methods button")[1].get_attribute("aria-pressed") == "false"
-    assert len(all_of(page, "#bytes-plot .dot")) == 6
+    assert len(dots(page, "bytes")) == 6
     all_of(page, "#methods button")[1].click()
-    assert len(all_of(page, "#bytes-plot .dot")) == 12
+    assert len(dots(page, "bytes")) == 12
 
 
-@pytest.mark.parametrize("plot", ["#bytes-plot", "#seconds-plot"])
-def test_a_dot_opens_its_material_s_page(plot: str, page: Any, site: Path) -> None:
-    fits = read_results(site.parent / "now").fits
-    assert len(all_of(page, f"{plot} .dot")) == len(fits)
-    low = min(fits, key=lambda fit: fit.row.metrics["log_mse"] or 0)
-    # The least error is the lowest dot.
-    lowest = page.execute_script(
-        "const dots = [...document.querySelectorAll(`${arguments[0]} a`)];"
-        "const height = (dot) => dot.getBoundingClientRect().top;"
-        "return dots.reduce((one, other) => (height(other) > height(one) ? other : one)).getAttribute('href')",
+def dots(driver: Any, plot: str) -> list[tuple[str, float, float, float]]:
+    """(key, the axis's figure, across, up) of every dot, in pixels of the window."""
+    return driver.execute_script(
+        "const plot = window.homofact.plots[arguments[0]], box = plot.svg.getBoundingClientRect();"
+        "const scale = box.width / plot.width;"
+        "return plot.dots.map(({fit, left, top}) => [fit.key, fit[arguments[0]], box.left + scale * left,"
+        " box.top + scale * top])",
         plot,
     )
-    assert lowest == f"materials/{low.material}.html#{low.row.key}"
-    page.execute_script("arguments[0].dispatchEvent(new MouseEvent('click', {bubbles: true}))", one(page, f"{plot} a"))
-    assert "/materials/" in page.current_url
-    key = page.current_url.partition("#")[2]
-    shown = page.execute_script("return document.querySelector('.fit:target').id")
-    assert shown == key
+
+
+@pytest.mark.parametrize("plot", ["bytes", "seconds"])
+def test_a_dot_is_where_its_figures_are_and_opens_its_material_s_page(plot: str, page: Any, site: Path) -> None:
+    fits = {fit.row.key: fit for fit in read_results(site.parent / "now").fits}
+    found = dots(page, plot)
+    assert {key for key, *_ in found} == set(fits)
+    for one_key, one_value, left, top in found:
+        assert one_value == pytest.approx(getattr(fits[one_key].row, plot), rel=1e-5)
+        for other_key, other_value, other_left, other_top in found:
+            more = (fits[one_key].row.metrics["log_mse"] or 0) - (fits[other_key].row.metrics["log_mse"] or 0)
+            assert more <= 0 or top < other_top
+            assert one_value <= other_value or left > other_left
+    key, _, left, top = found[-1]
+    mouse = pytest.importorskip("selenium.webdriver.common.actions.action_builder").ActionBuilder(page)
+    mouse.pointer_action.move_to_location(round(left) + 3, round(top) - 3).click()
+    mouse.perform()
+    assert page.current_url.endswith(f"/materials/{fits[key].material}.html#{key}")
+    assert page.execute_script("return document.querySelector('.fit:target').id") == key
     one(page, ".crumbs a").click()
     assert page.current_url.endswith("/index.html")
+
+
+def test_a_finger_opens_a_dot_s_page(page: Any) -> None:
+    page.execute_script("window.scrollTo(0, 0)")
+    key, _, left, top = dots(page, "seconds")[0]
+    page.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": left, "y": top}]})
+    page.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    arrived(page, f"#{key}")
+
+
+def arrived(driver: Any, ending: str) -> None:
+    """Wait until the page's address ends so."""
+    for _ in range(200):
+        if driver.current_url.endswith(ending):
+            return
+        time.sleep(0.02)
+    raise AssertionError(driver.current_url)
 
 
 def test_the_metric_is_chosen_for_charts_worst_and_changes(page: Any, site: Path) -> None:
@@ -233,7 +261,8 @@ def test_of_thousands_of_fits_only_those_in_sight_are_there(chromium: Any, many:
     headless.open_page(chromium, many)
     rows = "#table tbody tr[id]"
     assert len(all_of(chromium, rows)) < 60
-    assert chromium.execute_script("return document.querySelectorAll('#bytes-plot .dot').length") == MANY
+    assert len(dots(chromium, "bytes")) == MANY
+    assert len(all_of(chromium, "*")) < 2500
     table = one(chromium, "#table")
     table.send_keys(KEYS["End"])
     assert [each.get_attribute("id") for each in all_of(chromium, "#table tr.chosen")] == [f"row-{MANY - 1}"]

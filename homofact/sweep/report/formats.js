@@ -1,11 +1,11 @@
 // Numbers and names for people, colours and shapes of methods, and where a fit's page is.
 
-const SHAPES = {
-  circle: "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0Z", square: "M-3.5,-3.5H3.5V3.5H-3.5Z",
-  triangle: "M0,-4.6L4.4,3.4H-4.4Z", diamond: "M0,-5L5,0L0,5L-5,0Z",
-};
+// From a dot's middle on.
+const SHAPES = [
+  "m-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0z", "m-3.5,-3.5h7v7h-7z", "m0,-4.6l4.4,8h-8.8z", "m0,-5l5,5l-5,5l-5,-5z",
+];
 const colourOf = (label) => `var(--c${label % 8})`;
-const shapeOf = (label) => Object.values(SHAPES)[(label + Math.floor(label / 8)) % 4];
+const shapeOf = (label) => SHAPES[(label + Math.floor(label / 8)) % 4];
 
 function svg(name, attributes = {}, ...children) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -15,7 +15,7 @@ function svg(name, attributes = {}, ...children) {
 }
 
 function keyOf(label) {
-  const mark = svg("path", { d: shapeOf(label), style: `fill: ${colourOf(label)}` });
+  const mark = svg("path", { d: `M0,0${shapeOf(label)}`, style: `fill: ${colourOf(label)}` });
   return svg("svg", { viewBox: "-6 -6 12 12", class: "key", "aria-hidden": "true" }, mark);
 }
 

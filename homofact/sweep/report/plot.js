@@ -1,6 +1,7 @@
-// A chart: every fit a dot that opens its page; by keys from dot to dot.
+// A chart: every fit a dot that opens its page; by keys from dot to dot. The dots of a method are one path, since
+// thousands of elements are slow; a ring, which is the link, goes to the dot next to the pointer.
 
-const EDGE = { left: 58, right: 12, top: 22, bottom: 44 };
+const EDGE = { left: 58, right: 12, top: 22, bottom: 44 }, REACH = 12;
 
 class Plot {
   /** `x` gives a fit's place along the axis, `title` says what it is, `words` writes one of its values. */
@@ -10,7 +11,9 @@ class Plot {
     this.reading = element("p", { class: "reading quiet", "aria-live": "polite" });
     place.append(this.svg, this.reading);
     this.svg.addEventListener("keydown", (event) => this.key(event));
-    this.svg.addEventListener("pointerover", (event) => this.point(event.target));
+    for (const name of ["pointermove", "pointerdown"]) this.svg.addEventListener(name, (event) => this.point(event));
+    // A finger's tap may have begun before the ring was there.
+    this.svg.addEventListener("click", (event) => { if (this.near && !event.target.closest("a")) location.href = addressOf(this.dots[this.chosen].fit); });
     new ResizeObserver(() => { if (this.metric && this.place.clientWidth !== this.wide) this.draw(this.fits, this.metric); }).observe(place);
   }
 
@@ -26,8 +29,18 @@ class Plot {
     const seen = fits.filter((fit) => across.shows(this.x(fit)) && up.shows(y(fit)));
     const parts = [...this.rules(across, up, left, top, metric)];
     this.dots = seen.map((fit) => ({ fit, left: left(this.x(fit)), top: top(y(fit)) })).sort((a, b) => a.left - b.left || a.top - b.top);
-    for (const [k, dot] of this.dots.entries()) parts.push(this.dot(dot, k));
-    this.ring = svg("circle", { r: 8, class: "chosen", visibility: "hidden" });
+    const drawn = new Map();
+    for (const { fit, left, top } of this.dots) {
+      const kind = 2 * fit.label + fit.trusted;
+      if (!drawn.has(kind)) drawn.set(kind, { fit, texts: [] });
+      drawn.get(kind).texts.push(`M${left.toFixed(1)},${top.toFixed(1)}${shapeOf(fit.label)}`);
+    }
+    for (const [, { fit, texts }] of [...drawn].sort((a, b) => a[0] - b[0])) {
+      const style = `stroke: ${colourOf(fit.label)}; fill: ${fit.trusted ? colourOf(fit.label) : "none"}`;
+      parts.push(svg("path", { class: "dots", d: texts.join(""), style }));
+    }
+    this.ring = svg("a", { tabindex: "-1", visibility: "hidden" }, svg("circle", { r: 8, class: "chosen" }));
+    this.near = false;
     this.svg.replaceChildren(...parts, this.ring);
     this.svg.setAttribute("aria-label", `${metric.words} against ${this.title}: ${seen.length} fits. Arrow keys go from dot to dot, Enter opens one.`);
     this.chosen = -1;
@@ -54,21 +67,23 @@ class Plot {
     yield svg("text", { x: 0, y: 11 }, metric.words);
   }
 
-  dot({ fit, left, top }, number) {
-    const style = `stroke: ${colourOf(fit.label)}; fill: ${fit.trusted ? colourOf(fit.label) : "var(--raised)"}`;
-    const mark = svg("path", { class: "dot", d: shapeOf(fit.label), transform: `translate(${left.toFixed(1)},${top.toFixed(1)})`, style });
-    return svg("a", { href: addressOf(fit), tabindex: "-1", "data-dot": number, "aria-hidden": "true" }, mark);
-  }
-
-  point(target) {
-    const found = target.closest?.("[data-dot]");
-    if (found) this.choose(Number(found.dataset.dot));
+  /** The pointer has moved: the dot next to it is chosen, if one is within reach. */
+  point(event) {
+    const box = this.svg.getBoundingClientRect(), scale = this.width / box.width;
+    const [x, y] = [(event.clientX - box.left) * scale, (event.clientY - box.top) * scale];
+    let found = -1, least = (REACH * scale) ** 2;
+    for (const [k, { left, top }] of this.dots.entries()) {
+      const far = (left - x) ** 2 + (top - y) ** 2;
+      if (far < least) [found, least] = [k, far];
+    }
+    this.near = found >= 0;
+    if (this.near && found !== this.chosen) this.choose(found);
   }
 
   choose(number) {
     this.chosen = number;
     const { fit, left, top } = this.dots[number];
-    for (const [name, value] of [["cx", left], ["cy", top], ["visibility", "visible"]]) this.ring.setAttribute(name, value);
+    for (const [name, value] of [["href", addressOf(fit)], ["transform", `translate(${left},${top})`], ["visibility", "visible"]]) this.ring.setAttribute(name, value);
     const figures = `${this.metric.words} ${figure(fit.figures[this.metric.index])}, ${whole(fit.bytes)} bytes, ${figure(fit.seconds)} s`;
     this.reading.replaceChildren(link(fit, `${fit.material.name}, ${fit.method}`), `${fit.words}: ${figures}`);
   }
