@@ -61,7 +61,11 @@ def loaded(page: Path, loads: int) -> tuple[list[float], str]:
     """Milliseconds (load, sort, choose), each the median of the loads, and the browser's name and version."""
     rows, name = [], ""
     for _ in range(loads):
-        with tempfile.TemporaryDirectory() as folder, chromium(Path(folder) / "profile", size=(1400, 900)) as driver:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            # The page needs no WebGL, whose software would draw all else too.
+            chromium(Path(folder) / "profile", webgl=False, size=(1400, 900)) as driver,
+        ):
             open_page(driver, page)
             shown = driver.execute_async_script("window.homofact.ready.then((said) => arguments[0](said.shownMs))")
             rows.append((shown, driver.execute_async_script(SORT), driver.execute_async_script(CHOOSE)))

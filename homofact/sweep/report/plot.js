@@ -1,7 +1,7 @@
-// A chart: every fit a dot that opens its page; by keys from dot to dot. The dots of a method are one path, since
-// thousands of elements are slow; a ring, which is the link, goes to the dot next to the pointer.
+// A chart: every fit a dot that opens its page; by keys from dot to dot. The dots of a method are few paths, since
+// thousands of elements are slow, and so is one path of thousands of dots; a ring, which is the link, goes to the dot next to the pointer.
 
-const EDGE = { left: 58, right: 12, top: 22, bottom: 44 }, REACH = 12;
+const EDGE = { left: 58, right: 12, top: 22, bottom: 44 }, REACH = 12, PIECE = 64;
 
 class Plot {
   /** `x` gives a fit's place along the axis, `title` says what it is, `words` writes one of its values. */
@@ -37,7 +37,7 @@ class Plot {
     }
     for (const [, { fit, texts }] of [...drawn].sort((a, b) => a[0] - b[0])) {
       const style = `stroke: ${colourOf(fit.label)}; fill: ${fit.trusted ? colourOf(fit.label) : "none"}`;
-      parts.push(svg("path", { class: "dots", d: texts.join(""), style }));
+      for (let k = 0; k < texts.length; k += PIECE) parts.push(svg("path", { class: "dots", d: texts.slice(k, k + PIECE).join(""), style }));
     }
     this.ring = svg("a", { tabindex: "-1", visibility: "hidden" }, svg("circle", { r: 8, class: "chosen" }));
     this.near = false;
