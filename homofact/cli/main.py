@@ -26,6 +26,7 @@ from homofact.cli import (
     plan,
     relight,
     render,
+    report,
     stability,
     sweep,
     terms,
@@ -51,6 +52,7 @@ app.command("info")(info.info)
 app.command("plan")(plan.plan)
 app.command("relight")(relight.relight)
 app.command("render")(render.render)
+app.command("report")(report.report)
 app.command("stability")(stability.stability)
 app.command("sweep")(sweep.sweep)
 app.command("terms")(terms.terms)

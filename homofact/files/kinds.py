@@ -22,14 +22,33 @@ RESULT = FolderKind("result", FACTORIZATION)
 EXPORT = FolderKind("export", "brdf.glsl")
 PLAN = FolderKind("plan", "plan.json")
 RELIT = FolderKind("relit scene", "relight.npz")
+SITE = FolderKind("report", "site.json")
 PREPARED = FolderKind("prepared scene", "edit.npz")
 _OURS = re.compile(
     r"factorization\.npz|manifest\.json|report\.json|compare\.png|view\.html|brdf\.(glsl|hlsl|wgsl|c)"
     r"|(relight|edit)\.(npz|json)|picture_\d+\.png"
     r"|(texture_\d+|term_\d+_(first|second))(_deviation)?(\.[a-z0-9]+)+"
 )
+# Of a report's site, which has folders: names that a person may have given to files of other folders.
+_SITE = re.compile(r"site\.json|index\.html|(fits|aside|comparison)\.(csv|parquet)")
+_SITE_FOLDERS = {
+    "materials": re.compile(r"[0-9a-f]{16}\.html"),
+    "fits": re.compile(r"[0-9a-f]{32}(\.png|\.html|_(texture_\d+|term_\d+_(first|second))\.png)"),
+}
 
 
 def is_ours(entry: Path) -> bool:
-    """Whether something in a result's or an export's folder is a file that homofact puts there."""
-    return _OURS.fullmatch(entry.name) is not None and (entry.is_symlink() or not entry.is_dir())
+    """Whether something in a folder of these kinds is homofact's: a file that it puts there, a folder of such files."""
+    place = entry.parent
+    if place.name in _SITE_FOLDERS and (place.parent / SITE.mark).is_file():
+        return _SITE_FOLDERS[place.name].fullmatch(entry.name) is not None and _is_file(entry)
+    names = _OURS
+    if (place / SITE.mark).is_file():
+        if entry.name in _SITE_FOLDERS and not _is_file(entry):
+            return all(map(is_ours, entry.iterdir()))
+        names = _SITE
+    return names.fullmatch(entry.name) is not None and _is_file(entry)
+
+
+def _is_file(entry: Path) -> bool:
+    return entry.is_symlink() or not entry.is_dir()

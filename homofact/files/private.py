@@ -57,9 +57,13 @@ def give_back(old: Path, target: Path) -> None:
     """Move what is not homofact's from a folder that was replaced to the new one; what is in the way stays in `old`."""
     for entry in list(old.iterdir()):
         place = target / entry.name
-        if not is_ours(entry) and not os.path.lexists(place):
+        if is_ours(entry):
+            continue
+        if not os.path.lexists(place):
             with contextlib.suppress(OSError):
                 os.rename(entry, place)
+        elif entry.is_dir() and place.is_dir() and not entry.is_symlink():
+            give_back(entry, place)
 
 
 def _new(parent: Path) -> tuple[Path, int | None]:

@@ -122,7 +122,10 @@ class Ledger:
         found = {}
         for file in sorted((self.folder / ASIDE).glob("*.json")):
             fields = Fields.read(file, "what a sweep set aside")
-            task = task_of(fields.inner("task").found)
+            try:
+                task = task_of(fields.inner("task").found)
+            except BadInput as error:
+                raise BadInput(f"{file}: {error}, expected it as homofact wrote it; or delete the file") from error
             deaths = fields.whole("deaths", 0, 10**6)
             found[task.key] = Aside(task, fields.text("reason"), deaths, fields.flag("final"))
         return found

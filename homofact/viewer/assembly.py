@@ -31,10 +31,11 @@ def assembled(
     scripts: Sequence[str],
     data: dict[str, Any],
     workers: bool = False,
+    head: str | None = None,
 ) -> str:
     """The page: head.html and the `body` that goes on from it, with {{title}}, {{data}} and the like filled in.
 
-    `workers` lets it start workers of its own text.
+    `workers` lets it start workers of its own text; `head` is another text than head.html.
     """
     # In JSON a letter may be written by its number: the text can then neither end nor open anything in HTML.
     text = json.dumps(harmless_words(data), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
@@ -48,4 +49,5 @@ def assembled(
         "script": '(() => {\n"use strict";\n' + "\n".join(scripts) + "\n})();",
     }
     # One pass, so that braces in what is put in are left alone.
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: fill[match[1]], f"{part('homofact.viewer', 'head.html')}\n{body}")
+    whole = f"{head or part('homofact.viewer', 'head.html')}\n{body}"
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: fill[match[1]], whole)

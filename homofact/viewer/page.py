@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from homofact.evaluate.metrics import SixErrors
     from homofact.factor.fitted import Fitted
     from homofact.meshes.mesh import Mesh
-    from homofact.viewer.viewer import Facts
+    from homofact.viewer.viewer import Facts, Layer
 
 Stage = Callable[[str], None]
 SHOWN = {"search": "Searched fit", "cole": "Cole's fit", "mccool": "McCool", "svd": "SVD", "nmf": "NMF"}
@@ -55,17 +55,20 @@ def write_view(
     mesh: "Mesh | None" = None,
     stage: Stage = lambda name: None,
     new: bool = False,
+    baseline: bool = True,
+    shown: "Layer | None" = None,
 ) -> Page:
     """Write the page of a fit to `path` (one HTML file without network, `new` where none may be replaced); its facts.
 
     The source is the fit's own, found as `reopen` does with the folders `near`, unless another is given. Where it is
     gone the page shows the fit alone and says why; the errors and the verdict are then those of `report`, the record
-    of the fit (`Row.record`), where it is given. `stage` is told what is being done. Raises BadInput for channels that
-    cannot be shown, a `source` that is given and cannot be read, and a place that cannot be written.
+    of the fit (`Row.record`), where it is given. `stage` is told what is being done. Without `baseline` McCool's
+    projections are not fitted; `shown` is the source's layer where another page had it made. Raises BadInput for
+    channels that cannot be shown, a `source` that is given and cannot be read, and a place that cannot be written.
     """
     from homofact.shading.program import name_of
     from homofact.viewer.layers import check_shown, fit_layer
-    from homofact.viewer.viewer import source_layer, write_viewer
+    from homofact.viewer.viewer import write_viewer
 
     check_shown(fitted.channels)
     target, report = Path(path), report or {}
@@ -88,14 +91,15 @@ def write_view(
         record["error"] = {"fit": {part: six.record() for part, six in _measure(fitted, found).items()}}
         facts = _error_facts(record["error"]["fit"], found.part)
         layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *facts))]
-        row = _mccool(fitted, found, stage)
+        row = _mccool(fitted, found, stage) if baseline else None
         if row is not None:
             record["error"]["mccool"] = {"train": row.train.record(), found.part: row.held_out.record()}
             facts = _error_facts(record["error"]["mccool"], found.part)
             layers.append(fit_layer(row.factorization, "mccool", "McCool", (*_verdict(row.record()), *facts)))
             reports["McCool"] = row.report
-        stage("tabulating the source")
-        shown = source_layer(found.source.reflectance, facts=_own_facts(found.source), seed=found.split.seed)
+        if shown is None:
+            stage("tabulating the source")
+            shown = shown_source(found)
         layers.append(shown)
         assert shown.table is not None
         table = shown.table.error
@@ -118,6 +122,13 @@ def write_view(
         "notes": notes,
     }
     return Page(target, size, tuple(layer.title for layer in layers), record, reports, caution)
+
+
+def shown_source(source: Reopened) -> "Layer":
+    """The layer of a source, which all pages of its fits may share. Raises BadInput as `source_layer`."""
+    from homofact.viewer.viewer import source_layer
+
+    return source_layer(source.source.reflectance, facts=_own_facts(source.source), seed=source.split.seed)
 
 
 def read_report(folder: Path) -> dict[str, Any]:

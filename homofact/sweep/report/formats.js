@@ -1,0 +1,33 @@
+// Numbers and names for people, colours and shapes of methods, and where a fit's page is.
+
+// From a dot's middle on.
+const SHAPES = [
+  "m-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0z", "m-3.5,-3.5h7v7h-7z", "m0,-4.6l4.4,8h-8.8z", "m0,-5l5,5l-5,5l-5,-5z",
+];
+const colourOf = (label) => `var(--c${label % 8})`;
+const shapeOf = (label) => SHAPES[(label + Math.floor(label / 8)) % 4];
+
+function svg(name, attributes = {}, ...children) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) if (value !== null) made.setAttribute(key, value);
+  made.append(...children);
+  return made;
+}
+
+function keyOf(label) {
+  const mark = svg("path", { d: `M0,0${shapeOf(label)}`, style: `fill: ${colourOf(label)}` });
+  return svg("svg", { viewBox: "-6 -6 12 12", class: "key", "aria-hidden": "true" }, mark);
+}
+
+/** Three significant digits, as Python's `figure` writes them. */
+function figure(value) {
+  if (value === null) return "–";
+  const size = Math.abs(value);
+  if (size !== 0 && (size < 1e-4 || size >= 1e5)) return value.toExponential(1).replace("-", "−");
+  if (size >= 1000) return String(Math.round(Number(value.toPrecision(3)))).replace("-", "−");
+  return String(Number(value.toPrecision(3))).replace("-", "−");
+}
+
+const whole = (value) => value.toLocaleString("en-US");
+const addressOf = (fit) => `materials/${fit.material.page}.html#${fit.key}`;
+const link = (fit, ...words) => element("a", { href: addressOf(fit) }, ...words);

@@ -1,0 +1,60 @@
+// The smaller parts of the page: medians, the worst, what changed, what was set aside, the files.
+
+const MOST_CHANGES = 50;
+
+function plainTable(titles, rows) {
+  const head = titles.map((title) => element("th", { scope: "col" }, title));
+  const lines = rows.map(([first, ...rest]) =>
+    element("tr", {}, element("th", { scope: "row" }, first), ...rest.map((each) => (each instanceof Node && each.nodeName === "TD" ? each : element("td", {}, each)))));
+  return element("table", { class: "plain" }, element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...lines));
+}
+
+function fillMedians(place, data) {
+  const rows = data.methods.map(([label, count, trusted, bytes, seconds, ...figures], k) => [
+    element("span", {}, keyOf(k), label), whole(count), whole(trusted), whole(Math.round(bytes)), figure(seconds), ...figures.map(figure)]);
+  place.replaceChildren(plainTable(["Method", "Fits", "Trusted", "Bytes", "Fit, s", ...data.metrics.map((each) => each.words)], rows));
+}
+
+function fillWorst(place, fits, metric) {
+  place.replaceChildren(...fits.map((fit) => element("li", {}, link(fit, element("strong", {}, fit.material.name),
+    element("em", {}, figure(fit.figures[metric.index])), element("span", {}, `${fit.method}${fit.words}`)))));
+  if (!fits.length) place.append(element("li", { class: "quiet" }, "No fit has this figure."));
+}
+
+function fillComparison(data, fits, metric) {
+  const { comparison } = data;
+  document.getElementById("comparison").hidden = !comparison;
+  if (!comparison) return;
+  const versions = comparison.versions.join(", ");
+  document.getElementById("comparison-words").textContent =
+    `Against ${comparison.name}, homofact ${versions}: ${whole(comparison.pairs)} fits of the same source, method and seed are in both, ` +
+    `${whole(comparison.only_now)} are new, ${whole(comparison.only_before)} are gone. An error that differs by less than 1 %, a ratio by less than 0.01, a PSNR by less than 0.1 dB is the same.`;
+  const counted = data.metrics.map((each) => {
+    const { better, same, worse } = comparison.counts[each.name];
+    return [each.words, element("td", { class: better ? "better" : null }, whole(better)), whole(same), element("td", { class: worse ? "worse" : null }, whole(worse))];
+  });
+  document.getElementById("comparison-counts").replaceChildren(plainTable(["Metric", "Better", "Same", "Worse"], counted));
+  const changed = comparison.changes[metric.name].filter((each) => each[3] !== "same");
+  const place = document.getElementById("comparison-changes");
+  place.replaceChildren(element("h3", {}, `${metric.words}: ${changed.length ? "the largest changes" : "no change"}`));
+  if (!changed.length) return;
+  const rows = changed.slice(0, MOST_CHANGES).map(([number, before, now, word]) => {
+    const fit = fits[number];
+    return [link(fit, fit.material.name), `${fit.method}${fit.words}`, figure(before), figure(now), element("td", { class: word }, word)];
+  });
+  place.append(plainTable(["Material", "Method", "Before", "Now", ""], rows));
+  if (changed.length > MOST_CHANGES) place.append(element("p", { class: "quiet" }, `${whole(changed.length - MOST_CHANGES)} more are in comparison.csv.`));
+}
+
+function fillAside(data) {
+  document.getElementById("aside").hidden = !data.aside.length && !data.left;
+  document.getElementById("left").textContent = data.left ? `${whole(data.left)} fits are still to do: homofact sweep goes on with them.` : "";
+  if (!data.aside.length) return;
+  const rows = data.aside.map(([name, label, seed, reason, deaths]) => [
+    name, element("td", { class: "left" }, label), String(seed), String(deaths), element("td", { class: "words" }, reason)]);
+  document.getElementById("aside-table").replaceChildren(plainTable(["Material", "Method", "Seed", "Workers died", "Why"], rows));
+}
+
+function fillFiles(place, files) {
+  place.replaceChildren(...files.flatMap((name, k) => [k ? ", " : "", element("a", { href: name, download: true }, name)]));
+}

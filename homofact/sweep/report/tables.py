@@ -1,0 +1,81 @@
+"""What a report's pages show, as CSV and, where pyarrow is there, Parquet."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from homofact.files.atomic import write_text
+from homofact.sweep.ledger import Aside
+from homofact.sweep.report.reading import Fit
+
+NO_PARQUET = "no Parquet: pyarrow is not installed, expected it: pip install 'homofact[report]'"
+
+
+def parquet_there() -> bool:
+    """Whether tables can be written as Parquet too."""
+    return find_spec("pyarrow") is not None
+
+
+def fit_rows(fits: Sequence[Fit]) -> list[dict[str, Any]]:
+    """A row a fit: its figures as `summary.FitRow.cells`, then what it was made from and how."""
+    return [
+        fit.row.cells()
+        | {
+            "verdict": fit.summary,
+            "findings": ", ".join(each.name for each in fit.findings),
+            "digest": fit.task.digest,
+            "version": fit.task.version,
+            "method": fit.task.method,
+            "held_out": fit.task.held_out,
+            "settings": json.dumps(fit.task.record()["settings"]),
+            "opening": json.dumps(fit.task.record()["opening"]),
+        }
+        for fit in fits
+    ]
+
+
+def aside_rows(aside: Sequence[Aside]) -> list[dict[str, Any]]:
+    """A row for each fit that was set aside."""
+    return [
+        {
+            "key": each.task.key,
+            "source": each.task.source,
+            "name": each.task.name,
+            "label": each.task.label,
+            "seed": each.task.settings["seed"],
+            "workers_died": each.deaths,
+            "reason": each.reason,
+        }
+        for each in aside
+    ]
+
+
+def write_table(folder: Path, name: str, rows: Sequence[dict[str, Any]]) -> list[str]:
+    """NAME.csv and, where it can be, NAME.parquet of one or more rows; the files' names.
+
+    Numbers in full, what is not there empty; UTF-8.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(folder / f"{name}.csv", text.getvalue())
+    if not parquet_there():
+        return [f"{name}.csv"]
+    arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    columns = {key: [_storable(row[key]) for row in rows] for key in rows[0]}
+    # A column of nothing but gaps is one of numbers.
+    kinds = {key: None if any(each is not None for each in found) else "float64" for key, found in columns.items()}
+    table = arrow.table({key: arrow.array(found, kinds[key]) for key, found in columns.items()})
+    parquet.write_table(table, folder / f"{name}.parquet")
+    return [f"{name}.csv", f"{name}.parquet"]
+
+
+def _storable(value: Any) -> Any:
+    """UTF-8 holds no lone surrogate: it is written as \\udcff, as in the CSV."""
+    return value.encode(errors="backslashreplace").decode() if isinstance(value, str) else value
