@@ -88,6 +88,8 @@ def factors_of_sizes(
     light: EnvironmentMap | None = None,
 ) -> list[InOutFactors]:
     """`factor` on maps of several sizes: the same terms, decomposed once. Raises BadInput as `factor`."""
+    if terms is not None and not 1 <= terms <= MOST_TERMS:
+        raise BadInput(f"terms: found {terms}, expected 1 to {MOST_TERMS}")
     if terms is not None and error is not None:
         raise BadInput("found terms and error, expected one of the two")
     if error is not None and not 0 < error < 1:

@@ -217,3 +217,18 @@ def test_nothing_and_nonsense_are_refused() -> None:
         factor(Formula("nan"))
     with pytest.raises(BadInput, match="found 2 channels, expected 1 or 3"):
         factor(Lambert((0.5, 0.5), channels=("a", "b")))
+
+
+def test_nothing_is_sent_from_or_to_below_the_horizon() -> None:
+    found = factor(Lambert((0.5, 0.2, 0.1)), map_size=8)
+    up, down = torch.tensor([[0.6, 0.0, 0.8]]), torch.tensor([[0.6, 0.0, -0.8]])
+    assert (found.evaluate(up, up) > 0).all()
+    for wi, wo in ((up, down), (down, up), (down, down)):
+        assert (found.evaluate(wi, wo) == 0).all()
+
+
+def test_a_term_weighs_as_much_as_its_view_map() -> None:
+    found = factor(Lambert((0.5, 0.2, 0.1)), map_size=8)
+    # One constant a channel.
+    levels = found.view[0, 4, 4]
+    assert found.weights == pytest.approx([math.sqrt((levels**2).mean())], rel=1e-3)

@@ -358,3 +358,10 @@ def test_a_huge_sun_stays_finite(ready: Stand) -> None:
     sky[2, 4, 4] = 1e12
     found = shaded(made.transport, made.tuples(sky), (0, 1.5, 3))
     assert np.isfinite(found).all()
+
+
+def test_the_light_turns_by_the_degrees_that_the_file_says(tmp_path: Path) -> None:
+    write_exr(tmp_path / "sky.exr", np.ones((4, 8, 3), np.float32), ("R", "G", "B"))
+    for line in ('named = "studio"', 'environment = "sky.exr"'):
+        found = read(tmp_path, TEXT.replace('named = "studio"', f"{line}\nturn = 90")).light
+        assert found.turn == pytest.approx(np.pi / 2)
