@@ -1,6 +1,6 @@
 """The gallery of editing: figures 2, 4, 5 and 6 of Ben-Artzi et al. (2006) on our meshes, with real paints.
 
-    python scripts/editing_figures.py [--data FOLDER] [--only NAME] [--out docs/editing_gallery.md] [--short]
+    python scripts/editing_figures.py [--data FOLDER] [--only NAME ...] [--out docs/editing_gallery.md] [--short]
 
 Pictures go into the folder `pictures` beside the page. Needs the shared measurements: an RGL paint, a Cornell paint,
 the bunny and the Grace probe; without them our own stand in for them, and the page says so.
@@ -39,7 +39,7 @@ from homofact.scene.editing.wavelets import TERMS, non_linear
 from homofact.scene.lighting import Lighting, named_lighting
 
 Panel = np.ndarray | tuple[np.ndarray, ...]
-GLOSSY = AshikhminShirley((0.02, 0.02, 0.02), (0.9, 0.85, 0.7), 3000, 3000)
+GLOSSY = CookTorrance((0.02, 0.02, 0.02), (6.0, 5.7, 4.7), 0.03, 0.06)
 PEARL = CookTorrance((0.35, 0.32, 0.3), (0.8, 0.8, 0.8), 0.02, 0.06)
 TEAPOT = AshikhminShirley((0.15, 0.15, 0.16), (0.6, 0.6, 0.62), 60, 60)
 TRAY = CookTorrance((0.3, 0.17, 0.08), (0.5, 0.5, 0.5), 0.25, 0.05)
@@ -69,11 +69,11 @@ def found(folder: Path, short: bool) -> Found:
             "light": "our studio",
         }
         return Found(plastic, plastic, torus_knot(), named_lighting("studio"), words)
-    fit = homofact.fit(homofact.read(str(cornell)), textures=2)
+    fit = homofact.fit(homofact.read(str(cornell)), homofact.McCool(size=32))
     light = read_environment(probe)
     words = {
         "paint": f"the RGL paint {rgl.stem.removesuffix('_rgb')}",
-        "fit": f"a fit of two textures of the Cornell paint {cornell.stem}",
+        "fit": f"a fit (McCool's projections) of the Cornell paint {cornell.stem}",
         "bunny": "the Stanford bunny",
         "light": "Grace Cathedral",
     }
@@ -133,13 +133,13 @@ def figure_4(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     counts = ((30, 60, 120), (30, 60, 120)) if few else ((100, 400, 4000), (400, 4000, 10_000))
     rows, exposure = [], None
     for word, material, numbers in (
-        ("triangles", models.ashikhmin_shirley(GLOSSY, "x"), counts[0]),
+        ("triangles", models.cook_torrance(GLOSSY, "x", (256, 32)), counts[0]),
         ("points", models.from_reflectance(GLOSSY, ("theta_i",), "x", (32,)), counts[1]),
     ):
         row = []
         for number in numbers:
             scene = EditScene((Thing(sphere(48), material),), have.light, (view,))
-            prepared = prepare(scene, number)
+            prepared = prepare(scene, number, "full")
             values = Session(prepared).picture(0)
             if exposure is None:
                 _, exposure = shown(prepared, values)
@@ -147,7 +147,7 @@ def figure_4(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
         rows.append(row)
     drawn(target, rows)
     return [
-        f"Area lights against point lights (figure 4): a ball of Ashikhmin and Shirley's model, nu = nv = 3000, in"
+        f"Area lights against point lights (figure 4): a ball of Cook and Torrance's model, sigma 0.03, in"
         f" {have.words['light']}. Points ask the material at the triangles' centres."
     ]
 
@@ -156,7 +156,7 @@ def figure_5(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     """Increments against non-linear approximation by as many wavelets."""
     view = View("knot", (0.0, 0.4, 3.6), (0.0, 0.0, 0.0), pixels, pixels, 36)
     scene = EditScene((Thing(torus_knot(), models.cook_torrance(PEARL, "pearl")),), have.light, (view,))
-    prepared = prepare(scene, 60 if few else 1500)
+    prepared = prepare(scene, 60 if few else 800)
     session, address = Session(prepared), ("pearl", "specular", "distribution")
     start = session.curves[address]
     tint = torch.tensor([[1.0, 0.55, 0.25]], dtype=torch.float64)
@@ -226,7 +226,7 @@ def session_2(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
         Thing(ground(1.9, floor, 24), models.cook_torrance(TRAY, "floor", (128, 32))),
     )  # fmt: skip
     view = View("front", (0.5, 1.3, 4.6), (0.2, -0.15, 0.0), pixels * 4 // 3, pixels, 30)
-    prepared = prepare(EditScene(things, have.light, (view,)), 60 if few else 1000, tolerance=0.01)
+    prepared = prepare(EditScene(things, have.light, (view,)), 60 if few else 500, tolerance=0.01)
     ones = torch.ones(128, 3, dtype=torch.float64)
     gloss, haze = ("bunny", "whole", "theta_h"), ("ball", "whole", "theta_h")
     sharp = ones * (0.35 + bump(128, 0.0, 0.12, 6.0))
@@ -254,7 +254,7 @@ def session_6(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
         Thing(ground(1.7, -0.75, 24), models.cook_torrance(TRAY, "tray", (128, 32))),
     )
     view = View("front", (0.0, 1.7, 4.6), (0.1, -0.15, 0.0), pixels * 4 // 3, pixels, 30)
-    prepared = prepare(EditScene(things, have.light, (view,)), 60 if few else 1000, tolerance=0.01)
+    prepared = prepare(EditScene(things, have.light, (view,)), 60 if few else 500, tolerance=0.01)
     made = {thing.material.name: thing.material for thing in things}
 
     def slid(address: Address, **values: float) -> dict[Address, Bands]:
@@ -284,8 +284,8 @@ def main(arguments: list[str]) -> str:
     """Draw, and give the page."""
     parser = parser_of(__doc__)
     parser.add_argument("--data", type=Path, help="folder of real measurements")
-    parser.add_argument("--only", help="one figure by its name: " + ", ".join(FIGURES))
-    parser.add_argument("--pixels", type=int, default=128, help="rows of a picture (%(default)s)")
+    parser.add_argument("--only", nargs="+", choices=tuple(FIGURES), help="these figures alone; all unless given")
+    parser.add_argument("--pixels", type=int, default=64, help="rows of a picture (%(default)s)")
     parser.add_argument("--out", type=Path, help="the page; nothing is written beside it unless given")
     given = parser.parse_args(arguments)
     page = given.out or Path("out/editing_gallery.md")
@@ -293,14 +293,13 @@ def main(arguments: list[str]) -> str:
     lines = ["# Editing: a gallery", "", "Made by `python scripts/editing_figures.py --out docs/editing_gallery.md`.",
              f"{machine()}.", ""]  # fmt: skip
     for name, draw in FIGURES.items():
-        if given.only in (None, name):
+        if name in (given.only or FIGURES):
             words = draw(have, page.parent / "pictures" / f"editing-{name}.png", 16 if given.short else given.pixels,
                          given.short)  # fmt: skip
             lines += [*words, "", f"![{name}](pictures/editing-{name}.png)", ""]
             print(name, words[0], file=sys.stderr, flush=True)
     text = "\n".join(lines)
-    if given.only is None:
-        write(page, text)
+    write(page, text)
     return text
 
 

@@ -159,17 +159,21 @@ class _Drawable:
 
     @property
     def channels(self) -> tuple[str, ...]:
+        """Its own."""
         return self.own.channels
 
     @property
     def nbytes(self) -> int:
+        """Its own."""
         return self.own.nbytes
 
     @property
     def fetches(self) -> int:
+        """Its own."""
         return self.own.fetches
 
     def evaluate(self, wi: Any, wo: Any) -> Any:
+        """Its own values."""
         return self.own.evaluate(wi, wo)
 
 
