@@ -7,8 +7,8 @@
 so that cos γα cos γβ = cosθh. They are computed by 1 − cosγ = −expm1(cos²φh log cosθh), which keeps all digits at the
 peak; cosθh below 1e-6 counts as 1e-6, as in `brdf.analytic`.
 
-`angles_at` is the same for compiled code, which asks one pixel for the angles of many directions of light, also of
-those under the horizon: angles beyond π/2 belong to the last band.
+`chords_at` gives 2 sin(γ/2) of the same to compiled code, which asks one pixel for many directions of light, also of
+those under the horizon: what is beyond π/2 belongs to the last band.
 """
 
 import math
@@ -41,6 +41,8 @@ def angle(name: str, wi: Tensor, wo: Tensor) -> Tensor:
     check_angle(name)
     if name in ("gamma_alpha", "gamma_beta"):
         return power_angle(wi + wo, 0 if name == "gamma_alpha" else 1)
+    if name == "theta_d":
+        return torch.atan2((wi - wo).norm(dim=-1), (wi + wo).norm(dim=-1))
     return axes_of((name,), wi, wo)[..., 0]
 
 
@@ -56,35 +58,37 @@ def power_angle(s: Tensor, component: int) -> Tensor:
     return 2 * torch.asin((-torch.expm1(share * logarithm) / 2).clamp(0, 1).sqrt())
 
 
-@kernel()
-def angle_at(
+@kernel(error_model="numpy", forceinline=True)
+def chord_at(
     kind: int, x: float, y: float, z: float, ox: float, oy: float, oz: float
 ) -> float:  # pragma: no cover (compiled)
-    """γ, by its number in `ANGLES`, of the light's direction (x, y, z) and the viewer's (ox, oy, oz), unit."""
+    """2 sin(γ/2) = √(2 − 2 cosγ) of the light's direction (x, y, z) and the viewer's (ox, oy, oz), unit.
+
+    γ by its number in `ANGLES`; between two directions it is how far their ends are apart.
+    """
     if kind == 2:
-        return np.arctan2(np.sqrt(x * x + y * y), z)
+        return np.sqrt(max(2 - 2 * z, 0.0))
     if kind == 3:
-        return np.arctan2(np.sqrt(ox * ox + oy * oy), oz)
+        return np.sqrt(max(2 - 2 * oz, 0.0))
     sx, sy, sz = x + ox, y + oy, z + oz
-    if kind == 1:
-        ex, ey, ez = x - ox, y - oy, z - oz
-        return np.arctan2(np.sqrt(ex * ex + ey * ey + ez * ez), np.sqrt(sx * sx + sy * sy + sz * sz))
     across = sx * sx + sy * sy
+    if kind == 1:
+        return np.sqrt(max(2 - np.sqrt(across + sz * sz), 0.0))
     if kind == 0:
-        return np.arctan2(np.sqrt(across), sz)
+        return np.sqrt(max(2 - 2 * sz / np.sqrt(max(across + sz * sz, 1e-300)), 0.0))
     part = sx * sx if kind == 4 else sy * sy
     share = part / max(across, 1e-300)
     logarithm = np.log(MIN_COSINE)
     if sz > 0:
         sine = across / (across + sz * sz)
         logarithm = max(0.5 * np.log1p(-min(sine, 1 - 1e-16)), logarithm)
-    return 2 * np.arcsin(np.sqrt(min(max(-np.expm1(share * logarithm) / 2, 0.0), 1.0)))
+    return np.sqrt(-2 * np.expm1(share * logarithm))
 
 
-@kernel()
-def angles_at(
+@kernel(error_model="numpy", forceinline=True)
+def chords_at(
     kind: int, directions: np.ndarray, wo: np.ndarray, found: np.ndarray
 ) -> None:  # pragma: no cover (compiled)
-    """Fill `found` (V,) with γ of the light's `directions` (V, 3), in the surface frame, and `wo` (3,)."""
+    """Fill `found` (V,) with 2 sin(γ/2) of the light's `directions` (V, 3), in the surface frame, and `wo` (3,)."""
     for v in range(directions.shape[0]):
-        found[v] = angle_at(kind, directions[v, 0], directions[v, 1], directions[v, 2], wo[0], wo[1], wo[2])
+        found[v] = chord_at(kind, directions[v, 0], directions[v, 1], directions[v, 2], wo[0], wo[1], wo[2])

@@ -84,7 +84,8 @@ def edit_scene(asked: AskedEdit, stage: Stage | None = None) -> Built:
     for number, each in enumerate(asked.cameras):
         eye, target = ((x, y, z) for x, y, z in (each.eye, each.target))
         try:
-            views.append(View(each.name or f"view {number + 1}", eye, target, *each.pixels, each.field))
+            width, height = each.pixels
+            views.append(View(each.name or f"view {number + 1}", eye, target, width, height, each.field))
         except BadInput as error:
             raise BadInput(f"camera[{number}]: {error}") from error
     lighting = _lighting(asked.lighting)

@@ -24,7 +24,7 @@ from homofact.scene.editing.transport import Full, check_curves
 
 FLOOR, SMOOTH, ROUGH = 0.02, 4 / 256, 0.03
 TOLERANCE = 3e-3
-# What is tried, the fewest first.
+# What is tried, the fewest first; of two curves the more.
 RANKS = (128, 384)
 _OVERSAMPLED, _ITERATIONS = 16, 2
 
@@ -72,7 +72,7 @@ def basis_of(blocks: np.ndarray, curves: Sequence[Tensor], tolerance: float = TO
     blurred = _blurred(rows, blurs)
     total = float((blurred.astype(np.float64) ** 2).sum())
     rank, vectors = 1, np.zeros((1, rows.shape[1]), np.float32)
-    for most in RANKS:
+    for most in RANKS if len(curves) == 1 else RANKS[1:]:
         values, vectors = _singular(blurred, min(most, *rows.shape), seed)
         left = total - np.cumsum(values.astype(np.float64) ** 2)
         enough = np.flatnonzero(left <= tolerance**2 * total)
@@ -81,8 +81,8 @@ def basis_of(blocks: np.ndarray, curves: Sequence[Tensor], tolerance: float = TO
             break
     inward = _blurred(vectors[:rank], [each.T for each in blurs]).T
     a = (rows @ inward).astype(np.float64)
-    outward = np.linalg.lstsq(a, rows.astype(np.float64), rcond=1e-6)[0]
-    return Basis(np.ascontiguousarray(inward), np.ascontiguousarray(outward.astype(np.float32)), scale)
+    outward = np.linalg.pinv(a, rcond=1e-6).astype(np.float32) @ rows
+    return Basis(np.ascontiguousarray(inward), np.ascontiguousarray(outward), scale)
 
 
 def _blurred(rows: np.ndarray, blurs: list[np.ndarray]) -> np.ndarray:

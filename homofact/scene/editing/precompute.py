@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
+import numba
 import numpy as np
 import torch
 from torch import Tensor
@@ -117,13 +118,13 @@ def prepare(
     triangles: int = 4000,
     form: str = FORMS[0],
     tolerance: float = lowrank.TOLERANCE,
-    threads: int = 1,
+    threads: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Prepared:
     """Precompute a scene with about that many lights, in a form of `FORMS`; `tolerance` is that of the low rank.
 
-    `progress` is told the share of pixels that are done. Raises BadInput for another form, and a full one of more than
-    1 GiB.
+    `threads` are as many as numba has unless given; no bit depends on how many. `progress` is told the share of pixels
+    that are done. Raises BadInput for another form, and a full one of more than 1 GiB.
     """
     if form not in FORMS:
         raise BadInput(f"form: found {form!r}, expected one of {', '.join(FORMS)}")
@@ -134,7 +135,7 @@ def prepare(
         raise BadInput("views: found no object in any of them, expected one that sees something")
     if form == "full":
         _check_size(scene, pixels)
-    work = _Work(lights, solids, threads, sum(len(each) for each in pixels), progress)
+    work = _Work(lights, solids, threads or numba.get_num_threads(), sum(len(each) for each in pixels), progress)
     parts: list[Part] = []
     for number, seen in enumerate(pixels):
         for which, thing in enumerate(scene.things):
@@ -202,9 +203,12 @@ class _Work:
         directions = np.einsum("pij,pj->pi", pixels.frames[owner], self.lights.centres[numbers])
         irradiance = directions[:, 2:] * (self.lights.solid_angles[:, None] * self.lights.radiance)[numbers]
         wi, wo = torch.from_numpy(directions), torch.from_numpy(pixels.wo[owner])
-        found = []
+        found, lit = [], {}
         for term in thing.material.terms:
-            light = irradiance * finite(term.quotient(wi, wo), thing.material, term).numpy()
+            # The terms of HD have one quotient.
+            if term.quotient not in lit:
+                lit[term.quotient] = irradiance * finite(term.quotient(wi, wo), thing.material, term).numpy()
+            light = lit[term.quotient]
             kinds = [ANGLES.index(slot.angle) for slot in term.summed]
             bands = _bands(term)
             block = np.zeros((len(pixels), light.shape[1], bands[0] * bands[1]))
@@ -260,7 +264,8 @@ def _low_rank(work: _Work, pixels: Pixels, thing: Thing, tolerance: float) -> li
     work.fill(first, pixels.some(chosen), thing, [_whole] * len(terms))
     work.done = done
     starts = [[banded(slot.start, slot.bands).values for slot in term.summed] for term in terms]
-    bases = [lowrank.basis_of(table, curves, tolerance) for table, curves in zip(first, starts, strict=True)]
+    with ThreadPoolExecutor(work.threads) as pool:
+        bases = list(pool.map(lambda table, curves: lowrank.basis_of(table, curves, tolerance), first, starts))
     found = [np.empty((len(pixels), channels, basis.rank), np.float32) for basis in bases]
     work.fill(found, pixels, thing, [basis.coefficients for basis in bases])
     # Probes apart from the basis's pixels where there are enough of them.

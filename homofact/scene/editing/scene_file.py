@@ -128,8 +128,9 @@ class AskedEdit:
         """The file's table again, JSON-able, with paths relative to `folder`: `asked_of_record` reads it."""
 
         def relative(text: str | None) -> str | None:
-            named = text is None or text.startswith((SHAPE_PREFIX, MATERIAL_PREFIX))
-            return text if named else os.path.relpath(Path(text).resolve(), folder.resolve())
+            if text is None or text.startswith((SHAPE_PREFIX, MATERIAL_PREFIX)):
+                return text
+            return os.path.relpath(Path(text).resolve(), folder.resolve())
 
         def told(table: Any) -> dict[str, Any]:
             found = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(table).items()}

@@ -11,7 +11,7 @@ from homofact.brdf.analytic.cook_torrance import dielectric
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_in_discs, half_difference, to_spherical
 from homofact.scene.editing import factored, models
-from homofact.scene.editing.angles import ANGLES, RIGHT_ANGLE, angle, angles_at
+from homofact.scene.editing.angles import ANGLES, RIGHT_ANGLE, angle, chords_at
 from homofact.scene.editing.curves import Bands, Formula, Knots, band_deviation, banded, flat, resampled
 from homofact.scene.editing.material import Editable, Slot, Term
 from homofact.scene.editing.starts import beckmann, cosine_power, fresnel
@@ -43,8 +43,8 @@ def test_angles_are_those_of_the_half_and_difference_vectors() -> None:
 def test_compiled_angles_are_the_same(name: str) -> None:
     found = torch.empty(100, dtype=torch.float64).numpy()
     for row in range(5):
-        angles_at(ANGLES.index(name), WI[:100].numpy(), WO[row].numpy(), found)
-        expected = angle(name, WI[:100], WO[row].expand(100, 3))
+        chords_at(ANGLES.index(name), WI[:100].numpy(), WO[row].numpy(), found)
+        expected = 2 * torch.sin(angle(name, WI[:100], WO[row].expand(100, 3)) / 2)
         assert torch.allclose(torch.from_numpy(found.copy()), expected, atol=1e-7)
 
 

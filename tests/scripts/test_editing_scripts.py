@@ -1,0 +1,43 @@
+"""The scripts of edited pictures in their short forms: against Mitsuba, and the gallery's figure of increments."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+from mitsuba_cases import variant
+
+from homofact.containers.png import read_png
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+
+
+@pytest.fixture(autouse=True)
+def scripts_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+
+
+def test_edited_pictures_are_held_against_mitsuba(tmp_path: Path) -> None:
+    variant("llvm_ad_rgb", register=False)
+    text = importlib.import_module("editing_truth").main(["--short", "--to", str(tmp_path / "truth.md")])
+    assert (tmp_path / "truth.md").read_text(encoding="utf-8") == text
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| ")
+    ]
+    assert len(rows) == 2 + 3 * 2
+    for row in rows[2:]:
+        few, more, points, noise = (float(cell.rstrip("%")) / 100 for cell in row[2:])
+        # 27 pixels, 32 samples and 100 lights: what is wrong by more than that is a bug.
+        assert 0.01 < noise < 0.15
+        assert more < max(0.18, 2 * noise)
+        assert more < 1.1 * few
+        assert points < 0.15
+
+
+def test_an_increment_is_nearer_than_as_many_wavelets(tmp_path: Path) -> None:
+    text = importlib.import_module("editing_figures").main(
+        ["--short", "--only", "increments", "--out", str(tmp_path / "gallery.md")]
+    )
+    assert read_png(tmp_path / "pictures" / "editing-increments.png").shape[2] >= 3
+    increment, wavelets = (float(part.split("%")[0].split()[-1]) for part in text.split("off by")[1].split("itself by"))
+    assert increment < wavelets
