@@ -159,17 +159,21 @@ class _Drawable:
 
     @property
     def channels(self) -> tuple[str, ...]:
+        """Names of the channels."""
         return self.own.channels
 
     @property
     def nbytes(self) -> int:
+        """Bytes of the reflectance itself."""
         return self.own.nbytes
 
     @property
     def fetches(self) -> int:
+        """Texture fetches of the reflectance itself."""
         return self.own.fetches
 
     def evaluate(self, wi: Any, wo: Any) -> Any:
+        """BRDF values, as the reflectance gives them."""
         return self.own.evaluate(wi, wo)
 
 
