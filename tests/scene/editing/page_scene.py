@@ -1,6 +1,7 @@
 """A small scene for the tests of the page: every kind of curve, two views, a pattern, an anisotropic material."""
 
 from functools import lru_cache
+from typing import Any
 
 import torch
 from scene.editing.scenes import BRUSHED, FLOOR, PAINT, checks
@@ -50,3 +51,12 @@ def page_scene() -> EditScene:
 def page_prepared() -> Prepared:
     """The scene with 120 lights, at low rank."""
     return prepare(page_scene(), 120)
+
+
+def quiet(driver: Any) -> None:
+    """Wait until the page has drawn what it was asked for, all columns are in, and no pointer is down."""
+    driver.execute_async_script(
+        "const done = arguments[0], p = homofact.page;"
+        "(function wait() { p.pending === null && !p.view.pending && !p.todo.size && !p.hands.drag"
+        " ? done() : setTimeout(wait, 15); })();"
+    )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from browser import browser, complaints, headless, requests
-from scene.editing.page_scene import page_prepared
+from scene.editing.page_scene import page_prepared, quiet
 
 from homofact.geometry.directions import normalize
 from homofact.render.sphere import SphereImage
@@ -39,7 +39,7 @@ def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[An
     complaints(chromium)
     requests(chromium)
     headless.open_page(chromium, path)
-    headless.settled(chromium)
+    quiet(chromium)
     yield chromium
     assert complaints(chromium) == []
     assert set(requests(chromium)) <= {path.as_uri()}
@@ -57,7 +57,7 @@ def fresh(request: pytest.FixtureRequest) -> None:
             " show: 'after', compare: 0, split: 0.5, tones: 'filmic'}); p.preview.reset(); p.controls.edit(0, 2);"
             "p.expose(p.start); document.activeElement?.blur(); p.changed('all');"
         )
-        headless.settled(driver)
+        quiet(driver)
 
 
 def numbers_of(address: Address) -> int:
@@ -75,7 +75,7 @@ def put(driver: Any, curves: dict[Address, Bands]) -> None:
         "homofact.changed('all');",
         [[numbers_of(address), curve.values.reshape(-1).tolist()] for address, curve in curves.items()],
     )
-    headless.settled(driver)
+    quiet(driver)
 
 
 def shown(driver: Any, view: int) -> torch.Tensor:
@@ -154,7 +154,7 @@ def test_sliders_are_the_models(page: Any) -> None:
             values,
         )
         assert np.array(found) == pytest.approx(session.curves[address].values.reshape(-1).numpy(), rel=1e-11)
-    headless.settled(page)
+    quiet(page)
     check_pictures(page, session)
     said = page.execute_script("return document.getElementById('sliders').innerText")
     assert said.split() == ["nv", "3.5"]
@@ -191,19 +191,18 @@ def test_the_albedo_is_the_library_s_with_its_warning(page: Any) -> None:
 
 
 def wait_for(driver: Any, script: str) -> None:
-    """Until a script answers true, ten seconds at most."""
-    for _ in range(100):
-        if driver.execute_script(script):
-            return
-        headless.settled(driver)
-    raise AssertionError(script)
+    """Until a script answers true."""
+    driver.execute_async_script(
+        f"const done = arguments[0]; const is = () => {{ {script} }};"
+        "(function wait() { is() ? done() : setTimeout(wait, 20); })();"
+    )
 
 
 def pixels(driver: Any, view: int) -> np.ndarray:
     """(H, W, 3) of the canvas."""
     size = page_prepared().scene.views[view]
     driver.execute_script("homofact.page.state.view = arguments[0]; homofact.changed('all')", view)
-    headless.settled(driver)
+    quiet(driver)
     values = driver.execute_script(
         "const c = document.getElementById('canvas'), other = new OffscreenCanvas(c.width, c.height),"
         " context = other.getContext('2d', {willReadFrequently: true}); context.drawImage(c, 0, 0);"
@@ -304,7 +303,7 @@ def test_without_webgl_all_but_the_preview_works(tmp_path: Path) -> None:
     with browser(tmp_path, webgl=False) as driver:
         write_edit_page(tmp_path / "p.html", page_prepared())
         headless.open_page(driver, tmp_path / "p.html")
-        headless.settled(driver)
+        quiet(driver)
         said = driver.execute_script("return document.getElementById('no-preview').textContent")
         assert said.startswith("The preview sphere is drawn with WebGL 2, which is not available here.")
         put(driver, {PAINT: banded(page_prepared().scene.things[0].material.slot(PAINT[1:]).start, 64)})
@@ -319,7 +318,7 @@ def test_without_webgl_all_but_the_preview_works(tmp_path: Path) -> None:
 
 def test_bands_have_their_centres_where_the_page_says(page: Any) -> None:
     page.execute_script("homofact.state.band = 8; homofact.changed('plot')")
-    headless.settled(page)
+    quiet(page)
     degrees = np.degrees(float(band_centres(64)[8]))
     said = page.execute_script("return document.getElementById('point').textContent")
     assert said.startswith(f"θh {degrees:.1f}°: ")

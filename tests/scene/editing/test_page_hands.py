@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from browser import browser, complaints, headless
-from scene.editing.page_scene import page_prepared
+from scene.editing.page_scene import page_prepared, quiet
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -29,7 +29,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     with browser(folder) as driver:
         write_edit_page(folder / "edit.html", page_prepared(), title="A test")
         headless.open_page(driver, folder / "edit.html")
-        headless.settled(driver)
+        quiet(driver)
         yield driver
         assert complaints(driver) == []
 
@@ -44,7 +44,7 @@ def fresh(page: Any) -> None:
         " show: 'after', compare: 0, split: 0.5, tones: 'filmic'}); p.controls.edit(0, 2);"
         "document.activeElement?.blur(); p.changed('all');"
     )
-    headless.settled(page)
+    quiet(page)
 
 
 def values(driver: Any) -> np.ndarray:
@@ -60,12 +60,12 @@ def steps(driver: Any) -> int:
 
 def press(driver: Any, *keys: str) -> None:
     ActionChains(driver).send_keys(*keys).perform()
-    headless.settled(driver)
+    quiet(driver)
 
 
 def click(driver: Any, place: str) -> None:
     driver.execute_script(f"document.querySelector({place!r}).click()")
-    headless.settled(driver)
+    quiet(driver)
 
 
 def drag(driver: Any, start: tuple[int, float], *stops: tuple[int, float]) -> None:
@@ -82,7 +82,7 @@ def drag(driver: Any, start: tuple[int, float], *stops: tuple[int, float]) -> No
     for x, y in rest:
         chain.move_to_element_with_offset(plot, x, y)
     chain.release().perform()
-    headless.settled(driver)
+    quiet(driver)
 
 
 def test_a_line_is_drawn_and_is_one_step(page: Any) -> None:
@@ -152,7 +152,7 @@ def test_keys_move_the_point_and_raise_it(page: Any) -> None:
     press(page, Keys.END)
     assert page.execute_script("return homofact.state.band") == 63
     ActionChains(page).key_down(Keys.CONTROL).send_keys("z").key_up(Keys.CONTROL).perform()
-    headless.settled(page)
+    quiet(page)
     assert (values(page) == before).all()
 
 
@@ -237,7 +237,7 @@ def test_a_click_in_the_picture_takes_the_material_there(page: Any) -> None:
             number % view.width, number // view.width, view.width, view.height,
         )  # fmt: skip
         ActionChains(page).move_to_element_with_offset(canvas, round(x), round(y)).click().perform()
-        headless.settled(page)
+        quiet(page)
         assert page.execute_script("return homofact.page.material.name") == MATERIALS[thing].name
 
 
@@ -253,7 +253,7 @@ def dropped(driver: Any, content: str, name: str = "c.json") -> str:
         content,
         name,
     )
-    headless.settled(driver)
+    quiet(driver)
     return driver.execute_script("return document.getElementById('note').textContent")
 
 
@@ -342,7 +342,7 @@ def test_a_wrong_file_is_a_line_and_changes_nothing(page: Any, content: Any, sai
 def test_a_curve_of_nothing_is_refused(page: Any) -> None:
     before = values(page)
     page.execute_script("homofact.page.edit(homofact.page.values.map(() => 0))")
-    headless.settled(page)
+    quiet(page)
     assert (values(page) == before).all()
     said = page.execute_script("return document.getElementById('note').textContent")
     assert said == "A curve that is 0 everywhere leaves nothing to see: it stays as it was."
@@ -352,7 +352,7 @@ def test_it_fits_a_phone_and_a_desk(page: Any) -> None:
     try:
         for width, height in ((420, 900), (800, 900), (1400, 900)):
             headless.resize(page, (width, height))
-            headless.settled(page)
+            quiet(page)
             wide = page.execute_script(
                 "return [document.documentElement.scrollWidth, ...[...document.querySelectorAll('button')].filter("
                 "(b) => b.offsetParent && b.getBoundingClientRect().right > innerWidth + 0.5).map((b) => b.innerText)]"
