@@ -16,7 +16,7 @@ from homofact.evaluate.compare import fit_and_measure
 from homofact.files.plain import plain
 from homofact.methods.mccool_fit import McCool
 from homofact.sections import SourceSettings
-from homofact.sweep.ledger import Ledger, file_digest
+from homofact.sweep.ledger import Ledger, sealed
 from homofact.sweep.report.reading import Finding, Fit, ReadSweep
 from homofact.sweep.summary import METRICS, FitRow
 from homofact.sweep.sweep_file import settings_record
@@ -71,12 +71,12 @@ def make_sweep(
         place.mkdir(parents=True)
         shutil.copyfile(saved, place / "factorization.npz")
         Image.new("RGB", (8, 8), (40 * number % 256, 90, 90)).save(place / "compare.png")
-        own = json.loads(json.dumps(report)) | {"task": each.record(), "sha256": file_digest(saved)}
+        own = json.loads(json.dumps(report)) | {"task": each.record()}
         if each.method == "ggx":
             own |= {"textures": 0, "bytes": 32, "fetches": 0, "shapes": []}
         own["error"]["held_out"]["log_mse"] = 0.001 * (number + 1)
         change(own, each)
-        (place / "report.json").write_text(json.dumps(own), encoding="utf-8")
+        (place / "report.json").write_text(json.dumps(sealed(own, saved)), encoding="utf-8")
     return folder
 
 

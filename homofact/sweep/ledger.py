@@ -9,7 +9,8 @@ since is told by its own digest.
 """
 
 import hashlib
-from collections.abc import Iterable, Iterator
+import json
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -107,8 +108,8 @@ class Ledger:
             raise BadInput(f"{place / REPORT}: {error}, {_AGAIN}") from error
         if found.key != task.key:
             raise BadInput(f"{place / REPORT}: found the task {found.key}, {_AGAIN}")
-        if digest != file_digest(place / FACTORIZATION):
-            raise BadInput(f"{place / FACTORIZATION}: was changed since it was written, {_AGAIN}")
+        if digest != result_digest(fields.found, place / FACTORIZATION):
+            raise BadInput(f"{place}: its fit or its figures were changed since they were written, {_AGAIN}")
         return Result(task, place, fields.found)
 
     def results(self) -> Iterator[Result]:
@@ -154,6 +155,12 @@ class Ledger:
         return fields
 
 
-def file_digest(file: Path) -> str:
-    """SHA-256 of a file. Raises BadInput where it cannot be read."""
-    return hashlib.sha256(read_bytes(file, "a saved fit")).hexdigest()
+def result_digest(report: Mapping[str, Any], fit: Path) -> str:
+    """SHA-256 of a report, but for its own "sha256", and a fit's file. Raises BadInput where that cannot be read."""
+    told = json.dumps({name: value for name, value in report.items() if name != "sha256"}, sort_keys=True)
+    return hashlib.sha256(told.encode() + read_bytes(fit, "a saved fit")).hexdigest()
+
+
+def sealed(report: Mapping[str, Any], fit: Path) -> dict[str, Any]:
+    """The report with its "sha256", as `Ledger.result` reads it."""
+    return {**report, "sha256": result_digest(report, fit)}

@@ -16,7 +16,7 @@ from homofact.files.folder import write_folder
 from homofact.files.kinds import FACTORIZATION, RESULT
 from homofact.files.plain import plain
 from homofact.sections import SourceSettings
-from homofact.sweep.ledger import Ledger, file_digest
+from homofact.sweep.ledger import Ledger, sealed
 from homofact.sweep.task import Task, source_digest
 from homofact.version import __version__
 
@@ -46,8 +46,7 @@ def do(task: Task, folder: Path, words: str | None = None) -> dict[str, Any]:
 
     def fill(place: Path) -> None:
         row.factorization.save(place / FACTORIZATION)
-        own = {"task": task.record(), "sha256": file_digest(place / FACTORIZATION)}
-        write_json(place / REPORT, report | own)
+        write_json(place / REPORT, sealed(report | {"task": task.record()}, place / FACTORIZATION))
         panels = [(task.label, row.factorization, [])]
         shown = display_of(source.samples.channels)
         compare_picture(place / PICTURE, (source.name, source.reflectance), panels, to_rgb=shown)

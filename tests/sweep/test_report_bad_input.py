@@ -10,6 +10,7 @@ import pytest
 from swept import make_sweep
 
 from homofact.cli.main import main
+from homofact.sweep.ledger import sealed
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +29,14 @@ def some(folder: Path, name: str) -> Path:
 
 
 def reports(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], object]:
-    return lambda folder: edit(some(folder, "report.json"), change)
+    """A report that is odd as it was written, rather than changed since."""
+
+    def spoil(folder: Path) -> None:
+        file = some(folder, "report.json")
+        edit(file, change)
+        file.write_text(json.dumps(sealed(json.loads(file.read_text()), file.with_name("factorization.npz"))))
+
+    return spoil
 
 
 def headers(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], object]:
@@ -52,7 +60,11 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "no results": (lambda folder: shutil.rmtree(folder / "results"), "found no results of 6 fits, expected a sweep"),
     "changed fit": (
         lambda folder: some(folder, "factorization.npz").write_bytes(b"x"),
-        "factorization.npz: was changed since it was written, expected it as homofact wrote it; delete the folder",
+        "its fit or its figures were changed since they were written, expected it as homofact wrote it; delete the",
+    ),
+    "changed figure": (
+        lambda folder: edit(some(folder, "report.json"), lambda r: r["error"]["held_out"].update(log_mse=1e-9)),
+        "its fit or its figures were changed since they were written, expected it as homofact wrote it; delete the",
     ),
     "no report": (lambda folder: some(folder, "report.json").unlink(), "report.json: no such file, expected a sweep's"),
     "another's": (reports(lambda r: r["task"].update(held_out=0.3)), "report.json: found the task"),
