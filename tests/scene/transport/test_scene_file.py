@@ -11,6 +11,7 @@ from homofact.containers.exr import write_exr
 from homofact.errors import BadInput
 from homofact.files.archive import read_archive, write_archive
 from homofact.meshes.shapes import torus_knot
+from homofact.render.light import EnvironmentMap
 from homofact.scene.placed import Camera, material_words
 from homofact.scene.transport import build
 from homofact.scene.transport.build import Stand, relit, stand
@@ -81,13 +82,14 @@ def test_a_mesh_is_turned_scaled_and_moved_with_its_normals(tmp_path: Path) -> N
 def test_what_the_file_says_of_factors_and_clusters_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each material with its own terms and share; clusters with the scene's seed, at most one a vertex."""
+    """Each material by its own rule for K, under the scene's light; clusters with its seed, at most one a vertex."""
     asked: list[tuple[object, ...]] = []
     made, grouped = build.factor, build.clustered
 
-    def factor(reflectance: object, terms: int | None, share: float) -> object:
-        asked.append((terms, share))
-        return made(reflectance, terms, share)  # type: ignore[arg-type]
+    def factor(reflectance: object, terms: int | None, share: float, *, error: float | None, light: object) -> object:
+        assert isinstance(light, EnvironmentMap)
+        asked.append((terms, share, error))
+        return made(reflectance, terms, share, error=error, light=light)  # type: ignore[arg-type]
 
     def clustered(transport: object, components: int, *, clusters: int | None, seed: int) -> object:
         asked.append((components, clusters, seed))
@@ -95,11 +97,9 @@ def test_what_the_file_says_of_factors_and_clusters_is_asked_for(
 
     monkeypatch.setattr(build, "factor", factor)
     monkeypatch.setattr(build, "clustered", clustered)
-    text = "seed = 7\n" + TEXT.replace("size = 0.5", "size = 0.5\nterms = 1\nshare = 0.875").replace(
-        "steps = 6", "steps = 2"
-    )
+    text = "seed = 7\n" + TEXT.replace("size = 0.5", "size = 0.5\nshare = 0.5").replace("steps = 6", "steps = 2")
     objects = relit(stand(read(tmp_path, text)))
-    assert asked == [(1, 0.875), (None, 0.99), (3, 2, 7), (3, 2, 7)]
+    assert asked == [(None, 0.5, None), (None, 0.99, None), (3, 2, 7), (3, 2, 7)]
     # What is used is the compact form.
     for each in objects:
         assert each.compact is not None
