@@ -12,7 +12,7 @@ from homofact.cli import options as o
 from homofact.cli.places import check_folder, check_place
 from homofact.cli.screen import Screen, plain, say_ending
 from homofact.errors import BadInput
-from homofact.evaluate.wording import figure
+from homofact.evaluate.wording import counted, figure
 from homofact.files.reading import check_readable
 
 # Relative RMS above which a better way is named.
@@ -111,7 +111,9 @@ def _prepare(scene: Path, out: Path, force: bool, screen: Screen) -> None:
         bar.stage("writing")
         write_edit(out, asked, prepared, record, force)
     screen.show(part_table(parts), light_line(record))
-    screen.note(f"The prepared scene: {out} ({figure(prepared.nbytes / 1e6)} MB, {len(prepared.pixels)} pictures)")
+    screen.note(
+        f"The prepared scene: {out} ({figure(prepared.nbytes / 1e6)} MB, {counted(len(prepared.pixels), 'picture')})"
+    )
     screen.answer({"folder": str(out), **record})
 
 

@@ -12,7 +12,7 @@ from homofact.cli.subject import check_source, open_subject, warmed_up
 from homofact.cli.tables import appearance_tables, cost_table, error_table
 from homofact.cli.verdicts import refuse_findings, refused_names, verdict_lines
 from homofact.errors import BadInput
-from homofact.evaluate.wording import figure
+from homofact.evaluate.wording import counted, figure
 from homofact.files.lock import claimed
 
 if TYPE_CHECKING:
@@ -109,9 +109,3 @@ def caption(record: dict[str, Any]) -> list[str]:
         f"log MAE {figure(held['log_mae'])}, MAE {figure(held['mae'])} sr⁻¹ held out",
         f"{counted(record['textures'], 'texture')}, {record['bytes']} bytes, {counted(record['fetches'], 'fetch')}",
     ]
-
-
-def counted(number: int, noun: str) -> str:
-    """The number with its noun, in the plural where it is not 1."""
-    plural = f"{noun}es" if noun.endswith("ch") else f"{noun}s"
-    return f"{number} {noun if number == 1 else plural}"

@@ -14,7 +14,7 @@ from homofact.cli.places import check_place
 from homofact.cli.plan_relight import choice_table, plan_answer
 from homofact.cli.screen import Screen
 from homofact.errors import BadInput
-from homofact.evaluate.wording import figure
+from homofact.evaluate.wording import counted, figure
 
 if TYPE_CHECKING:
     from homofact.scene.transport.build import RelitObject, Stand
@@ -105,7 +105,9 @@ def relight(
         if plans:
             screen.show(choice_table(plans, plans[0].reflected))
         screen.show(object_table(objects), *([error_table(objects, ledgers)] if ledgers else []))
-    screen.note(f"The relit scene: {out} ({len(pictures)} pictures); homofact view {out} relights it in a browser")
+    screen.note(
+        f"The relit scene: {out} ({counted(len(pictures), 'picture')}); homofact view {out} relights it in a browser"
+    )
     screen.answer({"folder": str(out), **record})
 
 

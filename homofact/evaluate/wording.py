@@ -23,3 +23,9 @@ def figure(value: float | None) -> str:
     if value is None:
         return "–"
     return f"{value:.3g}" if value == 0 or 1e-4 <= abs(value) < 1e5 else f"{value:.1e}"
+
+
+def counted(number: int, noun: str) -> str:
+    """The number with its noun, in the plural where it is not 1."""
+    plural = f"{noun}es" if noun.endswith("ch") else f"{noun}s"
+    return f"{number} {noun if number == 1 else plural}"
