@@ -248,8 +248,8 @@ def main(arguments: list[str]) -> str:
     first = timed(lambda: session.picture(0))
     full = sum(4 * 3 * len(part.rows) * math.prod(part.transport.bands) for part in prepared.parts)
     lines = [
-        f"{size} x {size} pixels, {covered} covered, {prepared.lights.count} triangles, low rank to {TOLERANCE:g},"
-        f" one thread. {machine()}.",
+        f"{size} x {size} pixels, {covered} covered, {prepared.lights.count} triangles, low rank to {TOLERANCE:g}."
+        f" {machine()}.",
         "",
         "Seconds or milliseconds of the processor, of the wall in brackets.",
         "",
