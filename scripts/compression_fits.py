@@ -78,10 +78,8 @@ class SharedSearch:
         class Remembering(StructureSearch):
             def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> Outcome:
                 data = hashlib.sha256()
-                for part in (self._samples.wi, self._samples.wo, self._samples.logs, self._samples.weights):
+                for part in self._materials.digested():
                     data.update(part.numpy().tobytes())
-                for each in self._partitions:
-                    data.update(each.folds.numpy().tobytes())
                 asked = (data.hexdigest(), self._settings, self._account.granted, textures, candidates)
                 if asked in shared.known:
                     outcome, shared.saved = shared.known[asked]

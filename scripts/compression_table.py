@@ -14,6 +14,7 @@ so on, so that the first of them are a fair sample; what is done is kept in the 
 """
 
 import csv
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -131,7 +132,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 def chosen(text: str) -> list[str]:
     """The methods of a list. Raises BadInput for one that there is not."""
-    labels = [name.strip() for name in text.split(",") if name.strip()]
+    # A comma with a space after it is part of a name.
+    labels = [name.strip() for name in re.split(r",(?! )", text) if name.strip()]
     unknown = [name for name in labels if name not in METHODS]
     if unknown:
         raise BadInput(f"methods: found {unknown[0]!r}, expected some of {', '.join(METHODS)}")

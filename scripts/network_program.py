@@ -68,7 +68,7 @@ def train(samples: Samples, transform: LogTransform, loss: str, steps: int, seed
         return trained(samples, steps, seed)
 
     def cole(values: Tensor, y: Tensor, expected: Tensor, _: Tensor) -> Tensor:
-        off = (transform.forward(values) - transform.forward(expected)).square().mean()
+        off = (transform.forward(values.clamp_min(0)) - transform.forward(expected)).square().mean()
         # Below 0 the cut has no slope; the difference of the uncut value has.
         return off + torch.relu(-y).square().mean()
 

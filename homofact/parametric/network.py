@@ -2,6 +2,10 @@
 
 Adam on batches of 512 pairs; the loss is the mean absolute difference of log(1 + f cosθi) (their section 3.2). Instead
 of their 100 epochs of 800,000 pairs the steps are counted, and the rate falls to nothing along a cosine.
+
+The network's last step cuts at zero, where nothing is learnt any more: of a glossy metal 70% of the values stayed zero
+for good. So in training exp(y) − 1 and log(1 + x) go on below zero along their tangents, x itself, by which what is
+negative is an error like any other.
 """
 
 from collections.abc import Callable
@@ -17,14 +21,16 @@ Loss = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 
 
 def published_loss(values: Tensor, y: Tensor, expected: Tensor, cosine: Tensor) -> Tensor:
-    """Mean |log(1 + f̂ cosθi) − log(1 + f cosθi)| of values, samples (N, C) and cosines (N, 1)."""
-    return (torch.log1p(values * cosine) - torch.log1p(expected * cosine)).abs().mean()
+    """Mean |log(1 + f̂ cosθi) − log(1 + f cosθi)| of values, samples (N, C) and cosines (N, 1); below zero as above."""
+    found = values * cosine
+    found = torch.where(found > 0, torch.log1p(found.clamp_min(0)), found)
+    return (found - torch.log1p(expected * cosine)).abs().mean()
 
 
 def train(samples: Samples, steps: int, seed: int = 0, loss: Loss = published_loss) -> NeuralBrdf:
     """A network trained on samples of three channels by so many steps.
 
-    `loss` gets values, what the last layer gave before exp(y) − 1 and the cut at zero, the samples' values and cosθi.
+    `loss` gets values that are not cut at zero, what the last layer gave, y, the samples' values and cosθi.
     """
     generator = torch.Generator().manual_seed(seed)
     parameters: list[Tensor] = []
@@ -42,7 +48,7 @@ def train(samples: Samples, steps: int, seed: int = 0, loss: Loss = published_lo
         for k in range(0, 6, 2):
             y = y @ parameters[k] + parameters[k + 1]
             y = torch.relu(y) if k < 4 else y
-        off = loss(torch.expm1(y).clamp_min(0), y, values[rows], cosine[rows])
+        off = loss(torch.where(y > 0, torch.expm1(y), y), y, values[rows], cosine[rows])
         optimiser.zero_grad()
         off.backward()
         optimiser.step()

@@ -134,6 +134,14 @@ def test_a_network_learns_a_plastic() -> None:
     assert float(((values - samples.values).abs() * samples.wi[:, 2:]).mean()) < 0.004
 
 
+def test_a_network_of_a_metal_does_not_go_out() -> None:
+    metal = replace(GGX, diffuse=(0.02, 0.02, 0.02), lobes=(GgxLobe((0.8, 0.7, 0.6), 0.06, 0.0),))
+    samples = sample_model(metal, 4000, "lobe", 0)
+    values = train(samples, 800).evaluate(samples.wi, samples.wo)
+    # Nothing of the metal is zero, and once a value is cut at zero nothing would raise it again.
+    assert float((values == 0).double().mean()) < 0.05
+
+
 @pytest.mark.parametrize("label", ["ggx", "ggx:2", "gaussians:2", "npf", "nbrdf"])
 def test_fits_are_equal_bit_by_bit_and_read_back(label: str, tmp_path: Path) -> None:
     samples = sample_model(GGX, 600, "lobe", 0)

@@ -19,6 +19,7 @@ from homofact.geometry.directions import draw_uniform
 from homofact.geometry.interpret import TORCH, interpret, value_of
 from homofact.methods import search_fit
 from homofact.methods.effort import Account
+from homofact.methods.materials import Material, Materials
 from homofact.methods.models import Ggx as GgxMethod
 from homofact.methods.structure_search import StructureSearch
 from homofact.methods.trials import StructureSettings
@@ -101,7 +102,7 @@ def test_searches_that_ask_the_same_are_run_once(script: Callable[[str], ModuleT
         data: LogSamples = samples, chosen: StructureSettings = settings, granted: float = 5.0
     ) -> tuple[Any, int]:
         with shared.during():
-            search = search_fit.StructureSearch(data, partitions, chosen, Account(granted))
+            search = search_fit.StructureSearch(Materials((Material(data, partitions),)), chosen, Account(granted))
             return search.run(1, (("theta_h-theta_d",),)), len(shared.known)
 
     first, count = found()
@@ -112,7 +113,9 @@ def test_searches_that_ask_the_same_are_run_once(script: Callable[[str], ModuleT
     assert count == 1
     assert shared.saved > 0
     # The same as alone, and as another search of other data, settings or effort.
-    alone = StructureSearch(samples, partitions, settings, Account(5.0)).run(1, (("theta_h-theta_d",),))
+    alone = StructureSearch(Materials((Material(samples, partitions),)), settings, Account(5.0)).run(
+        1, (("theta_h-theta_d",),)
+    )
     assert (alone.mix.kinds, alone.mix.error) == (first.mix.kinds, first.mix.error)
     assert found(replace(samples, wi=wo))[1] == 2
     assert found(replace(samples, logs=samples.logs + 1))[1] == 3
