@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from conditions import data_folder, parser_of, write
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 import homofact
 from homofact.brdf.analytic import AshikhminShirley, CookTorrance
@@ -38,6 +39,8 @@ from homofact.scene.editing.view import View
 from homofact.scene.editing.wavelets import TERMS, non_linear
 from homofact.scene.lighting import Lighting, named_lighting
 
+# Triangles of light of all figures but the fourth, whose subject they are.
+LIGHTS = 2400
 Panel = np.ndarray | tuple[np.ndarray, ...]
 GLOSSY = CookTorrance((0.02, 0.02, 0.02), (6.0, 5.7, 4.7), 0.03, 0.06)
 PEARL = CookTorrance((0.35, 0.32, 0.3), (0.8, 0.8, 0.8), 0.02, 0.06)
@@ -58,7 +61,7 @@ class Found:
 
 def found(folder: Path, short: bool) -> Found:
     """The shared measurements, or what stands in for them."""
-    rgl, cornell = folder / "rgl" / "chm_light_blue_rgb.bsdf", folder / "cornell" / "garnet_red.brdf"
+    rgl, cornell = folder / "rgl" / "vch_golden_yellow_rgb.bsdf", folder / "cornell" / "garnet_red.brdf"
     bunny, probe = folder / "meshes" / "bunny.ply", folder / "envmaps" / "grace_probe_latlong.hdr"
     if short or not all(each.is_file() for each in (rgl, cornell, bunny, probe)):
         plastic = open_source("material:cook-torrance-plastic").reflectance
@@ -120,8 +123,12 @@ def drawn(target: Path, rows: Sequence[Sequence[tuple[str, Panel]]], wide: float
             place.set_axis_on()
             degrees = np.degrees(band_centres(len(what[0])).numpy())
             for curve, style in zip(what, ("0.6", "C0", "C3"), strict=False):
-                place.semilogy(degrees, np.maximum(curve, 1e-4), color=style, linewidth=1)
-            place.tick_params(labelsize=6)
+                place.semilogy(degrees, np.maximum(curve, 1e-3 * max(map(np.max, what))), color=style, linewidth=1)
+            lowest, highest = place.get_ylim()
+            place.yaxis.set_major_formatter("{x:g}")
+            # Little more than a decade has hardly any labels but those between.
+            place.yaxis.set_minor_formatter("{x:g}" if highest < 15 * lowest else NullFormatter())
+            place.tick_params(which="both", labelsize=6)
             place.set_xlabel("degrees", fontsize=6)
     target.parent.mkdir(parents=True, exist_ok=True)
     replace_file(target, lambda place: figure.savefig(place, dpi=110, format="png"))
@@ -129,7 +136,7 @@ def drawn(target: Path, rows: Sequence[Sequence[tuple[str, Panel]]], wide: float
 
 def figure_4(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     """Triangles against points, of a mirror-like ball."""
-    view = View("ball", (0.0, 0.3, 4.0), (0.0, 0.0, 0.0), pixels, pixels, 31)
+    view = View("ball", (0.0, 0.3, 4.0), (0.0, 0.0, 0.0), pixels // 2, pixels // 2, 31)
     counts = ((30, 60, 120), (30, 60, 120)) if few else ((100, 400, 4000), (400, 4000, 10_000))
     rows, exposure = [], None
     for word, material, numbers in (
@@ -139,7 +146,7 @@ def figure_4(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
         row = []
         for number in numbers:
             scene = EditScene((Thing(sphere(48), material),), have.light, (view,))
-            prepared = prepare(scene, number, "full")
+            prepared = prepare(scene, number, divided=0 if word == "points" else None)
             values = Session(prepared).picture(0)
             if exposure is None:
                 _, exposure = shown(prepared, values)
@@ -156,7 +163,7 @@ def figure_5(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     """Increments against non-linear approximation by as many wavelets."""
     view = View("knot", (0.0, 0.4, 3.6), (0.0, 0.0, 0.0), pixels, pixels, 36)
     scene = EditScene((Thing(torus_knot(), models.cook_torrance(PEARL, "pearl")),), have.light, (view,))
-    prepared = prepare(scene, 60 if few else 800)
+    prepared = prepare(scene, 60 if few else LIGHTS)
     session, address = Session(prepared), ("pearl", "specular", "distribution")
     start = session.curves[address]
     tint = torch.tensor([[1.0, 0.55, 0.25]], dtype=torch.float64)
@@ -226,7 +233,7 @@ def session_2(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
         Thing(ground(1.9, floor, 24), models.cook_torrance(TRAY, "floor", (128, 32))),
     )  # fmt: skip
     view = View("front", (0.5, 1.3, 4.6), (0.2, -0.15, 0.0), pixels * 4 // 3, pixels, 30)
-    prepared = prepare(EditScene(things, have.light, (view,)), 60 if few else 500, tolerance=0.01)
+    prepared = prepare(EditScene(things, have.light, (view,)), 60 if few else LIGHTS)
     ones = torch.ones(128, 3, dtype=torch.float64)
     gloss, haze = ("bunny", "whole", "theta_h"), ("ball", "whole", "theta_h")
     sharp = ones * (0.35 + bump(128, 0.0, 0.12, 6.0))
@@ -254,7 +261,7 @@ def session_6(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
         Thing(ground(1.7, -0.75, 24), models.cook_torrance(TRAY, "tray", (128, 32))),
     )
     view = View("front", (0.0, 1.7, 4.6), (0.1, -0.15, 0.0), pixels * 4 // 3, pixels, 30)
-    prepared = prepare(EditScene(things, have.light, (view,)), 60 if few else 500, tolerance=0.01)
+    prepared = prepare(EditScene(things, have.light, (view,)), 60 if few else LIGHTS)
     made = {thing.material.name: thing.material for thing in things}
 
     def slid(address: Address, **values: float) -> dict[Address, Bands]:
@@ -267,8 +274,11 @@ def session_6(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     steps = [
         ("knot: brushed, nu 60 to 6", slid(("knot", "specular", "alpha"), nu=6)),
         ("knot: nv 60 to 600", slid(("knot", "specular", "beta"), nv=600)),
-        ("tray: sigma 0.25 to 0.06", slid(("tray", "specular", "distribution"), sigma=0.06)),
-        ("ball: golden highlights", {half: Bands(start * torch.tensor([[6.0, 3.5, 0.6]], dtype=torch.float64))}),
+        (
+            "tray: sigma 0.25 to 0.06, n 4",
+            slid(("tray", "specular", "distribution"), sigma=0.06) | slid(("tray", "specular", "fresnel"), n=4.0),
+        ),
+        ("ball: green highlights", {half: Bands(start * torch.tensor([[0.4, 1.5, 8.0]], dtype=torch.float64))}),
     ]
     told(prepared, steps, target)
     return [
@@ -285,7 +295,7 @@ def main(arguments: list[str]) -> str:
     parser = parser_of(__doc__)
     parser.add_argument("--data", type=Path, help="folder of real measurements")
     parser.add_argument("--only", nargs="+", choices=tuple(FIGURES), help="these figures alone; all unless given")
-    parser.add_argument("--pixels", type=int, default=64, help="rows of a picture (%(default)s)")
+    parser.add_argument("--pixels", type=int, default=144, help="rows of a picture (%(default)s)")
     parser.add_argument("--out", type=Path, help="the page; nothing is written beside it unless given")
     given = parser.parse_args(arguments)
     page = given.out or Path("out/editing_gallery.md")

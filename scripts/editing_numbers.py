@@ -31,8 +31,9 @@ from homofact.linear.threads import one_thread
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.shapes import ground, sphere, torus_knot
 from homofact.scene.editing import factored, models
+from homofact.scene.editing.basis import TOLERANCE
 from homofact.scene.editing.curves import Bands, band_centres, banded, flat
-from homofact.scene.editing.lowrank import TOLERANCE, LowRank
+from homofact.scene.editing.lowrank import LowRank
 from homofact.scene.editing.material import Editable, Term
 from homofact.scene.editing.pairs import pairs_of
 from homofact.scene.editing.picture import starting_curves
@@ -213,15 +214,15 @@ def fewer_lights(triangles: tuple[int, ...], dense: int) -> list[tuple[str, ...]
         ("HD", factored.half_and_diffuse(paint, "x"), paint),
     ):
 
-        def picture(material: Editable, number: int) -> torch.Tensor:
+        def picture(material: Editable, number: int, divided: int | None = None) -> torch.Tensor:
             scene = EditScene((Thing(sphere(24), material),), named_lighting("studio"), (view,))
-            return Session(prepare(scene, number, "full")).picture(0)
+            return Session(prepare(scene, number, "full", divided=divided)).picture(0)
 
         points = models.from_reflectance(model, ("theta_i",), "x", (32,))
-        exact = picture(points, dense)
+        exact = picture(points, dense, 0)
         size = float(exact.square().mean().sqrt())
         errors = [float((picture(made, n) - exact).square().mean().sqrt()) / size for n in triangles]
-        plain = float((picture(points, triangles[-1]) - exact).square().mean().sqrt()) / size
+        plain = float((picture(points, triangles[-1], 0) - exact).square().mean().sqrt()) / size
         rows.append((kind, *(f"{error:.2%}" for error in errors), f"{plain:.2%}"))
     return rows
 

@@ -1,18 +1,18 @@
 """The page of a prepared scene: how large it is, how soon it shows, how fast a curve is dragged when software draws.
 
-    python scripts/editing_page_numbers.py FOLDER [--out FILE.md] [--short]
+    python scripts/editing_page_numbers.py FOLDER [--window 1400x900] [--out FILE.md] [--short]
     python scripts/editing_page_numbers.py FILE.html
 
 FOLDER is what `homofact edit` wrote; a page that is there already is measured as it is.
 
-A headless Chromium shows the page in a window of 1400 × 900; WebGL, which the preview alone uses, is SwiftShader's. A
-curve of each material is dragged by its brush for some frames. "Frames a second" are of the clock, from a drag's first
-frame to its last; on a machine that does other work they are too few, so that beside them stand the milliseconds that
-the page's own work takes in a frame (`draw`, on the page's thread), the processors' seconds a frame of all the
-browser's processes (the compositor's drawing of 1400 × 900 included), and the machine's load. "All columns" is a
-frame in which the whole change comes in at once; what is "not put on the canvas" is computed and not shown. Products a
-second are those of the sums; for comparison the same sums by a WebGL 2 fragment shader that reads the coefficients from
-a texture, at the same number of pixels and columns.
+A headless Chromium shows the page in a window of 1400 × 900 pixels unless --window says otherwise; WebGL, which the
+preview alone uses, is SwiftShader's. A curve of each material is dragged by its brush for some frames. "Frames a
+second" are of the clock, from a drag's first frame to its last; on a machine that does other work they are too few,
+so that beside them stand the milliseconds that the page's own work takes in a frame (`draw`, on the page's thread),
+the processors' seconds a frame of all the browser's processes (the compositor's drawing of the window included), and
+the machine's load. "All columns" is a frame in which the whole change comes in at once; what is "not put on the
+canvas" is computed and not shown. Products a second are those of the sums; for comparison the same sums by a WebGL 2
+fragment shader that reads the coefficients from a texture, at the same number of pixels and columns.
 """
 
 import os
@@ -127,9 +127,9 @@ def made(folder: Path, target: Path) -> None:
     write_saved_page(target, open_edit(folder))
 
 
-def measured(page: Path, frames: int) -> dict[str, Any]:
-    """What one browser says of the page."""
-    with tempfile.TemporaryDirectory() as folder, chromium(Path(folder) / "profile", size=(1400, 900)) as driver:
+def measured(page: Path, frames: int, window: tuple[int, int] = (1400, 900)) -> dict[str, Any]:
+    """What one browser says of the page in a window of so many pixels."""
+    with tempfile.TemporaryDirectory() as folder, chromium(Path(folder) / "profile", size=window) as driver:
         open_page(driver, page)
         trouble = driver.execute_script("return document.getElementById('trouble')?.innerText ?? ''")
         if trouble:
@@ -150,6 +150,7 @@ def measured(page: Path, frames: int) -> dict[str, Any]:
             driver.execute_script("const p = homofact.page; p.budget = 16; delete p.paint; p.resetAll()")
         found["products"] = driver.execute_script(PRODUCTS)
         found["pixels"] = driver.execute_script("return homofact.page.views.map((v) => v.count)")
+        found["window"] = window
         found["browser"] = f"Chromium {driver.capabilities['browserVersion']}"
         found["said"] = [entry["message"] for entry in driver.get_log("browser")]
     return found
@@ -166,11 +167,13 @@ def text_of(page: Path, found: dict[str, Any]) -> str:
         )  # fmt: skip
     products = found["products"]
     rate = products["products"] / products["processor"] / 1e6
+    wide, high = found["window"]
     lines = [
         f"# The page {page.name}",
         "",
         f"- {page.stat().st_size:,} bytes, {' + '.join(map(str, found['pixels']))} covered pixels; first picture after"
-        f" {figure(found['first'])} s. {found['browser']}, WebGL 2 by SwiftShader. {machine()}",
+        f" {figure(found['first'])} s. {found['browser']}, WebGL 2 by SwiftShader, a window of {wide} × {high}."
+        f" {machine()}",
         f"- load of the machine meanwhile {os.getloadavg()[0]:.1f} (mean number of programs that want a core)",
         f"- wanted: {RATE:g} frames a second, {figure(1000 / RATE)} ms a frame",
         "",
@@ -188,15 +191,19 @@ def main(arguments: list[str] | None = None) -> int:
     """Make or take the page, measure and print; 2 where something is missing or the page complains."""
     parser = parser_of(__doc__)
     parser.add_argument("source", type=Path, help="a folder that homofact edit wrote, or a page that is there already")
+    parser.add_argument("--window", default="1400x900", metavar="WxH", help="pixels of the window (%(default)s)")
     parser.add_argument("--out", type=Path, help="write the text too")
     chosen = parser.parse_args(arguments)
     try:
+        window = re.fullmatch(r"(\d+)x(\d+)", chosen.window)
+        if window is None:
+            raise BadInput(f"--window: found {chosen.window!r}, expected its width and height as 1400x900")
         with tempfile.TemporaryDirectory() as folder:
             page = chosen.source
             if not re.fullmatch(r"\.html?", page.suffix):
                 page = Path(folder) / f"{page.name}.html"
                 made(chosen.source, page)
-            found = measured(page, 6 if chosen.short else FRAMES)
+            found = measured(page, 6 if chosen.short else FRAMES, (int(window[1]), int(window[2])))
             if found["said"]:
                 raise BadInput(f"{page}: the page complained ({found['said'][0]}), expected it silent")
             text = text_of(page, found)

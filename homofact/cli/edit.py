@@ -110,7 +110,8 @@ def _prepare(scene: Path, out: Path, force: bool, screen: Screen) -> None:
         record["notes"] = list(built.notes)
         bar.stage("writing")
         write_edit(out, asked, prepared, record, force)
-    screen.show(part_table(parts), light_line(record))
+    if not screen.quiet:
+        screen.show(part_table(parts), light_line(record))
     screen.note(
         f"The prepared scene: {out} ({figure(prepared.nbytes / 1e6)} MB, {counted(len(prepared.pixels), 'picture')})"
     )
@@ -164,12 +165,13 @@ def _apply(
         say_ending(screen, made.row.report)
     elif made.rms > MUCH and "solve" in record["way"]:
         screen.note("homofact: --way texture leaves less, with one more texture and fetch")
-    screen.show(
-        f"{subject.material.name}: {made.words()}",
-        *(f"  {each.words()}" for each in made.applied),
-        f"{out}: factorization.npz, manifest.json, report.json, every texture as .exr and .png",
-        f"The picture: {out / 'compare.png'}",
-    )
+    if not screen.quiet:
+        screen.show(
+            f"{subject.material.name}: {made.words()}",
+            *(f"  {each.words()}" for each in made.applied),
+            f"{out}: factorization.npz, manifest.json, report.json, every texture as .exr and .png",
+            f"The picture: {out / 'compare.png'}",
+        )
     screen.answer({"folder": str(out), **record})
 
 

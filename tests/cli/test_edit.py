@@ -101,8 +101,8 @@ def test_a_scene_is_prepared_and_its_errors_said(scene: Path, capsys: pytest.Cap
     out = scene.parent / "out"
     assert main(["edit", str(scene), "--out", str(out), "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
-    assert 0 < record["error"]["low_rank"] < 0.05
-    assert 0 < record["error"]["lights_and_bands"]["view 1"] < 0.2
+    assert 1e-6 < record["error"]["low_rank"] < 3e-3
+    assert 0.01 < record["error"]["lights_and_bands"]["view 1"] < 0.06
     assert [entry["curve"] for entry in record["materials"]["plastic"]] == [
         "incident", "outgoing", "distribution", "fresnel",
     ]  # fmt: skip
@@ -152,6 +152,8 @@ def test_what_is_there_stays_without_force(scene: Path, capsys: pytest.CaptureFi
     out = scene.parent / "out"
     run = ["edit", str(scene), "--out", str(out), "--quiet"]
     assert main(run) == 0
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "")
     before = (out / "edit.npz").read_bytes()
     assert main(run) == 2
     assert "found an existing prepared scene, expected a new folder or --force" in capsys.readouterr().err
@@ -200,13 +202,15 @@ def test_what_is_no_scene_is_refused(
     assert not out.exists()
 
 
-@pytest.mark.parametrize(("way", "most"), [("texels", 0.06), ("texture", 0.01)])
+@pytest.mark.parametrize(
+    ("way", "more", "most"), [("texels", ["--refine", "4"], 0.005), ("texture", [], 0.003)], ids=["texels", "texture"]
+)
 def test_curves_become_textures_of_the_fit(
-    way: str, most: float, fit_scene: Path, capsys: pytest.CaptureFixture[str]
+    way: str, more: list[str], most: float, fit_scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, out = fit_scene.parent / "curves.json", fit_scene.parent / "edited"
     file.write_text(json.dumps(curves_text()))
-    run = ["edit", str(fit_scene), "--apply", str(file), "--out", str(out), "--way", way, "--json"]
+    run = ["edit", str(fit_scene), "--apply", str(file), "--out", str(out), "--way", way, *more, "--json"]
     assert main(run) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["way"] == [way]
@@ -219,8 +223,9 @@ def test_curves_become_textures_of_the_fit(
     wanted = (1 + 1.5 * torch.exp(-(((gamma - 0.5) / 0.25) ** 2)))[:, None] * before.evaluate(wi, wo)
     off = float((after.evaluate(wi, wo) - wanted).square().mean().sqrt() / wanted.square().mean().sqrt())
     assert off < most
-    assert record["error"]["edited"] == pytest.approx(off, rel=0.25, abs=0.003)
-    assert record["error"]["edits"][0]["rms"] == pytest.approx(off, rel=0.25, abs=0.003)
+    # The edited material has the curve in steps, of which `off` knows nothing.
+    assert off < record["error"]["edited"] < off + 3e-3
+    assert record["error"]["edits"][0]["rms"] == pytest.approx(off, rel=0.4)
     # In the manifest; and no error is measured on the source, which is another material now.
     (kept,) = json.loads((out / "manifest.json").read_text())["provenance"]["edits"]
     assert (kept["angle"], kept["way"]) == ("theta_h", way)
@@ -234,11 +239,13 @@ def test_curves_become_textures_of_the_fit(
 def test_curves_of_what_is_no_fit_are_fitted_anew(
     scene: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from homofact.brdf.source import open_source
     from homofact.methods.mccool import McCool
     from homofact.scene.editing import take_back
 
-    # By a method that searches nothing: what is fitted is looked at here, not how well.
+    # Of few samples, by a method that searches nothing: what is fitted is looked at here, not how well.
     monkeypatch.setattr(take_back, "Search", lambda: McCool(size=8))
+    monkeypatch.setattr(take_back, "open_source", lambda words: open_source(words, count=4000))
     slot = {"material": "plastic", "term": "diffuse", "curve": "incident", "angle": "theta_i"}
     file, out = scene.parent / "curves.json", scene.parent / "edited"
     file.write_text(json.dumps(curves_text(**slot, values=[[3.0, 3.0, 3.0]] * 256)))

@@ -1,7 +1,8 @@
-"""What a prepared scene's pictures are off, as the curves start: low rank, and lights and bands.
+"""What a prepared scene's pictures are off: low rank, and lights and bands.
 
-Both are relative RMS over some pixels. Low rank is against all bands (`lowrank.LowRank.error`). Lights and bands are
-against a finer division of the light, the materials themselves asked at the centres: no bands, no curves.
+Both are relative RMS over some pixels. Low rank is against all bands (`lowrank.LowRank.error`), of curves as they start
+and of trial edits (`basis.trial_edits`). Lights and bands are as the curves start, against a finer division of the
+light, the materials themselves asked at the centres: no bands, no curves.
 """
 
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from homofact.scene.editing.basis import trial_edits
 from homofact.scene.editing.lights import TriangleLights, triangle_lights
 from homofact.scene.editing.lowrank import LowRank
 from homofact.scene.editing.picture import factor_of, starting_curves, summed_curves
@@ -20,7 +22,7 @@ PIXELS, FINER = 96, 4
 
 @dataclass(frozen=True)
 class PartError:
-    """One term of one object in one view: pixels, bands, rank, and the low rank's error."""
+    """One term of one object in one view: pixels, bands, rank, and the low rank's error, the worst trial edit's."""
 
     view: str
     material: str
@@ -32,12 +34,13 @@ class PartError:
 
 
 def rank_errors(prepared: Prepared) -> tuple[PartError, ...]:
-    """The low rank's error of every part."""
+    """The low rank's error of every part, by its probes."""
     curves, found = starting_curves(prepared), []
     for part in prepared.parts:
         if isinstance(part.transport, LowRank):
             material = prepared.scene.things[part.thing].material
-            error = part.transport.error(summed_curves(part, material, curves))
+            start = summed_curves(part, material, curves)
+            error = max(map(part.transport.error, [start, *trial_edits(start)]))
             view = prepared.scene.views[part.view].name
             kept = part.transport
             found.append(PartError(view, material.name, part.term, len(part.rows), kept.bands, kept.rank, error))

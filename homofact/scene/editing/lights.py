@@ -20,7 +20,7 @@ import torch
 
 from homofact.errors import BadInput
 from homofact.render.light import DirectionalLight, EnvironmentMap
-from homofact.scene.lighting import Lighting, solid_angles
+from homofact.scene.lighting import Lighting, ring_directions, solid_angles
 
 LARGEST, POWER = 0.01, 0.25
 SUN = 2 * math.pi * (1 - math.cos(math.radians(0.2665)))
@@ -221,22 +221,13 @@ def _points(maps: list[EnvironmentMap], wanted: int, channels: int) -> tuple[np.
     rows = max(int(each.radiance.shape[0]) for each in maps)
     columns = max(int(each.radiance.shape[1]) for each in maps)
     times = max(2, math.ceil(math.sqrt(wanted / (rows * columns))))
-    polar = np.arange(rows * times + 1) * (math.pi / (rows * times))
+    edges = torch.cos(torch.arange(rows * times + 1, dtype=torch.float64) * (math.pi / (rows * times)))
     # In the middle of each point's own solid angle.
-    y = (np.cos(polar[:-1]) + np.cos(polar[1:])) / 2
-    azimuth = ((np.arange(columns * times) + 0.5) / (columns * times) - 0.5) * 2 * math.pi - maps[0].turn
-    around = np.sqrt(1 - y**2)
-    points = np.stack(
-        (
-            around[:, None] * np.sin(azimuth),
-            np.broadcast_to(y[:, None], (len(y), len(azimuth))),
-            -around[:, None] * np.cos(azimuth),
-        ),
-        -1,
-    ).reshape(-1, 3)
+    y = (edges[:-1] + edges[1:]) / 2
+    points = ring_directions(y, torch.sqrt(1 - y**2), columns * times, maps[0].turn)
     radiance = np.zeros((len(points), channels))
     for each in maps:
-        radiance += each.look_up(torch.from_numpy(points))[0].numpy()
+        radiance += each.look_up(points)[0].numpy()
     angle = solid_angles(rows * times, columns * times).numpy()
     smallest = float(solid_angles(rows, columns).max()) / 4
-    return points, np.concatenate((angle[:, None], angle[:, None] * radiance), 1), smallest
+    return points.numpy(), np.concatenate((angle[:, None], angle[:, None] * radiance), 1), smallest

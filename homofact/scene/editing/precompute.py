@@ -1,7 +1,7 @@
 """From a scene whose light and views are fixed to T and U of every term (Ben-Artzi et al. 2006, section 5, code 1).
 
 Pixel by pixel: which lights are above its horizon and not blocked (one ray to each light's centre, shared by all terms
-of the object), L' = L V ρ_q cosθi Ω at the light's centre, and its share of each band (`overlap`). Pixels go in blocks,
+of the object), L' = L V ρ_q cosθi Ω (`quotient`), and its share of each band (`overlap`). Pixels go in blocks,
 which may run in several threads and give the same bits however many there are. A block in full is (pixels, C, J·K);
 "low-rank" keeps only its coefficients, so that two curves' matrices never stand whole in memory.
 
@@ -20,12 +20,15 @@ from torch import Tensor
 from homofact.errors import BadInput
 from homofact.linear.threads import one_thread
 from homofact.meshes.mesh import Mesh
-from homofact.scene.editing import lowrank
 from homofact.scene.editing.angles import ANGLES
+from homofact.scene.editing.basis import TOLERANCE, Basis, basis_of
+from homofact.scene.editing.block_floats import BlockFloats
 from homofact.scene.editing.curves import banded
 from homofact.scene.editing.lights import TriangleLights, triangle_lights
-from homofact.scene.editing.material import Editable, Term
+from homofact.scene.editing.lowrank import LowRank
+from homofact.scene.editing.material import Editable, Quotient, Term
 from homofact.scene.editing.overlap import transport
+from homofact.scene.editing.quotient import LightPoints, enough_points, lit
 from homofact.scene.editing.transport import Full, Transport
 from homofact.scene.editing.view import Pixels, Solids, View
 from homofact.scene.lighting import Lighting
@@ -33,9 +36,10 @@ from homofact.scene.lighting import Lighting
 FORMS = ("low-rank", "full")
 MOST_BYTES = 1 << 30
 _BLOCK_NUMBERS, _PAIRS = 1 << 22, 1 << 18
-_BASIS_PIXELS, _PROBES = 600, 64
+_BASIS_PIXELS, _PROBES, _ASKED_PIXELS = (600, 1500), 64, 24
 Pattern = Callable[[np.ndarray], np.ndarray]
-Kept = Callable[[np.ndarray], np.ndarray]
+# What is kept of the block of these rows.
+Kept = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -117,14 +121,17 @@ def prepare(
     scene: EditScene,
     triangles: int = 4000,
     form: str = FORMS[0],
-    tolerance: float = lowrank.TOLERANCE,
+    tolerance: float = TOLERANCE,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
+    divided: int | None = None,
 ) -> Prepared:
     """Precompute a scene with about that many lights, in a form of `FORMS`; `tolerance` is that of the low rank.
 
     `threads` are as many as numba has unless given; no bit depends on how many. `progress` is told the share of pixels
-    that are done. Raises BadInput for another form, and a full one of more than 1 GiB.
+    that are done. `divided` says how often a triangle is divided to ask a quotient at more points than its centre, as
+    often as `quotient` finds to be enough unless given. Raises BadInput for another form, and a full one of more than
+    1 GiB.
     """
     if form not in FORMS:
         raise BadInput(f"form: found {form!r}, expected one of {', '.join(FORMS)}")
@@ -142,6 +149,7 @@ def prepare(
             rows = np.flatnonzero(seen.objects == which)
             if len(rows):
                 own = seen.some(rows)
+                work.ask(own, thing, divided)
                 made = _full(work, own, thing) if form == "full" else _low_rank(work, own, thing, tolerance)
                 theta_o = torch.from_numpy(np.arctan2(np.hypot(own.wo[:, 0], own.wo[:, 1]), own.wo[:, 2]))
                 for term, found in zip(thing.material.terms, made, strict=True):
@@ -177,16 +185,28 @@ class _Work:
     total: int
     progress: Callable[[float], None] | None
     done: int = 0
+    points: dict[Quotient, LightPoints] = field(default_factory=dict)
+
+    def ask(self, pixels: Pixels, thing: Thing, divided: int | None) -> None:
+        """Choose at how many points a triangle's quotients are asked, by some of these pixels unless it is given."""
+        order = np.random.default_rng(1).permutation(len(pixels))
+        some = pixels.some(np.sort(order[:_ASKED_PIXELS]))
+        begins, numbers = visible_lights(some, self.lights, self.solids)
+        for term in thing.material.terms:
+            if divided is not None:
+                self.points[term.quotient] = LightPoints.of(self.lights, divided)
+            elif term.quotient not in self.points:
+                self.points[term.quotient] = enough_points(some, self.lights, begins, numbers, thing.material, term)
 
     def fill(self, tables: Sequence[np.ndarray], pixels: Pixels, thing: Thing, kept: Sequence[Kept]) -> None:
-        """Fill the rows of every term's table with what its function keeps of each block (B, C, J·K) float64."""
+        """Fill the rows of every term's table with what its function keeps of each block (B, C, J·K) and its rows."""
         widest = max(int(np.prod(_bands(term))) for term in thing.material.terms) * len(thing.material.channels)
         step = max(1, min(_BLOCK_NUMBERS // widest, _PAIRS // self.lights.count))
 
         def one(start: int) -> tuple[np.ndarray, list[np.ndarray]]:
             rows = np.arange(start, min(start + step, len(pixels)))
             found = self.block(pixels.some(rows), thing)
-            return rows, [keep(block) for keep, block in zip(kept, found, strict=True)]
+            return rows, [keep(block, rows) for keep, block in zip(kept, found, strict=True)]
 
         with ThreadPoolExecutor(self.threads) as pool:
             for rows, found in pool.map(one, range(0, len(pixels), step)):
@@ -200,22 +220,20 @@ class _Work:
         """Every term's block (P, C, J·K) float64."""
         begins, numbers = visible_lights(pixels, self.lights, self.solids)
         owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
-        directions = np.einsum("pij,pj->pi", pixels.frames[owner], self.lights.centres[numbers])
-        irradiance = directions[:, 2:] * (self.lights.solid_angles[:, None] * self.lights.radiance)[numbers]
-        wi, wo = torch.from_numpy(directions), torch.from_numpy(pixels.wo[owner])
-        found, lit = [], {}
+        found, known = [], {}
         for term in thing.material.terms:
             # The terms of HD have one quotient.
-            if term.quotient not in lit:
-                lit[term.quotient] = irradiance * finite(term.quotient(wi, wo), thing.material, term).numpy()
-            light = lit[term.quotient]
+            if term.quotient not in known:
+                points = self.points[term.quotient]
+                known[term.quotient] = lit(pixels, self.lights, points, owner, numbers, thing.material, term)
+            light = known[term.quotient]
             kinds = [ANGLES.index(slot.angle) for slot in term.summed]
             bands = _bands(term)
             block = np.zeros((len(pixels), light.shape[1], bands[0] * bands[1]))
             transport(
                 self.lights.vertices, self.lights.triangles, self.lights.middles, self.lights.sizes, pixels.frames,
                 pixels.wo, (kinds[0], kinds[1] if len(kinds) == 2 else -1), bands, begins, numbers,
-                np.ascontiguousarray(light), block,
+                light, block,
             )  # fmt: skip
             found.append(block)
         return found
@@ -234,47 +252,55 @@ def visible_lights(pixels: Pixels, lights: TriangleLights, solids: Solids) -> tu
     return begins.astype(np.int64), light
 
 
-def finite(values: Tensor, material: Editable, term: Term) -> Tensor:
-    """A quotient's values. Raises BadInput where one is not finite or negative."""
-    bad = ~torch.isfinite(values) | (values < 0)
-    if bool(bad.any()):
-        found = float(values[bad][0])
-        raise BadInput(f"{material.name}: {term.name}: the quotient is {found} somewhere, expected finite numbers >= 0")
-    return values
-
-
-def _whole(block: np.ndarray) -> np.ndarray:
-    return block.astype(np.float32)
-
-
 def _full(work: _Work, pixels: Pixels, thing: Thing) -> list[Transport]:
     terms, channels = thing.material.terms, len(thing.material.channels)
     tables = [np.empty((len(pixels), channels, *_bands(term)), np.float32) for term in terms]
-    work.fill(tables, pixels, thing, [_whole] * len(terms))
+    work.fill(tables, pixels, thing, [lambda block, _: block] * len(terms))
     return [Full(table, len(term.summed)) for table, term in zip(tables, terms, strict=True)]
 
 
 def _low_rank(work: _Work, pixels: Pixels, thing: Thing, tolerance: float) -> list[Transport]:
     terms, channels = thing.material.terms, len(thing.material.channels)
     generator = np.random.default_rng(0)
-    chosen = np.sort(generator.permutation(len(pixels))[:_BASIS_PIXELS])
-    first = [np.empty((len(chosen), channels, int(np.prod(_bands(term)))), np.float32) for term in terms]
-    # Counted once, as pixels of the second time over.
-    done = work.done
-    work.fill(first, pixels.some(chosen), thing, [_whole] * len(terms))
-    work.done = done
-    starts = [[banded(slot.start, slot.bands).values for slot in term.summed] for term in terms]
-    with ThreadPoolExecutor(work.threads) as pool:
-        bases = list(pool.map(lambda table, curves: lowrank.basis_of(table, curves, tolerance), first, starts))
+    order = generator.permutation(len(pixels))
+    chosen = np.sort(order[: _basis_pixels(terms, len(pixels))])
+    which = np.arange(channels)[None].repeat(len(chosen), 0)
+    if which.size > _BASIS_PIXELS[1]:
+        which = generator.integers(0, channels, (len(chosen), 1))
+    bases = _bases(work, pixels.some(chosen), thing, which, tolerance)
     found = [np.empty((len(pixels), channels, basis.rank), np.float32) for basis in bases]
-    work.fill(found, pixels, thing, [basis.coefficients for basis in bases])
+    keep: list[Kept] = [lambda block, _, basis=basis: basis.coefficients(block) for basis in bases]
+    work.fill(found, pixels, thing, keep)
     # Probes apart from the basis's pixels where there are enough of them.
     others = np.setdiff1d(np.arange(len(pixels)), chosen)
     probes = np.sort(generator.permutation(others if len(others) >= _PROBES else len(pixels))[:_PROBES])
     blocks = work.block(pixels.some(probes), thing)
     made: list[Transport] = []
-    for k, (term, basis, block) in enumerate(zip(terms, bases, blocks, strict=True)):
-        table = Full(block.reshape(len(probes), channels, *_bands(term)).astype(np.float32), len(term.summed))
+    for table, term, basis, block in zip(found, terms, bases, blocks, strict=True):
+        full = Full(block.reshape(len(probes), channels, *_bands(term)).astype(np.float32), len(term.summed))
         sizes = tuple(slot.bands for slot in term.summed)
-        made.append(lowrank.LowRank(found[k], basis.outward, basis.scale, sizes, probes, table))
+        outward = BlockFloats.of(basis.outward[:, None])
+        made.append(LowRank(BlockFloats.of(table), outward, basis.scale, sizes, probes, full))
     return made
+
+
+def _basis_pixels(terms: Sequence[Term], count: int) -> int:
+    """How many of so many pixels the bases are made of: they are computed twice."""
+    least, most = _BASIS_PIXELS
+    return max(least, min(most, count // 4)) if any(len(term.summed) == 2 for term in terms) else least
+
+
+def _bases(work: _Work, pixels: Pixels, thing: Thing, which: np.ndarray, tolerance: float) -> list[Basis]:
+    """Every term's basis, of the channels `which` (S, n) of each of these pixels."""
+    terms = thing.material.terms
+    first = [np.empty((*which.shape, int(np.prod(_bands(term)))), np.float32) for term in terms]
+    # Counted once, as pixels of the second time over.
+    done = work.done
+    work.fill(
+        first, pixels, thing, [lambda block, rows: block[np.arange(len(rows))[:, None], which[rows]]] * len(terms)
+    )
+    work.done = done
+    starts = [[banded(slot.start, slot.bands).values for slot in term.summed] for term in terms]
+    with ThreadPoolExecutor(work.threads) as pool:
+        rows = [table.reshape(which.size, -1) for table in first]
+        return list(pool.map(lambda own, curves: basis_of(own, which.ravel(), curves, tolerance), rows, starts))

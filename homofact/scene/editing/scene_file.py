@@ -40,48 +40,59 @@ from homofact.errors import BadInput
 from homofact.files.reading import read_toml
 from homofact.files.tables import limits, read_table
 from homofact.scene.editing.angles import check_angle
+from homofact.scene.editing.basis import TOLERANCE
 from homofact.scene.editing.curves import BANDS
-from homofact.scene.editing.lowrank import TOLERANCE
 from homofact.scene.placed import (
     SHAPE_PREFIX,
     Camera,
     GroundPlane,
     LightTable,
+    MaterialTable,
     PlacedObject,
-    found_material,
-    found_mesh,
+    found_tables,
 )
 
 OWN, HF, HD = "own", "HF", "HD"
 TRIANGLES = 4000
 
 
-@dataclass(frozen=True)
-class EditedObject(PlacedObject):
-    """One object; `curves` and `bands` say what of its material is edited."""
+@dataclass(frozen=True, kw_only=True)
+class _Edited(MaterialTable):
+    """What of a material is edited: its `name` in curves, the `curves`, and `bands` of those in the sum."""
 
     name: str | None = None
     curves: str | tuple[str, ...] = OWN
     bands: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no object, no name, no curves and no bands. Raises BadInput."""
+        """Refuse no name, no curves and no bands. Raises BadInput."""
         super().__post_init__()
-        _check_curves(self.name, self.curves, self.bands)
+        if self.name is not None and not self.name.strip():
+            raise BadInput("name: found an empty one, expected a name")
+        if isinstance(self.curves, str):
+            if self.curves not in (OWN, HF, HD):
+                raise BadInput(f"curves: found {self.curves!r}, expected {OWN}, {HF}, {HD} or a list of angles")
+        elif not 1 <= len(self.curves) <= 3:
+            raise BadInput(f"curves: found {len(self.curves)} angles, expected one, two, or two and theta_o")
+        else:
+            for each in self.curves:
+                try:
+                    check_angle(each)
+                except BadInput as error:
+                    raise BadInput(f"curves: {error}") from error
+        for count in self.bands or ():
+            if count not in BANDS:
+                raise BadInput(f"bands: found {count}, expected some of {', '.join(map(str, BANDS))}")
 
 
 @dataclass(frozen=True)
-class EditedGround(GroundPlane):
+class EditedObject(_Edited, PlacedObject):
+    """One object, and what of its material is edited."""
+
+
+@dataclass(frozen=True)
+class EditedGround(_Edited, GroundPlane):
     """The plane under the objects, edited as one of them."""
-
-    name: str | None = None
-    curves: str | tuple[str, ...] = OWN
-    bands: tuple[int, ...] | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse as `EditedObject` does. Raises BadInput."""
-        super().__post_init__()
-        _check_curves(self.name, self.curves, self.bands)
 
 
 @dataclass(frozen=True)
@@ -161,17 +172,8 @@ def asked_of_record(table: dict[str, Any], name: str, folder: Path, place: str) 
     """The scene of a table whose paths are relative to `folder`; `place` goes before every message. Raises BadInput."""
     found = read_table(_Table, table, place)
     try:
-        objects = tuple(
-            replace(
-                each,
-                mesh=found_mesh(each.mesh, folder, f"object[{number}].mesh"),
-                material=found_material(each.material, folder, f"object[{number}].material"),
-            )
-            for number, each in enumerate(found.object)
-        )
-        ground, lighting = found.ground, found.lighting
-        if ground is not None:
-            ground = replace(ground, material=found_material(ground.material, folder, "ground.material"))
+        objects, ground = found_tables(found.object, found.ground, folder)
+        lighting = found.lighting
         if lighting.environment is not None:
             lighting = replace(lighting, environment=str(folder / lighting.environment))
             if not Path(str(lighting.environment)).is_file():
@@ -179,22 +181,3 @@ def asked_of_record(table: dict[str, Any], name: str, folder: Path, place: str) 
     except BadInput as error:
         raise BadInput(f"{place}{error}") from error
     return AskedEdit(name, objects, ground, lighting, found.camera, found.edit)
-
-
-def _check_curves(name: str | None, curves: str | tuple[str, ...], bands: tuple[int, ...] | None) -> None:
-    if name is not None and not name.strip():
-        raise BadInput("name: found an empty one, expected a name")
-    if isinstance(curves, str):
-        if curves not in (OWN, HF, HD):
-            raise BadInput(f"curves: found {curves!r}, expected {OWN}, {HF}, {HD} or a list of angles")
-    elif not 1 <= len(curves) <= 3:
-        raise BadInput(f"curves: found {len(curves)} angles, expected one, two, or two and theta_o")
-    else:
-        for each in curves:
-            try:
-                check_angle(each)
-            except BadInput as error:
-                raise BadInput(f"curves: {error}") from error
-    for count in bands or ():
-        if count not in BANDS:
-            raise BadInput(f"bands: found {count}, expected some of {', '.join(map(str, BANDS))}")

@@ -162,8 +162,8 @@ class Stroke:
         active = material.term(address[1]).summed.index(slot)
         for number, part in enumerate(session.prepared.parts):
             if session.prepared.scene.things[part.thing].material is material and part.term == address[1]:
-                held = part.transport.frozen(active, summed_curves(part, material, curves))
-                made.parts[number] = Incremental.of(held, made.curve.values)
+                held = part.transport.wavelets(active, summed_curves(part, material, curves))
+                made.parts[number] = Incremental.started(held, made.curve.values)
         return made
 
     def set(self, curve: Bands) -> None:

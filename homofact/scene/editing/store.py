@@ -1,12 +1,13 @@
 """A prepared scene in one file (.npz), written whole or not at all: minutes to compute, megabytes to keep.
 
-Only transports at low rank are stored, in float32, with what the views see; meshes, materials and light are read from
-the scene again, and a digest of them says whether the file is that scene's. Materials count by their curves and by
-their quotients at fixed pairs of directions.
+Only transports at low rank are stored, in 16 bits (`block_floats`), with what the views see; meshes, materials and
+light are read from the scene again, and a digest of them says whether the file is that scene's. Materials count by
+their curves and by their quotients at fixed pairs of directions.
 """
 
 import hashlib
 import os
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +19,14 @@ from homofact.files.fields import Fields
 from homofact.files.reading import read_bytes
 from homofact.geometry.directions import draw_in_discs
 from homofact.render.light import EnvironmentMap
+from homofact.scene.editing.block_floats import BlockFloats
 from homofact.scene.editing.lights import triangle_lights
 from homofact.scene.editing.lowrank import LowRank
 from homofact.scene.editing.precompute import EditScene, Part, Prepared
 from homofact.scene.editing.transport import Full
 from homofact.scene.editing.view import Pixels
 
-FORMAT, FORMAT_VERSION = "homofact prepared scene", 1
+FORMAT, FORMAT_VERSION = "homofact prepared scene", 2
 _WHAT, _PAIRS = "a prepared scene", 200
 _PIXELS = ("numbers", "objects", "points", "frames", "wo")
 
@@ -73,8 +75,8 @@ def write_prepared(path: str | os.PathLike[str], prepared: Prepared, triangles: 
         own = f"part_{number}_"
         arrays |= {
             f"{own}rows": part.rows,
-            f"{own}coefficients": kept.coefficients,
-            f"{own}outward": kept.outward,
+            **_written(f"{own}coefficients", kept.coefficients),
+            **_written(f"{own}outward", kept.outward),
             f"{own}scale": kept.scale,
             f"{own}probe_rows": kept.rows,
             f"{own}probes": kept.probes.table,
@@ -97,9 +99,12 @@ def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> Prepared:
     """
     raw = read_bytes(Path(path), _WHAT)
     arrays = read_arrays(path, raw, member_names(path, raw, _WHAT), _WHAT)
-    fields = Fields(f"{path}: ", read_header(path, arrays, _WHAT))
+    header = read_header(path, arrays, _WHAT)
+    fields = Fields(f"{path}: ", header)
     fields.text("format", (FORMAT,))
     fields.version("format_version", FORMAT_VERSION)
+    if header["format_version"] < FORMAT_VERSION:
+        raise BadInput(f"{path}: of an earlier homofact, expected format version {FORMAT_VERSION}: prepare it again")
     triangles = fields.whole("triangles", 8, 10_000_000)
     if fields.text("digest") != digest_of(scene, triangles):
         raise BadInput(f"{path}: made of another scene, or of another state of it; expected this one: prepare it again")
@@ -122,16 +127,28 @@ def _part(
     term = thing.material.term(entry.text("term"))
     rows = arrays[f"{own}rows"]
     sizes = tuple(slot.bands for slot in term.summed)
-    outward, scale = arrays[f"{own}outward"], arrays[f"{own}scale"]
-    coefficients, probes = arrays[f"{own}coefficients"], arrays[f"{own}probes"]
-    channels = len(scene.channels)
-    expected = (len(rows), channels, len(outward))
-    columns = int(np.prod(sizes))
-    if coefficients.shape != expected or outward.shape[1] != columns or scale.shape != (channels, columns):
-        raise ValueError(f"part {number} has {coefficients.shape} coefficients, not {expected}")
+    scale, probes, channels, columns = arrays[f"{own}scale"], arrays[f"{own}probes"], len(scene.channels), prod(sizes)
+    rank = len(arrays[f"{own}outward_codes"])
+    coefficients = _read(arrays, f"{own}coefficients", (len(rows), channels, rank))
+    outward = _read(arrays, f"{own}outward", (rank, 1, columns))
+    if scale.shape != (channels, columns):
+        raise ValueError(f"{own}scale has the shape {scale.shape}, not {(channels, columns)}")
     seen = pixels[view].some(rows)
     theta_o = torch.from_numpy(np.arctan2(np.hypot(seen.wo[:, 0], seen.wo[:, 1]), seen.wo[:, 2]))
     pattern = thing.patterns.get(term.name)
     factor = None if pattern is None else torch.from_numpy(pattern(seen.points))
     kept = LowRank(coefficients, outward, scale, sizes, arrays[f"{own}probe_rows"], Full(probes, len(sizes)))
     return Part(view, which, term.name, rows, kept, theta_o, factor)
+
+
+def _written(name: str, found: BlockFloats) -> dict[str, np.ndarray]:
+    return {f"{name}_codes": found.codes, f"{name}_rows": found.rows, f"{name}_columns": found.columns}
+
+
+def _read(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, int, int]) -> BlockFloats:
+    found = BlockFloats(*(arrays[f"{name}_{part}"] for part in ("codes", "rows", "columns")))
+    if found.codes.shape != shape or found.rows.shape != shape[:2] or found.columns.shape != shape[2:]:
+        raise ValueError(f"{name} has the shape {found.codes.shape}, not {shape}")
+    if found.codes.dtype != np.int16:
+        raise ValueError(f"{name} is of {found.codes.dtype}, not int16")
+    return found

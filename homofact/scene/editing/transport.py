@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.scene.editing.wavelets import transformed
 
 
 class Transport(Protocol):
@@ -35,6 +36,10 @@ class Transport(Protocol):
 
     def frozen(self, active: int, curves: Sequence[Tensor]) -> Tensor:
         """T (P, C, J or K) of curve number `active`, the other one held (eq. 26); of a single curve, T itself."""
+        ...
+
+    def wavelets(self, active: int, curves: Sequence[Tensor]) -> Tensor:
+        """S T (C, J or K, P) float32 of it: transformed, a coefficient's pixels side by side."""
         ...
 
 
@@ -68,6 +73,10 @@ class Full:
             return table[:, :, :, 0]
         held = curves[1 - active].to(table)
         return torch.einsum("pcjk,kc->pcj" if active == 0 else "pcjk,jc->pck", table, held)
+
+    def wavelets(self, active: int, curves: Sequence[Tensor]) -> Tensor:
+        """S T (C, J or K, P) float32 of the active curve."""
+        return transformed(self.frozen(active, curves)).permute(1, 2, 0).contiguous()
 
 
 def check_curves(bands: tuple[int, ...], channels: int, curves: Sequence[Tensor]) -> None:

@@ -77,7 +77,7 @@ def largest(coefficients: Tensor, count: int) -> Tensor:
 class Incremental:
     """The picture of one curve by increments.
 
-    `transport` (C, J, P) float32 is S T, a coefficient's pixels side by side; start from `of`. `shown` is R (P, C)
+    `transport` (C, J, P) float32 is S T, a coefficient's pixels side by side; start from `started`. `shown` is R (P, C)
     float64 of the coefficients `effective` (J, C).
     """
 
@@ -89,9 +89,14 @@ class Incremental:
     @classmethod
     def of(cls, table: Tensor, curve: Tensor) -> "Incremental":
         """From T (P, C, J) and the curve (J, C) that is shown first, in full."""
-        transport = transformed(table.to(torch.float32)).permute(1, 2, 0).contiguous()
+        return cls.started(transformed(table.to(torch.float32)).permute(1, 2, 0).contiguous(), curve)
+
+    @classmethod
+    def started(cls, transport: Tensor, curve: Tensor) -> "Incremental":
+        """From S T (C, J, P) and the curve (J, C) that is shown first, in full."""
         effective = transformed(curve.T.to(torch.float64)).T.contiguous()
-        made = cls(transport, torch.zeros_like(effective), torch.zeros(table.shape[0], table.shape[1]).double())
+        shown = torch.zeros(transport.shape[2], transport.shape[0], dtype=torch.float64)
+        made = cls(transport, torch.zeros_like(effective), shown)
         made.perfect = effective
         made.refresh()
         return made

@@ -12,14 +12,17 @@ from scene.editing.scenes import BRUSHED, PAINT, VIEW, on_the_floor, prepared_pa
 from homofact.brdf.analytic import Lambert
 from homofact.errors import BadInput
 from homofact.meshes.shapes import sphere
+from homofact.render.light import EnvironmentMap
 from homofact.scene.editing import factored, models, precompute
+from homofact.scene.editing.basis import trial_edits
 from homofact.scene.editing.curves import Bands, banded, flat
+from homofact.scene.editing.errors import rank_errors
 from homofact.scene.editing.lights import triangle_lights
 from homofact.scene.editing.lowrank import LowRank
 from homofact.scene.editing.picture import image, radiance, starting_curves
 from homofact.scene.editing.precompute import EditScene, Thing, prepare
 from homofact.scene.editing.view import Solids, View
-from homofact.scene.lighting import named_lighting
+from homofact.scene.lighting import Lighting, named_lighting
 
 
 def centre_sum(prepared, view: int = 0) -> torch.Tensor:
@@ -50,8 +53,9 @@ def test_white_in_even_light_is_white() -> None:
 def test_curves_of_1_give_the_unedited_picture(angles: tuple[str, ...]) -> None:
     """The analytic identity: bands and angles do not matter to a curve that is 1."""
     material = models.from_reflectance(BRUSHED, angles, "metal", (64, 32))
-    prepared = prepare(single(material), 100, "full")
+    prepared = prepare(single(material), 100, "full", divided=0)
     work = precompute._Work(prepared.lights, Solids([prepared.scene.things[0].mesh]), 1, 1, None)
+    work.ask(prepared.pixels[0], prepared.scene.things[0], 0)
     block = work.block(prepared.pixels[0], prepared.scene.things[0])[0]
     expected = centre_sum(prepared)
     assert float((torch.from_numpy(block.sum(2)) - expected).abs().max() / expected.max()) < 1e-10
@@ -65,7 +69,8 @@ SMALL = View("v", (0.0, 0.5, 4.0), (0.0, 0.0, 0.0), 8, 8, 40)
 @lru_cache(maxsize=2)
 def rendered_densely(model) -> torch.Tensor:
     """R of a ball under 3,000 lights, the material asked at their centres."""
-    dense = prepare(single(models.from_reflectance(model, ("theta_i",), "x", (32,)), views=(SMALL,)), 3000, "full")
+    dense = prepare(single(models.from_reflectance(model, ("theta_i",), "x", (32,)), views=(SMALL,)), 3000, "full",
+                    divided=0)  # fmt: skip
     return radiance(dense, 0, starting_curves(dense))
 
 
@@ -125,6 +130,7 @@ def test_low_rank_errs_by_what_it_says() -> None:
     curves = starting_curves(full)
     for view in (0, 1):
         assert relative(radiance(low, view, curves), radiance(full, view, curves)) < 3e-3
+    errors = [each.error for each in rank_errors(low)]
     for part, exact in zip(low.parts, full.parts, strict=True):
         assert isinstance(part.transport, LowRank)
         material = full.scene.things[part.thing].material
@@ -135,7 +141,22 @@ def test_low_rank_errs_by_what_it_says() -> None:
         true = relative(part.transport.picture(own), exact.transport.picture(own))
         assert said < 0.2
         assert true < 3 * said + 1e-4
-    assert low.nbytes < full.nbytes / 2
+        edits = trial_edits(precompute_curves(curves, material, part.term))
+        assert errors.pop(0) == pytest.approx(max(part.transport.error(each) for each in edits))
+        assert max(relative(part.transport.picture(each), exact.transport.picture(each)) for each in edits) < 5e-3
+    assert low.nbytes < full.nbytes / 5
+
+
+def test_of_few_pixels_every_channel_is_known() -> None:
+    view = View("v", (0.0, 0.5, 4.0), (0.0, 0.0, 0.0), 8, 8, 90)
+    # Light of another colour from everywhere: what one channel sees says little of the others.
+    sky = EnvironmentMap(torch.rand(6, 12, 3, generator=torch.Generator().manual_seed(4), dtype=torch.float64) ** 6)
+    material = models.cook_torrance(PAINT, "x", (64, 32))
+    scene = single(material, Lighting("spots", (sky,)), (view,))
+    low, full = (prepare(scene, 60, form, 1e-4) for form in ("low-rank", "full"))
+    assert len(low.pixels[0]) < 12
+    for each in trial_edits(precompute_curves(starting_curves(low), material, "diffuse")):
+        assert relative(low.parts[0].transport.picture(each), full.parts[0].transport.picture(each)) < 1e-3
 
 
 def precompute_curves(curves, material, term: str) -> list[torch.Tensor]:
@@ -161,7 +182,7 @@ def test_threads_change_no_bit() -> None:
     for first, second in zip(one.parts, two.parts, strict=True):
         assert isinstance(first.transport, LowRank)
         assert isinstance(second.transport, LowRank)
-        assert np.array_equal(first.transport.coefficients, second.transport.coefficients)
+        assert np.array_equal(first.transport.coefficients.codes, second.transport.coefficients.codes)
 
 
 def test_views_see_what_is_in_front() -> None:

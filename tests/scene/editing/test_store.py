@@ -71,13 +71,20 @@ def test_damage_is_named(stored: tuple[Path, Prepared], tmp_path: Path) -> None:
     arrays, header = read_archive(place)
     arrays.pop("header")
     for change, words in (
-        ({"part_1_coefficients": np.zeros((2, 3, 4), np.float32)}, r"damaged \(part 1 has \(2, 3, 4\) coefficients"),
+        (
+            {"part_1_coefficients_codes": np.zeros((2, 3, 4), np.int16)},
+            r"part_1_coefficients has the shape \(2, 3, 4\)",
+        ),
+        ({"part_1_outward_codes": np.zeros((6, 1, 4))}, r"damaged \(part_1_"),
         ({"part_0_rows": None}, r"damaged \('part_0_rows'\), expected a prepared scene: prepare it again"),
     ):
         left = {name: value for name, value in {**arrays, **change}.items() if value is not None}
         write_archive(broken, header, left)
         with pytest.raises(BadInput, match=words):
             read_prepared(broken, prepared.scene)
+    write_archive(broken, {**header, "format_version": 1}, arrays)
+    with pytest.raises(BadInput, match=r"broken\.npz: of an earlier homofact, expected format version 2: prepare it"):
+        read_prepared(broken, prepared.scene)
     write_archive(broken, {**header, "format": "x"}, arrays)
     with pytest.raises(BadInput, match="format: found"):
         read_prepared(broken, prepared.scene)

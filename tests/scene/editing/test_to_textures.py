@@ -249,7 +249,7 @@ def test_edits_of_a_material_are_ratios_to_its_start() -> None:
     (found,) = edits_of(homomorphic, {("whole", "directions"): doubled})
     assert found.also_outgoing
     assert torch.allclose(found.ratio.values, torch.full_like(found.ratio.values, 2.0))
-    both = factored.half_and_diffuse(fit, "paint")
+    both = models.cook_torrance(PAINT, "paint")
     with pytest.raises(BadInput, match="found the terms diffuse, specular, expected one"):
         edits_of(both, {})
 

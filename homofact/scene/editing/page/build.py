@@ -20,7 +20,7 @@ from homofact.brdf.channels import wavelengths_of
 from homofact.errors import BadInput
 from homofact.evaluate.wording import figure
 from homofact.files.atomic import write_bytes
-from homofact.scene.editing import curves_file, furnace, lowrank
+from homofact.scene.editing import basis, curves_file, furnace
 from homofact.scene.editing.angles import LETTERS
 from homofact.scene.editing.curves import band_of
 from homofact.scene.editing.errors import rank_errors
@@ -73,7 +73,7 @@ def write_edit_page(
     tell("transports")
     data = {
         "channels": list(prepared.scene.channels),
-        "floor": lowrank.FLOOR,
+        "floor": basis.FLOOR,
         "file": {"format": curves_file.FORMAT, "version": curves_file.FORMAT_VERSION, "most": curves_file.MOST_CURVES},
         "furnace": {"degrees": furnace.DEGREES, "slack": furnace.SLACK},
         "materials": materials,
