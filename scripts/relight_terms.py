@@ -35,8 +35,9 @@ from homofact.render.light import EnvironmentMap
 from homofact.scene.transport import cube
 from homofact.scene.transport.factoring import MAP_SIZE, MOST_TERMS, factor, terms_by_share
 from homofact.scene.transport.factors import InOutFactors, look_up, view_values
-from homofact.scene.transport.precompute import KEPT, Tracer
+from homofact.scene.transport.precompute import KEPT
 from homofact.scene.transport.seen import Seen, seen_vertices
+from homofact.scene.transport.tracer import Tracer
 
 SHARES = (0.8, 0.9, 0.95, 0.99)
 RULES = ("share", "light", "expected", "one K", "best")

@@ -149,6 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--map-size", type=int, default=64, help="texels across a light or view map (%(default)s)")
     parser.add_argument("--tolerance", type=float, default=0.005, help="of a vertex's transport (%(default)s)")
     parser.add_argument("--only", help="materials whose name has this in it")
+    parser.add_argument("--sky", help="skies whose name has this in it")
     parser.add_argument("--out", type=Path, default=Path("out/relight_truth"), help="folder (%(default)s)")
     chosen = parser.parse_args(arguments)
     if chosen.short:
@@ -163,7 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     mesh = torus_knot(96, 12) if path is None else read_mesh(path)
     version = open_mitsuba().__version__
     found, missing = materials(folder, chosen.short)
-    lights = skies(folder, chosen.short)
+    lights = {name: sky for name, sky in skies(folder, chosen.short).items() if (chosen.sky or "") in name}
     occluder = Occluder(mesh.positions, mesh.triangles)
     began, rows = time.perf_counter(), []
     for name, (reflectance, shown) in found.items():

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from homofact.brdf.analytic import Lambert, Phong
+from homofact.brdf.reflectance import Reflectance
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground, sphere, torus_knot
-from homofact.scene.transport.factoring import factor
+from homofact.render.light import EnvironmentMap
+from homofact.scene.transport.factoring import SHARE, factor
 from homofact.scene.transport.factors import InOutFactors
 from homofact.scene.transport.precompute import Transport, TransportSettings, transport
 
@@ -18,6 +20,26 @@ pytest.importorskip("embreex", reason="embreex is not installed: pip install 'ho
 SHINY = Phong((0.1, 0.2, 0.4), (0.4,) * 3, exponent=6)
 MATT = Lambert((0.6, 0.3, 0.1))
 EYE = (0.5, 0.8, 3.0)
+
+
+def factored_once(
+    reflectance: Reflectance,
+    terms: int | None = None,
+    share: float = SHARE,
+    *,
+    error: float | None = None,
+    light: EnvironmentMap | None = None,
+) -> InOutFactors:
+    """`factor`, made once for each analytic material, light and rule: for tests that are about something else."""
+    assert isinstance(reflectance, Phong | Lambert)
+    sky = None if light is None else (light.radiance.numpy().tobytes(), light.turn)
+    key = (repr(reflectance), terms, share, error, sky)
+    if key not in _FACTORED:
+        _FACTORED[key] = factor(reflectance, terms, share, error=error, light=light)
+    return _FACTORED[key]
+
+
+_FACTORED: dict[tuple[object, ...], InOutFactors] = {}
 
 
 @cache
@@ -59,4 +81,6 @@ def light(size: int, seed: int = 0) -> np.ndarray:
     return found
 
 
-__all__ = ["EYE", "MATT", "SHINY", "ball", "ground", "knot", "light", "matt", "occluder", "shiny", "whole"]
+__all__ = [
+    "EYE", "MATT", "SHINY", "ball", "factored_once", "ground", "knot", "light", "matt", "occluder", "shiny", "whole",
+]  # fmt: skip

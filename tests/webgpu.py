@@ -1,13 +1,31 @@
 """WebGPU for tests: a shader run over pairs of directions, on whatever adapter there is, a software one included."""
 
+import shutil
+import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-_BYTES = {"rgba8unorm": 4, "rgba16float": 8, "rgba32float": 16}
+_BYTES = {"r8uint": 1, "rgba8unorm": 4, "rgba16float": 8, "rgba32float": 16}
+SAMPLER = 16  # where shaders under test have their sampler
+WGSL_MAIN = """
+@group(1) @binding(0) var<storage, read> lights: array<vec4<f32>>;
+@group(1) @binding(1) var<storage, read> viewers: array<vec4<f32>>;
+@group(1) @binding(2) var<storage, read_write> values: array<vec4<f32>>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x < arrayLength(&values)) {
+        let value = fit_evaluate(lights[id.x].xyz, viewers[id.x].xyz);
+        values[id.x] = WIDENED;
+    }
+}
+"""
+WIDENED = {1: "(value, 0.0, 0.0, 0.0)", 3: "(value, 0.0)", 4: "(value)"}
 _FEATURES = ("float32-filterable", "texture-compression-bc")
 
 
@@ -15,13 +33,15 @@ _FEATURES = ("float32-filterable", "texture-compression-bc")
 class Image:
     """Bytes of one texture's texels or blocks, rows from the top, and WebGPU's name of their format.
 
-    Formats: rgba8unorm, rgba16float, rgba32float, and for BC6H bc6h-rgb-float.
+    Formats: rgba8unorm, rgba16float, rgba32float, for BC6H bc6h-rgb-float, for labels r8uint. Of a texture array the
+    layers stand one under another, `rows` counts those of all.
     """
 
     format: str
     rows: int
     columns: int
     data: bytes
+    layers: int = 0
 
     @classmethod
     def of(cls, texels: np.ndarray) -> "Image":
@@ -82,16 +102,31 @@ class Gpu:
 
     def _buffer(self, directions: torch.Tensor):
         wide = np.zeros((len(directions), 4), np.float32)
-        wide[:, :3] = directions.numpy()
+        wide[:, : directions.shape[1]] = directions.numpy()
         return self.device.create_buffer_with_data(data=wide, usage=self.wgpu.BufferUsage.STORAGE)
 
     def _uploaded(self, image: Image):
-        size = (image.columns, image.rows, 1)
+        count = max(image.layers, 1)
+        size = (image.columns, image.rows // count, count)
         usage = self.wgpu.TextureUsage.TEXTURE_BINDING | self.wgpu.TextureUsage.COPY_DST
         texture = self.device.create_texture(size=size, format=image.format, usage=usage)
         # A row of blocks is 16 bytes for 4 columns.
         pitch = image.columns * _BYTES.get(image.format, 4)
-        rows = image.rows if image.format in _BYTES else image.rows // 4
+        rows = (image.rows if image.format in _BYTES else image.rows // 4) // count
         layout = {"bytes_per_row": pitch, "rows_per_image": rows}
         self.device.queue.write_texture({"texture": texture}, image.data, layout, size)
-        return texture.create_view()
+        return texture.create_view(dimension="2d-array" if image.layers else "2d")
+
+
+def glslang(code: str, folder: Path, stage: str, *options: str) -> bytes:
+    """SPIR-V where `options` ask for it; fails with the compiler's messages."""
+    tool = shutil.which("glslangValidator")
+    if tool is None:
+        pytest.skip("glslangValidator is missing: Debian's package glslang-tools")
+    source, result = folder / f"shader.{stage}", folder / "shader.spv"
+    source.write_text(code, encoding="utf-8")
+    output = ["-o", str(result)] if "-V" in options else []
+    done = subprocess.run([tool, "-S", stage, *options, *output, str(source)], capture_output=True, text=True)
+    assert done.returncode == 0, f"{done.stdout}{done.stderr}\n{code}"
+    assert "WARNING" not in done.stdout, done.stdout
+    return result.read_bytes() if output else b""

@@ -57,13 +57,19 @@ class Lighting:
         return sum(sizes)
 
     @cached_property
+    def _of_maps(self) -> tuple[Tensor, ...]:
+        """L_lm up to `ORDER` of each light that is a map, in their order."""
+        return tuple(environment_coefficients(each, ORDER) for each in self.lights if isinstance(each, EnvironmentMap))
+
+    @cached_property
     def coefficients(self) -> Tensor:
         """L_lm up to `ORDER` in the frame of the lights: ((ORDER+1)², C), C 1 or 3."""
         channels = max(len(_levels(each)) for each in self.lights)
         total = torch.zeros((ORDER + 1) ** 2, channels, dtype=torch.float64)
+        of_maps = iter(self._of_maps)
         for each in self.lights:
             if isinstance(each, EnvironmentMap):
-                total = total + environment_coefficients(each, ORDER)
+                total = total + next(of_maps)
             else:
                 levels = torch.tensor(each.levels(), dtype=torch.float64)
                 total = total + directional_lighting(ORDER, each.unit())[:, None] * levels
@@ -99,10 +105,11 @@ class Lighting:
             gains = lambertian_filter(order)[orders(order)[0]]
             return harmonics(order, normals) @ (gains[:, None] * self.coefficients[: len(gains)])
         total = torch.zeros(len(normals), self.coefficients.shape[1], dtype=torch.float64)
+        of_maps = iter(self._of_maps)
         for each in self.lights:
             if isinstance(each, EnvironmentMap):
                 gains = lambertian_filter(ORDER)[orders(ORDER)[0]]
-                total = total + harmonics(ORDER, normals) @ (gains[:, None] * environment_coefficients(each, ORDER))
+                total = total + harmonics(ORDER, normals) @ (gains[:, None] * next(of_maps))
             else:
                 cosine = (normals @ each.unit()).clamp_min(0)[:, None]
                 total = total + cosine * torch.tensor(each.levels(), dtype=torch.float64)
@@ -128,10 +135,17 @@ def texel_directions(rows: int, columns: int, turn: float = 0.0, which: Tensor |
     """
     own = torch.arange(rows) if which is None else which
     polar = (own.double() + 0.5) * (math.pi / rows)
+    return ring_directions(torch.cos(polar), torch.sin(polar), columns, turn)
+
+
+def ring_directions(y: Tensor, around: Tensor, columns: int, turn: float) -> Tensor:
+    """Unit directions (R·columns, 3) of points on R rings at heights `y` (R,) with radii `around` (R,).
+
+    Azimuths are those of a lat-long map's columns.
+    """
     azimuth = ((torch.arange(columns, dtype=torch.float64) + 0.5) / columns - 0.5) * (2 * math.pi) - turn
-    y = torch.cos(polar)[:, None].expand(-1, columns)
-    around = torch.sin(polar)[:, None]
-    return torch.stack((around * torch.sin(azimuth), y, -around * torch.cos(azimuth)), -1).reshape(-1, 3)
+    up, out = y[:, None].expand(-1, columns), around[:, None]
+    return torch.stack((out * torch.sin(azimuth), up, -out * torch.cos(azimuth)), -1).reshape(-1, 3)
 
 
 def named_lighting(name: str) -> Lighting:

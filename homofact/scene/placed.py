@@ -4,8 +4,10 @@ The tables are read by `files.tables`; sources and meshes are relative to the sc
 """
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,19 +23,35 @@ from homofact.meshes.shapes import sphere, torus_knot
 from homofact.scene.plan.scene import found_source
 
 SHAPE_PREFIX = "shape:"
-_SHAPES = {"sphere": sphere, "knot": torus_knot}
+_SHAPES: dict[str, Callable[[], Mesh]] = {"sphere": sphere, "knot": torus_knot}
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaterialTable:
+    """What objects and the ground have alike: exactly one of `material` and `albedo`.
+
+    A kind of scene says in a class of this one what else it asks of both, and mixes it into its object and its ground.
+    """
+
+    material: str | None = None
+    albedo: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse no or two materials, and an albedo that is none. Raises BadInput."""
+        if (self.material is None) is (self.albedo is None):
+            raise BadInput("found none or both, expected exactly one of material, albedo")
+        if self.albedo is not None and (len(self.albedo) not in (1, 3) or not all(0 <= a <= 1 for a in self.albedo)):
+            raise BadInput(f"albedo: found {list(self.albedo)}, expected 1 or 3 numbers from 0 to 1")
 
 
 @dataclass(frozen=True)
-class PlacedObject:
+class PlacedObject(MaterialTable):
     """One object of a scene, as its table in the file says: `size` is the radius of the sphere round it, y is up.
 
-    `turn` is in degrees about y. Exactly one of `material` and `albedo` is given.
+    `turn` is in degrees about y.
     """
 
     mesh: str
-    material: str | None = None
-    albedo: tuple[float, ...] | None = None
     size: float = field(default=1.0, metadata=limits(above=0))
     at: tuple[float, ...] = (0.0, 0.0, 0.0)
     turn: float = field(default=0.0, metadata=limits())
@@ -41,21 +59,19 @@ class PlacedObject:
     def __post_init__(self) -> None:
         """Refuse what is no point, and no or two materials. Raises BadInput."""
         check_point("at", self.at)
-        check_material(self.material, self.albedo)
+        super().__post_init__()
 
 
 @dataclass(frozen=True)
-class GroundPlane:
+class GroundPlane(MaterialTable):
     """The plane under the objects, at the height of their lowest vertex: half of its width, squares along a side."""
 
-    material: str | None = None
-    albedo: tuple[float, ...] | None = None
     half: float = field(default=2.5, metadata=limits(above=0))
     steps: int = field(default=64, metadata=limits(least=1, most=1024))
 
-    def __post_init__(self) -> None:
-        """Refuse no or two materials. Raises BadInput."""
-        check_material(self.material, self.albedo)
+
+Object = TypeVar("Object", bound=PlacedObject)
+Plane = TypeVar("Plane", bound=GroundPlane)
 
 
 @dataclass(frozen=True)
@@ -97,39 +113,51 @@ def check_point(name: str, found: tuple[float, ...]) -> None:
         raise BadInput(f"{name}: found {list(found)}, expected three numbers below a million")
 
 
-def check_material(material: str | None, albedo: tuple[float, ...] | None) -> None:
-    """Raise BadInput for none or two, and for an albedo that is none."""
-    if (material is None) is (albedo is None):
-        raise BadInput("found none or both, expected exactly one of material, albedo")
-    if albedo is not None and (len(albedo) not in (1, 3) or not all(0 <= each <= 1 for each in albedo)):
-        raise BadInput(f"albedo: found {list(albedo)}, expected 1 or 3 numbers from 0 to 1")
-
-
 def open_mesh(text: str) -> Mesh:
     """A mesh's file, or a shape by its name with `SHAPE_PREFIX`. Raises BadInput for what cannot be read."""
-    if not text.startswith(SHAPE_PREFIX):
-        return read_mesh(text)
-    if text.removeprefix(SHAPE_PREFIX) not in _SHAPES:
-        names = ", ".join(SHAPE_PREFIX + name for name in _SHAPES)
-        raise BadInput(f"mesh: found {text!r}, expected a file or one of {names}")
-    return _SHAPES[text.removeprefix(SHAPE_PREFIX)]()
+    return _shape(text, "mesh")() if text.startswith(SHAPE_PREFIX) else read_mesh(text)
 
 
-def found_mesh(text: str, folder: Path, where: str) -> str:
-    """The mesh, relative to `folder`, made findable. Raises BadInput, beginning with `where`, where it is not there."""
+def found_tables(
+    objects: Sequence[Object], ground: Plane | None, folder: Path
+) -> tuple[tuple[Object, ...], Plane | None]:
+    """Objects and ground with meshes and materials, relative to `folder`, made findable.
+
+    Raises BadInput, beginning with the table's place in the file, for those that are not there.
+    """
+    found = tuple(
+        replace(
+            each,
+            mesh=_found_mesh(each.mesh, folder, f"object[{number}].mesh"),
+            material=_found_material(each.material, folder, f"object[{number}].material"),
+        )
+        for number, each in enumerate(objects)
+    )
+    if ground is not None:
+        ground = replace(ground, material=_found_material(ground.material, folder, "ground.material"))
+    return found, ground
+
+
+def _found_mesh(text: str, folder: Path, where: str) -> str:
     if text.startswith(SHAPE_PREFIX):
-        if text.removeprefix(SHAPE_PREFIX) not in _SHAPES:
-            names = ", ".join(SHAPE_PREFIX + name for name in _SHAPES)
-            raise BadInput(f"{where}: found {text!r}, expected a file or one of {names}")
+        _shape(text, where)
         return text
     if not (folder / text).is_file():
         raise BadInput(f"{where}: no file {folder / text}, expected a mesh or {SHAPE_PREFIX}NAME")
     return str(folder / text)
 
 
-def found_material(material: str | None, folder: Path, where: str) -> str | None:
-    """As `found_mesh`, of a material; None stays."""
+def _found_material(material: str | None, folder: Path, where: str) -> str | None:
     return None if material is None else found_source(material, folder, where)
+
+
+def _shape(text: str, where: str) -> Callable[[], Mesh]:
+    """What makes the shape of that name. Raises BadInput, beginning with `where`, for another name."""
+    name = text.removeprefix(SHAPE_PREFIX)
+    if name not in _SHAPES:
+        names = ", ".join(SHAPE_PREFIX + each for each in _SHAPES)
+        raise BadInput(f"{where}: found {text!r}, expected a file or one of {names}")
+    return _SHAPES[name]
 
 
 def placed_mesh(each: PlacedObject) -> Mesh:
@@ -152,7 +180,7 @@ def three(albedo: tuple[float, ...]) -> tuple[float, ...]:
     return albedo * 3 if len(albedo) == 1 else albedo
 
 
-def material_words(table: PlacedObject | GroundPlane) -> str:
+def material_words(table: MaterialTable) -> str:
     """The material as tables and reports name it."""
     return table.material if table.material is not None else f"albedo {', '.join(f'{x:g}' for x in table.albedo or ())}"
 

@@ -30,6 +30,19 @@ cube = 8
 kept = 64
 """
 
+# Two maps to make, of one term each.
+ALL_MATT = SCENE.replace('material = "material:phong-10"\nterms = 3', "albedo = [0.6]")
+
+
+@pytest.fixture(autouse=True)
+def once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The materials that all runs here share are decomposed once."""
+    from relighting import factored_once
+
+    from homofact.scene.transport import build
+
+    monkeypatch.setattr(build, "factor", factored_once)
+
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Path:
@@ -90,18 +103,19 @@ def test_blocks_of_another_run_are_refused_by_name(scene: Path, capsys: pytest.C
     from homofact.scene.transport.build import relit, stand
     from homofact.scene.transport.scene import read_relight_scene
 
+    scene.write_text(ALL_MATT)
     relit(stand(read_relight_scene(scene)), scene.parent / "out.blocks")
     (scene.parent / "out.blocks" / "object_1" / "block_00000.npz").unlink()
     assert main(["relight", str(scene), "--out", str(out), "--vertices", "0"]) == 0
     relit(stand(read_relight_scene(scene)), scene.parent / "out.blocks")
-    scene.write_text(SCENE.replace("kept = 64", "kept = 32"))
+    scene.write_text(ALL_MATT.replace("kept = 64", "kept = 32"))
     assert main(["relight", str(scene), "--out", str(out), "--vertices", "0", "--force"]) == 2
     assert "out.blocks/object_0: holds transport of ball.obj with another mesh, material or setting" in (
         capsys.readouterr().err
     )
 
 
-MATT = SCENE.replace('material = "material:phong-10"\nterms = 3', "albedo = [0.6]").replace(
+MATT = ALL_MATT.replace(
     "eye = [0, 1, 4]\npixels = [48, 36]",
     "eye = [0, -3, 4]\npixels = [20, 16]\n[[camera]]\neye = [1, 2, 3]\npixels = [24, 18]",
 )

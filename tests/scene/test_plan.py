@@ -55,6 +55,12 @@ def bench_of(model: Drawable, name: str = "own") -> Bench:
 
 
 @lru_cache
+def paint_bench() -> Bench:
+    """One for all tests that ask it as it is: each rung is fitted once."""
+    return bench_of(PAINT)
+
+
+@lru_cache
 def stage_of(light: str) -> Stage:
     return Stage.of(named_lighting(light))
 
@@ -144,10 +150,9 @@ def test_theory_of_one_colour_agrees_with_the_measured_error() -> None:
     bench = bench_of(model)
     for name in ("sun", "overcast", "studio", "uniform"):
         light = named_lighting(name)
+        judge = Judge(bench.source, stage_of(name), QUICK)
+        colour = best_colour((judge,), True)
         for method in (CONSTANT, LAMBERT):
-            stage = stage_of(name)
-            judge = Judge(bench.source, stage, QUICK)
-            colour = best_colour((judge,), True)
             measured = pooled_error(judge, model, colour, method)
             assert colour_error(Candidate(method), bench.lobes, light) == pytest.approx(measured, rel=0.2)
 
@@ -305,7 +310,7 @@ def test_a_lambertian_material_is_one_colour_without_error(light: str) -> None:
 
 
 def test_a_glossy_paint_costs_less_under_an_overcast_sky() -> None:
-    bench = bench_of(PAINT)
+    bench = paint_bench()
     for tolerance in (0.4, 0.25):
         overcast, sun = (planned(bench, light, tolerance) for light in ("overcast", "sun"))
         assert overcast.walk.met
@@ -317,7 +322,7 @@ def test_a_glossy_paint_costs_less_under_an_overcast_sky() -> None:
 
 
 def test_the_lighting_does_not_change_a_plan_by_cole_error() -> None:
-    bench = bench_of(PAINT)
+    bench = paint_bench()
     plans = [planned(bench, light, 0.05, "cole") for light in ("overcast", "sun")]
     assert plans[0].walk.choice == plans[1].walk.choice
     assert plans[0].walk.asked == plans[1].walk.asked
@@ -357,7 +362,7 @@ def test_a_scene_is_planned_and_compared_with_one_size_for_all() -> None:
 
 
 def test_a_tolerance_holds_under_each_lighting() -> None:
-    bench = bench_of(PAINT)
+    bench = paint_bench()
     stages = tuple(stage_of(name) for name in ("overcast", "sun"))
     material, tolerance = SceneMaterial("own", 1.0), Tolerance.of(reflected=0.9)
     alone = plan_material(material, bench, stages[:1], tolerance, Budget())
@@ -371,7 +376,7 @@ def test_a_tolerance_holds_under_each_lighting() -> None:
 
 
 def test_all_limits_hold_and_the_one_that_is_met_worst_is_named() -> None:
-    bench, stages = bench_of(PAINT), (stage_of("studio"),)
+    bench, stages = paint_bench(), (stage_of("studio"),)
     tolerance = Tolerance.of(delta_e=4.0, delta_e_peak=40.0)
     found = plan_material(SceneMaterial("own", 1.0), bench, stages, tolerance, Budget())
     assert found.outcome is not None
@@ -409,7 +414,7 @@ def test_whole_texels_take_a_quarter_and_no_fit_of_their_own(tmp_path: Path) -> 
 
 
 def test_a_plan_is_replaced_by_one_of_other_kinds(tmp_path: Path) -> None:
-    bench, folder = bench_of(PAINT), tmp_path / "plan"
+    bench, folder = paint_bench(), tmp_path / "plan"
     for limit, mark in ((0.5, "brdf.glsl"), (3.0, "colour.json"), (0.5, "brdf.glsl")):
         scene = Scene("one", (SceneMaterial("own", 1.0),), (named_lighting("sun"),), Tolerance.of(reflected=limit))
         write_plan(folder, plan_scene(scene, QUICK, {"own": bench}), force=True)
@@ -418,14 +423,14 @@ def test_a_plan_is_replaced_by_one_of_other_kinds(tmp_path: Path) -> None:
 
 
 def test_one_colour_is_judged_as_an_even_texture() -> None:
-    bench = bench_of(PAINT)
+    bench = paint_bench()
     made = as_texture(WHITE, bench.training, 1e-5)
     wi, wo = bench.source.samples.wi, bench.source.samples.wo
     torch.testing.assert_close(made.evaluate(wi, wo), WHITE.evaluate(wi, wo), rtol=1e-9, atol=0)
 
 
 def test_a_choice_has_a_verdict_and_a_colour_none_on_what_it_lacks() -> None:
-    bench = bench_of(PAINT)
+    bench = paint_bench()
     found = planned(bench, "overcast", 0.4)
     assert found.walk.choice is not None
     assert found.walk.choice.is_colour

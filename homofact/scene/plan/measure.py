@@ -135,8 +135,7 @@ class Judge:
         """Under the 9 terms alone: what the light above them adds is taken off, exactly, at each node's normal."""
         albedo = torch.tensor(model.diffuse, dtype=torch.float64)
         found = []
-        for view, each in zip(self.stage.views, drawn, strict=True):
-            lost = self.lighting.irradiance(view.normals, None) - self.lighting.irradiance(view.normals, 2)
+        for lost, each in zip(self.stage.above_nine_terms, drawn, strict=True):
             found.append((each - lost * albedo / math.pi).clamp_min(0))
         return found
 

@@ -16,6 +16,7 @@ the normals that it covers.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -117,6 +118,12 @@ class Stage:
     def of(cls, lighting: Lighting, seed: int = 0, views: int = VIEWS, nodes: int = NODES) -> "Stage":
         """`views` views turned by `seed`."""
         return cls(lighting, tuple(View.of(each, lighting, nodes) for each in drawn_views(views, seed)))
+
+    @cached_property
+    def above_nine_terms(self) -> tuple[Tensor, ...]:
+        """The irradiance (N, C) at the normals of each view that the nine terms of the harmonics do not hold."""
+        light = self.lighting
+        return tuple(light.irradiance(view.normals, None) - light.irradiance(view.normals, 2) for view in self.views)
 
     def draw(self, reflectance: Reflectance) -> list[Tensor]:
         """The radiance (N, C) at the nodes of each view, C 1 or 3. Raises BadInput where it is not finite."""

@@ -1,7 +1,8 @@
 """Light maps and view maps of a material: f(ωi, ωo) ≈ Σ_k g_k(ωi) h_k(ωo), read bilinearly off parabolic maps.
 
 `factoring` finds them. A texel beyond the rim of the disc belongs to no direction: it takes what bilinear reading at
-the rim, the horizon, needs.
+the rim, the horizon, needs. Texels are not samples: a straight line between two samples of a curve lies on its inner
+side everywhere, and what is lost at each peak of a term adds up over all of them (`fitted_texels`).
 """
 
 import math
@@ -82,6 +83,21 @@ def texel_points(size: int) -> Tensor:
     """(u, v) of a map's texel centres (M, M, 2), float64."""
     along = 2 * (torch.arange(size, dtype=torch.float64) + 0.5) / size - 1
     return torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)
+
+
+def fitted_texels(samples: Tensor) -> Tensor:
+    """Texels (K, M, M, ...) that, read bilinearly, err least in squares, of samples of smooth functions at them.
+
+    In one direction the mean of linear interpolation lies h²/12 f″ beside f, and taking that away leaves 1/√6 of its
+    root mean square error: samples less a twelfth of their second differences, along both directions.
+    """
+    found = samples.clone()
+    for axis in (1, 2):
+        size = samples.shape[axis]
+        place = torch.arange(size)
+        before, after = (samples.index_select(axis, (place + by).clamp(0, size - 1)) for by in (-1, 1))
+        found -= (before + after - 2 * samples) / 12
+    return found
 
 
 def look_up(maps: Tensor, w: Tensor) -> Tensor:

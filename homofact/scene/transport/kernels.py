@@ -1,4 +1,4 @@
-"""Compiled loops of relighting: transport vectors of a vertex, the products with light, the look-ups of a view.
+"""Compiled loops of precomputed transport: the vectors of a vertex, and what of them is kept.
 
 All work on float32 and let go of the interpreter's lock, so that blocks run side by side in threads.
 """
@@ -6,7 +6,6 @@ All work on float32 and let go of the interpreter's lock, so that blocks run sid
 import math
 
 import numpy as np
-from numba import prange
 
 from homofact.linear.kernels import kernel
 from homofact.scene.transport.haar import transform_faces
@@ -16,7 +15,7 @@ _LARGEST = np.float32(32767.0)
 
 
 @kernel(nogil=True, inline="always")
-def _place(x: float, y: float, z: float, size: int) -> tuple:
+def place(x: float, y: float, z: float, size: int) -> tuple:
     """Corner and shares of the bilinear look-up of a direction in a parabolic map."""
     below = np.float32(1.0) + max(z, np.float32(0.0))
     half = np.float32(0.5) * size
@@ -53,7 +52,7 @@ def transport_vectors(
             continue
         a = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z
         b = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
-        p, q, s, t = _place(a, b, cosine, size)
+        p, q, s, t = place(a, b, cosine, size)
         w = lit[j] * cosine * angles[j]
         w00, w01 = w * (1 - s) * (1 - t), w * (1 - s) * t
         w10, w11 = w * s * (1 - t), w * s * t
@@ -209,96 +208,3 @@ def keep_above(values: np.ndarray, weight: float, square: float, index: np.ndarr
                 number[count] = rounded
                 count += 1
     return count, scale
-
-
-@kernel(nogil=True, parallel=True, fastmath=True)
-def relight_all(
-    start: np.ndarray, index: np.ndarray, number: np.ndarray, scale: np.ndarray, light: np.ndarray, out: np.ndarray
-) -> None:
-    """Every vector's product with the light: `out` (R, 3) of `light` (J, 4), transformed, the fourth number unused."""
-    for r in prange(len(scale)):
-        red, green, blue = np.float32(0), np.float32(0), np.float32(0)
-        for p in range(start[r], start[r + 1]):
-            j = index[p]
-            value = np.float32(number[p])
-            red += value * light[j, 0]
-            green += value * light[j, 1]
-            blue += value * light[j, 2]
-        out[r, 0], out[r, 1], out[r, 2] = red * scale[r], green * scale[r], blue * scale[r]
-
-
-@kernel(nogil=True, fastmath=True)
-def add_columns(
-    chosen: np.ndarray,
-    start: np.ndarray,
-    rows: np.ndarray,
-    values: np.ndarray,
-    change: np.ndarray,
-    first: int,
-    last: int,
-    out: np.ndarray,
-) -> None:
-    """Add the change (J, 3) of the `chosen` coefficients to `out` (R, 3), rows from `first` to below `last` alone.
-
-    `start` (J + 1), `rows` and `values` hold the transport by coefficient, rows rising within each.
-    """
-    for j in chosen:
-        red, green, blue = change[j, 0], change[j, 1], change[j, 2]
-        begin, end = start[j], start[j + 1]
-        low = begin + np.searchsorted(rows[begin:end], first)
-        high = begin + np.searchsorted(rows[begin:end], last)
-        for p in range(low, high):
-            r = rows[p]
-            value = values[p]
-            out[r, 0] += value * red
-            out[r, 1] += value * green
-            out[r, 2] += value * blue
-
-
-@kernel(nogil=True, parallel=True, fastmath=True)
-def shade_all(
-    positions: np.ndarray, frames: np.ndarray, eye: np.ndarray, view_maps: np.ndarray, lit: np.ndarray, out: np.ndarray
-) -> None:
-    """Radiance (V, 3) towards `eye` (3,): Σ_k h_k(ωo) of `view_maps` (M, M, K, C) times `lit` (V, K, 3).
-
-    0 where a vertex is seen from behind. Negative sums stay: they are for the caller to show or cut.
-    """
-    size, terms, channels = view_maps.shape[0], view_maps.shape[2], view_maps.shape[3]
-    for v in prange(len(positions)):
-        dx, dy, dz = eye[0] - positions[v, 0], eye[1] - positions[v, 1], eye[2] - positions[v, 2]
-        short = np.float32(1.0) / math.sqrt(dx * dx + dy * dy + dz * dz)
-        dx, dy, dz = dx * short, dy * short, dz * short
-        z = frames[v, 2, 0] * dx + frames[v, 2, 1] * dy + frames[v, 2, 2] * dz
-        red, green, blue = np.float32(0), np.float32(0), np.float32(0)
-        if z > 0:
-            x = frames[v, 0, 0] * dx + frames[v, 0, 1] * dy + frames[v, 0, 2] * dz
-            y = frames[v, 1, 0] * dx + frames[v, 1, 1] * dy + frames[v, 1, 2] * dz
-            i, j, a, b = _place(x, y, z, size)
-            w00, w01, w10, w11 = (1 - a) * (1 - b), (1 - a) * b, a * (1 - b), a * b
-            last = channels - 1
-            for k in range(terms):
-                h0 = (
-                    w00 * view_maps[i, j, k, 0]
-                    + w01 * view_maps[i, j + 1, k, 0]
-                    + w10 * view_maps[i + 1, j, k, 0]
-                    + w11 * view_maps[i + 1, j + 1, k, 0]
-                )
-                if last == 0:
-                    h1, h2 = h0, h0
-                else:
-                    h1 = (
-                        w00 * view_maps[i, j, k, 1]
-                        + w01 * view_maps[i, j + 1, k, 1]
-                        + w10 * view_maps[i + 1, j, k, 1]
-                        + w11 * view_maps[i + 1, j + 1, k, 1]
-                    )
-                    h2 = (
-                        w00 * view_maps[i, j, k, 2]
-                        + w01 * view_maps[i, j + 1, k, 2]
-                        + w10 * view_maps[i + 1, j, k, 2]
-                        + w11 * view_maps[i + 1, j + 1, k, 2]
-                    )
-                red += h0 * lit[v, k, 0]
-                green += h1 * lit[v, k, 1]
-                blue += h2 * lit[v, k, 2]
-        out[v, 0], out[v, 1], out[v, 2] = red, green, blue

@@ -34,9 +34,10 @@ from homofact.scene.transport.factoring import factor
 from homofact.scene.transport.factors import InOutFactors, view_values
 from homofact.scene.transport.harmonic import Harmonic
 from homofact.scene.transport.kernels import transport_vectors
-from homofact.scene.transport.precompute import Tracer, Transport
+from homofact.scene.transport.precompute import Transport
 from homofact.scene.transport.relight import Relit, light_coefficients
 from homofact.scene.transport.seen import Seen, seen_vertices
+from homofact.scene.transport.tracer import Tracer
 
 FINE = 4
 _FINE_MAPS = 128

@@ -30,6 +30,7 @@ from homofact.meshes.tangents import frames
 from homofact.scene.transport import cube
 from homofact.scene.transport.factors import InOutFactors
 from homofact.scene.transport.kernels import keep_above, keep_largest, threshold_of_energy, transport_vectors
+from homofact.scene.transport.tracer import Tracer
 
 BLOCK = 256
 KEPT = 96
@@ -218,27 +219,6 @@ def _strung(folder: Path, places: list[int], entries: int) -> list[np.ndarray]:
         mapped = np.memmap(file, kind, "c", shape=(entries,)) if entries else np.zeros(0, kind)
         found.append(np.asarray(mapped))
     return found
-
-
-class Tracer:
-    """Which texels of the cube map each vertex of a mesh sees, among everything that the occluder holds."""
-
-    def __init__(self, mesh: Mesh, occluder: Occluder, size: int, rays: int = 1) -> None:
-        self.positions, self.normals, self.occluder, self.samples = mesh.positions, mesh.normals, occluder, rays**2
-        self.directions = cube.directions(size).reshape(-1, 3).astype(np.float32)
-        self.angles = np.tile(cube.solid_angles(size).reshape(-1), cube.FACES).astype(np.float32)
-        fine = cube.directions(size * rays).astype(np.float32)
-        blocks = fine.reshape(cube.FACES, size, rays, size, rays, 3).swapaxes(2, 3)
-        self.rays = np.ascontiguousarray(blocks).reshape(-1, 3)
-
-    def visible(self, vertex: int) -> np.ndarray:
-        """The share (6·n²,) of each texel that is above the vertex's horizon and not blocked, by the texel's rays."""
-        normal = self.normals[vertex].astype(np.float32)
-        above = np.flatnonzero(self.rays @ normal > 0)
-        origin = self.positions[vertex] + self.occluder.offset * normal
-        seen = np.zeros(len(self.rays), np.float32)
-        seen[above] = ~self.occluder.blocked(origin[None], self.rays[above])
-        return seen.reshape(-1, self.samples).mean(1)
 
 
 class _Work(Tracer):

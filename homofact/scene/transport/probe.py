@@ -22,8 +22,8 @@ from homofact.scene.transport import cube
 from homofact.scene.transport.factors import InOutFactors, look_up, view_values
 from homofact.scene.transport.harmonic import harmonic_maps
 from homofact.scene.transport.kernels import binned, transport_vectors
-from homofact.scene.transport.precompute import Tracer
 from homofact.scene.transport.relight import light_coefficients
+from homofact.scene.transport.tracer import Tracer
 
 TURNS = 4
 _BINS = 2048

@@ -18,7 +18,7 @@ from homofact.linear.threads import in_parallel
 from homofact.render.light import EnvironmentMap
 from homofact.scene.transport import cube
 from homofact.scene.transport.haar import transformed
-from homofact.scene.transport.kernels import add_columns, relight_all, shade_all
+from homofact.scene.transport.light_kernels import add_columns, relight_all, shade_all
 from homofact.scene.transport.precompute import Transport
 
 _MOST_RADIANCE = 1e32

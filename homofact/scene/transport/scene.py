@@ -36,7 +36,7 @@ reflected = 0.02                   # `plan` chooses all of them so that the ligh
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from homofact.errors import BadInput
@@ -46,38 +46,36 @@ from homofact.options import MOST_SEED
 from homofact.render.environment import read_environment
 from homofact.render.light import EnvironmentMap
 from homofact.scene.lighting import named_environment
-from homofact.scene.placed import Camera, GroundPlane, LightTable, PlacedObject, found_material, found_mesh
+from homofact.scene.placed import Camera, GroundPlane, LightTable, MaterialTable, PlacedObject, found_tables
 from homofact.scene.transport.clusters import COMPONENTS
 from homofact.scene.transport.factoring import MOST_TERMS
 from homofact.scene.transport.precompute import KEPT, TransportSettings
 
 
-@dataclass(frozen=True)
-class SceneObject(PlacedObject):
-    """One object: `terms` K of its in-out factors, or as many as hold `share` of the energy."""
+@dataclass(frozen=True, kw_only=True)
+class _TermRule(MaterialTable):
+    """How many in-out factors a material has: `terms`, or by one of the two rules of `factoring`."""
 
     terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
     error: float | None = field(default=None, metadata=limits(above=0, most=0.9))
     share: float | None = field(default=None, metadata=limits(above=0, most=0.9999))
 
     def __post_init__(self) -> None:
-        """Refuse what is no object, and two rules for K. Raises BadInput."""
+        """Refuse two rules for K. Raises BadInput."""
         super().__post_init__()
-        _check_rule(self)
+        given = [name for name in ("terms", "error", "share") if _given(self, name)]
+        if len(given) > 1:
+            raise BadInput(f"found {' and '.join(given)}, expected at most one of terms, error, share")
 
 
 @dataclass(frozen=True)
-class Ground(GroundPlane):
-    """The plane under the objects, with its in-out factors as of an object."""
+class SceneObject(_TermRule, PlacedObject):
+    """One object, with the rule for its in-out factors."""
 
-    terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
-    error: float | None = field(default=None, metadata=limits(above=0, most=0.9))
-    share: float | None = field(default=None, metadata=limits(above=0, most=0.9999))
 
-    def __post_init__(self) -> None:
-        """Refuse what is no plane, and two rules for K. Raises BadInput."""
-        super().__post_init__()
-        _check_rule(self)
+@dataclass(frozen=True)
+class Ground(_TermRule, GroundPlane):
+    """The plane under the objects, with the same."""
 
 
 @dataclass(frozen=True)
@@ -147,17 +145,7 @@ def read_relight_scene(path: str | Path) -> RelightScene:
     found = read_table(_Table, read_toml(file, "a scene in TOML"), f"{file}: ")
     asked = found.transport
     try:
-        objects = tuple(
-            replace(
-                each,
-                mesh=found_mesh(each.mesh, file.parent, f"object[{place}].mesh"),
-                material=found_material(each.material, file.parent, f"object[{place}].material"),
-            )
-            for place, each in enumerate(found.object)
-        )
-        ground = found.ground
-        if ground is not None:
-            ground = replace(ground, material=found_material(ground.material, file.parent, "ground.material"))
+        objects, ground = found_tables(found.object, found.ground, file.parent)
         try:
             kept = KEPT if asked.kept is None else asked.kept
             settings = TransportSettings(asked.cube, asked.rays, kept, asked.tolerance)
@@ -179,12 +167,6 @@ def is_relight_scene(path: Path) -> bool:
 
 def _given(table: object, name: str) -> bool:
     return getattr(table, name) is not None
-
-
-def _check_rule(table: SceneObject | Ground) -> None:
-    given = [name for name in ("terms", "error", "share") if _given(table, name)]
-    if len(given) > 1:
-        raise BadInput(f"found {' and '.join(given)}, expected at most one of terms, error, share")
 
 
 def _light(table: LightTable, folder: Path) -> EnvironmentMap:

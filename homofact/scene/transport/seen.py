@@ -12,7 +12,7 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.scene.transport import cube
-from homofact.scene.transport.precompute import Tracer
+from homofact.scene.transport.tracer import Tracer
 
 
 @dataclass

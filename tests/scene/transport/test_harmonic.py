@@ -64,6 +64,13 @@ def test_it_takes_two_bytes_a_number_and_needs_no_places() -> None:
     assert found.nbytes == whole().vertices * whole().factors.terms * (9 * 2 + 4)
 
 
+def test_the_largest_number_of_a_vector_takes_all_16_bits() -> None:
+    found = harmonic(whole(), 2)
+    largest = np.abs(found.number.astype(int)).max(2)
+    assert (largest[found.step > 1e-20] == 32767).all()
+    assert (largest > 0).mean() > 0.9
+
+
 def test_the_page_s_form_is_the_same_light() -> None:
     found = harmonic(whole(16), 2)
     light = np.random.default_rng(1).uniform(0, 1, (6, 16, 16, 3))

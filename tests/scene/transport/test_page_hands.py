@@ -102,6 +102,19 @@ def test_numbers_and_names_stand_on_the_page(page: Any) -> None:
     assert page.title == "A test"
 
 
+def test_numbers_of_five_digits_stand_beside_their_sliders(page: Any) -> None:
+    """As many coefficients as a cube map of 6 × 64² has: none runs under the button next to it."""
+    most = page.execute_script("const v = homofact.view, most = v.mostKept; v.mostKept = 24576; return most")
+    change(page, "picture", kept=24576)
+    said = page.execute_script(
+        "return [...document.querySelectorAll('.slider output')].map(o => [o.scrollWidth <= o.clientWidth, o.id])"
+    )
+    shown = words(page, "kept-value"), page.find_element("id", "kept-all").get_attribute("title")
+    page.execute_script("homofact.view.mostKept = arguments[0]", most)
+    assert shown == ("24,576", "24,576 in the longest vector")
+    assert said == [[True, f"{name}-value"] for name in ("turn", "terms", "kept", "exposure")]
+
+
 def test_a_page_without_a_reference_says_so(chromium: Any, page: Any, tmp_path: Path) -> None:
     given = relit_scene.plain(relit_scene.scene())
     write_page(tmp_path / "p.html", given.objects, given.skies, {}, title="t")

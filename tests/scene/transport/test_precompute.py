@@ -16,8 +16,9 @@ from homofact.meshes.shapes import ground, sphere
 from homofact.scene.transport import cube
 from homofact.scene.transport.haar import restored
 from homofact.scene.transport.kernels import keep_largest, threshold_of, threshold_of_energy
-from homofact.scene.transport.precompute import Tracer, TransportSettings, cost, transport
+from homofact.scene.transport.precompute import TransportSettings, cost, transport
 from homofact.scene.transport.relight import Relit
+from homofact.scene.transport.tracer import Tracer
 
 
 def test_a_matt_convex_body_under_even_light_shows_its_albedo() -> None:

@@ -8,16 +8,21 @@ import pytest
 import torch
 from relighting import EYE, MATT, SHINY, knot, light, matt, occluder, shiny, whole
 
+from homofact.brdf.analytic import Lambert
 from homofact.errors import BadInput
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import sphere
 from homofact.render.light import EnvironmentMap
 from homofact.scene.transport.clusters import clustered
 from homofact.scene.transport.cube import environment_cube
+from homofact.scene.transport.factoring import factor
 from homofact.scene.transport.ledger import STAGES, ledger, relative
+from homofact.scene.transport.light_kernels import add_columns
 from homofact.scene.transport.precompute import TransportSettings, transport
 from homofact.scene.transport.relight import Relit
 from homofact.scene.transport.seen import Seen, seen_vertices
+
+SMALL = TransportSettings(8, kept=384)
 
 
 def seen(most: int = 40) -> Seen:
@@ -87,6 +92,33 @@ def test_steps_before_the_end_are_sums_of_what_is_in() -> None:
     fresh._light = mixed
     fresh._sum()
     assert relit.tuples == pytest.approx(fresh.tuples, rel=1e-3, abs=2e-4)
+
+
+def test_one_channel_is_grey_and_from_behind_nothing_is_seen() -> None:
+    colour, grey = (
+        Relit(transport(knot(), factor(Lambert((0.5,) * count, channels=names), 1, map_size=8), SMALL, occluder()))
+        for count, names in ((3, ("R", "G", "B")), (1, ("Y",)))
+    )
+    for each in (colour, grey):
+        each.relight(light(8))
+    found = grey.shade(EYE)
+    assert found == pytest.approx(colour.shade(EYE), rel=1e-4)
+    facing = ((np.array(EYE) - knot().positions) * knot().normals).sum(1)
+    assert (found[facing < 0] == 0).all()
+    assert (found[facing > 0.1].sum(1) > 0).all()
+
+
+def test_rows_in_parts_are_each_changed_once() -> None:
+    """As threads share them: a row at a border belongs to one part alone."""
+    relit = Relit(whole())
+    start, rows, values, _ = relit._columns
+    change = np.random.default_rng(6).normal(size=(6 * 64, 3)).astype(np.float32)
+    chosen, once, parts = np.arange(6 * 64), *np.zeros((2, len(whole().scale), 3), np.float32)
+    add_columns(chosen, start, rows, values, change, 0, len(once), once)
+    for first, last in ((0, 1), (1, 500), (500, 501), (501, len(parts))):
+        add_columns(chosen, start, rows, values, change, first, last, parts)
+    assert (parts == once).all()
+    assert once.any(1).all()
 
 
 def test_turning_the_light_and_the_knot_together_changes_nothing() -> None:

@@ -1,18 +1,19 @@
 """The scene file and the folder of a relit scene: round trips, and everything that can be wrong with them."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from relighting import light
+from relighting import factored_once, light
 
 from homofact.containers.exr import write_exr
 from homofact.errors import BadInput
 from homofact.files.archive import read_archive, write_archive
 from homofact.meshes.shapes import torus_knot
 from homofact.render.light import EnvironmentMap
-from homofact.scene.placed import Camera, material_words
+from homofact.scene.placed import Camera, material_words, placed_mesh
 from homofact.scene.transport import build
 from homofact.scene.transport.build import Stand, relit, stand
 from homofact.scene.transport.cube import environment_cube
@@ -24,17 +25,18 @@ from homofact.scene.transport.result import open_relit, write_relit
 from homofact.scene.transport.scene import RelightScene, read_relight_scene
 
 ROOT = Path(__file__).resolve().parents[3]
-TEXT = """
+GROUND = """[ground]
+albedo = [0.2, 0.4, 0.6]
+half = 1.5
+steps = 6
+"""
+TEXT = f"""
 [[object]]
 mesh = "shape:sphere"
 albedo = [0.5]
 size = 0.5
 at = [0, 0.25, 0]
-[ground]
-albedo = [0.2, 0.4, 0.6]
-half = 1.5
-steps = 6
-[lighting]
+{GROUND}[lighting]
 named = "studio"
 [[camera]]
 eye = [0, 1.5, 3]
@@ -45,6 +47,14 @@ kept = 40
 clusters = 2
 components = 3
 """
+
+
+@pytest.fixture(autouse=True, scope="module")
+def once() -> Iterator[None]:
+    """Materials that many scenes here share are decomposed once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(build, "factor", factored_once)
+        yield
 
 
 def read(folder: Path, text: str = TEXT) -> RelightScene:
@@ -71,7 +81,7 @@ def test_the_scene_says_what_stands_where(ready: Stand) -> None:
 
 def test_a_mesh_is_turned_scaled_and_moved_with_its_normals(tmp_path: Path) -> None:
     text = TEXT.replace("shape:sphere", "shape:knot").replace("at = [0, 0.25, 0]", "at = [0.5, 1, -2]\nturn = 90")
-    mesh = stand(read(tmp_path, text)).objects[0].mesh
+    mesh = placed_mesh(read(tmp_path, text).objects[0])
     plain = torus_knot()
     # About y by 90°: z goes to x, x to −z.
     for found, given in ((mesh.positions, 0.5 * plain.positions), (mesh.normals, plain.normals)):
@@ -329,7 +339,10 @@ def test_a_planned_scene_keeps_its_forms_in_the_folder(tmp_path: Path) -> None:
         assert (back.tuples(light(8)) == each.tuples(light(8))).all()
         assert each.nbytes == placed.plan.chosen.bytes
     size = write_relit_page(tmp_path / "page.html", saved)
+    page = (tmp_path / "page.html").read_text()
     assert size == (tmp_path / "page.html").stat().st_size
+    # The scene's own sky is a built-in one: it is there once.
+    assert [page.count(f'"name":"{name}"') for name in ("overcast", "studio", "uniform")] == [1, 1, 1]
     file = tmp_path / "out" / "relight.npz"
     arrays, header = read_archive(file)
     name = "object_0_harmonic_number"
@@ -343,7 +356,8 @@ def test_terms_follow_the_rule_that_is_named(tmp_path: Path) -> None:
     shiny = 'material = "material:phong-10"'
     counts = {}
     for rule in ("error = 0.05", "error = 0.2", "share = 0.9", ""):
-        objects = stand(read(tmp_path, TEXT.replace("albedo = [0.5]", f"{shiny}\n{rule}"))).objects
+        text = TEXT.replace("albedo = [0.5]", f"{shiny}\n{rule}").replace(GROUND, "")
+        objects = stand(read(tmp_path, text)).objects
         counts[rule] = objects[0].factors.terms
         if rule.startswith("error"):
             assert objects[0].factors.expected_error <= float(rule.split("=")[1])

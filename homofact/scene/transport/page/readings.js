@@ -34,7 +34,9 @@ function showState(view) {
   by("terms").value = state.terms;
   by("terms-value").textContent = `${state.terms} of ${view.mostTerms}`;
   by("kept").value = view.keptSteps.indexOf(state.kept);
-  by("kept-value").textContent = `${state.kept} of ${view.mostKept}`;
+  // All there are may have five digits: they stand on the button.
+  by("kept-value").textContent = grouped(state.kept);
+  by("kept-all").title = `${grouped(view.mostKept)} in the longest vector`;
   by("exposure").value = state.stops;
   by("exposure-value").textContent = `${stopsInWords(state.stops)} stops`;
   by("play-button").setAttribute("aria-pressed", String(state.turning));

@@ -15,7 +15,8 @@ def write_relit_page(target: Path, saved: SavedScene, others: Sequence[Environme
     """Write the page, whole or not at all; its bytes. Raises BadInput as `page.build.write_page`."""
     size = saved.sky.cube.shape[1]
     own = PageSky(shown_name(saved.sky.name), saved.sky.cube, saved.sky.picture)
-    skies = [own, *(page_sky(shown_name(each.name), each, size) for each in others), *_built_in(size)]
+    skies = [own, *(page_sky(shown_name(each.name), each, size) for each in others)]
+    skies += _built_in(size, [saved.sky.name, *(each.name for each in others)], [each.name for each in skies])
     numbers: dict[str, dict[str, str | int | float]] = {}
     for entry in saved.report.get("objects", []):
         rows: dict[str, str | int | float] = {
@@ -38,11 +39,11 @@ def _percent(share: float) -> str:
     return f"{figure(100 * share)}%"
 
 
-def _built_in(size: int) -> list[PageSky]:
-    """The named lightings that are maps."""
+def _built_in(size: int, there: Sequence[str], shown: Sequence[str]) -> list[PageSky]:
+    """The named lightings that are maps, but those that are `there`; told from files that are `shown` by their name."""
     found = []
     for name in NAMED:
         lights = named_lighting(name).lights
-        if len(lights) == 1 and isinstance(lights[0], EnvironmentMap):
-            found.append(page_sky(name, lights[0], size))
+        if name not in there and len(lights) == 1 and isinstance(lights[0], EnvironmentMap):
+            found.append(page_sky(f"{name}, built in" if name in shown else name, lights[0], size))
     return found
