@@ -26,7 +26,8 @@ class Option:
     `above`, `below` and `most` its range, `unit` that of its number. `none` is what None stands for, in words.
     `expected_instead(value)` is a check of its own: what is expected where the value will not do, else None.
     A text is split into a list at `separators`. On the command line the option is `flag` where the field's name is no
-    good word there (an argument without dashes where `argument`), shown as `metavar`; `panel` is its heading.
+    good word there (an argument without dashes where `argument`), shown as `metavar`; `panel` is its heading. A long
+    --help shows of the source and the fit what is `everyday` alone, and the rest by --help-all.
     """
 
     help: str
@@ -43,6 +44,7 @@ class Option:
     argument: bool = False
     metavar: str | None = None
     panel: str | None = None
+    everyday: bool = False
 
 
 def option(default: Any, help: str, **more: Any) -> Any:

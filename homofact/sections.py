@@ -54,6 +54,7 @@ class SourceSettings:
         "rgb, luminance, spectral, or one channel's name",
         expected_instead=_expected_channels,
         panel=SOURCE,
+        everyday=True,
     )
     count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, most=MOST_COUNT, panel=SOURCE)
     scheme: str = option(DEFAULT_SCHEME, "How they are drawn", choices=SCHEMES, panel=SOURCE)
@@ -188,7 +189,9 @@ class FitSection:
     setting that cannot be meant and for one that no such method has.
     """
 
-    method: str = option(Search.name, "How it is fitted (cole is the thesis's way)", choices=tuple(METHODS), panel=FIT)
+    method: str = option(
+        Search.name, "How it is fitted (cole is the thesis's way)", choices=tuple(METHODS), panel=FIT, everyday=True
+    )
     settings: Mapping[str, Any] = field(default_factory=dict)
     places: Mapping[str, str] = field(default_factory=dict)
 

@@ -38,8 +38,8 @@ from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.linear.normal import warm_up
 from homofact.linear.threads import one_thread
 from homofact.methods.fitting import transform_of
+from homofact.methods.log_data import Data
 from homofact.methods.search import Search
-from homofact.methods.search_fit import Data
 
 MATERIALS = {
     "chm_light_blue": "rgl/chm_light_blue_rgb.bsdf",

@@ -1,4 +1,4 @@
-"""The names of channels and sampling schemes, apart from what they do, so that checks and help load no torch."""
+"""The names of channels, schemes and materials, apart from what they do, so that checks and help load no torch."""
 
 CHANNELS = ("rgb", "spectral", "luminance")
 SCHEMES = ("lobe", "discs", "cosine", "grid")
@@ -6,4 +6,8 @@ DEFAULT_SCHEME = "lobe"
 DEFAULT_COUNT = 45_000
 MOST_COUNT = 10_000_000  # pairs: a gigabyte of samples
 MATERIAL_PREFIX = "material:"
+MATERIAL_NAMES = (
+    "lafortune-blue-paint", "lafortune-clay", "lafortune-skin", "cook-torrance-plastic", "ashikhmin-shirley-wang",
+    "phong-10", "phong-30", "blinn-phong-50", "torrance-sparrow-20", "ward-brushed",
+)  # fmt: skip
 GAINS = ("rings", "rows")  # what `brdf.gains` can divide out

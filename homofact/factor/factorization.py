@@ -191,21 +191,11 @@ class Factorization:
             "epsilon": self.transform.epsilon,
             "channels": list(self.channels),
             "provenance": self.provenance,
-            "terms": [_describe(term) for term in self.terms],
+            "terms": [described_term(term) for term in self.terms],
         }
         arrays: dict[str, Any] = {"mean": self.transform.mean.cpu().numpy()}
         for j, term in enumerate(self.terms):
-            arrays[f"texture_{j}"] = term.texture.cpu().numpy()
-            arrays[f"mask_{j}"] = term.mask.cpu().numpy()
-            if term.deviation is not None:
-                arrays[f"deviation_{j}"] = term.deviation.cpu().numpy()
-            if term.grid is not None:
-                arrays[f"grid_{j}"] = torch.stack((term.grid.low, term.grid.step)).cpu().numpy()
-            arrays[f"matrix_{j}"] = term.projection.matrix.cpu().numpy()
-            rotation = term.projection.rotation
-            if rotation is not None:
-                # (2, 4) for a pair, (4,) for a single quaternion.
-                arrays[f"rotation_{j}"] = rotation.quaternions.squeeze(0).cpu().numpy()
+            arrays |= term_arrays(j, term)
         write_archive(path, header, arrays)
 
     @classmethod
@@ -217,7 +207,7 @@ class Factorization:
         mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
         transform = LogTransform(fields.number("epsilon", above=0), mean)
         described = enumerate(fields.inners("terms", MOST_TERMS))
-        terms = tuple(_restore(entry, saved, j, len(channels)) for j, entry in described)
+        terms = tuple(restored_term(entry, saved, j, len(channels)) for j, entry in described)
         return cls(terms, transform, channels, fields.inner("provenance").found)
 
 
@@ -230,7 +220,23 @@ def _caption(projection: Projection) -> str:
     return where if projection.warp is None else f"{where}, warped"
 
 
-def _describe(term: Term) -> dict[str, Any]:
+def term_arrays(j: int, term: Term) -> dict[str, Any]:
+    """The arrays of term number `j` in a saved fit, by name."""
+    arrays: dict[str, Any] = {f"texture_{j}": term.texture.cpu().numpy(), f"mask_{j}": term.mask.cpu().numpy()}
+    if term.deviation is not None:
+        arrays[f"deviation_{j}"] = term.deviation.cpu().numpy()
+    if term.grid is not None:
+        arrays[f"grid_{j}"] = torch.stack((term.grid.low, term.grid.step)).cpu().numpy()
+    arrays[f"matrix_{j}"] = term.projection.matrix.cpu().numpy()
+    rotation = term.projection.rotation
+    if rotation is not None:
+        # (2, 4) for a pair, (4,) for a single quaternion.
+        arrays[f"rotation_{j}"] = rotation.quaternions.squeeze(0).cpu().numpy()
+    return arrays
+
+
+def described_term(term: Term) -> dict[str, Any]:
+    """What the header of a saved fit says of a term beside its arrays."""
     projection = term.projection
     return {
         "coordinates": projection.coordinates,
@@ -246,7 +252,7 @@ def _kinds(projection: Projection) -> list[str]:
     return [axis.value for axis in projection.axes]
 
 
-def _restore(fields: Fields, saved: SavedFit, j: int, channels: int) -> Term:
+def restored_term(fields: Fields, saved: SavedFit, j: int, channels: int) -> Term:
     """Term number `j`. Raises BadInput for what no fit could have saved."""
     name = fields.text("coordinates", COORDINATES)
     rotation, warp, grid, deviation = None, None, None, None

@@ -140,3 +140,14 @@ def _of_texture(matrices: list[Tensor], shape: Shape, axes: Axes) -> list[tuple[
 def _symmetric(matrix: Tensor) -> Tensor:
     outer = matrix[0][:, None] * matrix[1]
     return (outer + outer.T) / 2
+
+
+def in_gauge(texels: Tensor, projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> Tensor:
+    """The texels (T, C) with the same sum everywhere that meet the gauge over `masks`: Zᵀy = 0.
+
+    With N the null space, y − N (ZᵀN)⁻¹ Zᵀy. Textures of several materials, each solved over the texels that its own
+    samples reach, are comparable texel by texel once they all meet the gauge over the same masks.
+    """
+    null = null_space(projections, masks).to(texels)
+    rows = gauge_rows(projections, masks).to(texels)
+    return texels - null @ torch.linalg.solve(rows.T @ null, rows.T @ texels)

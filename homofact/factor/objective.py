@@ -134,3 +134,41 @@ class Objective:
                 pulled_back(bound_slopes(rows, combined.numpy(), system.domain, self._bound))
             )
         return result
+
+
+class JointObjective:
+    """The mean of the objectives of several materials that have textures of their own under the same projections."""
+
+    def __init__(self, each: tuple[Objective, ...]) -> None:
+        """Of objectives with the same projections and shapes, one or more."""
+        self._each = each
+        self.evaluations = 0
+
+    def start(self) -> Tensor:
+        """As `Objective.start`."""
+        return self._each[0].start()
+
+    def parts(self) -> list[slice]:
+        """As `Objective.parts`."""
+        return self._each[0].parts()
+
+    def projections(self, vector: Tensor) -> tuple[Projection, ...]:
+        """As `Objective.projections`."""
+        return self._each[0].projections(vector)
+
+    def error(self, vector: Tensor) -> float:
+        """The mean R of all materials."""
+        self.evaluations += 1
+        return sum(objective.error(vector) for objective in self._each) / len(self._each)
+
+    def evaluate(self, vector: Tensor) -> Evaluation:
+        """The mean R with its gradient; `texels` (K T, C) are all materials', one after another."""
+        self.evaluations += 1
+        found = [objective.evaluate(vector) for objective in self._each]
+        count = len(found)
+        return Evaluation(
+            sum(one.value for one in found) / count,
+            torch.stack([one.gradient for one in found]).sum(0) / count,
+            sum(one.error for one in found) / count,
+            torch.cat([one.texels for one in found]),
+        )

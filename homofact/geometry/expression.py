@@ -17,10 +17,11 @@ _AXES = "xyzw"
 
 @dataclass(frozen=True)
 class Expression:
-    """A node: `kind` is "constant", "name", "swizzle", "vector", "fetch", an infix operator or a function.
+    """A node: `kind` is "constant", "name", "swizzle", "vector", "fetch", "table", an infix operator or a function.
 
     `dimension` is 1 for a scalar, else the number of components. `values` are a constant's, `text` a name, the letters
-    of a swizzle, or the number of the texture that a fetch reads at its one operand.
+    of a swizzle, the number of the texture that a fetch reads at its one operand, or the name of a table that is read
+    at the layer (its component `values[0]` where it was taken apart).
     """
 
     kind: str
@@ -105,6 +106,11 @@ def fetch(texture: int, uv: Expression, channels: int) -> Expression:
     return Expression("fetch", channels, (uv,), text=str(texture))
 
 
+def table(name: str, dimension: int) -> Expression:
+    """The row of a program's table that belongs to the layer."""
+    return Expression("table", dimension, text=name)
+
+
 def _expression(value: Expression | float) -> Expression:
     return value if isinstance(value, Expression) else constant(value)
 
@@ -125,6 +131,8 @@ def component(expression: Expression, k: int) -> Expression:
         return constant(expression.values[k])
     if kind == "name":
         return expression if expression.dimension == 1 else Expression("swizzle", 1, (expression,), text=_AXES[k])
+    if kind == "table":
+        return Expression("table", 1, values=(float(k),), text=expression.text)
     if kind == "swizzle":
         return component(operands[0], _AXES.index(expression.text[k]))
     if kind == "vector":

@@ -25,8 +25,73 @@ SMOOTHING_STEP = 10**0.5
 SMOOTHING_RANGE = (1e-7, 1e2)
 
 
+class Judging:
+    """Equations that can be asked what a λ leaves on left-out samples, and for the λ that leaves the least."""
+
+    @property
+    def unknowns(self) -> int:
+        """T, the texels of all textures."""
+        raise NotImplementedError
+
+    def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
+        """Mean squared log error of left-out samples with this λ, `folds` left out of each partition, or all."""
+        raise NotImplementedError
+
+    def solves(self, folds: int | None = None) -> int:
+        """How many systems `error` solves."""
+        raise NotImplementedError
+
+    def best_smoothing(
+        self, start: tuple[float, ...], account: Account, folds: int | None = None
+    ) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): from `start` downhill with all of them scaled alike, in decades.
+
+        The error is that of as many folds as `error` is asked for.
+        """
+        return self._descend(start, [tuple(range(len(start)))], 2, account, folds)
+
+    def best_each(
+        self, start: tuple[float, ...], account: Account, stride: int = 2, folds: int | None = None
+    ) -> tuple[tuple[float, ...], float]:
+        """(λ of every texture, error): downhill one texture after another, in `stride` half decades."""
+        return self._descend(start, [(j,) for j in range(len(start))], stride, account, folds)
+
+    def _descend(
+        self,
+        start: tuple[float, ...],
+        groups: list[tuple[int, ...]],
+        stride: int,
+        account: Account,
+        folds: int | None,
+    ) -> tuple[tuple[float, ...], float]:
+        """No step is begun once the account is spent; the start itself is always judged."""
+
+        def judged(smoothing: tuple[float, ...]) -> float:
+            account.spend(self.solves(folds) * cost_of_solve(self.unknowns))
+            return self.error(smoothing, folds)
+
+        best, lowest = start, judged(start)
+        low, high = SMOOTHING_RANGE
+        for group in groups:
+            for direction in (stride, -stride):
+                moved = False
+                while not account.over:
+                    trial = tuple(
+                        value * SMOOTHING_STEP**direction if j in group else value for j, value in enumerate(best)
+                    )
+                    if not all(low <= trial[j] <= high for j in group):
+                        break
+                    error = judged(trial)
+                    if error >= lowest:
+                        break
+                    best, lowest, moved = trial, error, True
+                if moved:
+                    break
+        return best, lowest
+
+
 @dataclass(frozen=True)
-class Folded:
+class Folded(Judging):
     """The normal equations of every fold for fixed projections, ready to be asked about any λ.
 
     `parts` are the folds of every partition, `shares` the partitions' shares of the judgement, `whole` all samples.
@@ -103,58 +168,30 @@ class Folded:
         """How many systems `error` solves."""
         return sum(len(parts[:folds]) for parts in self.parts)
 
-    def best_smoothing(
-        self, start: tuple[float, ...], account: Account, folds: int | None = None
-    ) -> tuple[tuple[float, ...], float]:
-        """(λ of every texture, error): from `start` downhill with all of them scaled alike, in decades.
-
-        The error is that of as many folds as `error` is asked for.
-        """
-        return self._descend(start, [tuple(range(len(start)))], 2, account, folds)
-
-    def best_each(
-        self, start: tuple[float, ...], account: Account, stride: int = 2, folds: int | None = None
-    ) -> tuple[tuple[float, ...], float]:
-        """(λ of every texture, error): downhill one texture after another, in `stride` half decades."""
-        return self._descend(start, [(j,) for j in range(len(start))], stride, account, folds)
-
-    def _descend(
-        self,
-        start: tuple[float, ...],
-        groups: list[tuple[int, ...]],
-        stride: int,
-        account: Account,
-        folds: int | None,
-    ) -> tuple[tuple[float, ...], float]:
-        """No step is begun once the account is spent; the start itself is always judged."""
-
-        def judged(smoothing: tuple[float, ...]) -> float:
-            account.spend(self.solves(folds) * cost_of_solve(self.unknowns))
-            return self.error(smoothing, folds)
-
-        best, lowest = start, judged(start)
-        low, high = SMOOTHING_RANGE
-        for group in groups:
-            for direction in (stride, -stride):
-                moved = False
-                while not account.over:
-                    trial = tuple(
-                        value * SMOOTHING_STEP**direction if j in group else value for j, value in enumerate(best)
-                    )
-                    if not all(low <= trial[j] <= high for j in group):
-                        break
-                    error = judged(trial)
-                    if error >= lowest:
-                        break
-                    best, lowest, moved = trial, error, True
-                if moved:
-                    break
-        return best, lowest
-
     @property
     def unknowns(self) -> int:
         """T, the texels of all textures."""
         return int(self.whole.matrix.shape[0])
+
+
+@dataclass(frozen=True)
+class JointFolded(Judging):
+    """The equations of several materials under the same projections, judged by the mean of their errors."""
+
+    each: tuple[Folded, ...]
+
+    @property
+    def unknowns(self) -> int:
+        """T, the texels of one material's textures."""
+        return self.each[0].unknowns
+
+    def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
+        """The mean of the materials' left-out errors, all with this λ."""
+        return sum(folded.error(smoothing, folds) for folded in self.each) / len(self.each)
+
+    def solves(self, folds: int | None = None) -> int:
+        """How many systems `error` solves."""
+        return sum(folded.solves(folds) for folded in self.each)
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ class Search:
         None,
         "Bytes of all textures as float32, instead of --size: how many textures (up to 3 or --textures) and their rows"
         " and columns are found from the data",
-        above=0, none="by --textures and --size",
+        above=0, none="by --textures and --size", everyday=True,
     )  # fmt: skip
     reciprocal: bool | None = option(None, "Enforce f(wi, wo) = f(wo, wi)", none="decided by the data")
     solver: str = shared.solver()
@@ -70,6 +70,7 @@ class Search:
         "normal",
         "How much is searched: quick, normal, thorough, or a number of inner evaluations",
         expected_instead=_expected_effort,
+        everyday=True,
     )
     budget: float | None = shared.budget()
     objective: str = option("both", "What is made small: log errors, errors of energy, or both", choices=OBJECTIVES)

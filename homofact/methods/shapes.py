@@ -12,13 +12,11 @@ from dataclasses import dataclass, replace
 
 from homofact.errors import BadInput
 from homofact.factor.projection import Projection
-from homofact.factor.textures import LogSamples
 from homofact.linear.layout import Axis, Shape
 from homofact.linear.size import MOST_DENSE
-from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve
-from homofact.methods.folded import Folded
+from homofact.methods.effort import Account, cost_of_solve
+from homofact.methods.materials import Materials
 from homofact.methods.mix import Mix
-from homofact.methods.validation import Partition
 
 WORTH_A_FETCH = 0.97  # one more texture is taken where it leaves less than this share of the error
 WORTH_A_MOVE = 0.995  # and another layout where it leaves less than this
@@ -129,8 +127,7 @@ class Spent:
 def best_within(
     texels: int,
     mixes: tuple[Mix, ...],
-    samples: LogSamples,
-    partitions: tuple[Partition, ...],
+    materials: Materials,
     smoothing_for: SmoothingFor,
     account: Account,
 ) -> Spent:
@@ -145,7 +142,7 @@ def best_within(
     for mix in mixes:
         layout = Layout.even(len(mix.kinds))
         if stored(mix.projections, layout.shapes(mix.projections, texels)) <= texels:
-            error = _judged(mix, layout.shapes(mix.projections, texels), samples, partitions, smoothing_for, account)
+            error = _judged(mix, layout.shapes(mix.projections, texels), materials, smoothing_for, account)
             found.append((error, mix, layout))
     if not found:
         raise BadInput(f"bytes: found {texels} texels, expected enough for a texture of 2 × 2 each")
@@ -160,7 +157,7 @@ def best_within(
             shapes = trial.shapes(mix.projections, texels)
             if account.over or stored(mix.projections, shapes) > texels:
                 continue
-            error = _judged(mix, shapes, samples, partitions, smoothing_for, account)
+            error = _judged(mix, shapes, materials, smoothing_for, account)
             if error < WORTH_A_MOVE * lowest:
                 lowest, layout, improved = error, trial, True
     return Spent(mix, layout.shapes(mix.projections, granted), tuple(error for error, _, _ in found))
@@ -169,13 +166,12 @@ def best_within(
 def _judged(
     mix: Mix,
     shapes: tuple[Shape, ...],
-    samples: LogSamples,
-    partitions: tuple[Partition, ...],
+    materials: Materials,
     smoothing_for: SmoothingFor,
     account: Account,
 ) -> float:
-    folded = Folded.of(samples, partitions, mix.projections, shapes, 1)
+    folded = materials.folded(mix.projections, shapes, 1)
     lookups = sum(projection.lookups for projection in mix.projections)
-    account.spend(cost_of_evaluation(len(samples.logs), lookups, folded.unknowns))
+    account.spend(materials.cost(lookups, folded.unknowns))
     account.spend(folded.solves(1) * cost_of_solve(folded.unknowns))
     return folded.error(smoothing_for(mix, shapes), 1)

@@ -13,17 +13,17 @@ QUANTIZATIONS = ("none", "png8", "png16")
 
 def textures() -> Any:
     """How many textures at most."""
-    return option(2, "How many textures at most", least=1)
+    return option(2, "How many textures at most", least=1, everyday=True)
 
 
 def terms() -> Any:
     """How many terms, for the methods that add them."""
-    return option(2, "How many terms", least=1)
+    return option(2, "How many terms", least=1, everyday=True)
 
 
 def size() -> Any:
     """Texels per side of a texture."""
-    return option(16, "Texels per side of a texture", least=2)
+    return option(16, "Texels per side of a texture", least=2, everyday=True)
 
 
 def epsilon() -> Any:

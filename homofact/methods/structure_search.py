@@ -27,14 +27,12 @@ import torch
 
 from homofact.errors import Status
 from homofact.factor.projection import Projection, Warp
-from homofact.factor.textures import LogSamples
-from homofact.methods.effort import Account, cost_of_evaluation
-from homofact.methods.folded import FixedBank
+from homofact.methods.effort import Account
 from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, relatives, takes_warp
+from homofact.methods.materials import Banks, Materials
 from homofact.methods.mix import EMPTY, FIRST_SMOOTHING, Mix, freed, scale_of, with_all_loose
 from homofact.methods.tournament import BEAM, LOOKS, tournament
 from homofact.methods.trials import StructureSettings, Trials
-from homofact.methods.validation import Partition
 
 FREE_WORTH = 0.9  # reciprocity is given up where that leaves fixed mixes less than this share of their error
 TELLING = ("theta_i-theta_o", "theta_i-theta_d")  # fixed kinds that, free, tell light from viewer
@@ -65,16 +63,15 @@ class StructureSearch:
 
     def __init__(
         self,
-        samples: LogSamples,
-        partitions: tuple[Partition, ...],
+        materials: Materials,
         settings: StructureSettings,
         account: Account,
         progress: Callable[[int, int, float], None] | None = None,
     ) -> None:
         """`progress` is called with (textures, evaluations, best validation error) after every group of trials."""
-        self._samples, self._partitions, self._settings, self._progress = samples, partitions, settings, progress
+        self._materials, self._settings, self._progress = materials, settings, progress
         self._account = account
-        self._trials = Trials(samples, partitions, settings, account)
+        self._trials = Trials(materials, settings, account)
         self._reciprocal = settings.reciprocal is not False
         # The same rotations whatever the seed: which are tried is no matter of luck.
         self._generator = torch.Generator().manual_seed(ROTATIONS)
@@ -82,7 +79,7 @@ class StructureSearch:
         self._best = EMPTY
         self._trace: list[tuple[float, int, float]] = []
         self._notes: list[str] = []
-        self._banks: dict[Warp | None, FixedBank] = {}
+        self._banks: dict[Warp | None, Banks] = {}
         self._best_warps: list[Warp | None] = []
         self._levels: list[Mix] = []
 
@@ -242,13 +239,13 @@ class StructureSearch:
         """All fixed kinds accumulated together for the first look, warp by warp."""
         wanted = [warp for warp in warps if warp not in self._banks]
 
-        def made(warp: Warp | None) -> tuple[FixedBank, Account]:
+        def made(warp: Warp | None) -> tuple[Banks, Account]:
             projections = tuple(self._make(kind, warp) for kind in fixed)
             account = self._account.beside()
             lookups = sum(projection.lookups for projection in projections)
-            account.spend(cost_of_evaluation(self._samples.logs.shape[0], lookups, 0))
+            account.spend(self._materials.cost(lookups, 0))
             shapes = self._trials.shapes(projections, FIRST_LOOK)
-            return FixedBank.of(self._samples, self._partitions, projections, shapes), account
+            return self._materials.bank(projections, shapes), account
 
         self._banks.update(zip(wanted, self._trials.beside(made, wanted), strict=True))
 

@@ -11,15 +11,14 @@ import torch
 from torch import Tensor
 
 from homofact.errors import Status
-from homofact.factor.objective import Objective
 from homofact.factor.projection import Projection
 from homofact.factor.search.minimize import Search, minimize
-from homofact.factor.textures import LogSamples, texture_shape
+from homofact.factor.textures import texture_shape
 from homofact.linear.threads import in_parallel
-from homofact.methods.effort import Account, cost_of_evaluation, cost_of_solve
-from homofact.methods.folded import Folded
+from homofact.methods.effort import Account, cost_of_solve
+from homofact.methods.folded import JointFolded, Judging
+from homofact.methods.materials import Materials
 from homofact.methods.mix import Mix, is_movable, scale_of
-from homofact.methods.validation import Partition
 
 DESCENTS = 0.625  # of the search's texture size: what projections descend with before the last time
 ASIDE = 1e-3  # of a quaternion's length: how far beside its projections a descent starts
@@ -45,21 +44,15 @@ class StructureSettings:
 class Trials:
     """What mixes are tried on, and the account that pays for it."""
 
-    def __init__(
-        self,
-        samples: LogSamples,
-        partitions: tuple[Partition, ...],
-        settings: StructureSettings,
-        account: Account,
-    ) -> None:
-        """`partitions` are how mixes are judged."""
-        self.samples, self.partitions, self.settings, self.account = samples, partitions, settings, account
+    def __init__(self, materials: Materials, settings: StructureSettings, account: Account) -> None:
+        """Nothing is tried yet."""
+        self.materials, self.settings, self.account = materials, settings, account
 
     def cost(self, mix: Mix, share: float = 1.0) -> float:
         """Units of one evaluation of a mix with textures of a share of the search's size."""
         texels = sum(rows * columns for rows, columns in self.shapes(mix.projections, share))
         lookups = sum(projection.lookups for projection in mix.projections)
-        return cost_of_evaluation(self.samples.logs.shape[0], lookups, texels)
+        return self.materials.cost(lookups, texels)
 
     def beside(self, function: Callable, pieces: list) -> list:
         """The function's results of all pieces, their accounts added; on threads where the search allows it."""
@@ -75,7 +68,7 @@ class Trials:
         return tuple(texture_shape(projection, size) for projection in projections)
 
     def smoothed(
-        self, folded: Folded, start: tuple[float, ...], account: Account, each: bool
+        self, folded: Judging, start: tuple[float, ...], account: Account, each: bool
     ) -> tuple[tuple[float, ...], float]:
         """(λ of every texture, error): the given λ, or the best for all textures alike, or for `each` from there."""
         if self.settings.smoothing is not None:
@@ -87,7 +80,7 @@ class Trials:
         return self.judged(folded, smoothing, account)
 
     def judged(
-        self, folded: Folded, smoothing: tuple[float, ...], account: Account, folds: int | None = None
+        self, folded: Judging, smoothing: tuple[float, ...], account: Account, folds: int | None = None
     ) -> tuple[tuple[float, ...], float]:
         """(the given λ of every texture, error) with so many folds of each partition left out, or all."""
         account.spend(folded.solves(folds) * cost_of_solve(folded.unknowns))
@@ -113,9 +106,8 @@ class Trials:
         """
         account = self.account.beside()
         smoothing = mix.smoothing if scale is None else (scale,) * len(mix.kinds)
-        objective = Objective(
-            self.samples, mix.projections, self.shapes(mix.projections, share), smoothing, self.settings.bound
-        )
+        shapes = self.shapes(mix.projections, share)
+        objective = self.materials.objective(mix.projections, shapes, smoothing, self.settings.bound)
         left = max(account.deadline - time.perf_counter(), 1e-3)
         start = aside(objective.start())
         vector, report = minimize(
@@ -131,7 +123,7 @@ class Trials:
         account = self.account.beside()
         shapes = self.shapes(mix.projections, DESCENTS)
         smoothing = (scale,) * len(mix.kinds)
-        objective = Objective(self.samples, mix.projections, shapes, smoothing, self.settings.bound)
+        objective = self.materials.objective(mix.projections, shapes, smoothing, self.settings.bound)
         account.spend(self.cost(mix, DESCENTS))
         return objective.error(objective.start()), account
 
@@ -142,10 +134,10 @@ class Trials:
         smoothing, error = self.smoothed(folded, (scale,) * len(mix.kinds), account, each=False)
         return replace(mix, smoothing=smoothing, error=error), account
 
-    def folded(self, mix: Mix, account: Account) -> Folded:
+    def folded(self, mix: Mix, account: Account) -> JointFolded:
         """The mix's equations, fold by fold."""
         account.spend(self.cost(mix))
-        return Folded.of(self.samples, self.partitions, mix.projections, self.shapes(mix.projections))
+        return self.materials.folded(mix.projections, self.shapes(mix.projections))
 
 
 def aside(vector: Tensor) -> Tensor:

@@ -36,10 +36,15 @@ _LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int colu
 
 
 def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "homofact") -> str:
-    """One file of C99: texels (rows, columns, C) as floats, the lookup, and `PREFIX_evaluate(wi, wo, f)`."""
+    """One file of C99: texels (rows, columns, C) as floats, the lookup, and `PREFIX_evaluate(wi, wo, f)`.
+
+    Layers stand one under another in the texels, and are what `PREFIX_evaluate(wi, wo, layer, f)` reads.
+    """
     channels = len(program.channels)
     title = "".join(f"/* {remark(line)} */\n" for line in program.title)
     data = "".join(_texels(prefix, k, texels) for k, texels in enumerate(textures))
+    data += "".join(_table(prefix, name, rows) for name, rows in program.tables)
+    layer = ", int layer" * (program.layers > 0)
     lines = []
     for statement in program.statements:
         if statement.comment:
@@ -48,27 +53,28 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
         if expression.kind == "fetch":
             rows, columns = program.shapes[int(expression.text)]
             uv = render(expression.operands[0])
-            texture = f"{prefix}_texture_{expression.text}"
+            texture = f"{prefix}_texture_{expression.text}" + f" + layer * {rows * columns * channels}" * bool(layer)
             lines.append(f"    float {name}{'' if channels == 1 else f'[{channels}]'};")
             address = f"&{name}" if channels == 1 else name
             lines.append(f"    {prefix}_lookup({texture}, {rows}, {columns}, {uv}, {address});")
         else:
-            parts = ", ".join(render(component(expression, k)) for k in range(expression.dimension))
+            parts = ", ".join(render(component(expression, k), prefix) for k in range(expression.dimension))
             lines.append(
                 f"    const float {name} = {parts};"
                 if expression.dimension == 1
                 else f"    const float {name}[{expression.dimension}] = {{{parts}}};"
             )
-    lines += [f"    f_out[{c}] = {render(component(program.result, c))};" for c in range(channels)]
+    lines += [f"    f_out[{c}] = {render(component(program.result, c), prefix)};" for c in range(channels)]
     body = "\n".join(lines)
     return (
         f"{title}#include <math.h>\n\n{data}{_LOOKUP.format(prefix=prefix, channels=channels)}\n"
         f"/* f_out[{channels}]: {remark(', '.join(program.channels))} */\n"
-        f"void {prefix}_evaluate(const float wi[3], const float wo[3], float f_out[{channels}])\n{{\n{body}\n}}\n"
+        f"void {prefix}_evaluate(const float wi[3], const float wo[3]{layer}, float f_out[{channels}])\n"
+        f"{{\n{body}\n}}\n"
     )
 
 
-def render(expression: Expression) -> str:
+def render(expression: Expression, prefix: str = "homofact") -> str:
     """The text of a scalar expression (or of a name, whatever its dimension)."""
     kind, operands = expression.kind, expression.operands
     if kind == "constant":
@@ -77,9 +83,11 @@ def render(expression: Expression) -> str:
         return expression.text
     if kind == "swizzle":
         return f"{operands[0].text}[{'xyzw'.index(expression.text)}]"
+    if kind == "table":
+        return f"{prefix}_{expression.text}[layer][{int(expression.values[0])}]"
     if kind in INFIX:
-        return infix(expression, *(render(operand) for operand in operands))
-    parts = [render(operand) for operand in operands]
+        return infix(expression, *(render(operand, prefix) for operand in operands))
+    parts = [render(operand, prefix) for operand in operands]
     if kind == "fract":
         return f"({parts[0]} - floorf({parts[0]}))"
     if kind == "step":
@@ -96,3 +104,8 @@ def _texels(prefix: str, number_of: int, texels: np.ndarray) -> str:
         f"/* {rows} rows of {columns} texels of {channels} channels */\n"
         f"static const float {prefix}_texture_{number_of}[{rows * columns * channels}] = {{\n    {inner}\n}};\n\n"
     )
+
+
+def _table(prefix: str, name: str, rows: tuple[tuple[float, ...], ...]) -> str:
+    inner = ",\n    ".join(f"{{{', '.join(f'{number(value)}f' for value in row)}}}" for row in rows)
+    return f"static const float {prefix}_{name}[{len(rows)}][{len(rows[0])}] = {{\n    {inner}\n}};\n\n"

@@ -15,7 +15,7 @@ from typing import Any
 from homofact.geometry.expression import nodes
 from homofact.shading.program import Program
 
-_FREE = {"constant", "name", "swizzle", "vector", "fetch"}
+_FREE = {"constant", "name", "swizzle", "vector", "fetch", "table"}
 
 
 @dataclass(frozen=True)

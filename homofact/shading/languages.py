@@ -21,7 +21,8 @@ _RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
 class Language:
     """How a language writes types, constants, names of functions, statements, fetches and the whole.
 
-    `widen` says that a function of a vector and a scalar wants both as vectors (WGSL).
+    `widen` says that a function of a vector and a scalar wants both as vectors (WGSL). `layered` is the fetch of a
+    texture array, `table` how a table of vectors of a layer's constants is declared.
     """
 
     name: str
@@ -30,6 +31,8 @@ class Language:
     functions: dict[str, str]
     let: str
     fetch: str
+    layered: str
+    table: str
     swizzles: tuple[str, str, str, str]
     widen: bool
     frame: Callable[[Program, str, str], str]
@@ -69,8 +72,8 @@ def infix(expression: Expression, left: str, right: str) -> str:
     return f"{left} {kind} {right}"
 
 
-def render(expression: Expression, language: Language, prefix: str) -> str:
-    """The expression's text, with no more parentheses than it needs."""
+def render(expression: Expression, language: Language, prefix: str, layered: bool = False) -> str:
+    """The expression's text, with no more parentheses than it needs; fetches of arrays where it is `layered`."""
     kind, operands = expression.kind, expression.operands
     if kind == "constant":
         inner = [number(value) for value in expression.values]
@@ -79,25 +82,28 @@ def render(expression: Expression, language: Language, prefix: str) -> str:
     if kind == "name":
         return expression.text
     if kind == "swizzle":
-        inner = render(operands[0], language, prefix)
+        inner = render(operands[0], language, prefix, layered)
         return f"({inner}).{expression.text}" if operands[0].kind in INFIX else f"{inner}.{expression.text}"
     if kind == "vector":
-        parts = ", ".join(render(operand, language, prefix) for operand in operands)
+        parts = ", ".join(render(operand, language, prefix, layered) for operand in operands)
         return f"{language.types[expression.dimension - 1]}({parts})"
     if kind == "fetch":
-        uv = render(operands[0], language, prefix)
+        uv = render(operands[0], language, prefix, layered)
         texture = f"{prefix}_texture_{expression.text}"
-        read = language.fetch.format(texture=texture, sampler=f"{prefix}_sampler", uv=uv)
+        way = language.layered if layered else language.fetch
+        read = way.format(texture=texture, sampler=f"{prefix}_sampler", uv=uv)
         return read + language.swizzles[expression.dimension - 1]
+    if kind == "table":
+        return f"{prefix}_{expression.text}[layer]"
     if kind in INFIX:
-        return infix(expression, *(render(operand, language, prefix) for operand in operands))
+        return infix(expression, *(render(operand, language, prefix, layered) for operand in operands))
     if kind == "asinh" and language.name == "HLSL":
-        y = render(operands[0], language, prefix)
+        y = render(operands[0], language, prefix, layered)
         y = f"({y})" if operands[0].kind in INFIX else y
         return f"log({y} + sqrt({y} * {y} + 1.0))"
     arguments = []
     for operand in operands:
-        text = render(operand, language, prefix)
+        text = render(operand, language, prefix, layered)
         if language.widen and operand.dimension < expression.dimension and kind != "dot":
             text = f"{language.types[expression.dimension - 1]}({text})"
         arguments.append(text)
@@ -107,45 +113,64 @@ def render(expression: Expression, language: Language, prefix: str) -> str:
 def shader(program: Program, language: Language, prefix: str = "homofact") -> str:
     """The program's text: declarations, one function, comments. `prefix` begins every global name."""
     lines = []
+    layered = program.layers > 0
     for statement in program.statements:
         if statement.comment:
             lines.append(f"    // {remark(statement.comment)}")
         kind = language.types[statement.expression.dimension - 1]
         begin = language.let.format(type=kind, name=statement.name)
-        lines.append(f"    {begin} = {render(statement.expression, language, prefix)};")
-    lines.append(f"    return {render(program.result, language, prefix)};")
+        lines.append(f"    {begin} = {render(statement.expression, language, prefix, layered)};")
+    lines.append(f"    return {render(program.result, language, prefix, layered)};")
     title = "\n".join(f"// {remark(line)}" for line in program.title)
-    return f"{title}\n" + language.frame(program, "\n".join(lines), prefix)
+    return f"{title}\n{_tables(program, language, prefix)}" + language.frame(program, "\n".join(lines), prefix)
+
+
+def _tables(program: Program, language: Language, prefix: str) -> str:
+    """The tables of the layers' constants, declared."""
+    lines = []
+    for name, rows in program.tables:
+        kind = language.types[len(rows[0]) - 1]
+        values = ", ".join(f"{kind}({', '.join(map(number, row))})" for row in rows)
+        lines.append(language.table.format(type=kind, name=f"{prefix}_{name}", count=len(rows), values=values) + "\n")
+    return "".join(lines)
+
+
+def _size(program: Program, shape: tuple[int, ...]) -> str:
+    """A texture's size in a comment, columns first; layers last."""
+    return " x ".join(map(str, shape[::-1])) + f", {program.layers} layers" * (program.layers > 0)
 
 
 def _glsl(program: Program, body: str, prefix: str) -> str:
-    kind = GLSL.types[program.result.dimension - 1]
+    kind, layered = GLSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"uniform highp sampler{len(shape)}D {prefix}_texture_{k};  // {' x '.join(map(str, shape[::-1]))}\n"
+        f"uniform highp sampler{len(shape)}D{'Array' * layered} {prefix}_texture_{k};  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
-    return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo) {{\n{body}\n}}\n"
+    return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo{', int layer' * layered}) {{\n{body}\n}}\n"
 
 
 def _hlsl(program: Program, body: str, prefix: str) -> str:
-    kind = HLSL.types[program.result.dimension - 1]
+    kind, layered = HLSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"Texture2D<float4> {prefix}_texture_{k} : register(t{k});  // {columns} x {rows}\n"
-        for k, (rows, columns) in enumerate(program.shapes)
+        f"Texture2D{'Array' * layered}<float4> {prefix}_texture_{k} : register(t{k});  // {_size(program, shape)}\n"
+        for k, shape in enumerate(program.shapes)
     )
     sampler = f"SamplerState {prefix}_sampler : register(s0);  // MIN_MAG_MIP_LINEAR, CLAMP\n"
-    return f"{textures}{sampler}\n{kind} {prefix}_evaluate(float3 wi, float3 wo)\n{{\n{body}\n}}\n"
+    more = ", int layer" * layered
+    return f"{textures}{sampler}\n{kind} {prefix}_evaluate(float3 wi, float3 wo{more})\n{{\n{body}\n}}\n"
 
 
 def _wgsl(program: Program, body: str, prefix: str) -> str:
-    kind = WGSL.types[program.result.dimension - 1]
+    kind, layered = WGSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"@group(0) @binding({k}) var {prefix}_texture_{k}: texture_2d<f32>;  // {columns} x {rows}\n"
-        for k, (rows, columns) in enumerate(program.shapes)
+        f"@group(0) @binding({k}) var {prefix}_texture_{k}: texture_2d{'_array' * layered}<f32>;"
+        f"  // {_size(program, shape)}\n"
+        for k, shape in enumerate(program.shapes)
     )
     last = len(program.shapes)
     sampler = f"@group(0) @binding({last}) var {prefix}_sampler: sampler;  // linear, clamp-to-edge\n"
-    return f"{textures}{sampler}\nfn {prefix}_evaluate(wi: vec3<f32>, wo: vec3<f32>) -> {kind} {{\n{body}\n}}\n"
+    given = "wi: vec3<f32>, wo: vec3<f32>" + ", layer: i32" * layered
+    return f"{textures}{sampler}\nfn {prefix}_evaluate({given}) -> {kind} {{\n{body}\n}}\n"
 
 
 GLSL = Language(
@@ -155,6 +180,8 @@ GLSL = Language(
     {"atan2": "atan"},
     "{type} {name}",
     "textureLod({texture}, {uv}, 0.0)",
+    "textureLod({texture}, vec3({uv}, float(layer)), 0.0)",
+    "const {type} {name}[{count}] = {type}[{count}]({values});",
     (".r", ".rg", ".rgb", ""),
     False,
     _glsl,
@@ -166,6 +193,8 @@ HLSL = Language(
     {"fract": "frac"},
     "{type} {name}",
     "{texture}.SampleLevel({sampler}, {uv}, 0.0)",
+    "{texture}.SampleLevel({sampler}, float3({uv}, float(layer)), 0.0)",
+    "static const {type} {name}[{count}] = {{ {values} }};",
     (".r", ".rg", ".rgb", ""),
     False,
     _hlsl,
@@ -177,6 +206,8 @@ WGSL = Language(
     {},
     "let {name}: {type}",
     "textureSampleLevel({texture}, {sampler}, {uv}, 0.0)",
+    "textureSampleLevel({texture}, {sampler}, {uv}, layer, 0.0)",
+    "var<private> {name}: array<{type}, {count}> = array<{type}, {count}>({values});",
     (".r", ".rg", ".rgb", ""),
     True,
     _wgsl,

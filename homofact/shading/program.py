@@ -9,6 +9,9 @@ cut, as Python does, only where the textures can add up to that. For a sum of pr
 channel. A lookup's place is (u, v) = M x in [−1, 1]²; the sampler's coordinate ((u + 1)/2 (n − 1) + ½)/n of a side of n
 texels is affine in it, and both, with the coordinates' own scales, are folded into one matrix and one offset.
 
+Several materials whose textures have the same projections and sizes are the layers of texture arrays: fetches read the
+layer that the function is given, and log A and εA, which differ, stand in tables with a row for each layer.
+
 A texture that goes round comes with its first row (or column) once more behind the last (`Term.flat`): M texels evenly
 round and the first again are M + 1 from −1 to +1, so the same place is read, and every sampler clamps.
 """
@@ -20,12 +23,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from homofact.brdf.log_transform import MOST
+from homofact.brdf.log_transform import MOST, LogTransform
 from homofact.errors import BadInput
 from homofact.factor.fitted import Evaluation, Fitted, Lookup
 from homofact.geometry.axes import Coordinates, coordinates_of, gathered
 from homofact.geometry.coordinates import Scales, warped
-from homofact.geometry.expression import Expression, Let, call, constant, fetch, needed, variable, vector
+from homofact.geometry.expression import Expression, Let, call, constant, fetch, needed, table, variable, vector
 from homofact.shading.encoding import Encoded
 
 TEXTURES = (
@@ -40,7 +43,8 @@ class Program:
     """Statements over wi and wo (3,), and the BRDF (C,) in sr⁻¹ without the cosine as `result`.
 
     `shapes` are the (rows, columns) of the textures that fetches number, (depth, rows, columns) of one in three
-    dimensions, which GLSL alone prints; `title` are lines on what it evaluates.
+    dimensions, which GLSL alone prints; `title` are lines on what it evaluates. Of texture arrays `layers` is how many
+    there are, else 0; `shapes` are those of one layer, and `tables` have a row (C,) for each, by name.
     """
 
     statements: tuple[Let, ...]
@@ -48,26 +52,36 @@ class Program:
     shapes: tuple[tuple[int, ...], ...]
     channels: tuple[str, ...]
     title: tuple[str, ...]
+    layers: int = 0
+    tables: tuple[tuple[str, tuple[tuple[float, ...], ...]], ...] = ()
 
 
-def program_of(fitted: Fitted, textures: Sequence[Encoded], cut: bool = False) -> Program:
+def program_of(
+    fitted: Fitted, textures: Sequence[Encoded], cut: bool = False, layers: Sequence[LogTransform] = ()
+) -> Program:
     """The program that reads `textures`, those of the fit, stored as they are.
 
-    `cut` says to cut runaway logarithms whatever the texels, for a program that outlives them. Raises BadInput for more
-    than four channels.
+    `cut` says to cut runaway logarithms whatever the texels, for a program that outlives them. With `layers`, the
+    transforms of several materials, each of `textures` holds their texels one under another, and `fitted` is any of
+    them. Raises BadInput for more than four channels.
     """
     count = len(fitted.channels)
     if count > 4:
         raise BadInput(f"channels: found {count}, expected at most the 4 of a texture: fit with --channels rgb")
     wi, wo = variable("wi", 3), variable("wo", 3)
     evaluation = fitted.evaluation
-    shapes = tuple(texture.stored.shape[:2] for texture in textures)
+    sizes = [texture.stored.shape[:2] for texture in textures]
+    shapes = tuple((rows // max(len(layers), 1), columns) for rows, columns in sizes)
     coordinates = coordinates_of(_used(evaluation))
     statements = list(coordinates.statements)
     fetched = _fetches(evaluation, shapes, count, coordinates, statements)
     total, bias = _sum(evaluation, fetched, textures, count)
     transform = evaluation.transform
-    if transform is None:
+    tables: tuple[tuple[str, tuple[tuple[float, ...], ...]], ...] = ()
+    if layers:
+        total, tables = _of_layers(total, bias, layers, cut or _runs_away(evaluation, textures), statements)
+        comment = "epsilon A was added before the logarithm"
+    elif transform is None:
         total = total if not np.any(bias) else total + _constant(bias)
         comment = "a truncated sum may fall below 0"
     else:
@@ -83,7 +97,25 @@ def program_of(fitted: Fitted, textures: Sequence[Encoded], cut: bool = False) -
     statements.append(Let("above", call("step", 0.0, call("min", wi.z, wo.z)), "0 under the horizon"))
     statements.append(Let("f", call("max", total, 0.0), comment))
     result = variable("f", count) * variable("above", 1)
-    return Program(needed(statements, result), result, shapes, fitted.channels, _title(fitted))
+    title = _title(fitted, len(layers))
+    return Program(needed(statements, result), result, shapes, fitted.channels, title, len(layers), tables)
+
+
+def _of_layers(
+    total: Expression, bias: np.ndarray, layers: Sequence[LogTransform], cut: bool, statements: list[Let]
+) -> tuple[Expression, tuple[tuple[str, tuple[tuple[float, ...], ...]], ...]]:
+    """(f before it is cut at zero, the tables): as for one material, log A and εA those of the layer."""
+    total = total if not np.any(bias) else total + _constant(bias)
+    total = call("min", total, MOST) if cut else total
+    means = [each.mean.cpu().to(torch.float64) for each in layers]
+    tables = (
+        ("log_mean", tuple(tuple(mean.log().tolist()) for mean in means)),
+        ("floor", tuple(tuple((each.epsilon * mean).tolist()) for each, mean in zip(layers, means, strict=True))),
+    )
+    count = total.dimension
+    comment = "the sum of logarithms; log A of the layer" + "; runaway texels are cut" * cut
+    statements.append(Let("log_f", total + table("log_mean", count), comment))
+    return call("exp", variable("log_f", count)) - table("floor", count), tables
 
 
 def _constant(values: np.ndarray) -> Expression:
@@ -219,9 +251,13 @@ def _place(rows: list[list[float]], offsets: list[float], axes: list[Expression]
     return vector(*(call("dot", constant(*row), x) for row in rows)) + constant(*offsets)
 
 
-def _title(fitted: Fitted) -> tuple[str, ...]:
+def _title(fitted: Fitted, layers: int) -> tuple[str, ...]:
     evaluation = fitted.evaluation
     count, fetches = len(fitted.terms), len(evaluation.lookups)
+    if layers:
+        version = fitted.provenance.get("homofact_version", "")
+        begin = f"{layers} BRDFs, by homofact {version}, the layers of {count} arrays of log textures:"
+        return (f"{begin} {fetches} fetches.", *TEXTURES)
     begin = f"BRDF of {name_of(fitted.provenance)}, by homofact {fitted.provenance.get('homofact_version', '')}:"
     if evaluation.transform is None:
         many = "product" if count == 1 else "products"

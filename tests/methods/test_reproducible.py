@@ -51,38 +51,54 @@ def fingerprints() -> dict[str, str]:
     return result
 
 
-def run(threads: int) -> dict[str, str]:
-    """The fingerprints by a process that may use so many threads."""
+def start(threads: int) -> "subprocess.Popen[str]":
+    """A process that may use so many threads, at work on the fingerprints."""
     environment = os.environ | {
         name: str(threads) for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS")
     }
     environment["PYTHONPATH"] = os.pathsep.join((str(ROOT), str(ROOT / "tests"), environment.get("PYTHONPATH", "")))
-    done = subprocess.run(
-        [sys.executable, __file__, str(threads)], env=environment, capture_output=True, text=True, check=False
+    pipe = subprocess.PIPE
+    return subprocess.Popen(
+        [sys.executable, __file__, str(threads)], env=environment, stdout=pipe, stderr=pipe, text=True
     )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+
+
+def answer(process: "subprocess.Popen[str]") -> dict[str, str]:
+    """The fingerprints that it finds."""
+    out, error = process.communicate()
+    assert process.returncode == 0, error
+    return json.loads(out)
 
 
 @pytest.fixture(scope="module")
 def alone() -> dict[str, str]:
-    return run(1)
+    return answer(start(1))
 
 
 @pytest.fixture(scope="module")
-def beside_others() -> dict[str, str]:
-    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
+def side_by_side() -> tuple[dict[str, str], dict[str, str]]:
+    """Of a process with one thread and of one with two, at the same time and beside others that take every core."""
+    # The other of the two takes a core, or more.
+    others = max(1, (os.cpu_count() or 1) - 1)
+    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(others)]
+    processes = [start(1), start(2)]
     try:
-        return run(1)
+        one, two = map(answer, processes)
+        return one, two
     finally:
-        for each in spinning:
+        for each in (*spinning, *processes):
             each.kill()
             each.wait()
 
 
 @pytest.fixture(scope="module")
-def two_threads() -> dict[str, str]:
-    return run(2)
+def beside_others(side_by_side: tuple[dict[str, str], dict[str, str]]) -> dict[str, str]:
+    return side_by_side[0]
+
+
+@pytest.fixture(scope="module")
+def two_threads(side_by_side: tuple[dict[str, str], dict[str, str]]) -> dict[str, str]:
+    return side_by_side[1]
 
 
 @pytest.mark.parametrize("name", FITS)

@@ -17,6 +17,7 @@ from homofact.methods import structure_search
 from homofact.methods.effort import Account
 from homofact.methods.folded import Folded
 from homofact.methods.kinds import ISOTROPIC_CANDIDATES, is_searched
+from homofact.methods.materials import Material, Materials
 from homofact.methods.structure_search import ENOUGH, StructureSearch
 from homofact.methods.trials import StructureSettings, rounded
 from homofact.methods.validation import Partition, random_folds
@@ -42,7 +43,7 @@ PARTITIONS = (Partition(random_folds(1200, 4, 0), 1.0),)
 
 
 def _search(account: Account, settings: StructureSettings = SETTINGS) -> StructureSearch:
-    return StructureSearch(_samples(), PARTITIONS, settings, account)
+    return StructureSearch(Materials((Material(_samples(), PARTITIONS),)), settings, account)
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -6,9 +6,7 @@ the viewer.
 """
 
 import re
-import shutil
 import struct
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +15,7 @@ import pytest
 import torch
 from PIL import Image as Picture
 from shading_cases import CASES, SEPARABLE, random_term
-from webgpu import Gpu, Image
+from webgpu import SAMPLER, WGSL_MAIN, WIDENED, Gpu, Image, glslang
 
 from homofact.containers.formats import FORMATS
 from homofact.factor.fitted import Fitted
@@ -27,22 +25,8 @@ from homofact.shading.languages import GLSL, HLSL, WGSL, Language, number, shade
 from homofact.shading.program import Program, program_of
 
 NAMES = (*CASES, *SEPARABLE)
-SAMPLER = 16
 BELOW = 50
 
-WGSL_MAIN = """
-@group(1) @binding(0) var<storage, read> lights: array<vec4<f32>>;
-@group(1) @binding(1) var<storage, read> viewers: array<vec4<f32>>;
-@group(1) @binding(2) var<storage, read_write> values: array<vec4<f32>>;
-
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x < arrayLength(&values)) {
-        let value = fit_evaluate(lights[id.x].xyz, viewers[id.x].xyz);
-        values[id.x] = WIDENED;
-    }
-}
-"""
 HLSL_MAIN = """
 [[vk::binding(0, 1)]] StructuredBuffer<float4> lights;
 [[vk::binding(1, 1)]] StructuredBuffer<float4> viewers;
@@ -76,7 +60,6 @@ void main() {
     }
 }
 """
-WIDENED = {1: "(value, 0.0, 0.0, 0.0)", 3: "(value, 0.0)", 4: "(value)"}
 
 
 @pytest.fixture(scope="module")
@@ -89,20 +72,6 @@ def program(name: str) -> tuple[Fitted, Program, list[Encoded]]:
     fitted = (CASES | SEPARABLE)[name]
     textures = [encode_texture(texture, "float32") for texture in fitted.textures]
     return fitted, program_of(fitted, textures), textures
-
-
-def glslang(code: str, folder: Path, stage: str, *options: str) -> bytes:
-    """SPIR-V where `options` ask for it; fails with the compiler's messages."""
-    tool = shutil.which("glslangValidator")
-    if tool is None:
-        pytest.skip("glslangValidator is missing: Debian's package glslang-tools")
-    source, result = folder / f"shader.{stage}", folder / "shader.spv"
-    source.write_text(code, encoding="utf-8")
-    output = ["-o", str(result)] if "-V" in options else []
-    done = subprocess.run([tool, "-S", stage, *options, *output, str(source)], capture_output=True, text=True)
-    assert done.returncode == 0, f"{done.stdout}{done.stderr}\n{code}"
-    assert "WARNING" not in done.stdout, done.stdout
-    return result.read_bytes() if output else b""
 
 
 def runnable(text: str, language: Language, channels: int, folder: Path) -> str | bytes:

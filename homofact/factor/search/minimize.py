@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput, Report, Status
-from homofact.factor.objective import Objective
+from homofact.factor.objective import JointObjective, Objective
 
 
 class GuardStruck(Exception):
@@ -52,7 +52,7 @@ class Search(Protocol):
 class Measured:
     """An objective that remembers: the best vector so far and the trace of how it got better."""
 
-    def __init__(self, objective: Objective, deadline: float) -> None:
+    def __init__(self, objective: Objective | JointObjective, deadline: float) -> None:
         """`deadline` is on the clock of time.perf_counter."""
         self.objective = objective
         self._deadline = deadline
@@ -83,7 +83,12 @@ class Measured:
 
 
 def minimize(
-    search: Search, objective: Objective, start: Tensor, *, seconds: float = float("inf"), seed: int = 0
+    search: Search,
+    objective: Objective | JointObjective,
+    start: Tensor,
+    *,
+    seconds: float = float("inf"),
+    seed: int = 0,
 ) -> tuple[Tensor, Report]:
     """The best vector (V,) that `search` met, and a report whose residual is its R.
 

@@ -1,0 +1,68 @@
+"""A common basis of log textures: the principal components of the textures of many materials.
+
+Materials under the same projections, their textures in one gauge (`gauge.in_gauge`), are vectors y of T texels times C
+channels. Their mean and the first N directions of greatest variance stand for all (as Nielsen, Jensen and Ramamoorthi
+2015 do for the values of MERL in a log mapping): y ≈ ȳ + U c, N numbers c a material. The coefficients that meet
+samples best are not those nearest to the texels: f̃ ≈ B(ȳ + Uc) is linear in c, so they are solved from the samples' own
+normal equations, UᵀBᵀWBU c = UᵀBᵀW(f̃ − Bȳ).
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.linear.normal import NormalEquations
+
+_RIDGE = 1e-10  # of the mean diagonal: directions that no sample sees stay at 0
+
+
+@dataclass(frozen=True)
+class LogBasis:
+    """The mean (T, C) and the orthonormal directions (N, T, C) of log textures, the greatest variance first."""
+
+    mean: Tensor
+    directions: Tensor
+
+    @classmethod
+    def of(cls, stack: Tensor, count: int) -> "LogBasis":
+        """Of the textures (M, T, C) of M materials; `count` is at most M − 1. Raises BadInput for another."""
+        materials = len(stack)
+        if not 1 <= count < materials:
+            raise BadInput(f"basis: found {count} for {materials} materials, expected 1 to {materials - 1}")
+        mean = stack.mean(0)
+        _, _, directions = torch.linalg.svd((stack - mean).flatten(1), full_matrices=False)
+        return cls(mean, directions[:count].reshape(count, *mean.shape))
+
+    @property
+    def count(self) -> int:
+        """N."""
+        return len(self.directions)
+
+    def first(self, count: int) -> "LogBasis":
+        """The basis of the first `count` directions."""
+        return LogBasis(self.mean, self.directions[:count])
+
+    def projected(self, texels: Tensor) -> Tensor:
+        """The coefficients (N,) whose texels are nearest to the given ones (T, C)."""
+        return self.directions.flatten(1) @ (texels - self.mean).flatten()
+
+    def solved(self, equations: NormalEquations) -> Tensor:
+        """The coefficients (N,) that meet the samples of accumulated equations best."""
+        directions = self.directions
+        seen = torch.einsum("tu,nuc->ntc", equations.matrix, directions)
+        matrix = torch.einsum("mtc,ntc->mn", directions, seen)
+        right = torch.einsum("ntc,tc->n", directions, equations.rhs - equations.matrix @ self.mean)
+        matrix = matrix + _RIDGE * matrix.diagonal().mean() * torch.eye(self.count).to(matrix)
+        return torch.linalg.solve(matrix, right)
+
+    def texels(self, coefficients: Tensor) -> Tensor:
+        """The textures (T, C) of coefficients (N,)."""
+        return self.mean + torch.einsum("n,ntc->tc", coefficients.to(self.mean), self.directions)
+
+
+def of_channel(equations: NormalEquations, number: int) -> NormalEquations:
+    """The equations of one channel alone."""
+    own = slice(number, number + 1)
+    return NormalEquations(equations.matrix, equations.rhs[:, own], equations.energy[own], equations.weight)

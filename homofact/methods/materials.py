@@ -1,0 +1,95 @@
+"""What mixes are tried on: the log samples of one material, or of several that share their projections.
+
+Several materials have textures of their own under the same projections. For given projections each has an inner
+problem of its own, so the objective is the mean of theirs, R(P) = Σk Rk(P)/K, and its slope the mean of their slopes;
+a mix is judged by the mean of their left-out errors. One material is the case K = 1.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from homofact.factor.objective import JointObjective, Objective
+from homofact.factor.projection import Projection
+from homofact.factor.textures import LogSamples, Smoothing
+from homofact.linear.layout import Shape
+from homofact.methods.effort import cost_of_evaluation
+from homofact.methods.folded import FixedBank, Folded, JointFolded
+from homofact.methods.validation import Partition
+
+
+@dataclass(frozen=True)
+class Material:
+    """One material's log samples and how they are left out."""
+
+    samples: LogSamples
+    partitions: tuple[Partition, ...]
+
+    def drawn(self, count: int, seed: int) -> "Material":
+        """At most `count` of the samples, drawn by `seed`, in their order; 0 is all of them."""
+        if not 0 < count < len(self.samples.logs):
+            return self
+        chosen = torch.randperm(len(self.samples.logs), generator=torch.Generator().manual_seed(seed))
+        chosen = chosen[:count].sort().values
+        return Material(self.samples.select(chosen), tuple(each.select(chosen) for each in self.partitions))
+
+
+@dataclass(frozen=True)
+class Materials:
+    """One material, or several that share their projections."""
+
+    each: tuple[Material, ...]
+
+    @property
+    def samples(self) -> int:
+        """How many samples all of them have."""
+        return sum(len(material.samples.logs) for material in self.each)
+
+    def drawn(self, count: int, seed: int) -> "Materials":
+        """At most `count` samples of each, as `Material.drawn`."""
+        return Materials(tuple(material.drawn(count, seed) for material in self.each))
+
+    def cost(self, lookups: int, unknowns: int) -> float:
+        """Units of one evaluation of all of them (`effort.cost_of_evaluation`)."""
+        return sum(cost_of_evaluation(len(material.samples.logs), lookups, unknowns) for material in self.each)
+
+    def objective(
+        self, projections: tuple[Projection, ...], shapes: tuple[Shape, ...], smoothing: Smoothing, bound: str
+    ) -> JointObjective:
+        """The reduced objective of textures of these shapes, as a function of the projections."""
+        own = (Objective(material.samples, projections, shapes, smoothing, bound) for material in self.each)
+        return JointObjective(tuple(own))
+
+    def folded(
+        self, projections: tuple[Projection, ...], shapes: tuple[Shape, ...], most: int | None = None
+    ) -> JointFolded:
+        """The equations fold by fold, as `Folded.of`."""
+        return JointFolded(
+            tuple(Folded.of(each.samples, each.partitions, projections, shapes, most) for each in self.each)
+        )
+
+    def bank(self, projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> "Banks":
+        """Fixed projections accumulated together, as `FixedBank.of`."""
+        own = (FixedBank.of(each.samples, each.partitions, projections, shapes) for each in self.each)
+        return Banks(projections, tuple(own))
+
+    def digested(self) -> tuple[Tensor, ...]:
+        """Every tensor of them, for a digest."""
+        found: list[Tensor] = []
+        for own in self.each:
+            found += [own.samples.wi, own.samples.wo, own.samples.logs, own.samples.weights]
+            found += [partition.folds for partition in own.partitions]
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class Banks:
+    """A bank of every material for the same fixed projections."""
+
+    projections: tuple[Projection, ...]
+    each: tuple[FixedBank, ...]
+
+    def mix(self, chosen: tuple[int, ...]) -> JointFolded:
+        """The equations of the projections at `chosen`, in that order."""
+        return JointFolded(tuple(bank.mix(chosen) for bank in self.each))

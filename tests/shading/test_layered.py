@@ -1,0 +1,155 @@
+"""Texture arrays: saved and evaluated by label, printed, compiled and run, they give what Python gives."""
+
+import ctypes
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from shading_cases import factorization, searched
+from webgpu import SAMPLER, WGSL_MAIN, WIDENED, Gpu, Image, glslang
+
+from homofact.brdf.log_transform import LogTransform
+from homofact.containers.formats import FORMATS
+from homofact.errors import BadInput
+from homofact.export.layered import codes, exported_layers
+from homofact.factor.factorization import Factorization
+from homofact.factor.layered import Layered
+from homofact.factor.projection import Warp, fixed_projection
+from homofact.geometry.directions import draw_uniform
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+COUNT, ROWS, COLUMNS = 3, 5, 7
+
+
+def layered(channels: int = 3) -> Layered:
+    """Three materials of random textures; a periodic texture, a warped one and a searched one are among them."""
+    projections = (
+        fixed_projection("theta_h-phi_h", True, Warp(0.1)),
+        searched("isotropic-half-diff", 8, Warp(0.03)),
+        fixed_projection("theta_d", True),
+    )
+    base = factorization(*projections, channels=channels)
+    layers = []
+    for k in range(COUNT):
+        generator = torch.Generator().manual_seed(k)
+        terms = tuple(
+            replace(term, texture=torch.rand(term.texture.shape, generator=generator, dtype=torch.float64) * 2 - 1)
+            for term in base.terms
+        )
+        transform = LogTransform(10.0 ** -(k + 1), base.transform.mean * (k + 1))
+        layers.append(Factorization(terms, transform, base.channels, {"seed": k}))
+    return Layered(tuple(layers))
+
+
+def places() -> tuple[torch.Tensor, torch.Tensor, np.ndarray, np.ndarray, torch.Tensor]:
+    """Pairs, places (u, v) some of which lie on and beyond the edges, the label map, and the labels at the places."""
+    wi, wo = draw_uniform(2000, torch.Generator().manual_seed(0))
+    wi[:50, 2] *= -1
+    generator = np.random.default_rng(1)
+    labels = generator.integers(0, COUNT, (ROWS, COLUMNS)).astype(np.uint8)
+    row, column = generator.integers(0, ROWS, 2000), generator.integers(0, COLUMNS, 2000)
+    inside = generator.uniform(0.05, 0.95, (2000, 2))
+    uv = np.stack(((column + inside[:, 0]) / COLUMNS, (row + inside[:, 1]) / ROWS), 1).astype(np.float32)
+    uv[0], row[0], column[0] = (1.0, 1.0), ROWS - 1, COLUMNS - 1
+    uv[1], row[1], column[1] = (-0.3, 7.0), ROWS - 1, 0
+    return wi, wo, uv, labels, torch.from_numpy(labels[row, column].astype(np.int64))
+
+
+@pytest.mark.parametrize(("channels", "form"), [(3, "exr"), (1, "exr"), (3, "png8")])
+def test_c_gives_what_python_gives_at_every_label(channels: int, form: str, tmp_path: Path) -> None:
+    if COMPILER is None:
+        pytest.skip("no C compiler (cc, gcc or clang) on the PATH")
+    fit = layered(channels)
+    made = exported_layers(fit, FORMATS[form])
+    wi, wo, uv, labels, expected_labels = places()
+    source = codes(made)["brdf.c"] + (
+        "\nvoid every(int n, const float *wi, const float *wo, const float *uv, const unsigned char *labels, float *f)"
+        "\n{\n    for (int k = 0; k < n; k++)\n        homofact_evaluate(wi + 3 * k, wo + 3 * k,"
+        f" homofact_layer(labels, {ROWS}, {COLUMNS}, uv + 2 * k), f + {channels} * k);\n}}\n"
+    )
+    (tmp_path / "brdf.c").write_text(source, encoding="utf-8")
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-shared", "-fPIC"]
+    library = tmp_path / "brdf.so"
+    subprocess.run([COMPILER, *strict, "-o", library, tmp_path / "brdf.c", "-lm"], check=True)
+    found = np.empty((len(wi), channels), np.float32)
+    given = [np.ascontiguousarray(each.float().numpy()) for each in (wi, wo)]
+    pointers = [each.ctypes.data_as(ctypes.c_void_p) for each in (*given, uv, labels, found)]
+    ctypes.CDLL(str(library)).every(len(wi), *pointers)
+    expected = made.stored.evaluate(wi, wo, expected_labels).numpy()
+    assert (found[:50] == 0).all()
+    error = np.abs(found - expected)[50:] / np.maximum(expected[50:], 1e-2)
+    assert np.median(error) < 2e-6
+    assert np.quantile(error, 0.999) < 1e-4
+    # And the stored texels are those of the fit, as nearly as the format holds them.
+    change = (made.stored.evaluate(wi, wo, expected_labels) - fit.evaluate(wi, wo, expected_labels)).abs().max()
+    assert float(change) < {"exr": 1e-4, "png8": 0.5}[form]
+
+
+def test_wgsl_on_a_gpu_gives_what_python_gives_at_every_label() -> None:
+    gpu = Gpu()
+    made = exported_layers(layered(), FORMATS["exr"])
+    wi, wo, uv, labels, expected_labels = places()
+    text = codes(made)["brdf.wgsl"].replace("homofact_", "fit_")
+    text = re.sub(r"@binding\(\d+\) (?=var fit_sampler)", f"@binding({SAMPLER}) ", text)
+    # A place in the fourth numbers of wi and wo, which the test's buffers leave free.
+    main = WGSL_MAIN.replace(
+        "lights[id.x].xyz, viewers[id.x].xyz",
+        "lights[id.x].xyz, viewers[id.x].xyz, fit_layer(vec2<f32>(lights[id.x].w, viewers[id.x].w))",
+    ).replace("WIDENED", f"vec4<f32>{WIDENED[3]}")
+    text = re.sub(r"@binding\(\d+\) (?=var fit_labels)", "@binding(3) ", text)
+    images = [replace(Image.of(texture.stored), layers=COUNT) for texture in made.textures]
+    images.append(Image("r8uint", ROWS, COLUMNS, labels.tobytes()))
+    across, up = torch.from_numpy(uv).double().split(1, 1)
+    found = gpu.run(text + main, images, torch.cat((wi, across), 1), torch.cat((wo, up), 1), SAMPLER)[:, :3]
+    expected = made.stored.evaluate(wi, wo, expected_labels).numpy()
+    error = np.abs(found - expected)[50:] / np.maximum(expected[50:], 0.05 * expected.mean())
+    assert (found[:50] == 0).all()
+    assert np.median(error) < 1e-5
+    assert np.quantile(error, 0.999) < 1e-4
+
+
+def test_glsl_and_hlsl_compile(tmp_path: Path) -> None:
+    texts = codes(exported_layers(layered(), FORMATS["exr16"]))
+    main = "in vec3 wi;\nin vec3 wo;\nin vec2 uv;\nout vec4 f;\nvoid main() {\n"
+    main += "    f = vec4(homofact_evaluate(wi, wo, homofact_layer(uv)), 0.0);\n}\n"
+    head = "#version 300 es\nprecision highp float;\nprecision highp sampler2DArray;\n"
+    glslang(head + texts["brdf.glsl"] + main, tmp_path, "frag")
+    main = "float4 main(float3 wi : TEXCOORD0, float3 wo : TEXCOORD1, float2 uv : TEXCOORD2) : SV_Target\n{\n"
+    main += "    return float4(homofact_evaluate(wi, wo, homofact_layer(uv)), 0.0);\n}\n"
+    glslang(texts["brdf.hlsl"] + main, tmp_path, "frag", "-D", "-V", "-e", "main")
+    assert re.findall(r"register\(([ts]\d)\)", texts["brdf.hlsl"]) == ["t0", "t1", "t2", "s0", "t3"]
+
+
+def test_layers_are_evaluated_by_label_and_read_back_to_the_bit(tmp_path: Path) -> None:
+    fit = layered()
+    wi, wo, _, _, labels = places()
+    values = fit.evaluate(wi, wo, labels)
+    for k, layer in enumerate(fit.layers):
+        assert torch.equal(values[labels == k], layer.evaluate(wi, wo)[labels == k])
+    fit.save(tmp_path / "svbrdf.npz")
+    again = Layered.load(tmp_path / "svbrdf.npz")
+    assert torch.equal(again.evaluate(wi, wo, labels), values)
+    assert [layer.provenance for layer in again.layers] == [{"seed": k} for k in range(COUNT)]
+    # Another material in one layer changes no other.
+    other = replace(fit.layers[1], terms=fit.layers[2].terms)
+    changed = Layered((fit.layers[0], other, fit.layers[2])).evaluate(wi, wo, labels)
+    assert torch.equal(changed[labels != 1], values[labels != 1])
+    assert not torch.equal(changed[labels == 1], values[labels == 1])
+
+
+def test_what_are_no_layers_is_refused() -> None:
+    fit = layered()
+    wi, wo, _, _, labels = places()
+    with pytest.raises(BadInput, match="labels: found 1 to 3, expected 0 to 2"):
+        fit.evaluate(wi, wo, labels + 1)
+    moved = replace(fit.layers[1].terms[2].projection, matrix=fit.layers[1].terms[2].projection.matrix * 0.5)
+    terms = (*fit.layers[1].terms[:2], replace(fit.layers[1].terms[2], projection=moved))
+    with pytest.raises(BadInput, match="layers: number 1 has other projections, sizes or channels"):
+        Layered((fit.layers[0], replace(fit.layers[1], terms=terms)))
+    with pytest.raises(BadInput, match="layers: found 0, expected 1 to 256"):
+        Layered(())
