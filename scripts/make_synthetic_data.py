@@ -3,7 +3,8 @@
 blue_paint.npz and plastic.npz are samples of named materials, synthetic_cornell.brdf a made-up spectral
 measurement in the Cornell format: a green pigment under a dielectric coat, with seeded noise that grows
 towards short wavelengths and with weak readings lost to zero, as real ones have it. knot.ply and sky.hdr are a mesh
-and an environment map for relighting: a torus knot, and a low sun in a clear sky over dry ground. manifest.json gives
+and an environment map for relighting: a torus knot, and a low sun in a clear sky over dry ground; labels.npy the label
+map of a spatially varying material. manifest.json gives
 generator, seed, counts and SHA-256 of each. --check remakes them elsewhere and compares the hashes.
 """
 
@@ -131,6 +132,16 @@ def make_sky(path: Path, rows: int = 64) -> dict[str, Any]:
     return {"generator": f"make_sky(rows={rows})", "rows": rows, "columns": 2 * rows}
 
 
+def make_labels(path: Path, clusters: int = 4, side: int = 32, seed: int = 4) -> dict[str, Any]:
+    """A label map of patches: each texel has the label of the nearest of a few points; returns the manifest's entry."""
+    points = np.random.Generator(np.random.PCG64(seed)).integers(0, side, (3 * clusters, 2))
+    places = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), -1)[..., None, :]
+    nearest = ((places - points) ** 2).sum(-1).argmin(-1)
+    np.save(path, (nearest % clusters).astype(np.uint8))
+    generator = f"make_labels(clusters={clusters}, side={side})"
+    return {"generator": generator, "seed": seed, "rows": side, "columns": side}
+
+
 def make(folder: Path) -> dict[str, Any]:
     """Write the files and the manifest into `folder`, which exists; returns the manifest."""
     entries = {
@@ -139,6 +150,7 @@ def make(folder: Path) -> dict[str, Any]:
         "synthetic_cornell.brdf": make_cornell(folder / "synthetic_cornell.brdf", seed=3),
         "knot.ply": make_knot(folder / "knot.ply"),
         "sky.hdr": make_sky(folder / "sky.hdr"),
+        "labels.npy": make_labels(folder / "labels.npy"),
     }
     manifest = {
         "remade_by": "python scripts/make_synthetic_data.py",

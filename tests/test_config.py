@@ -130,8 +130,9 @@ def test_a_missing_file_a_folder_and_bytes_are_refused(tmp_path: Path) -> None:
             load_config(tmp_path / name)
 
 
-# sweep.toml is a file of another kind: tests/sweep/test_sweep_file.py reads it.
-SHIPPED = sorted(set((ROOT / "configs").glob("*.toml")) - {ROOT / "configs/sweep.toml"})
+# Sweeps are files of another kind: tests/sweep reads them.
+SWEEPS = {ROOT / "configs" / name for name in ("sweep.toml", "svbrdf.toml")}
+SHIPPED = sorted(set((ROOT / "configs").glob("*.toml")) - SWEEPS)
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)

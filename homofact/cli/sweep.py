@@ -27,6 +27,21 @@ def sweep(
         ),
     ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Try again what was set aside.")] = False,
+    svbrdf: Annotated[
+        bool,
+        typer.Option(
+            "--svbrdf",
+            help="Take the sources for the clusters of one spatially varying material, with the label map that the"
+            " file's section svbrdf names: shared projections, texture arrays, shaders that look the label up.",
+        ),
+    ] = False,
+    basis: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="One basis of N textures for all sources, each then N numbers; says from how many on it pays.",
+        ),
+    ] = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -38,6 +53,20 @@ def sweep(
     """
     if workers is not None and workers < 1:
         raise BadInput(f"workers: found {workers}, expected 1 or more")
+    if svbrdf or basis is not None:
+        from homofact.cli.together import basis_of, svbrdf_of
+
+        beside = {"workers": workers is not None, "scheduler": scheduler is not None, "retry": retry}
+        beside["basis"] = svbrdf and basis is not None
+        for name in (name for name, given in beside.items() if given):
+            what = "--svbrdf" if svbrdf else "--basis"
+            raise BadInput(f"{name}: found it beside {what}, which is one fit, in this process")
+        screen = Screen(as_json, quiet)
+        if basis is not None:
+            basis_of(file, basis, out, screen)
+        else:
+            svbrdf_of(file, out, screen)
+        return
     check_place(out)
 
     from homofact.sweep.cluster import Cluster
@@ -48,6 +77,8 @@ def sweep(
     from homofact.sweep.sweep_file import read_sweep
 
     asked = read_sweep(file)
+    if asked.svbrdf is not None:
+        raise BadInput(f"{file}: found a section [svbrdf], expected --svbrdf beside it, or none")
     screen = Screen(as_json, quiet)
     count = workers or _processors()
     engine = Local(out, count) if scheduler is None else Cluster(out, scheduler, count, screen.note)
@@ -67,9 +98,10 @@ def sweep(
         state = sweep(asked, out, engine, told, retry)
     rows = rows_of(out)
     aside = [each for each in state.aside.values() if each.final]
-    screen.show(summary_table(rows))
-    screen.show(*(Text(f"set aside: {each.task.words}: {each.reason}") for each in aside))
-    screen.show(f"{out}: {len(rows)} results in results/, {len(aside)} set aside")
+    if not quiet:
+        screen.show(summary_table(rows))
+        screen.show(*(Text(f"set aside: {each.task.words}: {each.reason}") for each in aside))
+        screen.show(f"{out}: {len(rows)} results in results/, {len(aside)} set aside")
     screen.answer(
         {
             "folder": str(out),

@@ -9,10 +9,12 @@
 
 A worker opens a source by its path where it finds the file with the same digest, and is sent it as bytes where it
 does not. It fits in a folder of its own, which comes back packed; only the client writes to the sweep's folder. No more
-tasks are out than twice the workers, so the client's memory does not grow with the sweep.
+tasks are out than the workers have threads: one that dies takes what it is at with it, and nothing that waits behind
+that; and the client's memory does not grow with the sweep.
 """
 
 import importlib
+import queue
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -29,7 +31,8 @@ from homofact.sweep.parcel import packed, unpacked
 from homofact.sweep.task import Task, task_of
 
 LOCAL = "local"
-_OUT, _PATIENCE = 2, 60  # tasks that are out for each worker; seconds that a scheduler has to answer
+_PATIENCE = 60  # seconds that a scheduler has to answer
+_LOOK = 1.0  # seconds after which workers that have come since are seen, though no task ends
 _EXPECTED = "expected local, an address such as tcp://host:8786, a scheduler's .json file, or MODULE:CLASS of a cluster"
 
 
@@ -68,29 +71,33 @@ class Cluster:
         except ImportError as error:
             raise BadInput("scheduler: distributed is not installed: pip install 'homofact[cluster]'") from error
         self._folder, self._scheduler, self._count, self._told = folder, scheduler, count, told
+        self._promised = 0  # workers that were ordered, and may be still to come
 
     def run(self, tasks: Iterable[Task], ended: Callable[[Ending], bool]) -> None:
         """Do all tasks, as `local.Local.run`. Raises BadInput where the scheduler cannot be reached, or is gone."""
         from concurrent.futures import CancelledError
 
-        import distributed
         from distributed.comm.core import CommClosedError
 
         waiting = list(reversed(list(tasks)))
         out: dict[Any, Task] = {}
         with self._client() as client:
-            ready = distributed.as_completed()
+            ready: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
             def give(task: Task, parcel: bytes | None = None) -> None:
                 future = client.submit(do_elsewhere, task.record(), parcel, pure=False, retries=0)
                 out[future] = task
-                ready.add(future)
+                future.add_done_callback(ready.put)
 
             try:
                 while waiting or out:
-                    while waiting and len(out) < _OUT * max(self._count, len(client.scheduler_info()["workers"])):
+                    room = max(1, self._promised, sum(client.nthreads().values()))
+                    while waiting and len(out) < room:
                         give(waiting.pop())
-                    future = next(ready)
+                    try:
+                        future = ready.get(timeout=_LOOK)
+                    except queue.Empty:
+                        continue
                     task = out.pop(future)
                     ending, missing = self._ending(task, future)
                     if missing:
@@ -106,11 +113,12 @@ class Cluster:
 
         from distributed.scheduler import KilledWorker
 
-        if future.status == "cancelled":
+        if future.status in ("cancelled", "lost"):
             raise CancelledError
         error = future.exception()
         if isinstance(error, KilledWorker):
-            return Ending(task, died="its worker died"), False
+            # A scheduler of somebody else's has tried it on several workers by itself.
+            return Ending(task, died="its worker died", deaths=1 + error.allowed_failures), False
         if isinstance(error, OSError):
             return Ending(task, died=f"{error.filename or 'its worker'}: {error.strerror or error}"), False
         if error is not None:
@@ -139,7 +147,7 @@ class Cluster:
         from dask import config
 
         with ExitStack() as stack:
-            # A task that kills its worker is counted here, not tried again by Dask.
+            # A task that kills its worker is counted here, not tried again by a scheduler that is made here.
             stack.enter_context(config.set({"distributed.scheduler.allowed-failures": 0}))
             try:
                 client = stack.enter_context(distributed.Client(self._place(stack), timeout=_PATIENCE))
@@ -172,4 +180,5 @@ class Cluster:
         except (ImportError, AttributeError) as error:
             raise BadInput(f"scheduler: found {words!r} ({error}), {_EXPECTED}") from error
         cluster.scale(self._count)
+        self._promised = self._count
         return cluster

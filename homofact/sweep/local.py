@@ -25,12 +25,16 @@ _PATIENCE = 5.0  # seconds that a worker has to end by itself
 
 @dataclass(frozen=True)
 class Ending:
-    """How a task ended: in `seconds`, `refused` with a reason, or, neither, its worker `died` with these words."""
+    """How a task ended: in `seconds`, `refused` with a reason, or, neither, its worker `died` with these words.
+
+    `deaths` are the workers that died of it this time.
+    """
 
     task: Task
     seconds: float | None = None
     refused: str | None = None
     died: str | None = None
+    deaths: int = 1
 
 
 class Local:

@@ -76,7 +76,7 @@ def sweep_tasks(name: str, tasks: list[Task], folder: Path, engine: Engine, told
             elif ending.refused is not None:
                 state.aside[task.key] = ledger.set_aside(task, ending.refused)
             else:
-                deaths = 1 + (state.aside[task.key].deaths if task.key in state.aside else 0)
+                deaths = ending.deaths + (state.aside[task.key].deaths if task.key in state.aside else 0)
                 state.aside[task.key] = ledger.set_aside(task, str(ending.died), deaths)
             told(state, ending)
             return ending.died is not None and not state.aside[task.key].final

@@ -117,7 +117,7 @@ def summary_table(rows: Sequence[FitRow]) -> Table:
         table.add_column(name, justify="right")
     for label, some in by_label(rows).items():
         figures = [figure(middle(some, name)) for name in ("log_mse", "albedo_worst", "highlight", "psnr_sky")]
-        size, seconds = (figure(median(getattr(row, name) for row in some)) for name in ("bytes", "seconds"))
+        size, seconds = (median(getattr(row, name) for row in some) for name in ("bytes", "seconds"))
         trusted = sum(row.trusted for row in some)
-        table.add_row(Text(label), f"{len(some)}", f"{trusted}", size, seconds, *figures)
+        table.add_row(Text(label), f"{len(some)}", f"{trusted}", f"{size:.0f}", figure(seconds), *figures)
     return table

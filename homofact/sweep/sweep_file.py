@@ -1,7 +1,8 @@
 """What a sweep fits, read from strict TOML: sources × methods × bytes × seeds.
 
 name = "paints"                    # the file's name unless given
-sources = ["material:*", "paints/*.brdf"]  # named materials and files, relative to this one; * ? and [ab] match
+sources = ["material:*", "paints/*.brdf", "merl_nbrdf.npz#*"]  # named materials, files relative to this one, one
+                                   # file's materials; * ? and [ab] match
 seeds = [0]                        # of sampling, split and fit
 bytes = [3276, 12288]              # optional: a fit each of every method that can be given a size
 held_out = 0.2                     # part of the samples kept from the fits
@@ -10,6 +11,9 @@ held_out = 0.2                     # part of the samples kept from the fits
 method = "search"                  # as for a comparison: mccool:wi+h, ggx:2
 label = "quick search"             # what tables call it: the method, and its settings where it stands twice
 effort = "quick"                   # and its settings
+[svbrdf]                           # for --svbrdf alone: the sources are the clusters of one material
+labels = "labels.png"              # which of them, from 0, each texel is made of; .png or .npy, relative to this file
+format = "exr"                     # of the texture arrays
 
 `bytes` are the setting of a method that has it. McCool's and Cole's textures get the largest size that they pay for.
 Other methods are fitted once, as they are.
@@ -23,8 +27,10 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from homofact.brdf.formats.nbrdf import material_names
 from homofact.brdf.materials import MATERIALS
 from homofact.brdf.names import MATERIAL_PREFIX
+from homofact.containers.names import ARRAY_FORMATS
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml, split_member
 from homofact.files.tables import described, nearest_key, plain_value
@@ -38,14 +44,26 @@ from homofact.sections import EvaluateSettings, SourceSettings
 if TYPE_CHECKING:
     from homofact.methods.fitting import Method
 
-_KEYS = ("name", "sources", "seeds", "bytes", "held_out", "source", "method")
+_KEYS = ("name", "sources", "seeds", "bytes", "held_out", "source", "method", "svbrdf")
+_SVBRDF_KEYS = ("labels", "format")
 _RGB_TEXEL = 12
 _PATTERN = set("*?[")
 
 
 @dataclass(frozen=True)
+class SvbrdfSection:
+    """[svbrdf]: the label map's place, and the format of the texture arrays."""
+
+    labels: Path
+    format: str
+
+
+@dataclass(frozen=True)
 class AskedSweep:
-    """What is fitted: the sources' words, absolute or material:NAME; methods by label, before bytes and seeds."""
+    """What is fitted: the sources' words, absolute or material:NAME; methods by label, before bytes and seeds.
+
+    `svbrdf` is there where the sources are the clusters of one material.
+    """
 
     name: str
     sources: tuple[str, ...]
@@ -54,6 +72,7 @@ class AskedSweep:
     budgets: tuple[int, ...]
     seeds: tuple[int, ...]
     held_out: float
+    svbrdf: SvbrdfSection | None = None
 
     def fits(self) -> "list[tuple[str, Method]]":
         """(label, method) of all fits of one source, the seed set; a label names the bytes where there are several."""
@@ -110,6 +129,7 @@ def read_sweep(path: str | Path) -> AskedSweep:
         _numbers(table, "bytes", (), 1, 2**40, place),
         _numbers(table, "seeds", (0,), 0, MOST_SEED, place),
         held_out.held_out,
+        None if "svbrdf" not in table else _svbrdf(table["svbrdf"], file.parent, place),
     )
     try:
         asked.fits()
@@ -129,6 +149,24 @@ def _section(name: str, kind: type[Any], table: Any) -> Any:
         return kind(**table)
     except BadInput as error:
         raise BadInput(f"{name}.{error}" if name else str(error)) from error
+
+
+def _svbrdf(table: Any, folder: Path, place: str) -> SvbrdfSection:
+    if not isinstance(table, Mapping):
+        raise BadInput(f"{place}svbrdf: found {described(table)}, expected a section [svbrdf]")
+    for key in table:
+        if key not in _SVBRDF_KEYS:
+            nearest = nearest_key(key, _SVBRDF_KEYS)
+            raise BadInput(f"{place}unknown key svbrdf.{key}, the nearest known one is svbrdf.{nearest}")
+    if "labels" not in table:
+        raise BadInput(f'{place}svbrdf.labels: found none, expected labels = "FILE"')
+    labels, form = (
+        plain_value(table.get(key, usual), (str,), f"{place}svbrdf.{key}")
+        for key, usual in (("labels", ""), ("format", ARRAY_FORMATS[0]))
+    )
+    if form not in ARRAY_FORMATS:
+        raise BadInput(f"{place}svbrdf.format: found {form!r}, expected one of {', '.join(ARRAY_FORMATS)}")
+    return SvbrdfSection(folder / labels, form)
 
 
 def _methods(tables: Any) -> "tuple[tuple[str, Method], ...]":
@@ -180,9 +218,13 @@ def _matching(words: str, folder: Path) -> list[str]:
     if words.startswith(MATERIAL_PREFIX):
         wanted = words.removeprefix(MATERIAL_PREFIX)
         return [MATERIAL_PREFIX + name for name in sorted(MATERIALS) if fnmatchcase(name, wanted)]
+    file, _, member = words.rpartition("#")
+    # Folders and files may have a "#" in their own names.
+    if set(member) & _PATTERN and file and (folder / file).is_file():
+        whole = (folder / file).resolve()
+        return [f"{whole}#{name}" for name in material_names(whole) if fnmatchcase(name, member)]
     if not set(words) & _PATTERN:
-        file = folder / words
-        return [str(file.resolve())] if Path(split_member(file)[0]).exists() else []
+        return [str((folder / words).resolve())] if Path(split_member(folder / words)[0]).exists() else []
     return [str((folder / each).resolve()) for each in sorted(glob.glob(words, root_dir=folder, recursive=True))]
 
 

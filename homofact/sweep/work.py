@@ -1,5 +1,6 @@
 """One task done: the source opened, fitted, measured, its result put into the sweep's folder, whole or not at all."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -51,13 +52,24 @@ def do(task: Task, folder: Path, words: str | None = None) -> dict[str, Any]:
         shown = display_of(source.samples.channels)
         compare_picture(place / PICTURE, (source.name, source.reflectance), panels, to_rgb=shown)
 
+    put(ledger, task, fill)
+    return {"seconds": row.seconds_total - row.seconds_read}
+
+
+def put(ledger: Ledger, task: Task, fill: Callable[[Path], None]) -> None:
+    """Let `fill` write a task's result, whole or not at all; one that is there stays.
+
+    Raises OSError where it cannot be written: the folder's fault and not the task's, which would else be set aside.
+    """
     try:
         write_folder(ledger.place(task), RESULT, fill)
-    except BadInput:
+    except BadInput as error:
         # Another worker may have been at the same task: one whose client had died.
-        if not ledger.is_done(task):
-            raise
-    return {"seconds": row.seconds_total - row.seconds_read}
+        if ledger.is_done(task):
+            return
+        if isinstance(error.__cause__, OSError):
+            raise error.__cause__ from error
+        raise
 
 
 @lru_cache(maxsize=1)

@@ -16,22 +16,24 @@ def main() -> int:
     """Serve until there are no more tasks."""
     folder = Path(sys.argv[1])
     # What a library prints must not be taken for an answer.
-    with os.fdopen(os.dup(1), "w", encoding="utf-8") as answers:
-        os.dup2(2, 1)
-        from homofact.linear.normal import warm_up
-        from homofact.sweep.task import task_of
-        from homofact.sweep.work import do
+    answers = os.dup(1)
+    os.dup2(2, 1)
+    from homofact.linear.normal import warm_up
+    from homofact.sweep.task import task_of
+    from homofact.sweep.work import do
 
-        warm_up()
-        for line in sys.stdin:
-            try:
-                answer = do(task_of(json.loads(line)), folder)
-            except OSError as error:
-                answer = {"stop": f"{error.filename or folder}: {error.strerror or error}"}
-            except Exception as error:
-                answer = {"refused": f"{type(error).__name__}: {' '.join(str(error).split())}"}
-            answers.write(json.dumps(answer) + "\n")
-            answers.flush()
+    warm_up()
+    for line in sys.stdin:
+        try:
+            answer = do(task_of(json.loads(line)), folder)
+        except OSError as error:
+            answer = {"stop": f"{error.filename or folder}: {error.strerror or error}"}
+        except Exception as error:
+            answer = {"refused": f"{type(error).__name__}: {' '.join(str(error).split())}"}
+        try:
+            os.write(answers, f"{json.dumps(answer)}\n".encode())
+        except BrokenPipeError:
+            break  # the client has gone; the result is there
     return 0
 
 

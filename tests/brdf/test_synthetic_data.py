@@ -31,7 +31,7 @@ def test_remaking_gives_the_embedded_bytes(script: ModuleType, tmp_path: Path, c
     assert script.main(["--out", str(tmp_path / "new")]) == 0
     names = sorted(path.name for path in FOLDER.iterdir())
     assert names == [
-        "blue_paint.npz", "knot.ply", "manifest.json", "plastic.npz", "sky.hdr", "synthetic_cornell.brdf",
+        "blue_paint.npz", "knot.ply", "labels.npy", "manifest.json", "plastic.npz", "sky.hdr", "synthetic_cornell.brdf",
     ]  # fmt: skip
     for name in names:
         assert (tmp_path / "new" / name).read_bytes() == (FOLDER / name).read_bytes(), name

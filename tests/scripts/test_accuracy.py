@@ -37,3 +37,17 @@ def test_the_surrogates_table_holds_both_sizes(capsys: pytest.CaptureFixture[str
         median, ninetieth, most = map(float, row[2:5])
         assert 0 < median <= ninetieth <= most < 0.1
         assert 0 < float(row[5]) < 0.015
+
+
+def test_the_shared_basis_is_held_against_textures_of_ones_own(capsys: pytest.CaptureFixture[str]) -> None:
+    importlib.import_module("shared_basis").main(["--short"])
+    text = capsys.readouterr().out
+    assert "4 materials, 500 pairs each" in text
+    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ") and line[2].isdigit()]
+    basis, own = lines[:2], lines[2:]
+    assert [line[0] for line in basis] == ["1", "2"]
+    # More directions, more bytes; smaller textures of one's own, fewer.
+    assert float(basis[0][4]) < float(basis[1][4])
+    sizes = [float(line[0]) for line in own]
+    assert sizes == sorted(sizes, reverse=True)
+    assert all(0 < float(line[1]) <= float(line[2]) for line in (*basis, *own))

@@ -3,11 +3,13 @@
 import json
 import shutil
 from collections.abc import Callable
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from rich.console import Console
 
 from homofact import load
 from homofact.brdf.source import open_source
@@ -20,7 +22,7 @@ from homofact.sweep.ledger import SWEEP, Ledger
 from homofact.sweep.local import Ending
 from homofact.sweep.parcel import packed, unpacked
 from homofact.sweep.run import State, sweep
-from homofact.sweep.summary import METRICS, rows_of
+from homofact.sweep.summary import METRICS, FitRow, rows_of, summary_table
 from homofact.sweep.sweep_file import read_sweep
 from homofact.sweep.task import Task, tasks_of
 from homofact.sweep.work import do
@@ -81,6 +83,19 @@ def test_rows_hold_every_metric_of_every_task(swept: Path) -> None:
         assert row.bytes == report["bytes"] > 0
     # The material has a reflectance everywhere, so light to compare.
     assert rows[2].metrics["psnr_sky"] == reports[2]["appearance"]["psnr_sky"]
+
+
+def test_a_label_with_its_bytes_fits_beside_the_medians() -> None:
+    metrics: dict[str, float | None] = {each.name: 0.000123 if each.name == "log_mse" else 1.02 for each in METRICS}
+    rows = [
+        FitRow(f"{k}", "a.brdf", "a", "search, 12288 B", 0, 12280 + k, 2, 2, 111.4, "direct", k == 0, metrics)
+        for k in (0, 16)
+    ]
+    console = Console(width=80, file=StringIO())
+    console.print(summary_table(rows))
+    assert isinstance(console.file, StringIO)
+    (line,) = [line for line in console.file.getvalue().splitlines() if "search" in line]
+    assert line.split() == ["search,", "12288", "B", "2", "1", "12288", "111", "0.000123", *["1.02"] * 3]
 
 
 def test_the_command_goes_on_and_says_so(swept: Path, copy: Path, capsys: pytest.CaptureFixture[str]) -> None:

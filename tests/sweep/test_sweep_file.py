@@ -1,5 +1,6 @@
 """The sweep's file: what it means, and what it refuses."""
 
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,26 @@ def test_files_are_relative_to_the_file_and_patterns_match(tmp_path: Path) -> No
     assert asked.sources == tuple(str((tmp_path / "data" / name).resolve()) for name in ("a.brdf", "b.brdf", "c.txt"))
 
 
+@pytest.mark.parametrize("pattern", ["*.brdf", "run#1/*.brdf"])
+def test_a_pattern_matches_under_folders_with_a_number_sign(tmp_path: Path, pattern: str) -> None:
+    folder = tmp_path / "set#2"
+    (folder / "run#1").mkdir(parents=True)
+    place = folder / pattern.replace("*", "a")
+    place.write_text("1")
+    assert read_sweep(written(folder, f'sources = ["{pattern}"]\n{METHOD}')).sources == (str(place.resolve()),)
+
+
+def test_a_pattern_after_the_file_s_name_matches_its_materials(tmp_path: Path) -> None:
+    file = tmp_path / "fits.npz"
+    with zipfile.ZipFile(file, "w") as archive:
+        for name in ("red-b", "red-a", "blue"):
+            archive.writestr(f"{name}/w0.npy", b"")
+    asked = read_sweep(written(tmp_path, f'sources = ["fits.npz#red-*"]\n{METHOD}'))
+    assert asked.sources == (f"{file.resolve()}#red-a", f"{file.resolve()}#red-b")
+    first, second = tasks_of(asked)
+    assert first.key != second.key
+
+
 def test_a_key_follows_what_matters_and_nothing_else(tmp_path: Path) -> None:
     first, second = tmp_path / "a.brdf", tmp_path / "b.brdf"
     first.write_text("1")
@@ -87,6 +108,10 @@ def test_a_folder_is_told_by_its_files_and_their_names(tmp_path: Path) -> None:
         (f"sources = []\n{METHOD}", "sources: found none, expected an array of files and material:NAME"),
         (f'sources = ["x.brdf"]\n{METHOD}', "sources[0]: found 'x.brdf', which matches nothing; expected a file under"),
         (f'sources = ["*.xyz"]\n{METHOD}', "sources[0]: found '*.xyz', which matches nothing; expected a file under"),
+        (
+            f'sources = ["x.npz#*"]\n{METHOD}',
+            "sources[0]: found 'x.npz#*', which matches nothing; expected a file under",
+        ),
         (
             f'sources = ["material:plastik"]\n{METHOD}',
             "sources[0]: found 'material:plastik', which matches nothing; expected a material",

@@ -139,6 +139,15 @@ run(Path({str(tmp_path)!r}), stub_tasks(["sleep 0.2"] * 40))
     assert sorted(number for _, number in log(tmp_path)) == list(range(40))
 
 
+def test_a_worker_whose_client_has_gone_ends_without_a_word(tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "homofact.sweep.worker", str(tmp_path)]
+    ended = subprocess.run(command, input=b"{}\n{}\n", stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (0, b"")
+
+
 def test_two_sweeps_at_once_in_one_folder_are_refused(tmp_path: Path) -> None:
     folder = tmp_path / "sweep"
     code = f"""
