@@ -1,4 +1,4 @@
-"""`homofact info`: what is in a file, or what a named material is."""
+"""`homofact info`: what is in a file or in a scene's folder, or what a named material is."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +11,7 @@ from homofact.cli.places import check_file
 from homofact.cli.screen import Screen
 from homofact.cli.subject import check_source, open_subject
 from homofact.cli.tables import facts_table
+from homofact.errors import BadInput
 
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
@@ -26,7 +27,13 @@ def info(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Say what is in a measurement's file, or what a named material is."""
+    """Say what is in a measurement's file, or what a named material is.
+
+    Of the folder of a scene (homofact relight, homofact edit): what it
+    holds, and how far off it is.
+    """
+    if settings.source.path is not None and _scene(Path(settings.source.path), drawing, Screen(as_json, quiet)):
+        return
     check_source(settings)
     if drawing is not None:
         check_file(drawing, ".png")
@@ -53,6 +60,21 @@ def info(
     if facts.get("suspected"):
         screen.show("Suspected, with the odds against the data as they stand:", *map(_line, facts["suspected"]))
     screen.answer(facts)
+
+
+def _scene(place: Path, drawing: Path | None, screen: Screen) -> bool:
+    """Show a scene's folder; whether it is one."""
+    from homofact.cli.info_scene import scene_facts
+
+    found = scene_facts(place)
+    if found is None:
+        return False
+    title, rows, answer = found
+    if drawing is not None:
+        raise BadInput(f"plot: {place} is a {rows['kind']}, which has its pictures; expected none")
+    screen.show(facts_table(title, rows))
+    screen.answer(answer)
+    return True
 
 
 def _line(record: dict[str, Any]) -> str:

@@ -19,10 +19,12 @@ from homofact.cli import (
     chart,
     compare,
     convert,
+    doctor,
     edit,
     export,
     factorize,
     info,
+    materials,
     plan,
     relight,
     render,
@@ -32,31 +34,40 @@ from homofact.cli import (
     terms,
     view,
 )
+from homofact.cli.greeting import GREETING
 from homofact.errors import BadInput, SolverFailure
 from homofact.files.words import harmless
 from homofact.version import __version__
 
 app = typer.Typer(
     name="homofact",
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("factorize")(factorize.factorize)
-app.command("compare")(compare.compare)
-app.command("chart")(chart.chart)
-app.command("convert")(convert.convert)
-app.command("edit")(edit.edit)
-app.command("export")(export.export)
-app.command("info")(info.info)
-app.command("plan")(plan.plan)
-app.command("relight")(relight.relight)
-app.command("render")(render.render)
-app.command("report")(report.report)
-app.command("stability")(stability.stability)
-app.command("sweep")(sweep.sweep)
-app.command("terms")(terms.terms)
-app.command("view")(view.view)
+_BEGIN, _DATA, _JUDGE, _SCENES, _MANY = (
+    "First steps", "Data", "How good is a fit", "Scenes", "Whole databases",
+)  # fmt: skip
+_COMMANDS = (
+    (_BEGIN, factorize.factorize),
+    (_BEGIN, view.view),
+    (_BEGIN, export.export),
+    (_BEGIN, compare.compare),
+    (_BEGIN, info.info),
+    (_DATA, materials.materials),
+    (_DATA, convert.convert),
+    (_DATA, render.render),
+    (_JUDGE, chart.chart),
+    (_JUDGE, stability.stability),
+    (_JUDGE, terms.terms),
+    (_SCENES, plan.plan),
+    (_SCENES, relight.relight),
+    (_SCENES, edit.edit),
+    (_MANY, sweep.sweep),
+    (_MANY, report.report),
+    ("This installation", doctor.doctor),
+)
+for _panel, _command in _COMMANDS:
+    app.command(_command.__name__, rich_help_panel=_panel)(_command)
 
 # What the machine refuses is for the user to mend, as bad input is.
 _REFUSALS = {
@@ -88,7 +99,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     try:
         # Not the application's own main: it would swallow interruption and broken pipes.
-        with command.make_context("homofact", arguments or ["--help"]) as context:
+        if not arguments:
+            sys.stdout.write(GREETING)
+            return 0
+        with command.make_context("homofact", arguments) as context:
             command.invoke(context)
         sys.stdout.flush()
         return 0

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperOption
 
 from homofact.config import SEED, fit_options, load_config, section_options
 from homofact.methods.table import METHODS
 from homofact.options import Declared
-from homofact.sections import FIT
+from homofact.sections import FIT, SOURCE
 
 Result = Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")]
 MadeFrom = Annotated[
@@ -49,11 +50,28 @@ Refuse = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on stdout, all else on stderr.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no notes.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no notes; no tables where files are written.")]
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", "-c", metavar="FILE.toml", help="Settings; options given here win over it."),
 ]
+
+
+def _show_all(context: typer.Context, wanted: bool | None) -> None:
+    if wanted:
+        for each in context.command.params:
+            if isinstance(each, TyperOption):
+                each.hidden = False
+        typer.echo(context.get_help())
+        raise typer.Exit
+
+
+HelpAll = Annotated[
+    bool | None,
+    typer.Option("--help-all", is_eager=True, callback=_show_all, help="Show every option, those of research too."),
+]
+# More options than these of a configuration, and --help shows the everyday ones.
+_LONG = 20
 
 
 def configured(*keys: str, but: tuple[str, ...] = ()) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -70,13 +88,17 @@ def configured(*keys: str, but: tuple[str, ...] = ()) -> Callable[[Callable[...,
         own = list(inspect.signature(command).parameters.values())[1:]
         grown = {key.replace(".", "_"): key for key in wanted}
         parameters = [each for each in own if _is_argument(each)]
-        parameters += [_parameter(name, wanted[key]) for name, key in grown.items()]
+        long = len(wanted) > _LONG
+        parameters += [_parameter(name, wanted[key], long) for name, key in grown.items()]
         parameters.append(_with_default("config", ConfigFile))
         parameters += [each for each in own if not _is_argument(each)]
+        if long:
+            parameters.append(_with_default("help_all", HelpAll))
 
         @functools.wraps(command)
         def run(**values: Any) -> None:
             file = values.pop("config")
+            values.pop("help_all", None)
             given = {key: wanted[key].given(values.pop(name)) for name, key in grown.items()}
             command(load_config(file, given), **values)
 
@@ -98,14 +120,24 @@ class Grown:
         self._first = next(iter(self._by_method.values()))
 
     @property
-    def info(self) -> Any:
-        """Typer's own description."""
+    def panel(self) -> str | None:
+        """The heading that it stands under."""
+        return FIT if "" not in self._by_method else self._first.option.panel
+
+    def info(self, hidden: bool) -> Any:
+        """Typer's own description; `hidden` from the help that is not asked for everything."""
         option, flag = self._first.option, f"--{self._first.flag}"
-        panel = FIT if "" not in self._by_method else option.panel
         if option.argument:
             return typer.Argument(metavar=option.metavar, help=self.help, show_default=False)
         words = f"{flag}/--no-{self._first.flag}" if bool in self._first.kinds else flag
-        return typer.Option(words, metavar=option.metavar, help=self.help, show_default=False, rich_help_panel=panel)
+        return typer.Option(
+            words, metavar=option.metavar, help=self.help, show_default=False, rich_help_panel=self.panel, hidden=hidden
+        )
+
+    @property
+    def everyday(self) -> bool:
+        """Whether a long help shows it too: whatever is not of the source or the fit, and what they mark."""
+        return self.panel not in (FIT, SOURCE) or any(each.option.everyday for each in self._by_method.values())
 
     @property
     def hint(self) -> Any:
@@ -180,8 +212,8 @@ def _is_argument(parameter: inspect.Parameter) -> bool:
     return any(isinstance(note, typer.models.ArgumentInfo) for note in notes)
 
 
-def _parameter(name: str, grown: Grown) -> inspect.Parameter:
-    return _with_default(name, Annotated[grown.hint, grown.info])
+def _parameter(name: str, grown: Grown, long: bool) -> inspect.Parameter:
+    return _with_default(name, Annotated[grown.hint, grown.info(long and not grown.everyday)])
 
 
 def _with_default(name: str, annotation: Any) -> inspect.Parameter:

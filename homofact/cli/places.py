@@ -1,9 +1,10 @@
 """Where results go: checked before a long fit, so that an hour's work never meets a closed door."""
 
 import os
+from difflib import get_close_matches
 from pathlib import Path
 
-from homofact.brdf.names import MATERIAL_PREFIX
+from homofact.brdf.names import MATERIAL_NAMES, MATERIAL_PREFIX
 from homofact.errors import BadInput
 from homofact.files.private import private_folder
 from homofact.files.reading import check_readable, split_member
@@ -16,6 +17,11 @@ def check_measurement(source: str) -> None:
     if source.startswith(MATERIAL_PREFIX):
         return
     file, member = split_member(source)
+    near = get_close_matches(source, MATERIAL_NAMES, n=1, cutoff=0.7)
+    if near and not Path(file).exists():
+        raise BadInput(
+            f"{source}: no such file, perhaps {MATERIAL_PREFIX}{near[0]}? Expected a BRDF file or material:NAME"
+        )
     # Of a missing "a#b" the name as it was given is what helps.
     check_readable(file if member is None or Path(file).exists() else source, "a BRDF file or material:NAME")
 

@@ -124,10 +124,12 @@ def plan(
             plot.parent.mkdir(parents=True, exist_ok=True)
             replace_file(plot, lambda beside: plot_plan(beside, found))
         folders = None if write is None else write_plan(write, found, force)
-    screen.show(choice_table(found), evidence_table(found), *(Text(line) for line in _lines(found, other)))
-    screen.show(*(Text(line) for line in finding_lines(verdicts)))
-    for line in found.warnings:
-        screen.show(Text(f"Warning: {line}.", "bold red"))
+    # Without a folder they are all that there is to see, as of `compare`.
+    if not quiet or write is None:
+        screen.show(choice_table(found), evidence_table(found), *(Text(line) for line in _lines(found, other)))
+        screen.show(*(Text(line) for line in finding_lines(verdicts)))
+        for line in found.warnings:
+            screen.show(Text(f"Warning: {line}.", "bold red"))
     if plot is not None:
         screen.note(f"The figure: {plot}")
     if write is not None:

@@ -26,7 +26,7 @@ def terms(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Foretell and count the in-out terms (SVD) that a material needs.
+    """Predict and count the in-out terms (SVD) that a material needs.
 
     Predicted from the highest order l* of its half-angle curve as
     (l* + 1)²/4, counted in its singular values (Mahajan et al. 2008).

@@ -1,0 +1,34 @@
+"""A sheet of materials: a sphere of each under the fixed sky, its name below."""
+
+import os
+from collections.abc import Sequence
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.figures.page import Page
+from homofact.files.atomic import replace_file
+from homofact.render.filtered import FilteredMaterial, Surroundings
+from homofact.render.fixed_lights import sky_map
+from homofact.render.lobe_patches import DRAFT
+from homofact.render.tonemap import choose_middle, tonemap
+
+_SIZE, _GAP, _COLUMNS = 176, 14, 5
+
+
+def material_sheet(path: str | os.PathLike[str], materials: Sequence[tuple[str, Reflectance]]) -> None:
+    """Draw the spheres of (name, reflectance) with one or three channels as a PNG, each at its own exposure.
+
+    Raises BadInput for what `FilteredMaterial` refuses and for a place that cannot be written.
+    """
+    columns = min(_COLUMNS, max(len(materials), 1))
+    page = Page(columns * (_SIZE + _GAP) + _GAP, _GAP)
+    top, sky = _GAP, Surroundings.of(sky_map(), _SIZE, fineness=DRAFT)
+    for row in range(0, len(materials), columns):
+        bottom = top
+        for column, (name, reflectance) in enumerate(materials[row : row + columns]):
+            left = _GAP + column * (_SIZE + _GAP)
+            image = FilteredMaterial.of(reflectance, fineness=DRAFT).under(sky)
+            shown = tonemap(image, choose_middle(image), curve="filmic")
+            below = page.picture(shown.pixels.numpy(), left, top)
+            bottom = max(bottom, page.text(name, left, below + 4, _SIZE))
+        top = bottom + _GAP
+    replace_file(path, page.save)

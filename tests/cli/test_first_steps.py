@@ -1,0 +1,105 @@
+"""What a newcomer meets: greeting, help in sections, named materials, the nearest name, the state of things."""
+
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from homofact.brdf.materials import MATERIALS
+from homofact.brdf.names import MATERIAL_NAMES
+from homofact.cli import doctor
+from homofact.cli.main import main
+
+
+def test_alone_it_greets_with_commands_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    said = capsys.readouterr().out
+    assert all(len(line) <= 80 for line in said.splitlines())
+    named = [line.split()[1] for line in said.splitlines() if line.startswith("  homofact ")]
+    assert named == ["info", "factorize", "view", "export", "compare"]
+    assert main(["--help"]) == 0
+    helped = capsys.readouterr().out
+    for each in (*named, "materials", "doctor"):
+        assert f"│ {each} " in helped
+
+
+def test_a_long_help_shows_ten_options_and_all_when_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["factorize", "--help"]) == 0
+    short = capsys.readouterr().out
+    assert main(["factorize", "--help-all"]) == 0
+    whole = capsys.readouterr().out
+    for name in ("--out", "--method", "--textures", "--size", "--bytes", "--effort", "--channels", "--help-all"):
+        assert f"{name} " in short
+    for name in ("--smoothing", "--search-samples", "--calibrate", "--projections", "--held-out"):
+        assert f"{name} " not in short
+        assert f"{name} " in whole
+    # A command that is short anyway hides nothing.
+    assert main(["info", "--help"]) == 0
+    assert "--calibrate" in capsys.readouterr().out
+
+
+def test_hidden_options_work_as_before(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["factorize", "material:phong-10", "--smoothing", "-1", "--out", "x"]) == 2
+    assert "smoothing: found -1" in capsys.readouterr().err
+
+
+def test_named_materials_are_listed_and_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = {name: MATERIALS[name] for name in ("phong-10", "lafortune-clay")}
+    monkeypatch.setattr("homofact.brdf.materials.MATERIALS", kept)
+    sheet = tmp_path / "new" / "sheet.png"
+    assert main(["materials", "--plot", str(sheet), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert [(each["name"], each["model"]) for each in said["materials"]] == [
+        ("phong-10", "Phong"), ("lafortune-clay", "Lafortune"),
+    ]  # fmt: skip
+    assert all(each["source"] for each in said["materials"])
+    with Image.open(sheet) as picture:
+        # Two spheres side by side; their middles have their own colours, which are not grey.
+        middles = [picture.getpixel((14 + 190 * column + 88, 14 + 88)) for column in (0, 1)]
+    assert middles[0] != middles[1]
+    assert all(isinstance(each, tuple) and each[0] > each[2] + 10 for each in middles)
+    assert main(["materials", "--plot", str(tmp_path / "sheet.jpg")]) == 2
+    assert "ends in '.jpg', expected .png" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("given", ["lafortune-blue-paint", "lafortune-bluepaint"])
+def test_a_material_without_its_prefix_is_told(given: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", given]) == 2
+    expected = f"homofact: {given}: no such file, perhaps material:lafortune-blue-paint? Expected a BRDF file or"
+    assert capsys.readouterr().err.startswith(expected)
+
+
+def test_the_names_that_are_known_without_torch_are_all() -> None:
+    assert tuple(MATERIALS) == MATERIAL_NAMES
+
+
+def test_a_file_that_is_like_no_material_is_only_missing(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", "measured/car.brdf"]) == 2
+    assert (
+        capsys.readouterr().err == "homofact: measured/car.brdf: no such file, expected a BRDF file or material:NAME\n"
+    )
+
+
+def test_the_doctor_tries_what_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", "--json"]) == 0
+    states = {each["name"]: each["state"] for each in json.loads(capsys.readouterr().out)["findings"]}
+    assert states["torch"] == states["nlopt"] == "installed"
+    assert states["a fit"] == states["compiled kernels"] == "works"
+
+
+def test_the_doctor_names_what_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def broken() -> str:
+        raise ValueError("off by 3%\non a Lambertian surface")
+
+    versions = doctor._version
+    monkeypatch.setattr(doctor, "_fit", broken)
+    monkeypatch.setattr(doctor, "_version", lambda name: None if name == "nlopt" else versions(name))
+    assert main(["doctor"]) == 2
+    said = capsys.readouterr()
+    assert "ValueError: off by 3% on a" in said.out
+    assert (
+        said.err == "homofact: doctor: found nlopt, a fit not working, expected everything that is installed to work\n"
+    )

@@ -1,0 +1,100 @@
+"""`homofact info` of the folders of scenes: what it says of them, and what it refuses."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from homofact.cli.main import main
+
+CURVE = {"term": "diffuse", "curve": "incident", "angle": "theta_i", "bands": 256, "sliders": []}
+EDITED: dict[str, Any] = {
+    "scene": "desk",
+    "light": "studio: three soft boxes",
+    "triangles": 398,
+    "views": [{"name": "front", "pixels": 1}, {"name": "side", "pixels": 70}],
+    "materials": {"paint": [CURVE, {**CURVE, "curve": "outgoing", "angle": "theta_o"}], "ground": [CURVE]},
+    "bytes": 12_300_000,
+    "error": {"low_rank": 0.00213, "lights_and_bands": {"front": 0.0123, "side": 0.02}},
+}
+BALL = {
+    "mesh": "ball.obj", "material": "material:phong-10", "vertices": 42, "terms": 3, "form": "wavelets",
+    "coefficients_per_vector": 63.6, "error": {"together": 0.0421},
+}  # fmt: skip
+RELIT: dict[str, Any] = {
+    "scene": "hall",
+    "light": "sky",
+    "cube": 16,
+    "objects": [BALL, {**BALL, "mesh": "ground", "terms": 1, "error": None}],
+    "bytes": 456_000,
+}
+
+
+def folder_of(place: Path, kind: str, report: Any) -> Path:
+    """A folder of a scene, without what is large in it."""
+    (place / f"{kind}.npz").write_bytes(b"")
+    (place / f"{kind}.json").write_text(json.dumps(report))
+    return place
+
+
+def wrapped(report: Any) -> dict[str, Any]:
+    """A report as edit.json has it."""
+    return {"format": "homofact editing scene", "format_version": 1, "name": "desk", "scene": {}, "report": report}
+
+
+def test_a_prepared_scene_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = str(folder_of(tmp_path, "edit", wrapped(EDITED)))
+    assert main(["info", place, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"folder": place, "kind": "prepared scene", **EDITED}
+    assert main(["info", place]) == 0
+    said = capsys.readouterr().out
+    for words in (
+        "desk", "prepared scene", "studio: three soft boxes, 398 triangles", "front, 1 covered pixel\n",
+        "side, 70 covered pixels", "material paint", "diffuse incident (theta_i, 256 bands)", "12.3 MB",
+        "at most 0.21% (relative RMS)", "front 1.23%, side 2.00%",
+    ):  # fmt: skip
+        assert words in "\n".join(" ".join(line.split()) for line in said.splitlines()) + "\n"
+
+
+def test_a_relit_scene_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = str(folder_of(tmp_path, "relight", RELIT))
+    assert main(["info", place, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"folder": place, "kind": "relit scene", **RELIT}
+    assert main(["info", place]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    for words in ("hall", "relit scene", "42 vertices, 3 terms, wavelets, 64 numbers a vector; error", "16²",
+                  "4.21% (relative RMS)", "42 vertices, 1 term,", "error not measured", "0.456 MB"):  # fmt: skip
+        assert words in said
+
+
+@pytest.mark.parametrize(
+    ("kind", "report", "expected"),
+    [
+        ("edit", {"format": "x"}, 'edit.json: format: found "x", expected one of homofact editing scene'),
+        ("edit", wrapped({**EDITED, "views": 3}), "edit.json: damaged (TypeError(\"'int' object is not iterable\"))"),
+        ("edit", wrapped({"scene": "desk"}), "edit.json: damaged (KeyError('materials')), expected the report of a"),
+        ("relight", {**RELIT, "objects": [{}]}, "relight.json: damaged (KeyError('error')), expected the report of a"),
+        ("relight", [], "relight.json: "),
+    ],
+)
+def test_a_damaged_report_is_named(
+    kind: str, report: Any, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["info", str(folder_of(tmp_path, kind, report))]) == 2
+    error = capsys.readouterr().err
+    assert expected in error
+    assert error.count("\n") == 1
+
+
+def test_a_scene_has_no_plot_and_other_folders_are_refused_as_before(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = folder_of(tmp_path, "edit", wrapped(EDITED))
+    assert main(["info", str(place), "--plot", str(tmp_path / "x.png")]) == 2
+    assert "plot:" in (said := capsys.readouterr().err)
+    assert "is a prepared scene, which has its pictures; expected none" in said
+    assert not (tmp_path / "x.png").exists()
+    (place / "edit.npz").unlink()
+    assert main(["info", str(place)]) == 2
+    assert "a folder, expected a BRDF file" in capsys.readouterr().err
