@@ -21,12 +21,14 @@ test: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
-	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal
 
-# Properties on 2000 random problems each instead of 100; 20,000 damaged files of every kind that is read; a kill at every
-# system call of a write (Debian's strace); everything 200 times in one process, whose memory stays flat.
+# Properties on 2000 random problems each instead of 100; tests that are too slow for every run; 20,000 damaged files of
+# every kind that is read; a kill at every system call of a write (Debian's strace); everything 200 times in one process,
+# whose memory stays flat.
 nightly: $(READY)
 	HYPOTHESIS_PROFILE=nightly OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 tests/factor/test_properties.py
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -m slow
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/fuzz_readers.py
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/fuzz_results.py
 	$(BIN)/python scripts/kill_writes.py

@@ -20,10 +20,11 @@ from conditions import figure, markdown, parser_of
 from homofact.evaluate.machine import machine
 
 METHODS = ("search", "mccool", "cole")
+SHORT = {"search": {"restarts": 1, "effort": 20.0}, "cole": {"restarts": 1, "search_size": 4, "search_samples": 300}}
 TARGETS = "asked: read in under 2 s, fitted within 2 GB"
 
 
-def cost(path: Path, method: str, textures: int, restarts: int) -> dict[str, float]:
+def cost(path: Path, method: str, textures: int, short: bool) -> dict[str, float]:
     """Read and fit in this process: seconds, errors and the peak of resident memory in MiB."""
     from homofact.brdf.source import open_source
     from homofact.evaluate.compare import fit_and_measure
@@ -31,7 +32,7 @@ def cost(path: Path, method: str, textures: int, restarts: int) -> dict[str, flo
 
     source = open_source(str(path))
     found = method_class(method)
-    wanted = {"textures": textures, "restarts": restarts}
+    wanted = {"textures": textures, "restarts": 6} | (SHORT.get(method, {}) if short else {})
     settings = {name: value for name, value in wanted.items() if name in settings_of_class(found)}
     row = fit_and_measure(source, found(**settings))
     return {
@@ -52,9 +53,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--textures", type=int, default=2)
     parser.add_argument("--job", nargs=2, metavar=("FILE", "METHOD"), help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
-    restarts = 1 if options.short else 6
     if options.job:
-        print(json.dumps(cost(Path(options.job[0]), options.job[1], options.textures, restarts)))
+        print(json.dumps(cost(Path(options.job[0]), options.job[1], options.textures, options.short)))
         return 0
 
     from homofact.brdf.formats import merl
@@ -63,7 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"{options.material} on a MERL grid, {options.textures} textures; {machine()}")
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "grid.binary"
-        merl.write(path, material(options.material).model, (20, 20, 40) if options.short else (90, 90, 180))
+        merl.write(path, material(options.material).model, (12, 12, 24) if options.short else (90, 90, 180))
         rows = []
         for method in METHODS:
             command = [sys.executable, __file__, "--job", str(path), method, "--textures", str(options.textures)]

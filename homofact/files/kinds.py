@@ -23,10 +23,12 @@ EXPORT = FolderKind("export", "brdf.glsl")
 PLAN = FolderKind("plan", "plan.json")
 RELIT = FolderKind("relit scene", "relight.npz")
 SITE = FolderKind("report", "site.json")
+SVBRDF = FolderKind("spatially varying fit", "svbrdf.npz")
+BASIS = FolderKind("shared basis", "basis.npz")
 PREPARED = FolderKind("prepared scene", "edit.npz")
 _OURS = re.compile(
     r"factorization\.npz|manifest\.json|report\.json|compare\.png|view\.html|brdf\.(glsl|hlsl|wgsl|c)"
-    r"|(relight|edit)\.(npz|json)|picture_\d+\.png"
+    r"|(relight|edit|svbrdf|basis)\.(npz|json)|labels\.png|picture_\d+\.png"
     r"|(texture_\d+|term_\d+_(first|second))(_deviation)?(\.[a-z0-9]+)+"
 )
 # Of a report's site, which has folders: names that a person may have given to files of other folders.

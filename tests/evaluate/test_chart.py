@@ -120,13 +120,18 @@ def test_a_plan_refuses_before_anything_is_fitted(arguments: Any, expected: str)
         plan(*arguments)
 
 
+@pytest.fixture(scope="module")
+def whole(source: Source, tmp_path_factory: pytest.TempPathFactory) -> tuple[list[ChartRow], Path]:
+    """The rows of a chart that nothing interrupts, and its file."""
+    path = tmp_path_factory.mktemp("whole") / "whole.csv"
+    return run_chart(source, deterministic(), Ledger(path)), path
+
+
 @pytest.mark.parametrize("after", [0, 1, 3])
 def test_an_interrupted_chart_goes_on_to_the_same_file(
-    after: int, source: Source, tmp_path: Path, counting: Counting
+    after: int, source: Source, whole: tuple[list[ChartRow], Path], tmp_path: Path, counting: Counting
 ) -> None:
     runs = deterministic()
-    whole = run_chart(source, runs, Ledger(tmp_path / "whole.csv"))
-    counting.fitted.clear()
 
     def interrupt(place: int, _: Run) -> None:
         if place == after:
@@ -145,10 +150,10 @@ def test_an_interrupted_chart_goes_on_to_the_same_file(
     assert counting.fitted == [run.settings for run in runs[after:]]
     assert told == list(range(after, len(runs)))
     assert path.read_text().startswith(before)
-    assert without_times(path) == without_times(tmp_path / "whole.csv")
+    assert without_times(path) == without_times(whole[1])
     assert len(without_times(path)) == len(runs)
     assert [(row.name, row.held_out, row.train) for row in rows] == [
-        (row.name, row.held_out, row.train) for row in whole
+        (row.name, row.held_out, row.train) for row in whole[0]
     ]
     # And once more: nothing is left to fit, and the file gives back every number as it was.
     counting.fitted.clear()
@@ -157,14 +162,13 @@ def test_an_interrupted_chart_goes_on_to_the_same_file(
 
 
 def test_a_line_that_was_cut_is_run_again_and_the_others_are_not(
-    source: Source, tmp_path: Path, counting: Counting
+    source: Source, whole: tuple[list[ChartRow], Path], tmp_path: Path, counting: Counting
 ) -> None:
     runs, path = deterministic(), tmp_path / "a.csv"
-    rows = run_chart(source, runs, Ledger(path))
-    whole = path.read_text()
-    last = whole.rstrip("\n").rfind("\n") + 1
-    for place in (last + 1, (last + len(whole)) // 2, len(whole) - 1):
-        path.write_text(whole[:place])
+    rows, text = whole[0], whole[1].read_text()
+    last = text.rstrip("\n").rfind("\n") + 1
+    for place in (last + 1, (last + len(text)) // 2, len(text) - 1):
+        path.write_text(text[:place])
         counting.fitted.clear()
         again = run_chart(source, runs, Ledger(path))
         assert counting.fitted == [runs[-1].settings]
