@@ -37,33 +37,71 @@ def write_document(
 
 def document(atlas: Atlas, solvers: list[SolverCell], link: str, where: str) -> str:
     """The whole document in Markdown, pictures linked from the folder `link`."""
-    parts = [_head(atlas, link, where), *(_section(atlas, stressor(name)) for name in atlas.plan.stressors)]
-    return "\n\n".join([*parts, _solvers(solvers, link)]) + "\n"
+    sections = (_section(atlas, stressor(name)) for name in atlas.plan.stressors)
+    return "\n\n".join([_head(atlas, link), *sections, _solvers(solvers, link), _measuring(atlas, where)]) + "\n"
 
 
-def _head(atlas: Atlas, link: str, where: str) -> str:
-    counts = atlas.counts()
+def _head(atlas: Atlas, link: str) -> str:
+    tally = ", ".join(f"{count} {name}" for name, count in atlas.counts().items() if count)
+    methods = atlas.plan.methods
+    rows = "\n".join(_summary(atlas, stressor(name)) for name in atlas.plan.stressors)
+    return f"""\
+<!-- Made by `make stability`: change the paragraphs in homofact/evaluate/stability, not here. -->
+# Where fits fail
+
+{len(atlas.plan.stressors)} stressors, each swept from harmless to fatal, on {len(methods)} methods: {tally}.
+
+The error of the worst fit of each sweep, as a factor of the same method's error without the stress. \\*: the fit's own
+verdict warns of it; **silent**: it is over {WRONG:g} times and nothing is said.
+
+| stressor | {" | ".join(methods)} |
+|{" --- |" * (len(methods) + 1)}
+{rows}
+
+Every fit, from harmless on the left to fatal on the right:
+
+![The atlas]({link}/atlas.png)
+
+How this was measured is said [at the end](#how-it-is-measured). The whole table is `atlas.csv`; a part of it is run by
+`homofact stability --stressors NAME --methods NAME`."""
+
+
+def _summary(atlas: Atlas, each: Stressor) -> str:
+    """A stressor's row: of every method the fit that is farthest off, and a note where stronger stress is refused."""
+    cells = []
+    for name in atlas.plan.methods:
+        own = atlas.of(each.name, name)
+        fits = [cell for cell in own if cell.factor is not None]
+        # What is silent comes first, whatever its factor.
+        worst = max(fits, key=lambda cell: (cell.outcome is Outcome.SILENT, cell.factor or 0), default=own[-1])
+        refused = any(cell.outcome is Outcome.REFUSED for cell in own)
+        cells.append(_words(worst) + (", then refused" if fits and refused else ""))
+    return f"| [{_title(each)}](#{_anchor(_title(each))}) | {' | '.join(cells)} |"
+
+
+def _title(each: Stressor) -> str:
+    return each.title[0].upper() + each.title[1:]
+
+
+def _anchor(title: str) -> str:
+    """What a Markdown heading is linked by: small letters, hyphens for spaces, no punctuation."""
+    return "".join(each for each in title.lower().replace(" ", "-") if each.isalnum() or each in "-_")
+
+
+def _measuring(atlas: Atlas, where: str) -> str:
     settings, scale = atlas.plan.settings, atlas.plan.scale
     shared = (
         f"{settings['textures']} textures of\n{settings['size']}² texels, ε = {settings['epsilon']:g},"
         f" searches of {settings['effort']:g} inner evaluations"
     )
-    tally = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
     base = "\n".join(
         f"| {name} | {judged.error:.2g} | {judged.row.held_out.log_mse:.2g} |"
         f" {in_markdown('; '.join(judged.said.values())) or 'nothing'} |"
         for name, judged in atlas.unstressed.items()
     )
-    really = _really_bad(atlas)
-    absent = "".join(f"\n\n{in_markdown(note)}." for note in atlas.notes)
+    absent, really = "".join(f"\n\n{in_markdown(note)}." for note in atlas.notes), _really_bad(atlas)
     return f"""\
-<!-- Made by `make stability`: change the paragraphs in homofact/evaluate/stability, not here. -->
-# Where fits fail
-
-{len(atlas.plan.stressors)} stressors, each swept from harmless to fatal, on {len(atlas.plan.methods)} methods:
-{tally}.
-
-![The atlas]({link}/atlas.png)
+## How it is measured
 
 Every cell is one fit of stressed samples, with the settings that all share ({shared}; {scale.samples} samples of a
 Blinn-Phong material with a broad highlight, a fifth of them held out). It is judged on {scale.clean} clean samples that
@@ -72,7 +110,7 @@ error without stress (or of {WORTH_AN_ERROR:g}, an RMS of 5%, where that is smal
 
 * **ok**: at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that the unstressed fit's does
   not.
-* **degraded**: a larger factor, or a verdict that warns (\\* below). Most warnings come before the damage.{really}
+* **degraded**: a larger factor, or a verdict that warns (\\*). Most warnings come before the damage.{really}
 * **refused**: no fit, but one line that names what is wrong.
 * **silently wrong**: over {WRONG:g} times the unstressed error, and no word of it. The atlas exists to find these.
 
@@ -84,9 +122,7 @@ The unstressed fits themselves:
 | --- | --- | --- | --- |
 {base}
 
-All numbers are of seed {atlas.plan.seed} and homofact {__version__} on {in_markdown(where)}.
-The whole table is `atlas.csv`;
-`homofact stability --stressors NAME --methods NAME` runs a part.{absent}"""
+All numbers are of seed {atlas.plan.seed} and homofact {__version__} on {in_markdown(where)}.{absent}"""
 
 
 def _really_bad(atlas: Atlas) -> str:
@@ -120,9 +156,8 @@ def _section(atlas: Atlas, each: Stressor) -> str:
         ),
     ]
     table = "\n".join(lines)
-    title = each.title[0].upper() + each.title[1:]
     return (
-        f"## {title}\n\n`{each.name}`. {each.description} {each.mechanism} {_measured(atlas, each)}\n\n"
+        f"## {_title(each)}\n\n`{each.name}`. {each.description} {each.mechanism} {_measured(atlas, each)}\n\n"
         f"**Remedy.** {each.remedy}\n\n{table}"
     )
 
