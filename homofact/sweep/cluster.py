@@ -124,6 +124,8 @@ class Cluster:
         if error is not None:
             return Ending(task, refused=f"{type(error).__name__}: {' '.join(str(error).split())}"), False
         answer = future.result()
+        # Before the result is in its place: what a client still holds is computed again when its worker dies.
+        future.release()
         if "result" in answer:
             self._put(task, answer["result"])
         return Ending(task, answer.get("seconds"), answer.get("refused")), bool(answer.get("missing"))

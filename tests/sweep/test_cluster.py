@@ -6,18 +6,21 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from homofact.errors import BadInput
+from homofact.files.kinds import FACTORIZATION
 from homofact.sweep.cluster import Cluster
 from homofact.sweep.ledger import Ledger
 from homofact.sweep.local import Ending
+from homofact.sweep.parcel import packed, unpacked
 from homofact.sweep.run import State, sweep
 from homofact.sweep.sweep_file import read_sweep
+from homofact.sweep.task import tasks_of
 
 pytest.importorskip("distributed", reason="distributed is not installed: pip install 'homofact[cluster]'")
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::ResourceWarning")]
 
 FILE = """
 sources = ["material:phong-*", "material:lafortune-*"]
@@ -29,6 +32,8 @@ size = 4
 """
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # Dask's own sockets, of processes that were killed
 def test_workers_that_are_killed_and_a_scheduler_that_is_gone(tmp_path: Path) -> None:
     (tmp_path / "small.toml").write_text(FILE, encoding="utf-8")
     asked = read_sweep(tmp_path / "small.toml")
@@ -63,6 +68,43 @@ def test_workers_that_are_killed_and_a_scheduler_that_is_gone(tmp_path: Path) ->
             process.wait()
     ledger = Ledger(out)
     assert 1 <= sum(map(ledger.is_done, ledger.asked())) < len(asked.sources)
+
+
+def test_a_future_is_released_before_its_result_is_put_into_its_place(tmp_path: Path) -> None:
+    """Else it is computed again where its worker dies while the client writes."""
+    (tmp_path / "small.toml").write_text(FILE, encoding="utf-8")
+    task = tasks_of(read_sweep(tmp_path / "small.toml"))[0]
+    ledger = Ledger(tmp_path / "out")
+    ledger.begin("small", [task])
+    made = tmp_path / "made" / task.key
+    made.mkdir(parents=True)
+    (made / FACTORIZATION).write_bytes(b"a fit")
+    was_done: list[bool] = []
+    future = SimpleNamespace(
+        status="finished",
+        exception=lambda: None,
+        result=lambda: {"seconds": 2.0, "result": packed(made)},
+        release=lambda: was_done.append(ledger.is_done(task)),
+    )
+    cluster = Cluster(ledger.folder, "local", 1, lambda _: None)
+    assert cluster._ending(task, future) == (Ending(task, 2.0), False)
+    assert was_done == [False]
+    assert (ledger.place(task) / FACTORIZATION).read_bytes() == b"a fit"
+
+
+def test_a_file_and_a_folder_come_out_of_a_parcel_as_they_were(tmp_path: Path) -> None:
+    place = tmp_path / "from" / "paint"
+    (place / "below").mkdir(parents=True)
+    (place / "fit.npz").write_bytes(bytes(range(256)))
+    (place / "below" / "picture.png").write_bytes(b"a picture")
+    assert packed(place) == packed(place)
+    for number, what in enumerate((place, place / "fit.npz")):
+        found = unpacked(packed(what), tmp_path / f"to-{number}")
+        assert found == tmp_path / f"to-{number}" / what.name
+        assert found.is_dir() == what.is_dir()
+    assert (tmp_path / "to-0" / "paint" / "below" / "picture.png").read_bytes() == b"a picture"
+    assert (tmp_path / "to-0" / "paint" / "fit.npz").read_bytes() == bytes(range(256))
+    assert (tmp_path / "to-1" / "fit.npz").read_bytes() == bytes(range(256))
 
 
 def _results(folder: Path) -> list:
