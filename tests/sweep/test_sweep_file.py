@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from homofact.brdf.materials import MATERIALS
 from homofact.errors import BadInput
 from homofact.methods.mccool import McCool
 from homofact.methods.search import Search
@@ -51,6 +52,11 @@ def test_files_are_relative_to_the_file_and_patterns_match(tmp_path: Path) -> No
         (tmp_path / "data" / name).write_text(name)
     asked = read_sweep(written(tmp_path, f'sources = ["data/*.brdf", "data/c.txt", "data/a.brdf"]\n{METHOD}'))
     assert asked.sources == tuple(str((tmp_path / "data" / name).resolve()) for name in ("a.brdf", "b.brdf", "c.txt"))
+
+
+def test_named_materials_come_in_the_order_of_their_names(tmp_path: Path) -> None:
+    found = read_sweep(written(tmp_path, f'sources = ["material:*"]\n{METHOD}')).sources
+    assert found == tuple(f"material:{name}" for name in sorted(MATERIALS))
 
 
 @pytest.mark.parametrize("pattern", ["*.brdf", "run#1/*.brdf"])
@@ -125,6 +131,11 @@ def test_a_folder_is_told_by_its_files_and_their_names(tmp_path: Path) -> None:
         ),
         (f'sources = ["material:*"]\n{METHOD}siz = 8\n', "method[0].siz: mccool has no such setting, expected one of"),
         (f'sources = ["material:*"]\n{METHOD}seed = 8\n', "method[0].seed: found 8, expected seeds = [...] above all"),
+        (
+            'sources = ["material:*"]\n[[method]]\nmethod = "mccool"\nlabel = "a"\n'
+            '[[method]]\nmethod = "mccool"\nsize = 4\nlabel = "a"\n',
+            "method[1]: found 'a' twice, expected another label",
+        ),
         (f'sources = ["material:*"]\n{METHOD}{METHOD}', "method[1]: found 'mccool' twice, expected another label"),
         (f'sources = ["material:*"]\nseeds = []\n{METHOD}', "seeds: found [], expected one or more whole numbers"),
         (f'sources = ["material:*"]\nseeds = [1, 1]\n{METHOD}', "seeds: found [1, 1], expected one or more whole"),
