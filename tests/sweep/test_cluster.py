@@ -6,19 +6,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from homofact.errors import BadInput
-from homofact.files.kinds import FACTORIZATION
 from homofact.sweep.cluster import Cluster
 from homofact.sweep.ledger import Ledger
 from homofact.sweep.local import Ending
 from homofact.sweep.parcel import packed, unpacked
 from homofact.sweep.run import State, sweep
 from homofact.sweep.sweep_file import read_sweep
-from homofact.sweep.task import tasks_of
 
 pytest.importorskip("distributed", reason="distributed is not installed: pip install 'homofact[cluster]'")
 
@@ -68,28 +65,6 @@ def test_workers_that_are_killed_and_a_scheduler_that_is_gone(tmp_path: Path) ->
             process.wait()
     ledger = Ledger(out)
     assert 1 <= sum(map(ledger.is_done, ledger.asked())) < len(asked.sources)
-
-
-def test_a_future_is_released_before_its_result_is_put_into_its_place(tmp_path: Path) -> None:
-    """Else it is computed again where its worker dies while the client writes."""
-    (tmp_path / "small.toml").write_text(FILE, encoding="utf-8")
-    task = tasks_of(read_sweep(tmp_path / "small.toml"))[0]
-    ledger = Ledger(tmp_path / "out")
-    ledger.begin("small", [task])
-    made = tmp_path / "made" / task.key
-    made.mkdir(parents=True)
-    (made / FACTORIZATION).write_bytes(b"a fit")
-    was_done: list[bool] = []
-    future = SimpleNamespace(
-        status="finished",
-        exception=lambda: None,
-        result=lambda: {"seconds": 2.0, "result": packed(made)},
-        release=lambda: was_done.append(ledger.is_done(task)),
-    )
-    cluster = Cluster(ledger.folder, "local", 1, lambda _: None)
-    assert cluster._ending(task, future) == (Ending(task, 2.0), False)
-    assert was_done == [False]
-    assert (ledger.place(task) / FACTORIZATION).read_bytes() == b"a fit"
 
 
 def test_a_file_and_a_folder_come_out_of_a_parcel_as_they_were(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ class Future:
 
     def __init__(self, found: Any, status: str = "finished") -> None:
         self.found, self.status = found, status
+        self.released: Callable[[], object] = lambda: None
 
     def add_done_callback(self, told: Callable[["Future"], object]) -> None:
         told(self)
@@ -35,6 +36,9 @@ class Future:
 
     def result(self) -> Any:
         return self.found
+
+    def release(self) -> None:
+        self.released()
 
 
 class Client:
@@ -119,6 +123,20 @@ def test_a_result_comes_into_the_sweeps_folder_and_one_that_is_there_stays(
     endings, _ = run(out, answers, monkeypatch, [first, second])
     assert [each.seconds for each in endings] == [1.0, 1.0]
     assert [(Ledger(out).place(task) / "factorization.npz").read_text() for task in (first, second)] == ["new", "old"]
+
+
+def test_a_future_is_released_before_its_result_is_put_into_its_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else it is computed again where its worker dies while the client writes."""
+    (task,) = stub_tasks(["a"])
+    (tmp_path / "made" / task.key).mkdir(parents=True)
+    (tmp_path / "made" / task.key / "factorization.npz").write_text("new")
+    ledger, was_done = Ledger(tmp_path / "out"), []
+    future = Future(done() | {"result": packed(tmp_path / "made" / task.key)})
+    future.released = lambda: was_done.append(ledger.is_done(task))
+    run(ledger.folder, {"a": [future]}, monkeypatch, [task])
+    assert (was_done, ledger.is_done(task)) == ([False], True)
 
 
 def test_what_a_worker_answers_is_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
