@@ -15,6 +15,7 @@ from homofact.cli.subject import check_source, open_subject, warmed_up
 from homofact.cli.tables import appearance_tables, cost_table, error_table, mean_table, metric_tables
 from homofact.cli.verdicts import brief_lines, refuse_findings, refused_names
 from homofact.errors import BadInput, Status
+from homofact.files import extras
 from homofact.sections import FIT
 
 if TYPE_CHECKING:
@@ -59,7 +60,6 @@ def compare(
     from homofact.evaluate.estimate import TimeEstimate, about, fit_seconds, training_count
     from homofact.evaluate.judging import Judge, chosen_metrics
     from homofact.evaluate.seeds import asked_seeds, fit_seeds
-    from homofact.figures.plot import plot_rows
 
     listed = asked_seeds(settings.seed, seeds)
     names = chosen_metrics(settings.compare.metrics)
@@ -111,6 +111,8 @@ def compare(
                 break
         if plot is not None:
             bar.stage("drawing")
+            from homofact.figures.plot import plot_rows
+
             plot.parent.mkdir(parents=True, exist_ok=True)
             plot_rows(plot, list(done[0].rows.values()))
     for one in done:
@@ -200,6 +202,8 @@ def _files(settings: "Config", sources: int) -> tuple[Path | None, ...]:
         places.append(None if given is None else Path(given))
         if given is not None:
             check_file(Path(given), *endings)
+    if asked.plot is not None:
+        extras.check("plot", "matplotlib")
     return tuple(places)
 
 
