@@ -4,12 +4,14 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+# What a fit and its pictures need: no Mitsuba, no test tools.
+FIT := .venv/.fit
 # The type checker's wrapper would otherwise ask the network for a newer version on every run.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
-.PHONY: demo test nightly stability install format constraints clean
+.PHONY: demo test nightly stability wheel install format constraints clean
 
-demo: $(READY)
+demo: $(FIT)
 	$(BIN)/homofact factorize --config configs/blue_paint.toml --force
 	@echo
 	@echo "The pictures: out/blue_paint/compare.png (the lit sphere: source, fit, McCool's projections,"
@@ -38,15 +40,23 @@ nightly: $(READY)
 stability: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/homofact stability --out docs/pictures/stability --document docs/stability.md
 
+# Wheel and sdist in dist/. What they take when installed: python scripts/clean_install.py.
+wheel: $(READY)
+	$(BIN)/python scripts/clean_install.py --build dist
+
 install: $(READY)
 
 # torch first and alone: it is by far the largest, and the rest then resolves against it.
-$(READY): pyproject.toml constraints.txt
+$(FIT): pyproject.toml setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else \
 	  f"homofact needs Python 3.11 or newer, found {sys.version.split()[0]}: make PYTHON=... {sys.argv[1]}")' "$(MAKECMDGOALS)"
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet -c constraints.txt torch==2.13.0
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,metrics,nmf,mitsuba,relight,cluster,report]'
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[pictures,containers]'
+	@touch $@
+
+$(READY): $(FIT)
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all,dev,nmf]'
 	@touch $@
 
 format: $(READY)

@@ -86,20 +86,30 @@ class EvaluateSettings:
 
 @dataclass(frozen=True)
 class CompareSettings:
-    """`methods` are fitted side by side; `plot` is the figure's file, where one is wanted.
+    """`methods` are fitted side by side to each of `sources`; `plot` is the figure's file, where one is wanted.
 
-    `metrics` names what they are measured by: six, all, or single metrics.
+    `metrics` names what they are measured by: six, all, or single metrics; `csv` and `latex` are files for their means
+    and standard deviations over sources and seeds. No sources means the one of [source].
 
     A method is a name, `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`), or `ggx:` and a
     number of lobes.
     """
 
+    sources: tuple[str, ...] = option(
+        (),
+        "Measurements' files, or material:NAME",
+        argument=True,
+        metavar="SOURCE...",
+        expected_instead=_none_twice,
+    )
     methods: tuple[str, ...] = option(
         COMPARED,
         "Names with commas; mccool:A+B has the fixed projections A and B, ggx:2 two lobes",
         expected_instead=_several,
     )
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")
+    csv: str | None = option(None, "Write means and standard deviations over sources and seeds (.csv)", metavar="FILE")
+    latex: str | None = option(None, "Write them as a table of LaTeX, for booktabs (.tex)", metavar="FILE")
     metrics: tuple[str, ...] = option(("six",), "six, all, or names with commas (an unknown one lists them)")
 
     def __post_init__(self) -> None:

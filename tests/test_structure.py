@@ -18,7 +18,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("factor",),
     ("separable", "parametric"),
     ("methods", "shading"),
-    ("render",),
+    ("render", "runtime"),
     ("evaluate",),
     ("export",),
     ("viewer", "figures"),

@@ -8,13 +8,18 @@ interpolated, and beyond the last ones it stays.
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
-import torch
-from torch import Tensor
+import numpy as np
 
 from homofact.brdf.analytic.common import AnalyticModel, grazing
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import axes_of
+from homofact.geometry.namespace import like, namespace, whole
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 BINS = 90
 _AXES = ("theta_h", "theta_d", "theta_i", "theta_o")
@@ -27,43 +32,51 @@ class FactoredBrdf(AnalyticModel):
     Raises BadInput for other shapes and numbers that are not finite.
     """
 
-    table: Tensor
+    table: "Tensor"
 
     def __post_init__(self) -> None:
         """Refuse other shapes and numbers that are not finite."""
         expected = (2 + 3 * BINS, len(self.channels))
-        if tuple(self.table.shape) != expected or not bool(torch.isfinite(self.table).all()):
+        if tuple(self.table.shape) != expected or not bool(namespace(self.table).isfinite(self.table).all()):
             raise BadInput(f"table: found the shape {tuple(self.table.shape)}, expected {expected} of finite numbers")
 
     @property
     def nbytes(self) -> int:
         """272 numbers a channel as float32."""
-        return 4 * self.table.numel()
+        return 4 * int(np.prod(self.table.shape))
 
     @property
     def fetches(self) -> int:
         """Four tables are looked up."""
         return 4
 
-    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """The tables at the pair's angles, negative sums cut."""
-        parts = self.table.to(wi).split((1, 1, BINS, BINS, BINS))
+        parts = _parts(like(self.table, wi))
         low, share = bins_of(wi, wo)
         values = factored_values(parts, low, share)
         cosines = grazing(wi[:, 2]) * grazing(wo[:, 2])
-        return ((parts[0] + parts[1] * values / cosines[:, None]) / math.pi).clamp_min(0)
+        return namespace(wi).clip((parts[0] + parts[1] * values / cosines[:, None]) / math.pi, 0, None)
 
 
-def bins_of(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
+def bins_of(wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
     """(the lower bin, the share of the upper one), (N, 4) each, of θh, θd, θi and θo."""
     angles = axes_of(_AXES, wi, wo) / (math.pi / 2)
-    angles = torch.cat((angles[:, :1].clamp_min(0).sqrt(), angles[:, 1:]), 1)
-    place = (angles * BINS - 0.5).clamp(0, BINS - 1)
-    low = place.floor().clamp(max=BINS - 2).long()
+    library = namespace(wi)
+    theta_h, *others = (angles[:, k] for k in range(len(_AXES)))
+    angles = library.stack((library.sqrt(library.clip(theta_h, 0, None)), *others), -1)
+    place = library.clip(angles * BINS - 0.5, 0, BINS - 1)
+    low = whole(library.clip(library.floor(place), None, BINS - 2))
     return low, place - low
 
 
-def factored_values(parts: tuple[Tensor, ...], low: Tensor, share: Tensor) -> Tensor:
+def _parts(table: Any) -> Any:
+    """d, s, D, G and F of a table."""
+    ends = (0, 1, 2, 2 + BINS, 2 + 2 * BINS, 2 + 3 * BINS)
+    return tuple(table[begin:end] for begin, end in pairwise(ends))
+
+
+def factored_values(parts: "tuple[Tensor, ...]", low: "Tensor", share: "Tensor") -> "Tensor":
     """D F G G (N, C) of tables (BINS, C) d, s, D, G, F at places of `bins_of`."""
     tables = (parts[2], parts[4], parts[3], parts[3])
     found = None

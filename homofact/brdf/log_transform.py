@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from homofact.brdf.names import MOST
 from homofact.brdf.pair_density import over_discs
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-
-MOST = 80.0  # e⁸⁰ is the largest power that float32 holds
 
 
 @dataclass(frozen=True)

@@ -11,3 +11,4 @@ MATERIAL_NAMES = (
     "phong-10", "phong-30", "blinn-phong-50", "torrance-sparrow-20", "ward-brushed",
 )  # fmt: skip
 GAINS = ("rings", "rows")  # what `brdf.gains` can divide out
+MOST = 80.0  # logarithms above it are cut: e⁸⁰ is the largest power that float32 holds

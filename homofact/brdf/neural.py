@@ -9,17 +9,21 @@ is 0.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import torch
-from torch import Tensor
+import numpy as np
 
 from homofact.brdf.analytic.common import AnalyticModel
 from homofact.errors import BadInput
-from homofact.geometry.directions import normalize
+from homofact.geometry.namespace import like, namespace, normalized
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 LAYERS = ((6, 21), (21, 21), (21, 3))
-# Rounding leaves dy of either sign for configurations in one plane, and φd = 0 and π would be told apart by it.
-_IN_PLANE = {torch.float64: 1e-12, torch.float32: 1e-6}
+# Rounding leaves dy of either sign for configurations in one plane, and φd = 0 and π would be told apart by it. By the
+# bytes of a number.
+_IN_PLANE = {8: 1e-12, 4: 1e-6}
 
 
 @dataclass(frozen=True)
@@ -30,8 +34,8 @@ class NeuralBrdf(AnalyticModel):
     BadInput for other sizes and numbers that are not finite.
     """
 
-    weights: tuple[Tensor, Tensor, Tensor]
-    biases: tuple[Tensor, Tensor, Tensor]
+    weights: "tuple[Tensor, Tensor, Tensor]"
+    biases: "tuple[Tensor, Tensor, Tensor]"
 
     def __post_init__(self) -> None:
         """Refuse other sizes and numbers that are not finite."""
@@ -39,37 +43,37 @@ class NeuralBrdf(AnalyticModel):
             for name, tensor, expected in ((f"w{k}", weight, shape), (f"b{k}", bias, shape[1:])):
                 if tuple(tensor.shape) != expected:
                     raise BadInput(f"network: {name} has shape {tuple(tensor.shape)}, expected {expected}")
-                if not bool(torch.isfinite(tensor).all()):
+                if not bool(namespace(tensor).isfinite(tensor).all()):
                     raise BadInput(f"network: {name} is not finite, expected finite numbers")
 
     @property
     def nbytes(self) -> int:
         """2700: 675 numbers as float32."""
-        return 4 * sum(tensor.numel() for tensor in (*self.weights, *self.biases))
+        return 4 * sum(int(np.prod(tensor.shape)) for tensor in (*self.weights, *self.biases))
 
-    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """The network at the pair's (h, d)."""
-        layers = [(w.to(wi), b.to(wi)) for w, b in zip(self.weights, self.biases, strict=True)]
-        x = network_input(wi, wo)
+        layers = [(like(w, wi), like(b, wi)) for w, b in zip(self.weights, self.biases, strict=True)]
+        x, library = network_input(wi, wo), namespace(wi)
         for weight, bias in layers[:-1]:
-            x = torch.relu(x @ weight + bias)
+            x = library.clip(x @ weight + bias, 0, None)
         weight, bias = layers[-1]
-        return torch.expm1(x @ weight + bias).clamp_min(0)
+        return library.clip(library.expm1(x @ weight + bias), 0, None)
 
 
-def network_input(wi: Tensor, wo: Tensor) -> Tensor:
+def network_input(wi: "Tensor", wo: "Tensor") -> "Tensor":
     """(hx, 0, hz, dx, dy, dz) of the module's head, (N, 6), φd in [0, π)."""
-    h = normalize(wi + wo)
-    tolerance = _IN_PLANE.get(wi.dtype, 1e-3)
-    sin_h = torch.hypot(h[:, 0], h[:, 1])
+    library, h = namespace(wi), normalized(wi + wo)
+    tolerance = _IN_PLANE.get(wi.dtype.itemsize, 1e-3)
+    sin_h = library.hypot(h[:, 0], h[:, 1])
     on_axis = sin_h <= tolerance
-    safe = torch.where(on_axis, torch.ones_like(sin_h), sin_h)
+    safe = library.where(on_axis, like(1.0, sin_h), sin_h)
     cos_phi, sin_phi = h[:, 0] / safe, h[:, 1] / safe
     across = wi[:, 1] * cos_phi - wi[:, 0] * sin_phi
     along = (wi[:, 0] * cos_phi + wi[:, 1] * sin_phi) * h[:, 2] - wi[:, 2] * sin_h
-    turned = (across < -tolerance) | ((across.abs() <= tolerance) & (along < 0))
-    sign = torch.where(turned, -1.0, 1.0).to(wi)
+    turned = (across < -tolerance) | ((abs(across) <= tolerance) & (along < 0))
+    sign = library.where(turned, like(-1.0, wi), like(1.0, wi))
     along, across = sign * along, sign * across
-    along = torch.where(on_axis, torch.hypot(wi[:, 0], wi[:, 1]), along)
-    across = torch.where(on_axis, torch.zeros_like(across), across)
-    return torch.stack((sin_h, torch.zeros_like(sin_h), h[:, 2], along, across, (wi * h).sum(-1)), -1)
+    along = library.where(on_axis, library.hypot(wi[:, 0], wi[:, 1]), along)
+    across = library.where(on_axis, like(0.0, wi), across)
+    return library.stack((sin_h, library.zeros_like(sin_h), h[:, 2], along, across, (wi * h).sum(-1)), -1)

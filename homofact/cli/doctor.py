@@ -1,6 +1,8 @@
 """`homofact doctor`: what is installed, what of it works, and what would be needed for the rest."""
 
+import platform
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import NamedTuple
@@ -11,10 +13,14 @@ from rich.text import Text
 from homofact.cli import options as o
 from homofact.cli.screen import Screen
 from homofact.errors import BadInput
+from homofact.files.embedded import FOLDERS, root
+from homofact.files.extras import LIBRARIES
 from homofact.version import __version__
 
 # What each extra of the package is for.
 _EXTRAS = {
+    "pictures": "factorize, chart, --plot: figures, textures as PNG for the eye",
+    "containers": "EXR, PNG and PLY files: export, environments, meshes",
     "relight": "relight and edit: shadows, glTF meshes",
     "metrics": "compare --metrics: SSIM, FLIP",
     "mitsuba": "fits as Mitsuba's materials",
@@ -29,6 +35,8 @@ _PROGRAMS = {
     "cc": "compiles the exported brdf.c",
     "glslangValidator": "checks the exported GLSL and HLSL",
     "dxc": "compiles the exported HLSL",
+    "llvm-config": "Mitsuba's llvm variants",
+    "pdflatex": "compiles the tables of compare --latex",
     "node": "checks KTX2 files",
     "chromium": "opens the pages in tests",
 }
@@ -72,21 +80,25 @@ def doctor(as_json: o.AsJson = False, quiet: o.Quiet = False) -> None:
 
 
 def _findings() -> Iterator[Finding]:
+    yield Finding("needed", "Python", "installed", f"{platform.python_version()}, {sys.executable}")
     for need, extra in _needs():
         if not extra:
             found = _version(need)
             yield Finding("needed", need, "installed" if found else "fails", found or "not installed")
     yield _tried("tried", "a fit", _fit)
     yield _tried("tried", "compiled kernels", _kernels)
+    yield _tried("tried", "embedded files", _embedded)
     yield _gpu()
     for extra, purpose in _EXTRAS.items():
-        packages = [need for need, whose in _needs() if whose == extra]
+        packages = [need for need, whose in _needs() if whose == extra and need != "homofact"]
+        # Metadata of an older editable installation does not know every extra.
+        packages = packages or [package for package, own in LIBRARIES.values() if own == extra]
         missing = [each for each in packages if _version(each) is None]
         here = bool(packages) and not missing
         lacking = f" ({', '.join(missing)})" if missing else ""
         said = ", ".join(packages) if here else f"pip install 'homofact[{extra}]'{lacking}"
-        if extra == "relight" and here:
-            tried = _tried("extras", extra, _rays)
+        if extra in _TRIED and here:
+            tried = _tried("extras", extra, _TRIED[extra])
             yield tried._replace(told=f"{purpose}: {tried.told}")
         else:
             yield Finding("extras", extra, "installed" if here else "missing", f"{purpose}: {said}")
@@ -148,6 +160,14 @@ def _kernels() -> str:
     return f"numba {numba.__version__}, {numba.get_num_threads()} threads"
 
 
+def _embedded() -> str:
+    """The example data and settings that come with homofact."""
+    missing = [each for each in FOLDERS if not (root() / each).is_dir()]
+    if missing:
+        raise FileNotFoundError(f"no {' and '.join(missing)} in {root()}")
+    return f"{' and '.join(FOLDERS)} in {root()}"
+
+
 def _gpu() -> Finding:
     import torch
 
@@ -175,3 +195,35 @@ def _rays() -> str:
     if found.tolist() != [True, False]:
         raise ValueError("a triangle's shadow is not where it must be")
     return "a shadow is where it must be"
+
+
+def _figure() -> str:
+    """A figure of nothing, by the backend that needs no screen."""
+    from io import BytesIO
+
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    file = BytesIO()
+    FigureCanvasAgg(Figure()).print_png(file)
+    return f"a figure of {len(file.getvalue())} bytes"
+
+
+def _exr() -> str:
+    """A texel written and read back."""
+    import tempfile
+    from pathlib import Path
+
+    import numpy as np
+
+    from homofact.containers.exr import read_exr, write_exr
+
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / "texel.exr"
+        write_exr(place, np.full((1, 1, 1), 0.5, np.float32), ("Y",))
+        if float(read_exr(place)["Y"][0, 0]) != 0.5:
+            raise ValueError("a texel comes back as another")
+    return "a texel as EXR comes back"
+
+
+_TRIED: dict[str, Callable[[], str]] = {"relight": _rays, "pictures": _figure, "containers": _exr}

@@ -13,6 +13,7 @@ from homofact.cli.tables import appearance_tables, cost_table, error_table
 from homofact.cli.verdicts import refuse_findings, refused_names, verdict_lines
 from homofact.errors import BadInput
 from homofact.evaluate.wording import counted, figure
+from homofact.files import extras
 from homofact.files.lock import claimed
 
 if TYPE_CHECKING:
@@ -38,14 +39,15 @@ def factorize(
     if settings.output.folder is None:
         raise BadInput("out: none given, expected a folder for the result (--out, or folder under [output])")
     folder = Path(settings.output.folder)
+    drawn = extras.installed("matplotlib")
     fit = settings.fit.method_alone()
     check_folder(folder, settings.output.force)
 
     from homofact.brdf.channels import display_of
     from homofact.brdf.mending import mending_lines
     from homofact.evaluate.compare import fit_and_measure
+    from homofact.export.images import LIBRARIES
     from homofact.export.result import write_result
-    from homofact.figures.compare_picture import compare_picture
     from homofact.methods.table import mccool_like
 
     screen = Screen(as_json, quiet)
@@ -72,6 +74,8 @@ def factorize(
         panels = [(label, each.factorization, caption(records[label])) for label, each in rows.items()]
 
         def draw(place: Path) -> None:
+            from homofact.figures.compare_picture import compare_picture
+
             compare_picture(
                 place / "compare.png",
                 (subject.name, subject.reflectance),
@@ -83,9 +87,12 @@ def factorize(
             folder,
             factorization=row.factorization,
             report=plain(record),
-            pictures=draw,
+            pictures=draw if drawn else None,
             force=settings.output.force,
         )
+    without = extras.left_out({**LIBRARIES, "pictures": "matplotlib"})
+    if without:
+        screen.note(f"homofact: {without}")
     say_ending(screen, row.report)
     say_subset(screen, record)
     if not quiet:
@@ -95,8 +102,9 @@ def factorize(
             *appearance_tables(records),
             cost_table(records),
             *(Text(line) for line in verdict_lines(row.verdict)),
-            f"{folder}: factorization.npz, manifest.json, report.json, every texture as .exr and .png",
-            f"The picture: {folder / 'compare.png'}",
+            f"{folder}: factorization.npz, manifest.json, report.json"
+            + ", every texture as .exr and .png" * (not without),
+            *([f"The picture: {folder / 'compare.png'}"] if drawn else []),
         )
     screen.answer(record)
 

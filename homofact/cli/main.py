@@ -36,6 +36,8 @@ from homofact.cli import (
 )
 from homofact.cli.greeting import GREETING
 from homofact.errors import BadInput, SolverFailure
+from homofact.files import extras
+from homofact.files.embedded import embedded
 from homofact.files.words import harmless
 from homofact.version import __version__
 
@@ -69,6 +71,8 @@ _COMMANDS = (
 for _panel, _command in _COMMANDS:
     app.command(_command.__name__, rich_help_panel=_panel)(_command)
 
+# Options before a file that is read.
+_READ = {"-c", "--config", "--environment", "--mesh", "--source", "--svbrdf"}
 # What the machine refuses is for the user to mend, as bad input is.
 _REFUSALS = {
     errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR,
@@ -102,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if not arguments:
             sys.stdout.write(GREETING)
             return 0
-        with command.make_context("homofact", arguments) as context:
+        with command.make_context("homofact", _with_embedded(arguments)) as context:
             command.invoke(context)
         sys.stdout.flush()
         return 0
@@ -120,6 +124,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _drop_stdout()
         return 141
     except Exception as error:
+        lacking = extras.lacking(error) if isinstance(error, ImportError) else None
+        if lacking is not None:
+            return _refuse(str(lacking))
         if isinstance(error, OSError) and error.errno in _REFUSALS:
             if error.filename is None:
                 _drop_stdout()
@@ -130,6 +137,22 @@ def main(argv: Sequence[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 1
+
+
+def _with_embedded(arguments: list[str]) -> list[str]:
+    """The command line with the places of files that come with homofact (`files.embedded`), and a line on each.
+
+    What may be written to is left as it is: values of other options, and all words of `convert`.
+    """
+    made = list(arguments)
+    for number, word in enumerate(arguments[1:], 1):
+        before = arguments[number - 1]
+        place = None if before.startswith("-") and before not in _READ else embedded(word)
+        if place is not None and arguments[0] != "convert":
+            made[number] = str(place)
+            if not {"-q", "--quiet"} & set(arguments):
+                print(f"homofact: {harmless(word)} is not in this folder: taken from {place}", file=sys.stderr)
+    return made
 
 
 def _drop_stdout() -> None:

@@ -1,13 +1,17 @@
 """The tables of the commands, made to be read in 80 columns: costs and errors stacked, not side by side."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from homofact.evaluate.wording import figure, shapes
+from homofact.evaluate.units import unit_of
+from homofact.evaluate.wording import counted, figure, shapes
+
+if TYPE_CHECKING:
+    from homofact.evaluate.means import MeanRow
 
 METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")
 
@@ -105,6 +109,25 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
             table.add_row(name, *(figure(values[label][name]) for label in labels[first : first + 5]))
         tables.append(table)
     return tables
+
+
+def mean_table(rows: "Sequence[MeanRow]") -> Table:
+    """Means over sources and seeds by method and bytes: a line a metric, mean ± standard deviation."""
+    fits = max(row.fits for row in rows)
+    table = _table(f"Mean ± standard deviation by method and bytes, over {counted(fits, 'fit')} each where not fewer")
+    for name in ("", "bytes", "fits", "metric", "mean", "±"):
+        _column(table, name, left=name in ("", "metric"))
+    for row in rows:
+        about = [Text(row.method), str(row.nbytes), str(row.fits)]
+        for name, spread in row.spreads.items():
+            unit = unit_of(name)
+            numbers = (
+                ("–", "") if spread is None else (figure(spread.mean), _deviation(spread.record()).removeprefix("± "))
+            )
+            table.add_row(*about, f"{name}, {unit}" if unit else name, *numbers)
+            about = ["", "", ""]
+        table.add_section()
+    return table
 
 
 def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | None) -> Table:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 
 from homofact.containers.pixels import finite_pixels, whole_shape
 from homofact.errors import BadInput
+from homofact.files import extras
 from homofact.files.atomic import replace_file
 from homofact.files.reading import read_bytes
 from homofact.files.words import harmless
@@ -66,6 +66,7 @@ def write_channels(path: str | os.PathLike[str], stored: np.ndarray, names: Sequ
 
     Raises BadInput where the place cannot be written.
     """
+    OpenEXR = extras.library("OpenEXR", f"{path}")
     planes = {name: np.ascontiguousarray(stored[..., c]) for c, name in enumerate(names)}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "comments": comment}
 
@@ -91,6 +92,7 @@ def decode_exr(data: bytes, name: str) -> dict[str, np.ndarray]:
 
     Raises BadInput for a file that cannot be decoded; `name` is for messages.
     """
+    OpenEXR = extras.library("OpenEXR", name)
     try:
         # The library announces a damaged part on stdout, which belongs to the commands' output.
         with contextlib.redirect_stdout(io.StringIO()):

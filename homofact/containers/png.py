@@ -9,16 +9,16 @@ import struct
 import zlib
 
 import numpy as np
-import png
 
 from homofact.containers.pixels import whole_shape
 from homofact.errors import BadInput
+from homofact.files import extras
 from homofact.files.atomic import replace_file
 from homofact.files.reading import read_bytes
 
 _CHANNELS = (1, 3, 4)
 # What pypng lets through of damaged files beside its own error: AttributeError where the header is missing.
-_BROKEN = (png.Error, zlib.error, struct.error, ValueError, EOFError, AttributeError)
+_BROKEN = (zlib.error, struct.error, ValueError, EOFError, AttributeError)
 
 
 def write_png(path: str | os.PathLike[str], stored: np.ndarray) -> None:
@@ -29,6 +29,7 @@ def write_png(path: str | os.PathLike[str], stored: np.ndarray) -> None:
     whole_shape(path, stored, _CHANNELS)
     if stored.dtype not in (np.uint8, np.uint16):
         raise BadInput(f"{path}: found values of type {stored.dtype}, expected uint8 or uint16")
+    png = extras.library("png", f"{path}")
     rows, columns, channels = stored.shape
     bits = 8 * stored.dtype.itemsize
     writer = png.Writer(columns, rows, greyscale=channels == 1, alpha=channels == 4, bitdepth=bits, compression=9)
@@ -47,10 +48,11 @@ def read_png(path: str | os.PathLike[str]) -> np.ndarray:
     Raises BadInput for a file that cannot be read or is no such PNG.
     """
     data = read_bytes(path, "a PNG file")
+    png = extras.library("png", f"{path}")
     try:
         columns, rows, lines, facts = png.Reader(bytes=data).read()
         values = [np.asarray(line) for line in lines]
-    except _BROKEN as error:
+    except (png.Error, *_BROKEN) as error:
         raise BadInput(f"{path}: not a readable PNG ({' '.join(str(error).split())}), expected a whole one") from error
     bits, channels = facts["bitdepth"], facts["planes"]
     if bits not in (8, 16) or channels not in _CHANNELS or "palette" in facts:

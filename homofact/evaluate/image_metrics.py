@@ -9,7 +9,6 @@ by construction, would flatter every fit.
 All but PSNR want a library, which is an extra; what is missing is said by `MissingDependency`.
 """
 
-import importlib
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -18,12 +17,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.errors import BadInput, MissingDependency
+from homofact.errors import BadInput
+from homofact.files import extras
 
 # Luminance of white, in cd/m², for the metric that wants an absolute one.
 WHITE_LUMINANCE = 100.0
 PIXELS_PER_DEGREE = 67.0
-_EXTRA = "pip install 'homofact[metrics]'"
 
 
 def psnr(source: Tensor, fit: Tensor, mask: Tensor) -> float:
@@ -108,10 +107,7 @@ def check_libraries(names: Sequence[str]) -> None:
 
 
 def _library(package: str) -> Any:
-    try:
-        return importlib.import_module(_MODULES[package])
-    except ImportError as error:
-        raise MissingDependency(f"metrics: {package} is not installed, expected it: {_EXTRA}") from error
+    return extras.library(_MODULES[package], "metrics")
 
 
 def _checked(source: Tensor, fit: Tensor, mask: Tensor) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -44,7 +44,7 @@ def texels_per_radian(fitted: Fitted) -> float:
     found = 0.0
     for lookup in fitted.evaluation.lookups:
         x = axes_of(lookup.axes, wi, wo, lookup.scales, lookup.warp)
-        uv = x @ lookup.matrix.to(x).T
+        uv = x @ torch.from_numpy(lookup.matrix).to(x).T
         rows, columns = fitted.textures[lookup.texture].size
         moved = (uv[1] - uv[0]).abs() / _STEP
         found = max(found, float(moved[0]) * (columns - 1) / 2, float(moved[1]) * (rows - 1) / 2)

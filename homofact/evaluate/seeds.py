@@ -133,6 +133,25 @@ def fit_seeds(
     return SeedRows(tuple(rows))
 
 
+def asked_seeds(first: int, text: str) -> tuple[int, ...]:
+    """The seeds that "3" (so many from `first` on) or "0,1,2" (these) asks for.
+
+    Raises BadInput for anything else, none, and one that stands twice.
+    """
+    words = [word.strip() for word in text.split(",")]
+    listed = "," in text
+    words = words[:-1] if listed and not words[-1] else words
+    # Digits alone, of which int would also take other alphabets'.
+    if not all(word.isascii() and word.isdigit() and len(word) < 20 for word in words):
+        raise BadInput(f"seeds: found {text!r}, expected how many (3), or the seeds themselves with commas (0,1,2)")
+    numbers = tuple(map(int, words))
+    if not listed:
+        return seeds_from(first, numbers[0])
+    if max(numbers) >= 2**63 or len(set(numbers)) < len(numbers):
+        raise BadInput(f"seeds: found {text!r}, expected different seeds below 2^63")
+    return numbers
+
+
 def seeds_from(first: int, count: int) -> tuple[int, ...]:
     """`count` seeds from `first` on. Raises BadInput for none."""
     if count < 1:

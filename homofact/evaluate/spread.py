@@ -1,5 +1,6 @@
 """How far a number of several fits lies apart: mean, least, greatest, standard deviation."""
 
+import math
 import statistics
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,7 +8,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Spread:
-    """Of `count` numbers; `deviation` is the standard deviation (of a sample, n − 1), None for a single number."""
+    """Of `count` numbers; `deviation` is the standard deviation (of a sample, n − 1), None for a single number
+    and where one is not finite."""
 
     count: int
     mean: float
@@ -19,7 +21,8 @@ class Spread:
     def of(cls, numbers: Iterable[float]) -> "Spread":
         """The spread of at least one number."""
         found = [float(number) for number in numbers]
-        deviation = statistics.stdev(found) if len(found) > 1 else None
+        # An infinite PSNR has no deviation.
+        deviation = statistics.stdev(found) if len(found) > 1 and all(map(math.isfinite, found)) else None
         return cls(len(found), statistics.fmean(found), min(found), max(found), deviation)
 
     def record(self) -> dict[str, float | None]:

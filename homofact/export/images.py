@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from PIL import Image, PngImagePlugin
 from torch import Tensor
 
 from homofact.containers.exr import exr_channel_names, write_exr
 from homofact.errors import BadInput
 from homofact.factor.fitted import Fitted, Texture
+from homofact.files import extras
 from homofact.files.atomic import replace_file
 
 SIDE = 256
@@ -33,6 +33,8 @@ OUTSIDE = (255, 213, 0)
 HATCH = (176, 132, 0)
 # A texture that varies by less than a factor e looks as flat as it is.
 _LEAST_RANGE = 1.0
+# What each kind of file is written by, for `extras.left_out`.
+LIBRARIES = {"textures as EXR": "OpenEXR", "textures as PNG": "PIL"}
 _WHAT = {"log": "logarithm p", "factor": "factor of a product, linear"}
 
 
@@ -53,9 +55,10 @@ def write_deviation_exr(path: str | os.PathLike[str], texture: Texture, channels
 def write_texture_png(path: str | os.PathLike[str], texture: Texture, channels: Sequence[str]) -> None:
     """One texture for the eye, as the module's head says. Raises BadInput for an unwritable place."""
     pixels, description = texture_picture(texture, channels)
+    PngImagePlugin = extras.library("PIL.PngImagePlugin", f"{path}")
     text = PngImagePlugin.PngInfo()
     text.add_text("Description", description)
-    picture = Image.fromarray(pixels)
+    picture = extras.library("PIL.Image", f"{path}").fromarray(pixels)
     replace_file(path, lambda beside: picture.save(beside, format="PNG", pnginfo=text))
 
 
@@ -99,14 +102,17 @@ def _absolute(texture: Texture, channels: Sequence[str]) -> tuple[Tensor, str]:
 def write_textures(folder: Path, fitted: Fitted) -> list[dict[str, str]]:
     """NAME.exr and NAME.png of every texture into `folder`; the names of each texture's files.
 
-    A fit with confidence leaves NAME_deviation.exr beside them.
+    A fit with confidence leaves NAME_deviation.exr beside them. What has no library here is left out (`LIBRARIES`).
     """
     files = []
+    exr, png = (extras.installed(each) for each in LIBRARIES.values())
     for texture in fitted.textures:
-        names = {kind: f"{texture.name}.{kind}" for kind in ("exr", "png")}
-        write_texture_exr(folder / names["exr"], texture, fitted.channels)
-        write_texture_png(folder / names["png"], texture, fitted.channels)
-        if texture.deviation is not None:
+        names = {kind: f"{texture.name}.{kind}" for kind, there in (("exr", exr), ("png", png)) if there}
+        if exr:
+            write_texture_exr(folder / names["exr"], texture, fitted.channels)
+        if png:
+            write_texture_png(folder / names["png"], texture, fitted.channels)
+        if exr and texture.deviation is not None:
             names["deviation_exr"] = f"{texture.name}_deviation.exr"
             write_deviation_exr(folder / names["deviation_exr"], texture, fitted.channels)
         files.append(names)

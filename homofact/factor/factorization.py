@@ -16,23 +16,15 @@ from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import answering_in_kind
-from homofact.errors import BadInput
-from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
+from homofact.factor.evaluation import Evaluation, Exponential, Indexed, evaluation_of_product
+from homofact.factor.fitted import Grid, Texture, bits
 from homofact.factor.projection import Projection, Warp, describe_projection, layout_of
+from homofact.factor.stored import FORMAT, FORMAT_VERSION, StoredProduct, StoredTerm, names_of_axes
 from homofact.files.archive import write_archive
-from homofact.files.fields import Fields
-from homofact.files.saved import SavedFit
-from homofact.geometry.coordinates import COORDINATES
 from homofact.geometry.directions import above_horizon
 from homofact.geometry.rotation import Rotation
 from homofact.linear.bilinear import lookup
-from homofact.linear.layout import CLAMPED, Axis, TexelLayout
-
-FORMAT = "homofact factorization"
-FORMAT_VERSION = 1
-# What a saved fit may hold at most: more is no fit's.
-MOST_CHANNELS, MOST_TERMS, MOST_LEVELS = 4096, 1000, 65535
-LEAST_MEAN, LEAST_WARP = 1e-30, 1e-9
+from homofact.linear.layout import Axis, TexelLayout
 
 _LETTERS = {
     "wi": "ωi", "wo": "ωo", "theta_i": "θi", "theta_o": "θo", "theta_h": "θh", "theta_d": "θd", "phi_d": "φd",
@@ -150,16 +142,13 @@ class Factorization:
     @property
     def evaluation(self) -> Evaluation:
         """A (exp Σ lookups − ε); a conjugate is a lookup of its own."""
-        lookups = []
-        for k, term in enumerate(self.terms):
-            projection, (rows, columns) = term.projection, term.flat().size
-            system, warp = projection.system, None if projection.warp is None else projection.warp.width
-            words = f"texture {k}: {projection.name} on {projection.coordinates}, {columns} x {rows} texels"
-            for matrix in projection.matrices():
-                lookups.append(Lookup(k, system.axes, system.scales, matrix, warp, words))
-                words = "reciprocity: the directions swapped"
-        ones = (1.0,) * len(self.channels)
-        return Evaluation(tuple(lookups), tuple(Product((k,), ones) for k in range(len(lookups))), self.transform)
+        indexed = []
+        for term in self.terms:
+            projection, warp = term.projection, term.projection.warp
+            matrices = [matrix.detach().cpu().to(torch.float64).numpy() for matrix in projection.matrices()]
+            width = None if warp is None else warp.width
+            indexed.append(Indexed(projection.name, projection.system, matrices, width, term.flat().size))
+        return evaluation_of_product(indexed, exponential(self.transform))
 
     def with_textures(
         self,
@@ -201,14 +190,14 @@ class Factorization:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Factorization":
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
-        saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
-        fields = saved.fields
-        channels = tuple(fields.texts("channels", MOST_CHANNELS))
-        mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
-        transform = LogTransform(fields.number("epsilon", above=0), mean)
-        described = enumerate(fields.inners("terms", MOST_TERMS))
-        terms = tuple(restored_term(entry, saved, j, len(channels)) for j, entry in described)
-        return cls(terms, transform, channels, fields.inner("provenance").found)
+        stored = StoredProduct.load(path)
+        transform = LogTransform(stored.transform.epsilon, torch.from_numpy(stored.transform.mean))
+        return cls(tuple(map(restored_term, stored.terms)), transform, stored.channels, stored.provenance)
+
+
+def exponential(transform: LogTransform) -> Exponential:
+    """ε and A as plain numbers."""
+    return Exponential(transform.epsilon, transform.mean.detach().cpu().to(torch.float64).numpy())
 
 
 def _caption(projection: Projection) -> str:
@@ -243,44 +232,19 @@ def described_term(term: Term) -> dict[str, Any]:
         "reciprocal": projection.reciprocal,
         "name": projection.name,
         "warp": None if projection.warp is None else projection.warp.width,
-        "axes": _kinds(projection),
+        "axes": names_of_axes(projection.axes),
     } | ({} if term.grid is None else {"levels": term.grid.levels})
 
 
-def _kinds(projection: Projection) -> list[str]:
-    """The kinds of a texture's axes, along its rows and along its columns, by name."""
-    return [axis.value for axis in projection.axes]
-
-
-def restored_term(fields: Fields, saved: SavedFit, j: int, channels: int) -> Term:
-    """Term number `j`. Raises BadInput for what no fit could have saved."""
-    name = fields.text("coordinates", COORDINATES)
-    rotation, warp, grid, deviation = None, None, None, None
-    if f"rotation_{j}" in saved:
-        shape = (2, 4) if COORDINATES[name].dimension == 4 else (4,)
-        quaternions = saved.floats(f"rotation_{j}", shape).reshape(-1, 4)
-        if bool(((quaternions.norm(dim=1) - 1).abs() > 1e-3).any()):
-            raise BadInput(f"{saved.path}: rotation_{j} has another length than 1, expected unit quaternions")
-        rotation = Rotation(quaternions)
-    if fields.found.get("warp") is not None:
-        warp = Warp(fields.number("warp", above=LEAST_WARP))
-    matrix = saved.floats(f"matrix_{j}", (2, COORDINATES[name].dimension))
-    reciprocal, called = fields.flag("reciprocal"), fields.text("name")
-    try:
-        projection = Projection(name, matrix, reciprocal, called, rotation, warp)
-        if warp is not None:
-            warp.on(projection.system, torch.zeros(1, projection.system.dimension, dtype=torch.float64))
-    except BadInput as error:
-        raise BadInput(f"{saved.path}: term {j}: {error}") from error
-    kinds = fields.found.get("axes", [axis.value for axis in CLAMPED])
-    if kinds != _kinds(projection):
-        fields.refuse("axes", f"{_kinds(projection)}, which {called} has")
-    texture = saved.floats(f"texture_{j}", (None, None, channels))
-    rows, columns = texture.shape[:2]
-    mask = saved.flags(f"mask_{j}", (rows, columns))
-    if f"deviation_{j}" in saved:
-        deviation = saved.floats(f"deviation_{j}", (rows, columns, channels), least=0)
-    if f"grid_{j}" in saved:
-        low, step = saved.floats(f"grid_{j}", (2, channels))
-        grid = Grid(low, step, fields.whole("levels", 1, MOST_LEVELS))
-    return Term(projection, texture, mask, deviation, grid)
+def restored_term(stored: StoredTerm) -> Term:
+    """The term of arrays as tensors."""
+    rotation = None if stored.quaternions is None else Rotation(torch.from_numpy(stored.quaternions))
+    warp = None if stored.warp is None else Warp(stored.warp)
+    matrix = torch.from_numpy(stored.matrix)
+    projection = Projection(stored.coordinates, matrix, stored.reciprocal, stored.name, rotation, warp)
+    deviation = None if stored.deviation is None else torch.from_numpy(stored.deviation)
+    grid = None
+    if stored.grid is not None:
+        low, step = torch.from_numpy(stored.grid)
+        grid = Grid(low, step, stored.levels)
+    return Term(projection, torch.from_numpy(stored.texture), torch.from_numpy(stored.mask), deviation, grid)

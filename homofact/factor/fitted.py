@@ -1,7 +1,6 @@
 """What every fit ends in, whatever its method: a reflectance whose parts can be looked at, stored, exported, read back.
 
-A fit says as plain data how it is evaluated (`Evaluation`): which textures are read at which places, and how the values
-combine. Shaders, compiled code and renderers are made from that (`shading.program`) and need not know the fit's kind.
+A fit says as plain data how it is evaluated (`factor.evaluation`).
 """
 
 import os
@@ -13,10 +12,7 @@ from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
-from homofact.geometry.coordinates import Scales
-
-# The axes that do not change when both directions are turned about the normal.
-_ISOTROPIC = {"theta_i", "theta_o", "theta_h", "theta_d", "phi_d", "delta_phi", "tilt"}
+from homofact.factor.evaluation import Evaluation
 
 
 @dataclass(frozen=True)
@@ -49,47 +45,6 @@ class Texture:
     def size(self) -> tuple[int, int]:
         """(rows, columns)."""
         return int(self.texels.shape[0]), int(self.texels.shape[1])
-
-
-@dataclass(frozen=True)
-class Lookup:
-    """One fetch: texture number `texture` at (u, v) = `matrix` x in [−1, 1]².
-
-    x (k,) are the `axes` (`geometry.axes`), each factor · raw + offset of `scales`, stretched by a warp of the width
-    `warp` where there is one. `words` say so in a comment.
-    """
-
-    texture: int
-    axes: tuple[str, ...]
-    scales: Scales
-    matrix: Tensor
-    warp: float | None
-    words: str
-
-
-@dataclass(frozen=True)
-class Product:
-    """The product of the values of some `lookups`, by number, times `signs`, ±1 a channel."""
-
-    lookups: tuple[int, ...]
-    signs: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """f as plain data: with s the sum of the products, max(0, s), or A max(0, exp(s) − ε) with a `transform`.
-
-    Both are 0 where a direction is under the horizon.
-    """
-
-    lookups: tuple[Lookup, ...]
-    products: tuple[Product, ...]
-    transform: LogTransform | None
-
-    @property
-    def isotropic(self) -> bool:
-        """Whether no texture's coordinates change when both directions are turned about the normal."""
-        return all(set(lookup.axes) <= _ISOTROPIC for lookup in self.lookups)
 
 
 class Fitted(Reflectance, Protocol):

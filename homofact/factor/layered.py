@@ -13,16 +13,9 @@ from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
-from homofact.factor.factorization import (
-    LEAST_MEAN,
-    MOST_CHANNELS,
-    MOST_TERMS,
-    Factorization,
-    Term,
-    described_term,
-    restored_term,
-    term_arrays,
-)
+from homofact.factor.evaluation import Exponential
+from homofact.factor.factorization import Factorization, Term, described_term, exponential, restored_term, term_arrays
+from homofact.factor.stored import LEAST_MEAN, MOST_CHANNELS, MOST_TERMS, stored_term
 from homofact.files.archive import write_archive
 from homofact.files.saved import SavedFit
 
@@ -54,9 +47,9 @@ class Layered:
         return sum(layer.nbytes for layer in self.layers)
 
     @property
-    def transforms(self) -> tuple[LogTransform, ...]:
+    def transforms(self) -> tuple[Exponential, ...]:
         """ε and A of every layer."""
-        return tuple(layer.transform for layer in self.layers)
+        return tuple(exponential(layer.transform) for layer in self.layers)
 
     def evaluate(self, wi: Tensor, wo: Tensor, labels: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹ of pairs (N, 3), each of the layer that its label (N,) names.
@@ -94,9 +87,9 @@ class Layered:
         fields = saved.fields
         channels = tuple(fields.texts("channels", MOST_CHANNELS))
         described = fields.inners("layers", MOST_LAYERS)
-        mean = saved.floats("mean", (len(described), len(channels)), least=LEAST_MEAN)
+        mean = torch.from_numpy(saved.floats("mean", (len(described), len(channels)), least=LEAST_MEAN))
         terms = [
-            _apart(restored_term(entry, saved, j, len(channels)), len(described), saved.path)
+            _apart(restored_term(stored_term(entry, saved, j, len(channels))), len(described), saved.path)
             for j, entry in enumerate(fields.inners("terms", MOST_TERMS))
         ]
         layers = [

@@ -22,6 +22,7 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.factor.names import BOUNDS, FIXED_AXES
+from homofact.factor.rows import axes_of_rows, check_rows, lookup_matrices
 from homofact.geometry.coordinates import CoordinateSystem, coordinate_system
 from homofact.geometry.rotation import Rotation
 from homofact.linear.layout import Axes, Axis, Shape, TexelLayout
@@ -85,30 +86,16 @@ class Projection:
 
     def __post_init__(self) -> None:
         """Refuse a matrix that does not fit the coordinates or is not finite."""
-        expected = (2, self.system.dimension)
-        if tuple(self.matrix.shape) != expected:
-            raise BadInput(f"projection: matrix has shape {tuple(self.matrix.shape)}, expected {expected}")
-        if not bool(torch.isfinite(self.matrix).all()):
-            raise BadInput("projection: matrix has entries that are not finite, expected finite numbers")
-        for name in self.system.periodic:
-            column = self.system.axes.index(name)
-            rows = self.matrix[self.matrix[:, column] != 0]
-            if bool((rows[:, column].abs() != 1).any()) or bool(((rows != 0).sum(1) != 1).any()):
-                raise BadInput(f"projection: the matrix mixes or scales {name}, which is periodic, expected it alone")
+        check_rows(self._rows, self.system)
 
     @property
     def axes(self) -> Axes:
         """The kinds of the texture's axes (rows, columns): `linear.layout`."""
-        system = self.system
-        read = [system.axes[int(row.abs().argmax())] if bool((row != 0).any()) else "" for row in self.matrix]
-        around = any(name in system.periodic for name in read)
-        first = [
-            Axis.PERIODIC if name in system.periodic
-            else Axis.POLAR if around and name == system.pole and float(row.sum()) > 0
-            else Axis.CLAMPED
-            for name, row in zip(read, self.matrix, strict=True)
-        ]  # fmt: skip
-        return first[1], first[0]
+        return axes_of_rows(self._rows, self.system)
+
+    @property
+    def _rows(self) -> np.ndarray:
+        return self.matrix.detach().cpu().numpy()
 
     @property
     def system(self) -> CoordinateSystem:
@@ -150,17 +137,9 @@ class Projection:
         return tuple(x @ matrix.to(x).T for matrix in self.matrices())
 
     def matrices(self) -> tuple[Tensor, ...]:
-        """The matrix of every lookup: P alone, or P and its conjugate P S.
-
-        A fixed projection that is its own conjugate is looked up once. A searched one moves, and counts twice
-        even where it happens to be.
-        """
-        swap = swap_of(self.system).to(self.matrix)
-        swapped = self.matrix @ swap
-        fixed = self.rotation is None or torch.equal(swap, torch.diag(torch.ones_like(swap[0])))
-        if not self.reciprocal or (fixed and torch.equal(swapped, self.matrix)):
-            return (self.matrix,)
-        return (self.matrix, swapped)
+        """The matrix of every lookup: P alone, or P and its conjugate P S (`rows.lookup_matrices`)."""
+        found = lookup_matrices(self._rows, self.system, self.reciprocal, self.rotation is not None)
+        return self.matrix, *(torch.from_numpy(each).to(self.matrix) for each in found[1:])
 
     @property
     def lookups(self) -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from homofact.errors import BadInput
+from homofact.files.embedded import located
 
 _DEEPEST, _MOST_DIGITS, _LARGEST_TOML = 100, 20, 1_000_000
 
@@ -43,7 +44,7 @@ def check_readable(path: str | os.PathLike[str], expected: str) -> None:
 def _opened(target: Path) -> BinaryIO:
     """The file, open. Raises OSError, for what is no file too: a pipe would wait for ever, a device never end."""
     # Without waiting for a pipe's other end.
-    handle = os.open(target, os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0))
+    handle = os.open(located(target), os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0))
     if stat.S_ISREG(os.fstat(handle).st_mode):
         return os.fdopen(handle, "rb")
     folder = stat.S_ISDIR(os.fstat(handle).st_mode)

@@ -7,8 +7,6 @@ import os
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.files.archive import read_archive
@@ -39,7 +37,7 @@ class SavedFit:
         """Whether the file has an array of this name."""
         return name in self._arrays
 
-    def floats(self, name: str, shape: tuple[int | None, ...], least: float = -MOST_VALUE) -> Tensor:
+    def floats(self, name: str, shape: tuple[int | None, ...], least: float = -MOST_VALUE) -> np.ndarray:
         """A float64 array of this shape (None: any from 1 on), its numbers from `least` to `MOST_VALUE`."""
         array = self._shaped(name, shape, "f")
         # A copy in this machine's order of bytes, and without a signalling NaN's warning.
@@ -49,13 +47,13 @@ class SavedFit:
         if not sound.all():
             found = float(values[~sound].reshape(-1)[0])
             raise BadInput(f"{self.path}: {name} holds {found:g}, expected numbers from {least:g} to {MOST_VALUE:g}")
-        return torch.from_numpy(values)
+        return values
 
-    def flags(self, name: str, shape: tuple[int | None, ...]) -> Tensor:
+    def flags(self, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
         """An array of booleans of this shape."""
         array = self._shaped(name, shape, "b")
         # Any byte but 0 counts as True, but not alike everywhere.
-        return torch.from_numpy(array.view(np.uint8) != 0)
+        return array.view(np.uint8) != 0
 
     def _shaped(self, name: str, shape: tuple[int | None, ...], kind: str) -> np.ndarray:
         array = self._arrays.get(name)

@@ -24,21 +24,22 @@ is, but not mixed with another axis, for a mix would jump there; so this system 
 ωi and ωo leaves h alone. At θh = 0 φh is undefined (0 is given) and all of its values are one place, the pole.
 
 Axes of one name are the same function in all systems.
+
+torch is loaded where tensors are asked for: `homofact.runtime` reads the definitions without it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import torch
-from torch import Tensor
+import numpy as np
 
 from homofact.errors import BadInput
 from homofact.geometry.axes import coordinates_of, stretched
 from homofact.geometry.expression import Expression, Let, variable
-from homofact.geometry.interpret import TORCH, interpret, value_of
+from homofact.geometry.interpret import NUMPY, interpret, value_of
 from homofact.geometry.names import (
     HALF_ANGLES,
     HALF_DIFF,
@@ -48,6 +49,10 @@ from homofact.geometry.names import (
     ISOTROPIC_HALF_TILT,
     ISOTROPIC_IN_OUT,
 )
+from homofact.geometry.namespace import namespace
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 Scales = tuple[tuple[float, float], ...]
 
@@ -80,24 +85,24 @@ class CoordinateSystem:
         """How many of the first axes are the half vector's radius, which a warp stretches; 0 where there is none."""
         return {"u_h": 2, "theta_h": 1}.get(self.axes[0], 0)
 
-    def evaluate(self, wi: Tensor, wo: Tensor, warp: float | None = None) -> Tensor:
+    def evaluate(self, wi: "Tensor", wo: "Tensor", warp: float | None = None) -> "Tensor":
         """Coordinates (..., k) of unit vectors (..., 3), the half vector's part stretched by a `warp` of that width.
 
         Raises BadInput for a warp where there is no half vector.
         """
         return axes_of(self.axes, wi, wo, self.scales, warp)
 
-    def stretch(self, x: Tensor, width: float) -> Tensor:
+    def stretch(self, x: "Tensor", width: float) -> "Tensor":
         """Coordinates (..., k) without a warp with their half-vector part stretched. Raises BadInput as `evaluate`."""
-        count = half_axes(self.axes)
-        columns = x.unbind(-1)
+        count, functions = half_axes(self.axes), _functions(x)
+        columns = [x[..., k] for k in range(x.shape[-1])]
         raw = zip(self.axes[:count], columns, self.scales, strict=False)
         values = {axis: [(column - offset) / factor] for axis, column, (factor, offset) in raw}
         named = tuple(variable(axis, 1) for axis in self.axes)
         statements, axes, scales = warped(self.axes, named, self.scales, width, "warped")
-        interpret(statements, values, TORCH)
-        made = [_scaled(axis, scale, values) for axis, scale in zip(axes[:count], scales, strict=False)]
-        return torch.stack((*made, *columns[count:]), -1)
+        interpret(statements, values, functions)
+        made = [_scaled(axis, scale, values, functions) for axis, scale in zip(axes[:count], scales, strict=False)]
+        return namespace(x).stack((*made, *columns[count:]), -1)
 
 
 _EXCHANGE = ((0, 0, 1, 0), (0, 0, 0, 1), (1, 0, 0, 0), (0, 1, 0, 0))
@@ -169,6 +174,14 @@ def half_axes(axes: Sequence[str]) -> int:
     return {"u_h": 2, "theta_h": 1}.get(axes[0], 0)
 
 
+def check_half_axes(axes: Sequence[str]) -> int:
+    """`half_axes`, where there are any. Raises BadInput where there are none, and nothing for a warp to stretch."""
+    count = half_axes(axes)
+    if count == 0:
+        raise BadInput(f"warp: found the coordinates {', '.join(axes)}, expected some with a half vector")
+    return count
+
+
 def warped(
     names: Sequence[str], axes: Sequence[Expression], scales: Scales, width: float, name: str
 ) -> tuple[list[Let], list[Expression], Scales]:
@@ -177,9 +190,7 @@ def warped(
     `names` are those of the raw `axes`; `name` begins those of the statements. Raises BadInput where there is no half
     vector.
     """
-    count = half_axes(names)
-    if count == 0:
-        raise BadInput(f"warp: found the coordinates {', '.join(names)}, expected some with a half vector")
+    count = check_half_axes(names)
     statements, half, whole = stretched(name, list(axes[:count]), width)
     # Parabolic h keeps its direction; the angle's share of π/2 becomes a coordinate in [−1, 1].
     new = ((whole, 0.0),) * 2 if count == 2 else ((2 * whole, -1.0),)
@@ -187,13 +198,15 @@ def warped(
 
 
 def axes_of(
-    names: Sequence[str], wi: Tensor, wo: Tensor, scales: Scales | None = None, warp: float | None = None
-) -> Tensor:
-    """Axes by name (..., k) of unit vectors (..., 3), raw or scaled. Raises BadInput as `warped`."""
+    names: Sequence[str], wi: "Tensor", wo: "Tensor", scales: Scales | None = None, warp: float | None = None
+) -> "Tensor":
+    """Axes by name (..., k) of unit vectors (..., 3), raw or scaled, tensors or arrays. Raises BadInput as `warped`."""
+    functions = _functions(wi)
     statements, axes, factors = _program(tuple(names), scales, warp)
-    values = {"wi": list(wi.unbind(-1)), "wo": list(wo.unbind(-1))}
-    interpret(statements, values, TORCH)
-    return torch.stack([_scaled(axis, scale, values) for axis, scale in zip(axes, factors, strict=True)], -1)
+    values = {name: [w[..., k] for k in range(3)] for name, w in (("wi", wi), ("wo", wo))}
+    interpret(statements, values, functions)
+    made = [_scaled(axis, scale, values, functions) for axis, scale in zip(axes, factors, strict=True)]
+    return namespace(wi).stack(made, -1)
 
 
 @lru_cache(maxsize=256)
@@ -209,12 +222,20 @@ def _program(
     return statements + further, axes, scales
 
 
-def _scaled(axis: Expression, scale: tuple[float, float], values: dict[str, Any]) -> Tensor:
-    found, (factor, offset) = value_of(axis, values, TORCH)[0], scale
+def _functions(array: Any) -> Mapping[str, Callable[..., Any]]:
+    if namespace(array) is np:
+        return NUMPY
+    from homofact.geometry.torch_functions import TORCH
+
+    return TORCH
+
+
+def _scaled(axis: Expression, scale: tuple[float, float], values: dict[str, Any], functions: Mapping[str, Any]) -> Any:
+    found, (factor, offset) = value_of(axis, values, functions)[0], scale
     return found if (factor, offset) == (1, 0) else found * factor + offset
 
 
-def rusinkiewicz_angles(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def rusinkiewicz_angles(wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor, Tensor]":
     """θh, θd, φd in radians (Rusinkiewicz 1998), φd folded to [0, π/2].
 
     φd is the azimuth of ωi about h, from the plane of n and h; the fold leaves only the sizes of its components across

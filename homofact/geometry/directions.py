@@ -8,15 +8,13 @@ components last, in the dtype and on the device of its input.
 import torch
 from torch import Tensor
 
+from homofact.geometry.namespace import normalized
 from homofact.geometry.parabolic import from_disc
 
 
 def normalize(v: Tensor) -> Tensor:
     """`v` (..., 3) scaled to length 1; the zero vector, which has no direction, becomes the normal."""
-    length = v.norm(dim=-1, keepdim=True)
-    normal = torch.zeros_like(v)
-    normal[..., 2] = 1
-    return torch.where(length > 0, v / length.clamp_min(torch.finfo(v.dtype).tiny), normal)
+    return normalized(v)
 
 
 def from_spherical(theta: Tensor, phi: Tensor) -> Tensor:

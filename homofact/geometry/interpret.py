@@ -1,14 +1,14 @@
 """Expressions evaluated on arrays: one walk for torch, Dr.Jit or whatever else has these functions.
 
 A value is the list of its components, each an array (or a plain number, for a constant); the walk looks at no array,
-so that it works on any shape, type and device, and can be traced. `TORCH` is the table of functions for tensors.
+so that it works on any shape, type and device, and can be traced. `NUMPY` is the table of functions for arrays; that
+for tensors is in `torch_functions`, since this module loads no torch.
 """
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import torch
-from torch import Tensor
+import numpy as np
 
 from homofact.geometry.expression import INFIX, Expression, Let
 
@@ -68,28 +68,16 @@ def value_of(
     return [function(*(part[k if len(part) > 1 else 0] for part in parts)) for k in range(expression.dimension)]
 
 
-def _max(a: Any, b: Any) -> Tensor:
-    if isinstance(a, Tensor) and isinstance(b, Tensor):
-        return torch.maximum(a, b)
-    return a.clamp_min(b) if isinstance(a, Tensor) else b.clamp_min(a)
-
-
-def _min(a: Any, b: Any) -> Tensor:
-    if isinstance(a, Tensor) and isinstance(b, Tensor):
-        return torch.minimum(a, b)
-    return a.clamp_max(b) if isinstance(a, Tensor) else b.clamp_max(a)
-
-
-TORCH: dict[str, Callable[..., Tensor]] = {
-    "sqrt": torch.sqrt,
-    "abs": torch.abs,
-    "exp": torch.exp,
-    "log": torch.log,
-    "asinh": torch.asinh,
-    "atan2": torch.atan2,
-    "floor": torch.floor,
-    "fract": lambda x: x - torch.floor(x),
-    "max": _max,
-    "min": _min,
-    "step": lambda edge, x: (x >= edge).to(x.dtype),
+NUMPY: dict[str, Callable[..., Any]] = {
+    "sqrt": np.sqrt,
+    "abs": np.abs,
+    "exp": np.exp,
+    "log": np.log,
+    "asinh": np.arcsinh,
+    "atan2": np.arctan2,
+    "floor": np.floor,
+    "fract": lambda x: x - np.floor(x),
+    "max": np.maximum,
+    "min": np.minimum,
+    "step": lambda edge, x: (x >= edge).astype(x.dtype),
 }

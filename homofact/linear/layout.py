@@ -8,27 +8,13 @@ clamped, and its first texel is a pole: all texels of the other axis are one pla
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property
 from itertools import accumulate
 
 import torch
 from torch import Tensor
 
-Shape = tuple[int, int]
-
-
-class Axis(Enum):
-    """The kind of one axis of a texture: the module's head."""
-
-    CLAMPED = "clamped"
-    PERIODIC = "periodic"
-    POLAR = "polar"
-
-
-# (along rows, along columns), in the order of a shape: the first is the axis on which the row number runs.
-Axes = tuple[Axis, Axis]
-CLAMPED: Axes = (Axis.CLAMPED, Axis.CLAMPED)
+from homofact.linear.names import CLAMPED, Axes, Axis, Shape
 
 
 def texel_centres(count: int, axis: Axis) -> Tensor:

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from plyfile import PlyData, PlyParseError
 
 from homofact.errors import BadInput
+from homofact.files import extras
 
 _INDEX_NAMES = ("vertex_indices", "vertex_index")
 
@@ -94,9 +94,10 @@ def _corner(word: str, points: int, normals: int, where: str) -> tuple[int, int]
 
 def parse_ply(data: bytes, name: str) -> Parsed:
     """Elements vertex and face; others are passed over. Raises BadInput for a file that plyfile refuses."""
+    plyfile = extras.library("plyfile", name)
     try:
-        found = PlyData.read(BytesIO(data))
-    except (PlyParseError, ValueError, OverflowError, MemoryError, UnicodeDecodeError) as error:
+        found = plyfile.PlyData.read(BytesIO(data))
+    except (plyfile.PlyParseError, ValueError, OverflowError, MemoryError, UnicodeDecodeError) as error:
         raise BadInput(f"{name}: not a readable PLY ({' '.join(str(error).split())}), expected a whole one") from error
     if "vertex" not in found:
         raise BadInput(f"{name}: no element vertex, expected one with x, y and z")
@@ -124,10 +125,7 @@ def parse_gltf(path: Path) -> Parsed:
 
     Raises BadInput for a file that trimesh refuses, without triangles, and where trimesh is not installed.
     """
-    try:
-        import trimesh
-    except ImportError:
-        raise BadInput(f"{path}: reading glTF needs trimesh, pip install 'homofact[relight]'") from None
+    trimesh = extras.library("trimesh", f"{path}: glTF")
     try:
         scene = trimesh.load_scene(path, file_type="glb" if path.read_bytes()[:4] == b"glTF" else "gltf", process=False)
         found = scene.dump(concatenate=False)

@@ -9,6 +9,7 @@ are hundreds of times slower.
 import numpy as np
 
 from homofact.errors import BadInput
+from homofact.files import extras
 
 OFFSET = 1e-4
 _CHUNK = 2**20
@@ -21,11 +22,8 @@ class Occluder:
     """
 
     def __init__(self, positions: np.ndarray, triangles: np.ndarray) -> None:
-        try:
-            from embreex.mesh_construction import TriangleMesh
-            from embreex.rtcore_scene import EmbreeScene
-        except ImportError:
-            raise BadInput("shadows: rays need Embree, pip install 'homofact[relight]' (embreex)") from None
+        TriangleMesh = extras.library("embreex.mesh_construction", "shadows").TriangleMesh
+        EmbreeScene = extras.library("embreex.rtcore_scene", "shadows").EmbreeScene
         if not len(triangles):
             raise BadInput("shadows: found no triangles, expected a mesh")
         # Robust: a ray that runs along an edge or through a vertex must not slip between two triangles.

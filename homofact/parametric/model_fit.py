@@ -13,20 +13,16 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.analytic.common import AnalyticModel
-from homofact.brdf.analytic.ggx import Ggx, GgxLobe
-from homofact.brdf.analytic.spherical_gaussians import Gaussian, SphericalGaussians
-from homofact.brdf.factored import BINS, FactoredBrdf
+from homofact.brdf.analytic.ggx import Ggx
+from homofact.brdf.analytic.spherical_gaussians import SphericalGaussians
+from homofact.brdf.factored import FactoredBrdf
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.neural import LAYERS, NeuralBrdf
+from homofact.brdf.neural import NeuralBrdf
 from homofact.brdf.reflectance import Directions, answering_in_kind
 from homofact.errors import BadInput
-from homofact.factor.factorization import LEAST_MEAN
 from homofact.factor.fitted import Evaluation, Grid, Texture
 from homofact.files.archive import write_archive
-from homofact.files.saved import SavedFit
-
-FORMAT, FORMAT_VERSION = "homofact-model", 1
-MOST_CHANNELS = 64
+from homofact.parametric.stored import FORMAT, FORMAT_VERSION, StoredModel
 
 
 @dataclass(frozen=True)
@@ -109,27 +105,18 @@ class ModelFit:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "ModelFit":
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
-        saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
-        fields = saved.fields
-        channels = tuple(fields.texts("channels", MOST_CHANNELS))
-        kinds = {kind.name: kind for kind in _KINDS.values()}
-        kind = kinds[fields.text("kind", kinds)]
-        transform = LogTransform(fields.number("epsilon", above=0), saved.floats("mean", (len(channels),), LEAST_MEAN))
-        try:
-            model = kind.restored(saved, channels)
-        except BadInput as error:
-            raise BadInput(f"{path}: {error}") from error
-        return cls(model, transform, fields.inner("provenance").found)
+        stored = StoredModel.load(path, torch.from_numpy)
+        transform = LogTransform(stored.transform.epsilon, torch.from_numpy(stored.transform.mean))
+        return cls(stored.model, transform, stored.provenance)
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """How a model is stored: its name in files and for people, its arrays, and the model from those."""
+    """How a model is stored: its name in files and for people, and its arrays; `stored` reads them back."""
 
     name: str
     words: str
     arrays: Callable[[Any], dict[str, Tensor]]
-    restored: Callable[[SavedFit, tuple[str, ...]], AnalyticModel]
 
 
 def _tensor(values: Any) -> Tensor:
@@ -145,15 +132,6 @@ def _ggx_arrays(model: Ggx) -> dict[str, Tensor]:
     }
 
 
-def _ggx(saved: SavedFit, channels: tuple[str, ...]) -> Ggx:
-    specular = saved.floats("specular", (None, len(channels)), least=0)
-    count = (len(specular),)
-    shapes = [saved.floats(name, count).tolist() for name in ("roughness", "reflectance")]
-    lobes = zip(specular.tolist(), *shapes, strict=True)
-    diffuse = tuple(saved.floats("diffuse", (len(channels),), least=0).tolist())
-    return Ggx(diffuse, tuple(GgxLobe(tuple(colour), *rest) for colour, *rest in lobes), channels=channels)
-
-
 def _gaussian_arrays(model: SphericalGaussians) -> dict[str, Tensor]:
     return {
         "diffuse": _tensor(model.diffuse),
@@ -163,32 +141,14 @@ def _gaussian_arrays(model: SphericalGaussians) -> dict[str, Tensor]:
     }
 
 
-def _gaussians(saved: SavedFit, channels: tuple[str, ...]) -> SphericalGaussians:
-    amplitude = saved.floats("amplitude", (None, len(channels)), least=0)
-    sharpness = saved.floats("sharpness", (len(amplitude),)).tolist()
-    gaussians = tuple(Gaussian(tuple(a), s) for a, s in zip(amplitude.tolist(), sharpness, strict=True))
-    diffuse = tuple(saved.floats("diffuse", (len(channels),), least=0).tolist())
-    return SphericalGaussians(diffuse, gaussians, float(saved.floats("reflectance", (1,))), channels=channels)
-
-
 def _network_arrays(model: NeuralBrdf) -> dict[str, Tensor]:
     weights = {f"w{k}": weight for k, weight in enumerate(model.weights)}
     return weights | {f"b{k}": bias for k, bias in enumerate(model.biases)}
 
 
-def _network(saved: SavedFit, channels: tuple[str, ...]) -> NeuralBrdf:
-    w0, w1, w2 = (saved.floats(f"w{k}", shape) for k, shape in enumerate(LAYERS))
-    b0, b1, b2 = (saved.floats(f"b{k}", shape[1:]) for k, shape in enumerate(LAYERS))
-    return NeuralBrdf((w0, w1, w2), (b0, b1, b2), channels=channels)
-
-
-def _factored(saved: SavedFit, channels: tuple[str, ...]) -> FactoredBrdf:
-    return FactoredBrdf(saved.floats("table", (2 + 3 * BINS, len(channels))), channels=channels)
-
-
 _KINDS: dict[type, _Kind] = {
-    Ggx: _Kind("ggx", "a GGX fit", _ggx_arrays, _ggx),
-    SphericalGaussians: _Kind("gaussians", "a fit of spherical Gaussians", _gaussian_arrays, _gaussians),
-    NeuralBrdf: _Kind("network", "a network", _network_arrays, _network),
-    FactoredBrdf: _Kind("factored", "a factored table", lambda model: {"table": model.table}, _factored),
+    Ggx: _Kind("ggx", "a GGX fit", _ggx_arrays),
+    SphericalGaussians: _Kind("gaussians", "a fit of spherical Gaussians", _gaussian_arrays),
+    NeuralBrdf: _Kind("network", "a network", _network_arrays),
+    FactoredBrdf: _Kind("factored", "a factored table", lambda model: {"table": model.table}),
 }

@@ -30,6 +30,7 @@ import numpy as np
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput, MissingDependency
 from homofact.factor.fitted import Fitted
+from homofact.files import extras
 from homofact.files.archive import saved_file
 from homofact.methods.saved import open_saved
 from homofact.render.lobe_sampling import SCALE, SIGMA, lobe_sampling
@@ -106,12 +107,7 @@ def open_fit(place: str | os.PathLike[str]) -> Fitted:
 
 
 def _mitsuba() -> Any:
-    try:
-        return import_module("mitsuba")
-    except ImportError as error:
-        raise MissingDependency(
-            f"mitsuba: not installed ({error}), expected the extra: pip install 'homofact[mitsuba]'"
-        ) from error
+    return extras.library("mitsuba", "mitsuba")
 
 
 def bsdf_class() -> Any:

@@ -16,6 +16,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import open_source
 from homofact.errors import BadInput
 from homofact.export.result import open_result
+from homofact.files.embedded import located
 from homofact.files.kinds import FACTORIZATION
 from homofact.files.tables import limits
 from homofact.meshes.mesh import Mesh, read_mesh
@@ -142,9 +143,9 @@ def _found_mesh(text: str, folder: Path, where: str) -> str:
     if text.startswith(SHAPE_PREFIX):
         _shape(text, where)
         return text
-    if not (folder / text).is_file():
+    if not located(folder / text).is_file():
         raise BadInput(f"{where}: no file {folder / text}, expected a mesh or {SHAPE_PREFIX}NAME")
-    return str(folder / text)
+    return str(located(folder / text))
 
 
 def _found_material(material: str | None, folder: Path, where: str) -> str | None:

@@ -22,13 +22,11 @@ from homofact.errors import BadInput
 from homofact.geometry import parabolic
 from homofact.geometry.axes import map_axes
 from homofact.geometry.coordinates import Scales, axes_of
-from homofact.separable.names import MAP_NAMES
+from homofact.separable.names import MAP_NAMES, MAP_SCALES
 
 # The cosine of a texel's direction at the rim: 84.3°. Nearer to the horizon (.05, .01), the first terms of
 # Ashikhmin-Shirley's matrix go to grazing light, and the cosine-weighted error rises.
 LEAST_COSINE = 0.1
-_PLAIN: Scales = ((1.0, 0.0), (1.0, 0.0))
-_POLAR: Scales = ((1 / math.pi, 0.0), (2.0, -1.0))
 
 
 @dataclass(frozen=True)
@@ -107,9 +105,9 @@ def _from_polar(uv: Tensor) -> Tensor:
 _BY_NAME = {
     each.name: each
     for each in (
-        DirectionMap("parabolic", True, _PLAIN, parabolic.from_disc, lambda z: (1 + z) ** 2),
-        DirectionMap("orthographic", True, _PLAIN, _from_orthographic, lambda z: 1 / z),
-        DirectionMap("polar", False, _POLAR, _from_polar, lambda z: (1 - z).clamp_min(0).sqrt()),
+        DirectionMap("parabolic", True, MAP_SCALES["parabolic"], parabolic.from_disc, lambda z: (1 + z) ** 2),
+        DirectionMap("orthographic", True, MAP_SCALES["orthographic"], _from_orthographic, lambda z: 1 / z),
+        DirectionMap("polar", False, MAP_SCALES["polar"], _from_polar, lambda z: (1 - z).clamp_min(0).sqrt()),
     )
 }
 MAPS = {name: _BY_NAME[name] for name in MAP_NAMES}

@@ -1,6 +1,15 @@
-"""The names of direction maps and decompositions, apart from their formulas, so that checks and help load no torch."""
+"""Direction maps and decompositions by name, apart from their formulas, so that checks and help load no torch."""
+
+import math
 
 MAP_NAMES = ("parabolic", "orthographic", "polar")
+# What makes the two axes of each (`geometry.axes`) coordinates in [−1, 1].
+_PLAIN = ((1.0, 0.0), (1.0, 0.0))
+MAP_SCALES: dict[str, tuple[tuple[float, float], ...]] = {
+    "parabolic": _PLAIN,
+    "orthographic": _PLAIN,
+    "polar": ((1 / math.pi, 0.0), (2.0, -1.0)),
+}
 DECOMPOSITIONS = ("eigen", "svd", "power", "normalized")
 # Those that need the symmetry of a reciprocal in-out matrix.
 SYMMETRIC = ("eigen", "power")

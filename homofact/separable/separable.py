@@ -19,22 +19,17 @@ from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import answering_in_kind
-from homofact.errors import BadInput
-from homofact.factor.factorization import LEAST_MEAN, MOST_CHANNELS, MOST_LEVELS, MOST_TERMS
-from homofact.factor.fitted import Evaluation, Grid, Lookup, Product, Texture, bits
+from homofact.factor.evaluation import Evaluation
+from homofact.factor.fitted import Grid, Texture, bits
 from homofact.files.archive import write_archive
-from homofact.files.saved import SavedFit
 from homofact.geometry.axes import map_axes
 from homofact.geometry.coordinates import axes_of
 from homofact.geometry.directions import above_horizon
 from homofact.linear.bilinear import lookup
-from homofact.separable.maps import MAPS, direction_map
-from homofact.separable.names import SIDES
+from homofact.separable.maps import direction_map
+from homofact.separable.stored import FORMAT, FORMAT_VERSION, LETTERS, StoredPair, StoredSum, evaluation_of_sum
 
-FORMAT = "homofact separable factorization"
-FORMAT_VERSION = 1
-# Letters of the two sides' axes, and what people call them.
-_SIDES = {"in-out": ("i", "o"), "half-diff": ("h", "d")}
+# What people call the letters of the sides' axes.
 _LETTERS = {"i": "ωi", "o": "ωo", "h": "h", "d": "d"}
 
 
@@ -107,12 +102,12 @@ class Separable:
     @property
     def _axes(self) -> tuple[tuple[str, str], ...]:
         """The axes of the first and of the second side."""
-        return tuple(map_axes(self.map, letter) for letter in _SIDES[self.parameterization])
+        return tuple(map_axes(self.map, letter) for letter in LETTERS[self.parameterization])
 
     @property
     def textures(self) -> tuple[Texture, ...]:
         """Of every term its first factor and, where it has one, its second."""
-        sides = [_LETTERS[letter] for letter in _SIDES[self.parameterization]]
+        sides = [_LETTERS[letter] for letter in LETTERS[self.parameterization]]
         found = []
         for k, term in enumerate(self.terms):
             whats = [" and ".join(sides)] if term.second is None else sides
@@ -125,20 +120,9 @@ class Separable:
     @property
     def evaluation(self) -> Evaluation:
         """max(0, Σ signs · first lookup · second lookup)."""
-        scales = direction_map(self.map).scales
         rows, columns = self.read.shape
-        square = torch.eye(2, dtype=torch.float64)
-        lookups, products, texture = [], [], 0
-        for term in self.terms:
-            for j, axes in enumerate(self._axes):
-                letter = _SIDES[self.parameterization][j]
-                what = letter if letter in "hd" else f"w{letter}"
-                words = f"{what} on the {self.map} map, {columns} x {rows} texels"
-                number = texture + (j if term.second is not None else 0)
-                lookups.append(Lookup(number, axes, scales, square, None, words))
-            texture += len(term.textures)
-            products.append(Product((len(lookups) - 2, len(lookups) - 1), tuple(term.signs.tolist())))
-        return Evaluation(tuple(lookups), tuple(products), None)
+        terms = [(tuple(term.signs.tolist()), len(term.textures)) for term in self.terms]
+        return evaluation_of_sum(self.map, self.parameterization, terms, (rows, columns))
 
     def with_textures(
         self,
@@ -208,30 +192,15 @@ class Separable:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Separable":
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
-        saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
-        fields = saved.fields
-        channels = tuple(fields.texts("channels", MOST_CHANNELS))
-        mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
-        transform = LogTransform(fields.number("epsilon", above=0), mean)
-        read = saved.flags("read", (None, None))
-        shared = "second_0" not in saved
-        shape = (*read.shape, len(channels))
-        terms = tuple(_restore(saved, k, shape, shared) for k in range(fields.whole("terms", 1, MOST_TERMS)))
-        name, kind = fields.text("map", MAPS), fields.text("parameterization", SIDES)
-        return cls(terms, name, kind, read, transform, channels, fields.inner("provenance").found)
+        stored = StoredSum.load(path)
+        transform = LogTransform(stored.transform.epsilon, torch.from_numpy(stored.transform.mean))
+        terms = tuple(_restored(term, stored.levels) for term in stored.terms)
+        read = torch.from_numpy(stored.read)
+        return cls(terms, stored.map, stored.parameterization, read, transform, stored.channels, stored.provenance)
 
 
-def _restore(saved: SavedFit, k: int, shape: tuple[int, ...], shared: bool) -> SeparableTerm:
-    """Term number `k`. Raises BadInput for what no fit could have saved."""
-    if shared and f"second_{k}" in saved:
-        raise BadInput(f"{saved.path}: holds second_{k} and no second_0, expected as many textures in every term")
-    signs = saved.floats(f"signs_{k}", shape[2:])
-    if not bool((signs.abs() == 1).all()):
-        raise BadInput(f"{saved.path}: signs_{k} holds other numbers, expected 1 or -1 a channel")
-    factors = [saved.floats(f"{name}_{k}", shape) for name in (("first",) if shared else ("first", "second"))]
-    grids: tuple[Grid, ...] = ()
-    if f"grids_{k}" in saved:
-        levels = saved.fields.whole("levels", 1, MOST_LEVELS)
-        pairs = saved.floats(f"grids_{k}", (len(factors), 2, shape[2]))
-        grids = tuple(Grid(low, step, levels) for low, step in pairs)
-    return SeparableTerm(factors[0], None if shared else factors[1], signs, grids)
+def _restored(stored: StoredPair, levels: int) -> SeparableTerm:
+    second = None if stored.second is None else torch.from_numpy(stored.second)
+    pairs = () if stored.grids is None else torch.from_numpy(stored.grids)
+    grids = tuple(Grid(low, step, levels) for low, step in pairs)
+    return SeparableTerm(torch.from_numpy(stored.first), second, torch.from_numpy(stored.signs), grids)

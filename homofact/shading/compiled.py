@@ -7,20 +7,21 @@ vector instructions. Blocks are shared by all threads.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 from numba import njit, prange
-from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.factor.fitted import Fitted
 from homofact.shading import float_functions
-from homofact.shading.encoding import as_floats
 from homofact.shading.kernel_source import BLOCK, kernel_source, texel_width
 from homofact.shading.program import Program, program_of
 from homofact.shading.vector_code import VECTOR_CODE
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from homofact.factor.fitted import Fitted
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,10 @@ class Compiled:
     _kernel: Any
     _texels: tuple[np.ndarray, ...]
 
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """BRDF values (N, C) in sr⁻¹, without the cosine, 0 under the horizon; float32 values in wi's type."""
+        import torch
+
         values = self.evaluate_array(*(w.detach().cpu().to(torch.float32).numpy() for w in (wi, wo)))
         return torch.from_numpy(values).to(wi)
 
@@ -59,11 +62,13 @@ class Compiled:
         return values
 
 
-def compiled(fitted: Fitted) -> Compiled:
+def compiled(fitted: "Fitted") -> Compiled:
     """A fit ready for fast evaluation; the first evaluation compiles it, in seconds.
 
     Raises BadInput for more than four channels.
     """
+    from homofact.shading.encoding import as_floats
+
     plain = [as_floats(texture.texels) for texture in fitted.textures]
     return compiled_program(program_of(fitted, plain), [texture.stored for texture in plain])
 

@@ -13,58 +13,24 @@ zero is best (a small a is fine at one end, a large one even) depends on the tex
 and the least error inside the mask is kept.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.containers.bc6h import decode_bc6h, encode_bc6h
 from homofact.errors import BadInput
 from homofact.factor.fitted import Grid, Texture
+from homofact.shading.encoded import LEVELS, Encoded, plain
 
-LEVELS = {"unorm8": 255, "unorm16": 65535}
 STORAGES = ("float32", "float16", *LEVELS, "bc6h")
 # The distances a from zero at which BC6H is tried, in ranges of the texture.
 _STARTS = (0.0, 0.125, 0.5)
 
 
-@dataclass(frozen=True)
-class Encoded:
-    """A texture as it goes into a file (`containers.formats`), and how its texels become logarithms.
-
-    `stored` (rows, columns, C) is float32, float16 (BC6H too: what its encoder is given), uint8 or uint16; `scale` and
-    `bias` are (C,) float64.
-    """
-
-    storage: str
-    stored: np.ndarray
-    scale: np.ndarray
-    bias: np.ndarray
-
-    @cached_property
-    def sampled(self) -> np.ndarray:
-        """What a sampler finds at texel centres, whole numbers undivided: `stored`, but for what blocks lose of it."""
-        if self.storage != "bc6h":
-            return self.stored
-        rows, columns, channels = self.stored.shape
-        # As in the file: a single channel stands in all three.
-        blocks = encode_bc6h(np.repeat(self.stored, 3 // channels, 2), "bc6h")
-        return decode_bc6h(blocks, rows, columns, "bc6h")[..., :channels]
-
-    def decoded(self) -> Tensor:
-        """The texels (rows, columns, C) float64 that a sampler gives at texel centres, decoded by the shader."""
-        levels = LEVELS.get(self.storage, 1)
-        return torch.from_numpy(self.sampled.astype(np.float64) / levels * self.scale + self.bias)
-
-
 def as_floats(texture: Tensor) -> Encoded:
     """The texture as float32, which a shader takes as it is."""
-    channels = texture.shape[2]
-    stored = texture.detach().cpu().numpy().astype(np.float32)
-    return Encoded("float32", stored, np.ones(channels), np.zeros(channels))
+    return plain(texture.detach().cpu().numpy())
 
 
 def encode_texture(texture: Texture, storage: str) -> Encoded:

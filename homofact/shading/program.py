@@ -21,15 +21,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 
-from homofact.brdf.log_transform import MOST, LogTransform
+from homofact.brdf.names import MOST
 from homofact.errors import BadInput
-from homofact.factor.fitted import Evaluation, Fitted, Lookup
+from homofact.factor.evaluation import Evaluated, Evaluation, Exponential, Lookup
 from homofact.geometry.axes import Coordinates, coordinates_of, gathered
 from homofact.geometry.coordinates import Scales, warped
 from homofact.geometry.expression import Expression, Let, call, constant, fetch, needed, table, variable, vector
-from homofact.shading.encoding import Encoded
+from homofact.shading.encoded import Encoded
 
 TEXTURES = (
     "wi, wo: unit, to the light and to the viewer, in the surface frame (z normal, x tangent).",
@@ -57,7 +56,7 @@ class Program:
 
 
 def program_of(
-    fitted: Fitted, textures: Sequence[Encoded], cut: bool = False, layers: Sequence[LogTransform] = ()
+    fitted: Evaluated, textures: Sequence[Encoded], cut: bool = False, layers: Sequence[Exponential] = ()
 ) -> Program:
     """The program that reads `textures`, those of the fit, stored as they are.
 
@@ -85,7 +84,7 @@ def program_of(
         total = total if not np.any(bias) else total + _constant(bias)
         comment = "a truncated sum may fall below 0"
     else:
-        mean = transform.mean.cpu().numpy().astype(np.float64)
+        mean = transform.mean
         total = total + _constant(bias + np.log(mean))
         comment = "the sum of logarithms; the constant is log A and the textures' biases"
         if cut or _runs_away(evaluation, textures):
@@ -102,15 +101,14 @@ def program_of(
 
 
 def _of_layers(
-    total: Expression, bias: np.ndarray, layers: Sequence[LogTransform], cut: bool, statements: list[Let]
+    total: Expression, bias: np.ndarray, layers: Sequence[Exponential], cut: bool, statements: list[Let]
 ) -> tuple[Expression, tuple[tuple[str, tuple[tuple[float, ...], ...]], ...]]:
     """(f before it is cut at zero, the tables): as for one material, log A and εA those of the layer."""
     total = total if not np.any(bias) else total + _constant(bias)
     total = call("min", total, MOST) if cut else total
-    means = [each.mean.cpu().to(torch.float64) for each in layers]
     tables = (
-        ("log_mean", tuple(tuple(mean.log().tolist()) for mean in means)),
-        ("floor", tuple(tuple((each.epsilon * mean).tolist()) for each, mean in zip(layers, means, strict=True))),
+        ("log_mean", tuple(tuple(np.log(each.mean).tolist()) for each in layers)),
+        ("floor", tuple(tuple((each.epsilon * each.mean).tolist()) for each in layers)),
     )
     count = total.dimension
     comment = "the sum of logarithms; log A of the layer" + "; runaway texels are cut" * cut
@@ -127,7 +125,7 @@ def _used(evaluation: Evaluation) -> frozenset[str]:
     used = set()
     for lookup in evaluation.lookups:
         nonzero = lookup.matrix != 0
-        dense = bool(nonzero.sum(1).gt(1).any())
+        dense = bool((nonzero.sum(1) > 1).any())
         read = nonzero.any(0).tolist()
         used |= {axis for axis, one in zip(lookup.axes, read, strict=True) if one or dense}
     return frozenset(used)
@@ -153,10 +151,10 @@ def _fetches(
         x, axes, scaled = vectors[kind]
         spot = (*kind, rows, columns, tuple(map(tuple, lookup.matrix.tolist())))
         if spot not in places:
-            scales = torch.tensor(scaled, dtype=torch.float64)
+            scales = np.array(scaled)
             # u ↦ ((u + 1)/2 (n − 1) + ½)/n, and x = factor · raw + offset.
-            gain = torch.tensor([(columns - 1) / (2 * columns), (rows - 1) / (2 * rows)], dtype=torch.float64)
-            matrix = lookup.matrix.cpu().to(torch.float64) * gain[:, None]
+            gain = np.array([(columns - 1) / (2 * columns), (rows - 1) / (2 * rows)])
+            matrix = lookup.matrix * gain[:, None]
             offsets = (matrix * scales[:, 1]).sum(1) + 0.5
             uv = _place((matrix * scales[:, 0]).tolist(), offsets.tolist(), axes, variable(x, 4))
             statements.append(Let(f"uv_{len(places)}", uv, lookup.words))
@@ -227,8 +225,8 @@ def _decoded(value: Expression, texture: Encoded) -> Expression:
 
 def _runs_away(evaluation: Evaluation, textures: Sequence[Encoded]) -> bool:
     """Whether the logarithms of all lookups can add up to more than `MOST`."""
-    highest = [texture.decoded().amax((0, 1)) for texture in textures]
-    most = torch.stack([highest[lookup.texture] for lookup in evaluation.lookups]).sum(0)
+    highest = [texture.values.max((0, 1)) for texture in textures]
+    most = np.sum([highest[lookup.texture] for lookup in evaluation.lookups], 0)
     return bool((most > MOST).any())
 
 
@@ -251,20 +249,21 @@ def _place(rows: list[list[float]], offsets: list[float], axes: list[Expression]
     return vector(*(call("dot", constant(*row), x) for row in rows)) + constant(*offsets)
 
 
-def _title(fitted: Fitted, layers: int) -> tuple[str, ...]:
+def _title(fitted: Evaluated, layers: int) -> tuple[str, ...]:
     evaluation = fitted.evaluation
-    count, fetches = len(fitted.terms), len(evaluation.lookups)
+    textures, fetches = len({lookup.texture for lookup in evaluation.lookups}), len(evaluation.lookups)
     if layers:
         version = fitted.provenance.get("homofact_version", "")
-        begin = f"{layers} BRDFs, by homofact {version}, the layers of {count} arrays of log textures:"
+        begin = f"{layers} BRDFs, by homofact {version}, the layers of {textures} arrays of log textures:"
         return (f"{begin} {fetches} fetches.", *TEXTURES)
     begin = f"BRDF of {name_of(fitted.provenance)}, by homofact {fitted.provenance.get('homofact_version', '')}:"
     if evaluation.transform is None:
+        count = len(evaluation.products)
         many = "product" if count == 1 else "products"
         return (f"{begin} sum of {count} {many} of textures, {fetches} fetches.", *TEXTURES)
     mean = ", ".join(f"{value:.6g}" for value in evaluation.transform.mean.tolist())
     return (
-        f"{begin} {count} log textures, {fetches} fetches.",
+        f"{begin} {textures} log textures, {fetches} fetches.",
         f"epsilon = {evaluation.transform.epsilon:g}, A = ({mean}) 1/sr.",
         *TEXTURES,
     )

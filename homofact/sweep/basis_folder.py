@@ -16,8 +16,9 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
 from homofact.evaluate.split import Split
 from homofact.export.manifest import write_json
-from homofact.factor.factorization import LEAST_MEAN, MOST_CHANNELS, Factorization
+from homofact.factor.factorization import Factorization
 from homofact.factor.layered import MOST_LAYERS, Layered
+from homofact.factor.stored import LEAST_MEAN, MOST_CHANNELS
 from homofact.files.fields import Fields
 from homofact.files.folder import check_new_folder, write_folder
 from homofact.files.kinds import BASIS

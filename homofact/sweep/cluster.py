@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
+from homofact.files import extras
 from homofact.files.folder import write_folder
 from homofact.files.kinds import RESULT
 from homofact.files.reading import read_json, split_member
@@ -66,10 +67,7 @@ class Cluster:
         """Nothing is connected yet. Raises BadInput for no workers, no such scheduler, and where Dask is missing."""
         if count < 1:
             raise BadInput(f"workers: found {count}, expected 1 or more")
-        try:
-            importlib.import_module("distributed")
-        except ImportError as error:
-            raise BadInput("scheduler: distributed is not installed: pip install 'homofact[cluster]'") from error
+        extras.library("distributed", "scheduler")
         self._folder, self._scheduler, self._count, self._told = folder, scheduler, count, told
         self._promised = 0  # workers that were ordered, and may be still to come
 

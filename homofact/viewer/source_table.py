@@ -35,7 +35,8 @@ from homofact.errors import BadInput
 from homofact.geometry.axes import coordinates_of, stretched
 from homofact.geometry.directions import draw_cosine_weighted, normalize
 from homofact.geometry.expression import Expression, Let, call, constant, fetch, needed, variable, vector
-from homofact.geometry.interpret import TORCH, interpret
+from homofact.geometry.interpret import interpret
+from homofact.geometry.torch_functions import TORCH
 from homofact.shading.languages import GLSL, shader
 from homofact.shading.program import Program
 from homofact.viewer.packing import differences, pack

@@ -17,8 +17,9 @@ from homofact.geometry.axes import MAPS, map_axes
 from homofact.geometry.coordinates import COORDINATES, axes_of
 from homofact.geometry.directions import draw_uniform, from_spherical, half_difference, to_spherical
 from homofact.geometry.expression import call, constant, fetch, variable, vector
-from homofact.geometry.interpret import TORCH, value_of
+from homofact.geometry.interpret import value_of
 from homofact.geometry.parabolic import to_disc
+from homofact.geometry.torch_functions import TORCH
 from homofact.separable.maps import direction_map
 
 

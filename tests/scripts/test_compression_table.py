@@ -16,7 +16,8 @@ from homofact.brdf.factored import FactoredBrdf
 from homofact.factor.search.gradient import Gradient
 from homofact.factor.textures import LogSamples
 from homofact.geometry.directions import draw_uniform
-from homofact.geometry.interpret import TORCH, interpret, value_of
+from homofact.geometry.interpret import interpret, value_of
+from homofact.geometry.torch_functions import TORCH
 from homofact.methods import search_fit
 from homofact.methods.effort import Account
 from homofact.methods.materials import Material, Materials

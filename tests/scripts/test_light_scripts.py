@@ -90,6 +90,19 @@ def test_a_command_is_timed_with_its_fit(
         module.timed([sys.executable, "-c", "raise SystemExit(1)"])
 
 
+def test_imports_and_evaluations_without_torch_are_timed(
+    script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module, out = script("runtime_numbers"), tmp_path / "runtime.md"
+    assert module.main(["--short", "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert out.read_text(encoding="utf-8") == text
+    assert "a smoke test" in text
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    assert [row[0] for row in rows if row[0].startswith("`")] == [f"`import {name}`" for name in module.IMPORTED]
+    assert all(float(row[1]) > 0 for row in rows if row[0].startswith(("`", "torch", "NumPy", "compiled")))
+
+
 def test_the_cost_model_is_told_beside_what_work_takes(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -81,7 +81,7 @@ def test_no_mitsuba(
     monkeypatch.setattr(mitsuba_bsdf, "import_module", absent)
     assert main(["--short", "--out", str(tmp_path)]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("mitsuba: not installed (No module named 'mitsuba'), expected the extra")
+    assert said.startswith("mitsuba: mitsuba is not installed, expected it: pip install")
     assert said.count("\n") == 1
 
 

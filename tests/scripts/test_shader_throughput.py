@@ -20,7 +20,8 @@ from homofact.containers.formats import FORMATS
 from homofact.export.exported import exported
 from homofact.geometry.directions import draw_uniform
 from homofact.geometry.expression import Let, call, variable
-from homofact.geometry.interpret import TORCH, interpret, value_of
+from homofact.geometry.interpret import interpret, value_of
+from homofact.geometry.torch_functions import TORCH
 from homofact.shading.program import Program
 
 Script = Callable[[str], ModuleType]

@@ -33,13 +33,13 @@ def from_data(fitted: Fitted, wi: Tensor, wo: Tensor) -> Tensor:
     values = []
     for each in evaluation.lookups:
         x = axes_of(each.axes, wi, wo, each.scales, each.warp)
-        values.append(lookup(textures[each.texture].texels, x @ each.matrix.T))
+        values.append(lookup(textures[each.texture].texels, x @ torch.from_numpy(each.matrix).T))
     total = torch.zeros_like(values[0])
     for product in evaluation.products:
         total = total + torch.stack([values[k] for k in product.lookups]).prod(0) * torch.tensor(product.signs)
     if evaluation.transform is None:
         return total.clamp_min(0)
-    return evaluation.transform.mean * (total.exp() - evaluation.transform.epsilon).clamp_min(0)
+    return torch.from_numpy(evaluation.transform.mean) * (total.exp() - evaluation.transform.epsilon).clamp_min(0)
 
 
 @ALL

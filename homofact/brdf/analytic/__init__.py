@@ -1,13 +1,20 @@
-"""Analytic BRDF models, one published family a file; each is a `Reflectance` with its paper's parameters."""
+"""Analytic BRDF models, one published family a file; each is a `Reflectance` with its paper's parameters.
 
-from homofact.brdf.analytic.ashikhmin_shirley import AshikhminShirley
-from homofact.brdf.analytic.common import AnalyticModel
-from homofact.brdf.analytic.cook_torrance import CookTorrance
-from homofact.brdf.analytic.lafortune import Lafortune, Lobe
-from homofact.brdf.analytic.lambert import Lambert
-from homofact.brdf.analytic.phong import BlinnPhong, Phong
-from homofact.brdf.analytic.torrance_sparrow import TorranceSparrow
-from homofact.brdf.analytic.ward import Ward
+They are loaded when first used: most need torch, which `homofact.runtime` goes without.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from homofact.brdf.analytic.ashikhmin_shirley import AshikhminShirley
+    from homofact.brdf.analytic.common import AnalyticModel
+    from homofact.brdf.analytic.cook_torrance import CookTorrance
+    from homofact.brdf.analytic.lafortune import Lafortune, Lobe
+    from homofact.brdf.analytic.lambert import Lambert
+    from homofact.brdf.analytic.phong import BlinnPhong, Phong
+    from homofact.brdf.analytic.torrance_sparrow import TorranceSparrow
+    from homofact.brdf.analytic.ward import Ward
 
 __all__ = [
     "AnalyticModel",
@@ -21,3 +28,21 @@ __all__ = [
     "TorranceSparrow",
     "Ward",
 ]
+_HOMES = {
+    "AnalyticModel": "common",
+    "AshikhminShirley": "ashikhmin_shirley",
+    "BlinnPhong": "phong",
+    "CookTorrance": "cook_torrance",
+    "Lafortune": "lafortune",
+    "Lambert": "lambert",
+    "Lobe": "lafortune",
+    "Phong": "phong",
+    "TorranceSparrow": "torrance_sparrow",
+    "Ward": "ward",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -3,18 +3,20 @@
 A model writes only its formula; `evaluate` cuts what is under the horizon. Every formula is written to
 stay finite: denominators that vanish when a direction grazes are kept above `MIN_COSINE`, and the cosine
 between a direction and the half vector comes from |ωi + ωo|/2, which is the same number for both.
+
+The functions here take tensors or NumPy arrays (`geometry.namespace`) and load no torch.
 """
 
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, fields
-from typing import Any
-
-import torch
-from torch import Tensor
+from typing import TYPE_CHECKING, Any
 
 from homofact.errors import BadInput
-from homofact.geometry.directions import normalize
+from homofact.geometry.namespace import length, like, namespace, normalized
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 MIN_COSINE = 1e-6
 RGB = ("R", "G", "B")
@@ -47,10 +49,10 @@ class AnalyticModel(ABC):
         return 0
 
     @abstractmethod
-    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """The model's values (N, C) in sr⁻¹ for directions on or above the horizon."""
 
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """BRDF values (N, C) in sr⁻¹, linear, without the cosine; 0 where a direction is under the horizon.
 
         `wi`, `wo` are (N, 3) unit vectors in the surface frame. Finite and non-negative everywhere: where a
@@ -58,15 +60,16 @@ class AnalyticModel(ABC):
         """
         above = (wi[..., 2] >= 0) & (wo[..., 2] >= 0)
         values = self.formula(wi, wo)
-        return torch.where(above[..., None], values, torch.zeros_like(values))
+        return namespace(wi).where(above[..., None], values, like(0.0, values))
 
-    def colour(self, value: Colour, like: Tensor) -> Tensor:
-        """A `Colour` as a tensor (C,) in the dtype and on the device of `like`."""
-        return torch.tensor(value, dtype=like.dtype, device=like.device)
+    def colour(self, value: Colour, directions: "Tensor") -> "Tensor":
+        """A `Colour` as a tensor (C,) in the dtype and on the device of the directions."""
+        return like(value, directions)
 
-    def diffuse_term(self, value: Colour, like: Tensor) -> Tensor:
+    def diffuse_term(self, value: Colour, directions: "Tensor") -> "Tensor":
         """ρd/π (N, C) in sr⁻¹."""
-        return (self.colour(value, like) / math.pi).expand(*like.shape[:-1], len(self.channels))
+        shape = (*directions.shape[:-1], len(self.channels))
+        return namespace(directions).broadcast_to(self.colour(value, directions) / math.pi, shape)
 
     def check_colour(self, name: str) -> None:
         """Refuse a colour field whose length is not the number of channels or that is not finite and ≥ 0."""
@@ -94,27 +97,28 @@ def _count(value: Any) -> int:
     return 1
 
 
-def half_vector(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
+def half_vector(wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
     """(h, cosθd): the unit half vector (..., 3) and cosθd = h·ωi = h·ωo = |ωi + ωo|/2 (...).
 
     Back to back on the horizon h is undefined; the normal takes its place, with cosθd = 0.
     """
     total = wi + wo
-    return normalize(total), total.norm(dim=-1) / 2
+    return normalized(total), length(total) / 2
 
 
-def grazing(cosine: Tensor) -> Tensor:
+def grazing(cosine: "Tensor") -> "Tensor":
     """A cosine fit to divide by: at least `MIN_COSINE`."""
-    return cosine.clamp_min(MIN_COSINE)
+    return namespace(cosine).clip(cosine, MIN_COSINE, None)
 
 
-def v_grooves(wi: Tensor, wo: Tensor) -> Tensor:
+def v_grooves(wi: "Tensor", wo: "Tensor") -> "Tensor":
     """Masking of Torrance and Sparrow's V-grooves, min(1, 2 (n·h)(n·ωo)/(h·ωo), 2 (n·h)(n·ωi)/(h·ωi)), (...)."""
     h, cosine = half_vector(wi, wo)
-    least = torch.minimum(grazing(wi[..., 2]), grazing(wo[..., 2]))
-    return (2 * grazing(h[..., 2]) * least / grazing(cosine)).clamp_max(1)
+    library = namespace(wi)
+    least = library.minimum(grazing(wi[..., 2]), grazing(wo[..., 2]))
+    return library.clip(2 * grazing(h[..., 2]) * least / grazing(cosine), None, 1)
 
 
-def schlick(normal_incidence: Tensor, cosine: Tensor) -> Tensor:
+def schlick(normal_incidence: "Tensor", cosine: "Tensor") -> "Tensor":
     """Schlick's Fresnel F0 + (1 − F0)(1 − cosθd)⁵, (N, C) from F0 (C,) and cosθd (N,) (Schlick 1994)."""
-    return normal_incidence + (1 - normal_incidence) * ((1 - cosine).clamp(0, 1) ** 5)[..., None]
+    return normal_incidence + (1 - normal_incidence) * (namespace(cosine).clip(1 - cosine, 0, 1) ** 5)[..., None]

@@ -12,12 +12,14 @@ Each lobe has its own α, F0 and colour ks, which may be larger than 1: a fit to
 
 import math
 from dataclasses import dataclass
-
-import torch
-from torch import Tensor
+from typing import TYPE_CHECKING
 
 from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector, schlick
 from homofact.errors import BadInput
+from homofact.geometry.namespace import like, namespace
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 @dataclass(frozen=True)
@@ -48,20 +50,21 @@ class Ggx(AnalyticModel):
                     " the one above 0, the other from 0 to 1"
                 )
 
-    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """Diffuse term and lobes."""
         values = self.diffuse_term(self.diffuse, wi)
         for lobe in self.lobes:
-            alpha, f0 = (torch.tensor(x, dtype=wi.dtype, device=wi.device) for x in (lobe.roughness, lobe.reflectance))
+            alpha, f0 = (like(x, wi) for x in (lobe.roughness, lobe.reflectance))
             values = values + ggx_lobe(alpha, f0, wi, wo)[..., None] * self.colour(lobe.specular, wi)
         return values
 
 
-def ggx_lobe(alpha: Tensor, f0: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
+def ggx_lobe(alpha: "Tensor", f0: "Tensor", wi: "Tensor", wo: "Tensor") -> "Tensor":
     """F D G/(4 cosθi cosθo) (N,) in sr⁻¹, of scalars α and F0."""
     h, cosine = half_vector(wi, wo)
     squared = alpha**2
     spread = h[..., 2] ** 2 * (squared - 1) + 1
     ni, no = grazing(wi[..., 2]), grazing(wo[..., 2])
-    masked = no * (ni**2 * (1 - squared) + squared).sqrt() + ni * (no**2 * (1 - squared) + squared).sqrt()
+    root = namespace(wi).sqrt
+    masked = no * root(ni**2 * (1 - squared) + squared) + ni * root(no**2 * (1 - squared) + squared)
     return schlick(f0, cosine)[..., 0] * squared / (math.pi * spread**2) * 0.5 / masked

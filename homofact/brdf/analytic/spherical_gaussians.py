@@ -8,12 +8,14 @@ for all Gaussians. Wang et al. fit the same sum and take a shadowing term from i
 
 import math
 from dataclasses import dataclass
-
-import torch
-from torch import Tensor
+from typing import TYPE_CHECKING
 
 from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector, schlick, v_grooves
 from homofact.errors import BadInput
+from homofact.geometry.namespace import like, namespace
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 @dataclass(frozen=True)
@@ -43,21 +45,21 @@ class SphericalGaussians(AnalyticModel):
         if not 0 <= self.reflectance <= 1:
             raise BadInput(f"SphericalGaussians: reflectance is {self.reflectance}, expected a number from 0 to 1")
 
-    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """Diffuse term and the Gaussians."""
         values = self.diffuse_term(self.diffuse, wi)
-        f0 = torch.tensor(self.reflectance, dtype=wi.dtype, device=wi.device)
+        f0 = like(self.reflectance, wi)
         for each in self.gaussians:
-            sharpness = torch.tensor(each.sharpness, dtype=wi.dtype, device=wi.device)
+            sharpness = like(each.sharpness, wi)
             values = values + gaussian(sharpness, f0, wi, wo)[..., None] * self.colour(each.amplitude, wi)
         return values
 
 
-def gaussian(sharpness: Tensor, f0: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
+def gaussian(sharpness: "Tensor", f0: "Tensor", wi: "Tensor", wo: "Tensor") -> "Tensor":
     """F G exp(λ (cosθh − 1))/(4 cosθi cosθo) (N,), of scalars λ and F0."""
     h, cosine = half_vector(wi, wo)
     ni, no = grazing(wi[..., 2]), grazing(wo[..., 2])
     # 1 − cosθh without cancellation: at a highlight it is all there is.
-    fallen = (h[..., 0] ** 2 + h[..., 1] ** 2) / (1 + h[..., 2].clamp_min(0))
-    facets = torch.exp(-sharpness * fallen) * v_grooves(wi, wo) / (4 * ni * no)
+    fallen = (h[..., 0] ** 2 + h[..., 1] ** 2) / (1 + namespace(h).clip(h[..., 2], 0, None))
+    facets = namespace(h).exp(-sharpness * fallen) * v_grooves(wi, wo) / (4 * ni * no)
     return schlick(f0, cosine)[..., 0] * facets

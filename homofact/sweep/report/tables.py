@@ -5,20 +5,20 @@ import io
 import json
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from homofact.files import extras
 from homofact.files.atomic import write_text
 from homofact.sweep.ledger import Aside
 from homofact.sweep.report.reading import Fit
 
-NO_PARQUET = "no Parquet: pyarrow is not installed, expected it: pip install 'homofact[report]'"
+NO_PARQUET = extras.told("pyarrow", "no Parquet")
 
 
 def parquet_there() -> bool:
     """Whether tables can be written as Parquet too."""
-    return find_spec("pyarrow") is not None
+    return extras.installed("pyarrow")
 
 
 def fit_rows(fits: Sequence[Fit]) -> list[dict[str, Any]]:

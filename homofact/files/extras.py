@@ -1,0 +1,79 @@
+"""Libraries that not every installation has: the extra that brings each, and one message where it is missing.
+
+OpenEXR = extras.library("OpenEXR", "EXR images")
+"""
+
+from collections.abc import Mapping
+from importlib import import_module, util
+from typing import Any
+
+from homofact.errors import MissingDependency
+
+# By the name that is imported: the package that has it, and the extra that brings it.
+LIBRARIES = {
+    "matplotlib": ("matplotlib", "pictures"),
+    "PIL": ("pillow", "pictures"),
+    "OpenEXR": ("OpenEXR", "containers"),
+    "png": ("pypng", "containers"),
+    "plyfile": ("plyfile", "containers"),
+    "skimage": ("scikit-image", "metrics"),
+    "flip_evaluator": ("flip-evaluator", "metrics"),
+    "mitsuba": ("mitsuba", "mitsuba"),
+    "drjit": ("mitsuba", "mitsuba"),
+    "embreex": ("embreex", "relight"),
+    "trimesh": ("trimesh", "relight"),
+    "distributed": ("distributed", "cluster"),
+    "pyarrow": ("pyarrow", "report"),
+}
+
+
+def library(module: str, purpose: str) -> Any:
+    """The module, imported. Raises MissingDependency, which begins with its `purpose`, where its extra is missing."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise _missing(module, purpose) from error
+
+
+def check(purpose: str, *modules: str) -> None:
+    """Raise MissingDependency as `library` for the first of some modules that is not installed; nothing is loaded."""
+    for module in modules:
+        if not installed(module):
+            raise _missing(module, purpose)
+
+
+def installed(module: str) -> bool:
+    """Whether a library can be imported, as far as can be said without doing so."""
+    return util.find_spec(module.partition(".")[0]) is not None
+
+
+def lacking(error: ImportError) -> MissingDependency | None:
+    """What an import that failed wants, where an extra brings it; None for any other fault."""
+    top = (error.name or "").partition(".")[0]
+    return _missing(top, top) if top in LIBRARIES and not installed(top) else None
+
+
+def told(module: str, purpose: str) -> str:
+    """The message: what for, which package is missing, and how it is installed."""
+    package, extra = LIBRARIES[module.partition(".")[0]]
+    return f"{purpose}: {package} is not installed, expected it: pip install 'homofact[{extra}]'"
+
+
+def left_out(modules: Mapping[str, str]) -> str:
+    """One line on what is not made, by the library that each kind of file wants; "" where all are installed.
+
+    left_out({"pictures": "matplotlib", "textures as EXR": "OpenEXR"})
+    """
+    missing = {what: module for what, module in modules.items() if not installed(module)}
+    if not missing:
+        return ""
+    wanted = {LIBRARIES[module] for module in missing.values()}
+    packages, needed = (sorted({each[k] for each in wanted}) for k in (0, 1))
+    return (
+        f"no {', no '.join(missing)}: {', '.join(packages)} not installed, expected:"
+        f" pip install 'homofact[{','.join(needed)}]'"
+    )
+
+
+def _missing(module: str, purpose: str) -> MissingDependency:
+    return MissingDependency(told(module, purpose))
