@@ -1,4 +1,4 @@
-# make demo: the environment, a first fit and its pictures. make test: the environment and every check.
+# make demo: the environment, a first fit and its pictures. make test: the environment and every check. make docs: the site.
 # Another interpreter: make PYTHON=python3.12 demo. The environment is .venv in this folder.
 
 PYTHON ?= python3
@@ -7,7 +7,7 @@ READY := .venv/.ready
 # The type checker's wrapper would otherwise ask the network for a newer version on every run.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
-.PHONY: demo test nightly stability install format constraints clean
+.PHONY: demo test nightly stability gallery docs install format constraints clean
 
 demo: $(READY)
 	$(BIN)/homofact factorize --config configs/blue_paint.toml --force
@@ -38,6 +38,14 @@ nightly: $(READY)
 stability: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/homofact stability --out docs/pictures/stability --document docs/stability.md
 
+# The documentation site in build/site, without a network; warnings and broken links are errors.
+docs: $(READY)
+	$(BIN)/python docs/make_site.py --out build/site
+
+# The fits of the site's gallery with their viewers in build/gallery; measurements are looked for in HOMOFACT_DATA. Minutes.
+gallery: $(READY)
+	$(BIN)/python scripts/site_gallery.py --out build/gallery
+
 install: $(READY)
 
 # torch first and alone: it is by far the largest, and the rest then resolves against it.
@@ -46,7 +54,7 @@ $(READY): pyproject.toml constraints.txt
 	  f"homofact needs Python 3.11 or newer, found {sys.version.split()[0]}: make PYTHON=... {sys.argv[1]}")' "$(MAKECMDGOALS)"
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet -c constraints.txt torch==2.13.0
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,metrics,nmf,mitsuba,relight,cluster,report]'
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,metrics,nmf,mitsuba,relight,cluster,report,docs]'
 	@touch $@
 
 format: $(READY)
