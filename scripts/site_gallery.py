@@ -15,6 +15,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from conditions import ROOT, data_folder, parser_of
 
@@ -82,7 +83,7 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def fitted(place: Path, source: str, effort: str) -> dict[str, object] | None:
+def fitted(place: Path, source: str, effort: str) -> dict[str, Any] | None:
     """The fit's report, its folder with sphere and viewer at `place`; None where a command refuses it."""
     commands = (
         ["factorize", source, "--textures", "3", "--size", "32", "--effort", effort, "--out", str(place), "--json"],

@@ -1,6 +1,7 @@
 """The part of Sphinx that is the site's own: links from citations and from paths in code, formulas without scripts."""
 
 import re
+import xml.etree.ElementTree as ElementTree
 from typing import Any
 
 from docutils import nodes
@@ -12,6 +13,9 @@ from sphinx.util import logging
 from sitemaker.citations import citations
 from sitemaker.sources import NAMED, page_of
 
+_MATHML = "http://www.w3.org/1998/Math/MathML"
+_ACCENTS = tuple("~ˆ¯")
+ElementTree.register_namespace("", _MATHML)
 _LOG = logging.getLogger(__name__)
 _NO_LINKS = (nodes.reference, nodes.title, nodes.literal, nodes.literal_block, nodes.raw, nodes.math, nodes.citation)
 
@@ -86,7 +90,20 @@ def _block(translator: Any, node: nodes.math_block) -> None:
 
 def _mathml(node: nodes.Element, block: bool) -> str:
     try:
-        return tex2mathml(node.astext(), as_block=block)
+        return with_accents(tex2mathml(node.astext(), as_block=block))
     except MathError as error:
         _LOG.warning(f"formula: {error}", location=node)
         return ""
+
+
+def with_accents(mathml: str) -> str:
+    """The formula with the index of an accented letter beside it, where docutils puts it under the letter."""
+    root = ElementTree.fromstring(mathml)
+    for node in root.iter(f"{{{_MATHML}}}munderover"):
+        base, index, over = node
+        if over.tag.endswith("}mo") and over.text in _ACCENTS:
+            letter = ElementTree.Element(f"{{{_MATHML}}}mover", {"accent": "true"})
+            letter.extend((base, over))
+            node[:] = (letter, index)
+            node.tag = f"{{{_MATHML}}}msub"
+    return ElementTree.tostring(root, encoding="unicode")

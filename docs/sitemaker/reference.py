@@ -14,7 +14,7 @@ from importlib import import_module
 
 from sitemaker.navigation import ROOT
 from sitemaker.sources import links_to, page_of, summary
-from sitemaker.uses import scripts_using, used_by_page
+from sitemaker.uses import front_door, scripts_using, used_by_page
 
 # What users touch, by what it is for; a module that is not here is shown by none of these pages.
 MODULES = {
@@ -149,13 +149,9 @@ def _page(module: Module, pages: Mapping[str, str]) -> str:
 
 def _front_door() -> Iterable[str]:
     """Where the names of the package itself are described."""
-    import homofact
-
     yield "| name | described under |\n| --- | --- |"
-    for name in homofact.__all__:
-        if not name.startswith("__"):
-            home = getattr(homofact, name).__module__
-            yield f"| `homofact.{name}` | {{py:obj}}`{home}.{name}` |"
+    for name, home in front_door().items():
+        yield f"| `homofact.{name}` | {{py:obj}}`{home}.{name}` |"
 
 
 def _class(node: ast.ClassDef, module: Module, names: Mapping[str, str]) -> str:

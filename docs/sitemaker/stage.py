@@ -20,7 +20,7 @@ from sitemaker.sources import page_of, source_pages, title_of
 _LINK = re.compile(r"(?<=\]\()(?![a-z]+:|#)([^()\s]+)(?=\))")
 # Pages of the repository that are no page of docs/.
 _ELSEWHERE = {"README.md": "index", "CHANGELOG.md": "changes", "docs/references.bib": "references"}
-_BIBLIOGRAPHY = """# References
+BIBLIOGRAPHY = """# References
 
 The works that homofact builds on, from [references.bib](references.bib). Where a page or a docstring cites one by its
 authors and year, it links here.
@@ -51,7 +51,7 @@ def stage(folder: Path) -> None:
         under |= {"gallery": [INDEX], INDEX: [fit.page for fit in shown_fits]}
     trees = toctrees(under)
     pages = {name: turned(text, homes[name], sources.__contains__) for name, text in pages.items()}
-    pages |= {**commands, **reference, **sources, **gallery, "references": _BIBLIOGRAPHY}
+    pages |= {**commands, **reference, **sources, **gallery, "references": BIBLIOGRAPHY}
     if gallery:
         pages["gallery"] += f"\n## With viewers\n\n[{title_of(gallery[INDEX])}](/{INDEX}.md)\n"
     for name, tree in trees.items():

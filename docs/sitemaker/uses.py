@@ -44,7 +44,12 @@ def _modules(sources: Iterable[str]) -> Iterator[str]:
 
 
 def _home(name: str) -> Iterator[str]:
+    if name in front_door():
+        yield front_door()[name]
+
+
+def front_door() -> dict[str, str]:
+    """The names that the package itself hands out, each with the module that it is of; none of them is loaded."""
     import homofact
 
-    if name in homofact.__all__ and not name.startswith("__"):
-        yield getattr(homofact, name).__module__
+    return {name: homofact._HOMES[name] for name in homofact.__all__ if name in homofact._HOMES}

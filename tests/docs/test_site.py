@@ -47,6 +47,33 @@ def test_every_link_of_a_page_leads_to_a_file(name: str) -> None:
         assert (DOCS / f"{name}.md").parent.joinpath(target).exists(), target
 
 
+def numbers_without_a_program(text: str) -> list[str]:
+    """Sections with a table of numbers that do not say, nor does the page's head, what program made them."""
+    parts = re.split(r"^## ", re.sub(r"^(`{3,}).*?^\1", "", text, flags=re.DOTALL | re.MULTILINE), flags=re.MULTILINE)
+    number = re.compile(r"\|\s*[<≥≤±−-]?\d[\d.,]*\s*[%a-zA-Z]{0,2}\s*(?=\|)")
+    named = re.compile(r"scripts/\w+\.py|make stability|`homofact |^homofact ", re.MULTILINE)
+    if named.search(parts[0]):
+        return []
+    return [
+        part.splitlines()[0]
+        for part in parts
+        if not named.search(part)
+        and sum(len(number.findall(row)) >= 2 for row in re.findall(r"^\|.*\|$", part, re.MULTILINE)) >= 2
+    ]
+
+
+@pytest.mark.parametrize("name", sorted(PAGES))
+def test_every_table_of_numbers_names_the_program_that_made_it(name: str) -> None:
+    assert numbers_without_a_program(PAGES[name]) == []
+
+
+def test_a_table_without_its_program_is_found() -> None:
+    table = "| a | b |\n| --- | ---: |\n| 1.2 | 3% |\n| 4 | 5.6 dB |\n"
+    assert numbers_without_a_program(f"# T\n\n## S\n\n{table}") == ["S"]
+    assert numbers_without_a_program(f"# T\n\n## S\n\n`python scripts/seeds.py`\n\n{table}") == []
+    assert numbers_without_a_program(f"# T\n\nMade by `python scripts/seeds.py`.\n\n## S\n\n{table}") == []
+
+
 def test_links_to_files_of_the_repository_become_links_to_their_pages() -> None:
     known = {page_of("configs/chart.toml")}.__contains__
     text = "[a](../configs/chart.toml) [b](light.md#x) [c](../README.md) [d](references.bib) [e](https://x.org) [f](#y)"
