@@ -1,4 +1,4 @@
-# make demo: the environment, a first fit and its pictures. make test: the environment and every check.
+# make demo: the environment, a first fit and its pictures. make test: the environment and every check. make docs: the site.
 # Another interpreter: make PYTHON=python3.12 demo. The environment is .venv in this folder.
 
 PYTHON ?= python3
@@ -9,7 +9,7 @@ FIT := .venv/.fit
 # The type checker's wrapper would otherwise ask the network for a newer version on every run.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
-.PHONY: demo test nightly stability wheel install format constraints clean
+.PHONY: demo test nightly stability wheel gallery docs install format constraints clean
 
 demo: $(FIT)
 	$(BIN)/homofact factorize --config configs/blue_paint.toml --force
@@ -44,6 +44,14 @@ stability: $(READY)
 wheel: $(READY)
 	$(BIN)/python scripts/clean_install.py --build dist
 
+# The documentation site in build/site, without a network; warnings and broken links are errors.
+docs: $(READY)
+	$(BIN)/python docs/make_site.py --out build/site
+
+# The fits of the site's gallery with their viewers in build/gallery; measurements are looked for in HOMOFACT_DATA. Minutes.
+gallery: $(READY)
+	$(BIN)/python scripts/site_gallery.py --out build/gallery
+
 install: $(READY)
 
 # torch first and alone: it is by far the largest, and the rest then resolves against it.
@@ -56,7 +64,7 @@ $(FIT): pyproject.toml setup.py constraints.txt
 	@touch $@
 
 $(READY): $(FIT)
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all,dev,nmf]'
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all,dev,nmf,docs]'
 	@touch $@
 
 format: $(READY)

@@ -4,26 +4,24 @@ import os
 import re
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from homofact.factor.names import FIXED_AXES, KINDS
 from homofact.geometry.coordinates import COORDINATES
+from sitemaker.runnable import blocks_of, run
 
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENTS = ("README.md", "docs/python.md")
+DOCUMENTS = ("README.md", "docs/python.md", "docs/start.md")
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_the_lines_of_a_document_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(ROOT / "data_synthetic", tmp_path / "data_synthetic")
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / name).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    blocks = blocks_of((ROOT / name).read_text(encoding="utf-8"), "python")
     assert blocks
-    names: dict[str, Any] = {}
-    for number, block in enumerate(blocks, 1):
-        exec(compile(block, f"{name}, block {number}", "exec"), names)
+    names, _ = run(Path(name), blocks)
     assert os.path.exists("paint.npz")
     assert names["same"].evaluate(names["source"].samples.wi, names["source"].samples.wo).equal(names["values"])
     if name == "docs/python.md":
@@ -44,11 +42,9 @@ def test_the_relighting_that_its_document_shows_runs(tmp_path: Path, monkeypatch
     )
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "docs/relighting.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"^```python\n(.*?)^```", text[: text.index("## The page")], re.DOTALL | re.MULTILINE)
+    blocks = blocks_of(text[: text.index("## The page")], "python")
     assert len(blocks) == 2
-    names: dict[str, Any] = {}
-    for number, block in enumerate(blocks, 1):
-        exec(compile(block, f"docs/relighting.md, block {number}", "exec"), names)
+    names, _ = run(Path("docs/relighting.md"), blocks)
     assert names["colours"].shape == names["knot"].mesh.positions.shape
     assert names["colours"].max() > 0.1
     assert names["tuples"].shape == (

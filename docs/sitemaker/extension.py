@@ -1,0 +1,109 @@
+"""The part of Sphinx that is the site's own: links from citations and from paths in code, formulas without scripts."""
+
+import re
+import xml.etree.ElementTree as ElementTree
+from typing import Any
+
+from docutils import nodes
+from docutils.utils.math import MathError
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.application import Sphinx
+from sphinx.util import logging
+
+from sitemaker.citations import citations
+from sitemaker.sources import NAMED, page_of
+
+_MATHML = "http://www.w3.org/1998/Math/MathML"
+_ACCENTS = tuple("~ˆ¯")
+ElementTree.register_namespace("", _MATHML)
+_LOG = logging.getLogger(__name__)
+_NO_LINKS = (nodes.reference, nodes.title, nodes.literal, nodes.literal_block, nodes.raw, nodes.math, nodes.citation)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register it with Sphinx."""
+    app.connect("doctree-resolved", _link)
+    app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _link(app: Sphinx, document: nodes.document, page: str) -> None:
+    if page != "references":
+        for text in list(document.findall(nodes.Text)):
+            if not _inside(text, _NO_LINKS):
+                _link_citations(app, text, page)
+    for literal in list(document.findall(nodes.literal)):
+        if not _inside(literal, (nodes.reference, nodes.title)):
+            _link_file(app, literal, page)
+
+
+def _inside(node: nodes.Node, kinds: tuple[type, ...]) -> bool:
+    parent = node.parent
+    while parent is not None:
+        if isinstance(parent, kinds) or "sig" in getattr(parent, "attributes", {}).get("classes", ()):
+            return True
+        parent = parent.parent
+    return False
+
+
+def _link_citations(app: Sphinx, text: nodes.Text, page: str) -> None:
+    told = text.astext()
+    parts: list[nodes.Node] = []
+    last = 0
+    for cited in citations(told):
+        if cited.key is None:
+            continue
+        target = f"{_uri(app, page, 'references')}#{cited.key.lower()}"
+        words = told[cited.start : cited.end]
+        parts += [nodes.Text(told[last : cited.start])] if cited.start > last else []
+        parts.append(nodes.reference("", words, internal=True, refuri=target, classes=["cited"]))
+        last = cited.end
+    if parts:
+        text.parent.replace(text, [*parts, nodes.Text(told[last:])])
+
+
+def _link_file(app: Sphinx, literal: nodes.literal, page: str) -> None:
+    match = NAMED.search(literal.astext())
+    if match is None or re.search(r"[*?<]", literal.astext()):
+        return
+    target = page_of(match[0])
+    if target in app.env.found_docs and target != page:
+        link = nodes.reference("", "", internal=True, refuri=_uri(app, page, target))
+        literal.replace_self(link)
+        link += literal
+
+
+def _uri(app: Sphinx, page: str, target: str) -> str:
+    return app.builder.get_relative_uri(page, target)
+
+
+def _inline(translator: Any, node: nodes.math) -> None:
+    translator.body.append(_mathml(node, False))
+    raise nodes.SkipNode
+
+
+def _block(translator: Any, node: nodes.math_block) -> None:
+    numbered = f' id="{node["ids"][0]}"' if node["ids"] else ""
+    translator.body.append(f'<div class="formula"{numbered}>{_mathml(node, True)}</div>')
+    raise nodes.SkipNode
+
+
+def _mathml(node: nodes.Element, block: bool) -> str:
+    try:
+        return with_accents(tex2mathml(node.astext(), as_block=block))
+    except MathError as error:
+        _LOG.warning(f"formula: {error}", location=node)
+        return ""
+
+
+def with_accents(mathml: str) -> str:
+    """The formula with the index of an accented letter beside it, where docutils puts it under the letter."""
+    root = ElementTree.fromstring(mathml)
+    for node in root.iter(f"{{{_MATHML}}}munderover"):
+        base, index, over = node
+        if over.tag.endswith("}mo") and over.text in _ACCENTS:
+            letter = ElementTree.Element(f"{{{_MATHML}}}mover", {"accent": "true"})
+            letter.extend((base, over))
+            node[:] = (letter, index)
+            node.tag = f"{{{_MATHML}}}msub"
+    return ElementTree.tostring(root, encoding="unicode")

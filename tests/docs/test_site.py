@@ -1,0 +1,167 @@
+"""The site's parts: navigation, links, pages from declarations. That it builds without a warning is `make docs`."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("pybtex", reason="the site's tools are not installed: pip install 'homofact[docs]'")
+
+from typer.main import get_command
+
+from homofact.cli.main import app
+from sitemaker.commands import command_pages, runs_of
+from sitemaker.links import broken_links
+from sitemaker.navigation import DOCS, ROOT, SECTIONS, toctrees, written_pages
+from sitemaker.reference import markdown, reference_modules, reference_pages
+from sitemaker.sources import named_files, page_of, source_pages, title_of
+from sitemaker.stage import turned
+from sitemaker.uses import modules_of
+
+MADE_WITH_THE_SITE = {"source/index", "commands/index", "api/index", "references", "changes"}
+PAGES = {name: (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ["index", *written_pages()]}
+
+
+def test_every_page_has_one_place_in_the_navigation() -> None:
+    places = [page for section in SECTIONS for page in section.pages]
+    assert sorted(places) == sorted({*written_pages(), *MADE_WITH_THE_SITE})
+    trees = toctrees({"commands/index": ["commands/fit"]})
+    shown = re.findall(r"^/(\S+)$", "\n".join(trees.values()), re.MULTILINE)
+    assert sorted(shown) == sorted([*places, "commands/fit"])
+
+
+@pytest.mark.parametrize("name", sorted(PAGES))
+def test_every_page_reads_as_plain_markdown(name: str) -> None:
+    """No directive or role of the site's: a git host would show it as it stands."""
+    text = re.sub(r"^(`{3,}).*?^\1", "", PAGES[name], flags=re.DOTALL | re.MULTILINE)
+    assert re.findall(r"^:::|\{[a-z:]+\}`|^\(\w+\)=", text, re.MULTILINE) == []
+    assert re.findall(r"^```\{", PAGES[name], re.MULTILINE) == []
+    assert len(re.findall(r"^# ", text, re.MULTILINE)) == 1
+    assert title_of(PAGES[name])
+
+
+@pytest.mark.parametrize("name", sorted(PAGES))
+def test_every_link_of_a_page_leads_to_a_file(name: str) -> None:
+    text = re.sub(r"^(`{3,}).*?^\1", "", PAGES[name], flags=re.DOTALL | re.MULTILINE)
+    for target in re.findall(r"\]\((?![a-z]+:|#)([^()\s#]+)", text):
+        assert (DOCS / f"{name}.md").parent.joinpath(target).exists(), target
+
+
+def numbers_without_a_program(text: str) -> list[str]:
+    """Sections with a table of numbers that do not say, nor does the page's head, what program made them."""
+    parts = re.split(r"^## ", re.sub(r"^(`{3,}).*?^\1", "", text, flags=re.DOTALL | re.MULTILINE), flags=re.MULTILINE)
+    number = re.compile(r"\|\s*[<≥≤±−-]?\d[\d.,]*\s*[%a-zA-Z]{0,2}\s*(?=\|)")
+    named = re.compile(r"scripts/\w+\.py|make stability|`homofact |^homofact ", re.MULTILINE)
+    if named.search(parts[0]):
+        return []
+    return [
+        part.splitlines()[0]
+        for part in parts
+        if not named.search(part)
+        and sum(len(number.findall(row)) >= 2 for row in re.findall(r"^\|.*\|$", part, re.MULTILINE)) >= 2
+    ]
+
+
+@pytest.mark.parametrize("name", sorted(PAGES))
+def test_every_table_of_numbers_names_the_program_that_made_it(name: str) -> None:
+    assert numbers_without_a_program(PAGES[name]) == []
+
+
+def test_a_table_without_its_program_is_found() -> None:
+    table = "| a | b |\n| --- | ---: |\n| 1.2 | 3% |\n| 4 | 5.6 dB |\n"
+    assert numbers_without_a_program(f"# T\n\n## S\n\n{table}") == ["S"]
+    assert numbers_without_a_program(f"# T\n\n## S\n\n`python scripts/seeds.py`\n\n{table}") == []
+    assert numbers_without_a_program(f"# T\n\nMade by `python scripts/seeds.py`.\n\n## S\n\n{table}") == []
+
+
+def test_links_to_files_of_the_repository_become_links_to_their_pages() -> None:
+    known = {page_of("configs/chart.toml")}.__contains__
+    text = "[a](../configs/chart.toml) [b](light.md#x) [c](../README.md) [d](references.bib) [e](https://x.org) [f](#y)"
+    assert turned(text, "docs/export.md", known) == (
+        "[a](/source/configs/chart.toml.md) [b](/light.md#x) [c](/index.md) [d](/references.md)"
+        " [e](https://x.org) [f](#y)"
+    )
+    assert turned("[a](../light.md)", "docs/tutorials/paint.md", known) == "[a](/light.md)"
+
+
+def test_a_file_that_a_page_names_has_a_page_that_names_it_back() -> None:
+    named = named_files("made by `python scripts/seeds.py --size 8`, not by scripts/absent.py or my/scripts/seeds.py")
+    assert named == {"scripts/seeds.py"}
+    found = source_pages({"light": "# Light\n\n`python scripts/seeds.py`"}, ["configs/chart.toml"])
+    assert "Named on [Light](/light.md)" in found["source/scripts/seeds.py"]
+    assert (ROOT / "scripts/seeds.py").read_text(encoding="utf-8").rstrip() in found["source/scripts/seeds.py"]
+    assert "Named on" not in found["source/configs/chart.toml"]
+    row = next(line for line in found["source/index"].splitlines() if "`seeds.py`" in line)
+    assert "[Light](/light.md)" in row
+    for path in (ROOT / "scripts").glob("*.py"):
+        assert f"/source/scripts/{path.name}.md" in found["source/index"]
+
+
+def test_every_command_and_option_stands_in_the_reference_as_help_has_it() -> None:
+    group = get_command(app)
+    pages = command_pages({"trust": "# Trust\n\n    homofact factorize x --out y\n", "light": "# Light"})
+    for name, command in group.commands.items():  # type: ignore[attr-defined]
+        text = pages[f"commands/{name}"]
+        assert f"](/commands/{name}.md)" in pages["commands/index"]
+        everyday, _, research = text.partition("{dropdown}")
+        for each in command.params:
+            for word in (word for word in [*each.opts, *each.secondary_opts] if word.startswith("-")):
+                where = research if each.hidden else everyday
+                assert re.search(rf"\{{option\}} .*{re.escape(word)}\b", where), (name, word)
+    assert "--help-all" in pages["commands/factorize"]
+    assert "[Trust](/trust.md)" in pages["commands/factorize"]
+    assert "Light" not in pages["commands/factorize"]
+
+
+def test_runs_are_told_from_mentions() -> None:
+    assert runs_of("    homofact fit-x a\n`homofact plan S.toml` and homofact view, homofact's\n$ homofact edit x") == {
+        "fit", "plan", "edit",
+    }  # fmt: skip
+
+
+def test_the_reference_has_what_is_public_and_who_uses_it() -> None:
+    block = "# T\n\n```python\nimport homofact\nhomofact.fit(x, homofact.McCool(size=8))\n```\n"
+    pages = reference_pages({"tutorials/t": block, "a": block.replace("# T", "# A"), "b": "# B"})
+    for module in reference_modules():
+        assert f"](/{module.page}.md)" in pages["api/index"]
+        assert (ROOT / module.path).is_file()
+    assert "Used on: [T](/tutorials/t.md), [A](/a.md)." in pages["api/homofact.methods.mccool"]
+    assert "Used on" not in pages["api/homofact.methods.svd"]
+    mccool = pages["api/homofact.methods.mccool"]
+    assert "- `size` (`int`): Texels per side of a texture. Default: 16." in mccool
+    assert "{py:method} fit(samples: homofact.brdf.samples.Samples" in mccool
+    assert "{py:function} read(source: str, *, channels: str='rgb'" in pages["api/homofact.api"]
+    assert "{py:obj}`homofact.methods.mccool.McCool`" in pages["api/homofact"]
+
+
+def test_docstrings_become_markdown() -> None:
+    text = "N samples.\n\nAttributes\n----------\nwi, wo : (N, 3),\n    unit.\nvalues : sr⁻¹.\n\nTakes *args of `*x`."
+    assert markdown(text) == (
+        "N samples.\n\n**Attributes**\n\n- `wi, wo`: (N, 3),\n  unit.\n- `values`: sr⁻¹.\n\nTakes \\*args of `*x`."
+    )
+
+
+def test_uses_are_read_off_imports_and_names_of_the_front_door() -> None:
+    found = modules_of(("from homofact.brdf import samples", "import homofact as h\nimport homofact\nhomofact.Svd()"))
+    assert {"homofact.brdf", "homofact.brdf.samples", "homofact.methods.svd"} <= found
+    assert "homofact.methods.cole" not in found
+
+
+def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
+    (tmp_path / "a.html").write_text(
+        '<a href="b.html#x">1</a><a href="b.html#no">2</a><a href="c.html">3</a><img src="no.png">'
+        '<a href="https://elsewhere.org">4</a><script src="https://cdn.org/x.js"></script><a href="../out.html">5</a>'
+        '<a href="#">6</a><a href="mailto:x@y.z">7</a><p id="here"></p><a href="#here">8</a><a href="d/">9</a>'
+    )
+    (tmp_path / "b.html").write_text('<p id="x"></p>')
+    (tmp_path / "d").mkdir()
+    pages, links, broken = broken_links(tmp_path)
+    assert (pages, links) == (2, 7)
+    assert [line.split(" ", 1)[1] for line in broken] == [
+        "b.html#no leads to no such place",
+        "c.html leads to nothing",
+        "no.png leads to nothing",
+        "loads https://cdn.org/x.js from the network",
+        "../out.html leads to nothing",
+        "d/ leads to nothing",
+    ]
