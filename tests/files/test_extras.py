@@ -115,3 +115,19 @@ def test_embedded_files_stand_in_for_those_that_are_not_there(tmp_path: Path, mo
     (tmp_path / file).symlink_to(tmp_path / "nothing")
     assert embedded(file) is None
     assert {each.name for each in root().iterdir()} >= set(FOLDERS)
+
+
+def test_a_command_is_given_the_embedded_file_but_never_to_write_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from homofact.cli.main import _with_embedded
+
+    monkeypatch.chdir(tmp_path)
+    scene, paint = "configs/scenes/relight.toml", "data_synthetic/blue_paint.npz"
+    assert _with_embedded(["relight", scene, "--out", "out"]) == ["relight", str(root() / scene), "--out", "out"]
+    assert capsys.readouterr().err == f"homofact: {scene} is not in this folder: taken from {root() / scene}\n"
+    asked = ["factorize", "-c", "configs/blue_paint.toml", "-q"]
+    assert _with_embedded(asked) == ["factorize", "-c", str(root() / "configs" / "blue_paint.toml"), "-q"]
+    for line in (["convert", "material:phong-10", paint], ["factorize", "a", "--out", paint], ["info", "no.brdf"]):
+        assert _with_embedded(line) == line
+    assert capsys.readouterr().err == ""

@@ -25,6 +25,7 @@ from homofact.factor.projection import fixed_projection
 from homofact.files.archive import read_archive, write_archive
 from homofact.geometry.directions import draw_uniform
 from homofact.parametric.model_fit import ModelFit
+from homofact.runtime import evaluate
 from homofact.runtime.evaluate import TextureRuntime
 from homofact.shading.program import Program
 
@@ -196,6 +197,19 @@ def test_many_pairs_are_compiled_four_channels_each(
     assert not many[:10].any()
     assert np.allclose(many[10:], wi[-1, 2], rtol=1e-6)
     assert np.allclose(few[10:], FITS["eight channels"].evaluate(*pairs()).numpy()[10:499])
+
+
+def test_a_fetch_is_bilinear_between_centres_and_stays_beyond_the_edge() -> None:
+    texels = np.arange(6.0).reshape(2, 3, 1)
+    u = np.array([-0.5, 0, 0.5 / 3, 0.5, 2 / 3, 2.5 / 3, 1, 1.5])
+    (low,) = evaluate._fetch(texels, u, np.zeros(8))
+    assert low.tolist() == pytest.approx([0, 0, 0, 1, 1.5, 2, 2, 2])
+    (middle,) = evaluate._fetch(texels, u, np.full(8, 0.5))
+    assert (middle - low).tolist() == pytest.approx([1.5] * 8)
+    (high,) = evaluate._fetch(texels, u, np.full(8, 9.0))
+    assert (high - low).tolist() == pytest.approx([3] * 8)
+    (single,) = evaluate._fetch(texels[:1, :1] + 7, u, u)
+    assert single.tolist() == [7] * 8
 
 
 def test_shapes_broadcast(loaded: dict[str, runtime.RuntimeFit]) -> None:
