@@ -185,8 +185,8 @@ def _facets(reflectance: Reflectance, isotropic: bool) -> Tensor:
     """D (R, C) in sr⁻¹ of the module's head; two equal rows where isotropic."""
     rows = 16 if isotropic else _ROUND
     u = _grid(rows, _FACETS)
-    thetas = torch.linspace(0.05, 1.45, 8 if isotropic else 5, dtype=torch.float64).tolist()
-    around = [0.0] if isotropic else torch.linspace(-math.pi, math.pi, 9, dtype=torch.float64)[1:].tolist()
+    thetas = torch.linspace(0.05, 1.45, 8 if isotropic else 6, dtype=torch.float64).tolist()
+    around = [0.0] if isotropic else torch.linspace(-math.pi, math.pi, 13, dtype=torch.float64)[1:].tolist()
     total = torch.zeros(len(u), dtype=torch.float64)
     count = torch.zeros(len(u), dtype=torch.float64)
     size = _solid_angles(rows, _FACETS)
