@@ -7,6 +7,7 @@ from pathlib import Path
 
 from torch import Tensor
 
+from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
@@ -17,34 +18,35 @@ from homofact.files.reading import read_bytes
 
 
 @dataclass(frozen=True)
-class _Drawable:
-    """A fit that says whether it is isotropic; a model without textures always is."""
+class Drawn:
+    """A reflectance that says whether it is isotropic, as drawing samples asks."""
 
-    base: Fitted
+    base: Reflectance
+    isotropic: bool
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Those of the fit."""
+        """Those of the reflectance."""
         return self.base.channels
 
     @property
     def nbytes(self) -> int:
-        """Those of the fit."""
+        """Those of the reflectance."""
         return self.base.nbytes
 
     @property
     def fetches(self) -> int:
-        """Those of the fit."""
+        """Those of the reflectance."""
         return self.base.fetches
 
-    @property
-    def isotropic(self) -> bool:
-        """Whether no texture knows an azimuth."""
-        return not self.base.textures or self.base.evaluation.isotropic
-
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """The fit's values (N, C) in sr⁻¹ without the cosine."""
+        """The reflectance's values (N, C) in sr⁻¹ without the cosine."""
         return self.base.evaluate(wi, wo)
+
+
+def knows_no_azimuth(fitted: Fitted) -> bool:
+    """Whether a fit is isotropic by its coordinates; a model without textures always is."""
+    return not fitted.textures or fitted.evaluation.isotropic
 
 
 def is_fit(place: str | os.PathLike[str]) -> bool:
@@ -63,10 +65,15 @@ def fit_as_source(place: str | os.PathLike[str], count: int, scheme: str, seed: 
 
     Raises BadInput where there is none.
     """
+    return as_source(open_result(place), Path(place).name, count, scheme, seed)
+
+
+def as_source(
+    fitted: Fitted, name: str, count: int = DEFAULT_COUNT, scheme: str = DEFAULT_SCHEME, seed: int = 0
+) -> Source:
+    """A fit as a source of that name, with `count` samples drawn of it."""
     begun = time.perf_counter()
-    fitted = open_result(place)
-    reflectance: Reflectance = _Drawable(fitted)
-    samples = sample_model(_Drawable(fitted), count, scheme, seed, noise_free=False)
+    reflectance = Drawn(fitted, knows_no_azimuth(fitted))
+    samples = sample_model(reflectance, count, scheme, seed, noise_free=False)
     samples.provenance["comments"] = ["values of a fit"]
-    seconds = time.perf_counter() - begun
-    return Source(Path(place).name, "drawn", samples, reflectance, fitted.transform.epsilon, seconds)
+    return Source(name, "drawn", samples, reflectance, fitted.transform.epsilon, time.perf_counter() - begun)
