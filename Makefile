@@ -46,7 +46,7 @@ $(READY): pyproject.toml constraints.txt
 	  f"homofact needs Python 3.11 or newer, found {sys.version.split()[0]}: make PYTHON=... {sys.argv[1]}")' "$(MAKECMDGOALS)"
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet -c constraints.txt torch==2.13.0
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,metrics,nmf,mitsuba,relight,cluster,report]'
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,metrics,nmf,mitsuba,relight,cluster,report,materialx]'
 	@touch $@
 
 format: $(READY)

@@ -50,7 +50,7 @@ def export(
         str | None,
         typer.Option(
             help="Add what an engine loads: three (an npm package with an example page), gltf (the"
-            " metallic-roughness material that looks most like it).",
+            " metallic-roughness material that looks most like it), materialx (a BSDF node), godot (a shader).",
             show_default=False,
         ),
     ] = None,

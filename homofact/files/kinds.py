@@ -33,7 +33,10 @@ _OURS = re.compile(
 )
 # Of an export for an engine: names that a person may have given to files of other folders.
 ENGINE_MARK = "engine.json"
-_ENGINE = re.compile(r"engine\.json|package\.json|index\.(js|html)|README\.md|lookalike\.glb")
+_ENGINE = re.compile(
+    r"engine\.json|package\.json|index\.(js|html)|README\.md|lookalike\.glb|brdf\.(mtlx|gdshader|pbrt|bsdf)"
+    r"|brdf_materialx\.glsl"
+)
 # Of a report's site, which has folders: names that a person may have given to files of other folders.
 _SITE = re.compile(r"site\.json|index\.html|(fits|aside|comparison)\.(csv|parquet)")
 _SITE_FOLDERS = {
