@@ -49,7 +49,7 @@ def _document(made: Exported, called: str, names: list[str]) -> str:
         ("normal", "vector3", {"defaultgeomprop": "Nworld"}),
         ("tangent", "vector3", {"defaultgeomprop": "Tworld"}),
     ):
-        ElementTree.SubElement(definition, "input", name=name, type=kind, **more)
+        ElementTree.SubElement(definition, "input", {"name": name, "type": kind, **more})
     ElementTree.SubElement(definition, "output", name="out", type="BSDF")
     ElementTree.SubElement(
         root, "implementation", name=f"IM_{called}_genglsl", nodedef=f"ND_{called}", file=CODE,

@@ -1,4 +1,4 @@
-"""The MaterialX node: a valid document, shaders that its generators make and glslang compiles; Godot's shader beside it."""
+"""The MaterialX node: a valid document, shaders that its generators make and glslang compiles; and Godot's shader."""
 
 import re
 import subprocess
