@@ -64,7 +64,7 @@ $(FIT): pyproject.toml setup.py constraints.txt
 	@touch $@
 
 $(READY): $(FIT)
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all,dev,nmf,docs]'
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[all,dev,nmf,docs,materialx]'
 	@touch $@
 
 format: $(READY)

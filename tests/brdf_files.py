@@ -12,8 +12,9 @@ import torch
 from rgl_files import rough, write_tensors
 from torch import Tensor
 
+from homofact.brdf.adaptive import tabulated
 from homofact.brdf.analytic import Lambert
-from homofact.brdf.formats import alta, astm, cornell, csv, curet, merl, npz, utia
+from homofact.brdf.formats import alta, astm, cornell, csv, curet, merl, npz, rgl, utia
 from homofact.brdf.materials import material
 from homofact.brdf.neural import LAYERS
 from homofact.brdf.samples import Samples
@@ -134,6 +135,13 @@ def is_grey(found: Samples) -> bool:
     return near(found.values, wanted, 1e-15) and found.channels == ("R", "G", "B")
 
 
+def is_nearly_grey(found: Samples) -> bool:
+    """GREY as eight slices of an adaptive table hold it: linear between them, and rough at the horizon."""
+    keep = (found.wi[:, 2] > 0.2) & (found.wo[:, 2] > 0.2)
+    off = found.values[keep] / GREY.evaluate(found.wi[keep], found.wo[keep]) - 1
+    return float(off.abs().median()) < 0.05 and found.channels == ("R", "G", "B")
+
+
 def is_spectral(found: Samples) -> bool:
     names = tuple(f"{w:g}nm" for w in WAVELENGTHS)
     heights = near(found.wi[:, 2], ANGLES[:, 0].cos(), 1e-6) and near(found.wo[:, 2], ANGLES[:, 2].cos(), 1e-6)
@@ -162,6 +170,11 @@ WRITERS: dict[str, Writer] = {
         lambda found: as_paint(found, 1e-12, turned=True),
     ),
     "merl": Writer(lambda path, second: merl.write(path, DARK if second else GREY, (4, 4, 8)), merl.read, is_grey),
+    "rgl": Writer(
+        lambda path, second: rgl.write(path, tabulated(DARK if second else GREY, True, side=32, thetas=8)),
+        rgl.read,
+        is_nearly_grey,
+    ),
     "utia": Writer(lambda path, second: utia.write(path, DARK if second else GREY), utia.read, is_grey),
     "cornell": Writer(
         lambda path, second: cornell.write(path, ANGLES, SPECTRA / (2 if second else 1), WAVELENGTHS),

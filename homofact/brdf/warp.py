@@ -15,6 +15,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+# The share of a density that is left out at its end, so that an inverse lies where there is some.
+_ALMOST = 1e-12
+
 
 def cell(coordinate: Tensor, nodes: int) -> tuple[Tensor, Tensor]:
     """(index of the cell, place in it in [0, 1]) of coordinates (N,) in [0, 1] among `nodes` ≥ 2 nodes."""
@@ -79,6 +82,27 @@ class MarginalConditional:
         up = below + y * (lower[1] + y / 2 * (upper[1] - lower[1])) / (rows - 1)
         return torch.stack((across, up), 1).clamp(0, 1)
 
+    def sample(self, s: Tensor, number: int) -> Tensor:
+        """u (N, 2) of s (N, 2) in the unit square under density `number` alone: `invert` undone.
+
+        Where nothing lies before the first or behind the last point with density, that point is the answer.
+        """
+        _, rows, columns = self.density.shape
+        below = s.clamp(0, 1 - _ALMOST)
+        up, marginal = self.up[number], self.marginal[number]
+        row = _last_not_above(up.expand(len(s), -1), below[:, 1])
+        y = _part(marginal[row], marginal[row + 1], (below[:, 1] - up[row]) * (rows - 1))
+        whole = torch.lerp(marginal[row], marginal[row + 1], y)
+        along = torch.lerp(self.along[number, row], self.along[number, row + 1], y[:, None])
+        wanted = below[:, 0] * whole
+        column = _last_not_above(along, wanted)
+        ends = [
+            torch.lerp(self.density[number, row, k], self.density[number, row + 1, k], y) for k in (column, column + 1)
+        ]
+        x = _part(ends[0], ends[1], (wanted - along.gather(1, column[:, None])[:, 0]) * (columns - 1))
+        across = torch.where(whole > 0, (column + x) / (columns - 1), s[:, 0])
+        return torch.stack((across, (row + y) / (rows - 1)), 1).clamp(0, 1)
+
     def _row(self, slices: Tensor, weights: Tensor, row: Tensor, column: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
         """(integral up to x, integral of the whole row) (N,) of the blended densities in their `row`."""
         row, column, x = row[:, None], column[:, None], x[:, None]
@@ -87,6 +111,19 @@ class MarginalConditional:
         return (weights * (self.along[slices, row, column] + step)).sum(1), (weights * self.marginal[slices, row]).sum(
             1
         )
+
+
+def _last_not_above(rising: Tensor, value: Tensor) -> Tensor:
+    """The last cell (N,) of rows (N, n) of rising numbers that begins at or below `value` (N,)."""
+    found = torch.searchsorted(rising.contiguous(), value[:, None].contiguous(), right=True)[:, 0] - 1
+    return found.clamp(0, rising.shape[1] - 2)
+
+
+def _part(left: Tensor, right: Tensor, area: Tensor) -> Tensor:
+    """The place in [0, 1] up to which a density that goes from `left` to `right` over a unit cell holds `area`."""
+    # The root of (right − left)/2 x² + left x = area in the form that does not cancel.
+    root = (left**2 + 2 * (right - left) * area).clamp_min(0).sqrt()
+    return torch.where(left + root > 0, 2 * area / (left + root).clamp_min(1e-300), torch.zeros_like(area)).clamp(0, 1)
 
 
 def _integral(values: Tensor) -> Tensor:

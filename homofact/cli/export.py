@@ -9,12 +9,15 @@ from rich.text import Text
 from homofact.cli import options as o
 from homofact.cli.places import check_result
 from homofact.cli.screen import Screen
-from homofact.cli.tables import stored_table
+from homofact.cli.tables import appearance_tables, stored_table
 from homofact.containers.names import FORMAT_NAMES
 from homofact.errors import BadInput
 from homofact.files.lock import claimed
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from homofact.brdf.reflectance import Reflectance
     from homofact.brdf.samples import Samples
     from homofact.evaluate.reopening import Reopened
     from homofact.export.exported import Exported
@@ -43,6 +46,14 @@ def export(
             show_default=False,
         ),
     ] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(
+            help="Add what an engine loads: three (an npm package with an example page), gltf (the"
+            " metallic-roughness material that looks most like it), materialx (a BSDF node), godot (a shader).",
+            show_default=False,
+        ),
+    ] = None,
     source: o.MadeFrom = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an export that is there.")] = False,
     as_json: o.AsJson = False,
@@ -54,6 +65,8 @@ def export(
     brdf.c, each with homofact_evaluate(wi, wo), and manifest.json with
     all that a loader needs. The error is that of the stored texels.
     """
+    if engine is not None and form == HTML:
+        raise BadInput(f"format: found {HTML} with --engine {engine}, expected a format of textures")
     name = form or quantize or "exr"
     if quantize is not None and quantize not in ("png8", "png16"):
         raise BadInput(f"quantize: found {quantize!r}, expected png8 or png16")
@@ -76,6 +89,11 @@ def export(
     from homofact.export.result import open_result
     from homofact.factor.quantize import is_solved
 
+    of_engine = None
+    if engine is not None:
+        from homofact.export.engines.table import engine_named
+
+        of_engine, name = engine_named(engine, form or quantize)
     chosen = format_named(name)
     check_export_folder(to, force)
     screen = Screen(as_json, quiet)
@@ -100,13 +118,21 @@ def export(
             made = best
         bar.stage("measuring and writing")
         errors = {label: _errors(each, fitted, samples) for label, each in rows.items()}
-        description = write_exported(to, made, errors, force)
+        more: dict[str, str | bytes] = {}
+        looks: dict[str, Any] = {}
+        if of_engine is not None:
+            bar.stage(f"making what {of_engine.name} loads")
+            added = of_engine.add(made)
+            more = dict(added.files)
+            looks = _looks(made, added.looks, found)
+        of_looks = {label: each["errors"] for label, each in looks.items() if label != "fit"}
+        description = write_exported(to, made, errors | of_looks, force, engine or "", more)
     if isinstance(found, str):
         screen.note(f"homofact: no error on samples: {found}; --source names it")
     elif not found.held_out:
         screen.note("homofact: the fit has, or may have, seen the samples that its errors are on")
     if not quiet:
-        files = [*made.names, *description["code"]["files"], "manifest.json"]
+        files = [*made.names, *description["code"]["files"], "manifest.json", *more]
         cost = made.cost
         screen.show(
             stored_table(errors, "held_out" if isinstance(found, str) else found.part),
@@ -114,9 +140,41 @@ def export(
                 f"One evaluation: {cost.fetches} fetches, {cost.total} operations on vectors and scalars"
                 f" ({cost.scalar} on scalars), {cost.nbytes} bytes of texels."
             ),
+            *appearance_tables(looks),
+            *(each["said"] for each in looks.values() if each["said"]),
             f"{to}: {', '.join(files)}",
         )
-    screen.answer({"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name})
+    answer = {"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name}
+    screen.answer(answer | ({"engine": engine, "looks": looks} if engine else {}))
+
+
+def _looks(made: "Exported", looks: "Mapping[str, Reflectance]", found: "Reopened | str") -> dict[str, Any]:
+    """How each of an engine's look-alikes, and the fit beside them, compares with the source, or else with the fit."""
+    from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
+    from homofact.brdf.source import made_of_samples
+    from homofact.evaluate.appearance import appearance
+    from homofact.evaluate.metrics import measure
+    from homofact.export.as_source import as_source
+    from homofact.export.engines.gltf import said
+    from homofact.export.exported import log_difference
+
+    if not looks:
+        return {}
+    whole = None if isinstance(found, str) or made_of_samples(found.source.reflectance) else found.source
+    against = whole or as_source(made.stored, "the fit")
+    rows = dict(looks) if whole is None else {"fit": made.stored, **looks}
+    answer = {}
+    for label, each in rows.items():
+        figures = appearance(each, against)
+        six = measure(each, against.samples, made.stored.transform).record()
+        log_mse = six["log_mse"]
+        answer[label] = {
+            "against": against.name,
+            "appearance": None if figures is None else figures.record(),
+            "errors": six | {"log_difference": log_difference(made.stored, each)},
+            "said": f"{label}: {said(each)}; log_mse {log_mse:.3g}" if isinstance(each, MetallicRoughness) else "",
+        }
+    return answer
 
 
 def _quantized(fitted: "Fitted", source: "Reopened | str", storage: str) -> "Fitted":

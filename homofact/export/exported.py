@@ -14,15 +14,16 @@ from typing import Any
 
 import torch
 
+from homofact.brdf.reflectance import Reflectance
 from homofact.containers.exr import exr_channel_names
 from homofact.containers.formats import Format
 from homofact.errors import BadInput
 from homofact.evaluate.split import without_places
 from homofact.export.manifest import conventions, write_json
 from homofact.factor.fitted import Fitted
-from homofact.files.atomic import write_text
+from homofact.files.atomic import write_bytes, write_text
 from homofact.files.folder import check_new_folder, write_folder
-from homofact.files.kinds import EXPORT
+from homofact.files.kinds import ENGINE_MARK, EXPORT
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.shading.c_code import c_source
 from homofact.shading.cost import Cost, cost_of
@@ -86,7 +87,7 @@ def exported(fitted: Fitted, form: Format) -> Exported:
     return Exported(stored, textures, program, cost_of(program, nbytes), form)
 
 
-def log_difference(before: Fitted, after: Fitted, pairs: int = 20_000, seed: int = 0) -> float:
+def log_difference(before: Fitted, after: Reflectance, pairs: int = 20_000, seed: int = 0) -> float:
     """Root mean square difference of log((f + εA)/A) of two fits, with the first's ε and A, at random pairs.
 
     The pairs are cosine-weighted, drawn by `seed`.
@@ -102,11 +103,17 @@ def check_export_folder(folder: str | os.PathLike[str], force: bool) -> None:
 
 
 def write_exported(
-    folder: str | os.PathLike[str], made: Exported, errors: Mapping[str, Any], force: bool = False
+    folder: str | os.PathLike[str],
+    made: Exported,
+    errors: Mapping[str, Any],
+    force: bool = False,
+    engine: str = "",
+    files: Mapping[str, str | bytes] | None = None,
 ) -> dict[str, Any]:
     """Write textures, shaders and manifest to `folder`, or nothing; the manifest.
 
-    `errors` go into the manifest as they are. Raises BadInput as `check_export_folder` and for a place that turns
+    `files` of an `engine`, by name, join them (`export.engines`), and engine.json lists these. `errors` go into the
+    manifest as they are. Raises BadInput as `check_export_folder` and for a place that turns
     out not to be writable.
     """
     check_export_folder(folder, force)
@@ -118,6 +125,10 @@ def write_exported(
             made.format.write(place / name, texture.stored, exr_channel_names(made.stored.channels), facts)
         for name, text in _codes(made).items():
             write_text(place / name, text)
+        for name, content in (files or {}).items():
+            write_bytes(place / name, content if isinstance(content, bytes) else content.encode())
+        if files:
+            write_json(place / ENGINE_MARK, {"engine": engine, "files": sorted(files)})
         write_json(place / MANIFEST, description)
 
     write_folder(folder, EXPORT, fill, force)

@@ -31,6 +31,12 @@ _OURS = re.compile(
     r"|(relight|edit|svbrdf|basis)\.(npz|json)|labels\.png|picture_\d+\.png"
     r"|(texture_\d+|term_\d+_(first|second))(_deviation)?(\.[a-z0-9]+)+"
 )
+# Of an export for an engine: names that a person may have given to files of other folders.
+ENGINE_MARK = "engine.json"
+_ENGINE = re.compile(
+    r"engine\.json|package\.json|index\.(js|html)|README\.md|lookalike\.glb|brdf\.(mtlx|gdshader|pbrt|bsdf)"
+    r"|brdf_materialx\.glsl"
+)
 # Of a report's site, which has folders: names that a person may have given to files of other folders.
 _SITE = re.compile(r"site\.json|index\.html|(fits|aside|comparison)\.(csv|parquet)")
 _SITE_FOLDERS = {
@@ -45,6 +51,8 @@ def is_ours(entry: Path) -> bool:
     if place.name in _SITE_FOLDERS and (place.parent / SITE.mark).is_file():
         return _SITE_FOLDERS[place.name].fullmatch(entry.name) is not None and _is_file(entry)
     names = _OURS
+    if _ENGINE.fullmatch(entry.name) and (place / ENGINE_MARK).is_file() and (place / EXPORT.mark).is_file():
+        return _is_file(entry)
     if (place / SITE.mark).is_file():
         if entry.name in _SITE_FOLDERS and not _is_file(entry):
             return all(map(is_ours, entry.iterdir()))

@@ -1,12 +1,12 @@
-"""The program printed as GLSL ES 3.00, HLSL and WGSL.
+"""The program printed as GLSL ES 3.00, HLSL and WGSL, and in the dialects of MaterialX and Godot.
 
-All three are functions to paste into a shader: `PREFIX_evaluate(wi, wo)` and the declarations of its textures. A
+All are functions to paste into a shader: `PREFIX_evaluate(wi, wo)` and the declarations of its textures. A
 fetch names its level, so that it may stand in any control flow and any stage. The value is a vector of as many
 components as there are channels, a scalar for one.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -173,6 +173,24 @@ def _wgsl(program: Program, body: str, prefix: str) -> str:
     return f"{textures}{sampler}\nfn {prefix}_evaluate({given}) -> {kind} {{\n{body}\n}}\n"
 
 
+def _godot(program: Program, body: str, prefix: str) -> str:
+    """Godot's shading language: uniforms with hints, no precision."""
+    kind = GLSL.types[program.result.dimension - 1]
+    textures = "".join(
+        f"uniform sampler2D {prefix}_texture_{k} : filter_linear, repeat_disable;  // {_size(program, shape)}\n"
+        for k, shape in enumerate(program.shapes)
+    )
+    return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo) {{\n{body}\n}}\n"
+
+
+def _materialx(program: Program, body: str, prefix: str) -> str:
+    """GLSL whose samplers are parameters: a node of MaterialX is given them."""
+    kind = GLSL.types[program.result.dimension - 1]
+    textures = [f"sampler2D {prefix}_texture_{k}" for k in range(len(program.shapes))]
+    sizes = "".join(f"// Texture {k}: {_size(program, shape)}\n" for k, shape in enumerate(program.shapes))
+    return f"{sizes}{kind} {prefix}_evaluate({', '.join(['vec3 wi', 'vec3 wo', *textures])})\n{{\n{body}\n}}\n"
+
+
 GLSL = Language(
     "GLSL ES 3.00",
     ".glsl",
@@ -212,3 +230,5 @@ WGSL = Language(
     True,
     _wgsl,
 )
+MATERIALX = replace(GLSL, name="MaterialX's GLSL", suffix="_materialx.glsl", frame=_materialx)
+GODOT = replace(GLSL, name="Godot's shading language", suffix=".gdshader", frame=_godot)

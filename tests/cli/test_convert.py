@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from homofact.brdf.formats import csv, merl, read_samples
+import homofact
+from homofact.brdf.adaptive import tabulated
+from homofact.brdf.formats import csv, merl, read_samples, rgl
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -54,6 +56,63 @@ def test_a_merl_table_stays_as_it_is(tmp_path: Path) -> None:
     assert first.read_bytes() == second.read_bytes()
 
 
+def test_a_model_becomes_an_adaptive_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "clay.bsdf"
+    assert main(["convert", MATERIAL, str(out), "--count", "10", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["format"], answer["samples"], answer["bytes"]) == ("rgl", 32 * 96 * 96, out.stat().st_size)
+    assert answer["difference"]["median"] < 0.003
+    assert answer["difference"]["quantile_99"] < 0.1
+    table = rgl.load(out)
+    samples = sample_model(material("lafortune-clay").model, 500)
+    keep = (samples.wi[:, 2] > 0.1) & (samples.wo[:, 2] > 0.1)
+    error = (table.evaluate(samples.wi[keep], samples.wo[keep]) / samples.values[keep] - 1).abs()
+    # Of directions even in the discs more are low ones.
+    assert float(error.median()) < 0.01
+    assert table.facts["comments"][0] == "converted from lafortune-clay"
+
+
+def test_an_adaptive_table_stays_as_it_is_and_becomes_a_merl_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second, table = tmp_path / "first.bsdf", tmp_path / "second.bsdf", tmp_path / "table.binary"
+    rgl.write(first, tabulated(material("phong-10").model, True, side=24, thetas=8))
+    assert main(["convert", str(first), str(second)]) == 0
+    assert "the source's own table, every number as it was" in " ".join(capsys.readouterr().out.split())
+    before, after = rgl.load(first), rgl.load(second)
+    for name in ("ndf", "sigma", "vndf", "table", "theta_i"):
+        assert torch.equal(getattr(before, name), getattr(after, name))
+    assert main(["convert", str(first), str(table), "-q"]) == 0
+    pairs = sample_model(material("phong-10").model, 300)
+    wi, wo = pairs.wi, pairs.wo
+    keep = (wi[:, 2] > 0.2) & (wo[:, 2] > 0.2)
+    found, wanted = merl.load(table).evaluate(wi[keep], wo[keep]), before.evaluate(wi[keep], wo[keep])
+    assert float((found / wanted - 1).abs().median()) < 0.01
+
+
+def test_a_fit_is_a_source_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fit = homofact.fit(homofact.read(MATERIAL, count=2000), homofact.McCool(projections=("theta_h", "theta_d"), size=8))
+    fit.save(tmp_path / "fit.npz")
+    (tmp_path / "result").mkdir()
+    fit.save(tmp_path / "result" / "factorization.npz")
+    for name in ("fit.npz", "result"):
+        out = tmp_path / f"{name}.csv"
+        assert main(["convert", str(tmp_path / name), str(out), "--count", "50", "-q"]) == 0
+        back = read_samples(out)
+        assert back.isotropic
+        assert torch.allclose(back.values, fit.evaluate(back.wi, back.wo), rtol=1e-9)
+    assert main(["convert", str(tmp_path / "fit.npz"), str(tmp_path / "fit.bsdf"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["difference"]["median"] < 0.01
+    refused = (["--channels", "luminance"], ["--calibrate", "rings"])
+    for more, said in zip(refused, ("found --channels luminance with a fit", "with a fit"), strict=True):
+        assert main(["convert", str(tmp_path / "fit.npz"), str(tmp_path / "no.bsdf"), *more]) == 2
+        assert said in " ".join(capsys.readouterr().err.split())
+    (tmp_path / "empty").mkdir()
+    assert main(["convert", str(tmp_path / "empty"), str(tmp_path / "no.bsdf")]) == 2
+    assert "found no factorization.npz in the folder" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "no.bsdf").exists()
+
+
 def test_weights_are_kept_in_csv_and_their_loss_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = tmp_path / "table.binary"
     merl.write(table, material("phong-10").model, (6, 8, 16))
@@ -88,7 +147,7 @@ def test_an_existing_file_wants_force(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        ([MATERIAL, "{here}/a.txt"], r"a.txt: ends in '.txt', expected .binary or .csv or .npz or .dat"),
+        ([MATERIAL, "{here}/a.txt"], r"a.txt: ends in '.txt', expected .binary or .bsdf or .csv or .npz or .dat"),
         ([MATERIAL, "{here}/a"], "a: ends in nothing, expected .binary"),
         ([MATERIAL, "{here}"], "is a folder, expected a file's name"),
         ([MATERIAL, "/proc/homofact/a.csv"], "cannot be written"),
@@ -137,7 +196,11 @@ def test_conventions_are_undone(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert json.loads(capsys.readouterr().out)["undone"] == ["cosine-o"]
     back = read_samples(out)
     assert torch.allclose(back.values, samples.values, rtol=1e-12)
-    refused = (("a.csv", "cosine", "undo: found 'cosine', expected some of"), ("a.binary", "pi", "--undo"))
+    refused = (
+        ("a.csv", "cosine", "undo: found 'cosine', expected some of"),
+        ("a.binary", "pi", "--undo"),
+        ("a.bsdf", "pi", "--undo"),
+    )
     for target, names, words in refused:
         assert main(["convert", str(with_cosine), str(tmp_path / target), "--undo", names]) == 2
         assert words in capsys.readouterr().err.replace("\n", " ")

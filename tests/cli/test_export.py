@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import homofact
+from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.cli.main import main
+from homofact.export.engines import gltf, three
 from homofact.factor.factorization import Factorization
 from homofact.files.archive import write_arrays
 
@@ -133,3 +135,46 @@ def test_a_file_is_found_where_the_fit_was_given_it(tmp_path: Path, monkeypatch,
     assert main(fit) == 0
     assert main(["export", "results/p", "--to", "e", "--quantize", "png8", "--json"]) == 0
     assert "held_out" in errors(capsys.readouterr().out)["solved for png8"]
+
+
+def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
+    result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    look = MetallicRoughness((0.3, 0.4, 0.7), 0.0, 0.65)
+    for engine in (gltf, three):
+        monkeypatch.setattr(engine, "fit_metallic_roughness", lambda *args, **kwargs: look)
+    asked = ["export", str(result), "--to", str(tmp_path / "out"), "--engine", "gltf"]
+    assert main([*asked, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    fit, alike = answer["looks"]["fit"], answer["looks"]["look-alike"]
+    # Eight texels a side are no better than these few numbers, of a paint that is nearly of their kind.
+    assert fit["against"] == alike["against"] == "lafortune-blue-paint"
+    assert 25 < fit["appearance"]["psnr_sky"] < 60
+    assert 25 < alike["appearance"]["psnr_sky"] < 60
+    assert 0 < fit["errors"]["log_mse"] < 1
+    assert fit["errors"]["log_difference"] == 0 < alike["errors"]["log_difference"]
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert manifest["errors"]["look-alike"] == alike["errors"]
+    assert json.loads((tmp_path / "out" / "engine.json").read_text()) == {"engine": "gltf", "files": ["lookalike.glb"]}
+    assert isinstance(homofact.load(str(tmp_path / "out")), Factorization)
+    # Another's file stays; ours, of another engine, goes.
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    assert main([*asked[:-1], "three", "--force"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "environment: baseColor (0.300, 0.400, 0.700), metallic 0.000, roughness 0.650; log_mse" in shown
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"index.js", "package.json", "notes.txt"} <= names
+    assert "lookalike.glb" not in names
+
+
+def test_engines_refuse_what_they_do_not_take(result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["export", str(result), "--to", str(tmp_path / "out"), "--engine"]
+    for more, said in (
+        (["unity"], "engine: found 'unity', expected one of three"),
+        (["three", "--format", "bc6h"], "format: found 'bc6h' with --engine three, expected one of exr16, exr, png8"),
+        (["three", "--format", "html"], "format: found html with --engine three, expected a format of textures"),
+        (["three", "--quantize", "png16"], "format: found 'png16' with --engine three"),
+    ):
+        assert main([*asked, *more]) == 2
+        assert said in " ".join(capsys.readouterr().err.split())
+        assert not (tmp_path / "out").exists()

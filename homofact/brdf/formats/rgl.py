@@ -1,12 +1,6 @@
 """Tensor files of the RGL material database (Dupuy and Jakob 2018), `.bsdf`.
 
-    12 bytes   "tensor_file\\0"
-    2 bytes    version, 1 and 0
-    uint32     number of fields
-    then each  uint16 length of the name, name, uint16 rank, uint8 type, uint64 offset in the file,
-               uint64 size along each axis
-
-all little-endian; the numbers of a field are at its offset, the last axis fastest. Fields that are read here:
+Fields that are read here (`formats.tensor_file` has the layout):
 
     theta_i (T)  phi_i (F)         angles of incidence in radians, F = 1 where the material is isotropic
     ndf (R, C)  sigma (R, C)       rows along the azimuth, columns along the angle from the normal
@@ -16,95 +10,35 @@ all little-endian; the numbers of a field are at its offset, the last axis faste
     description                    text
 
 The fields luminance (for importance sampling) and valid (of the acquisition) are not needed for a value. What
-is stored contains cosθo, see `homofact.brdf.rgl`.
+is stored contains cosθo, see `homofact.brdf.rgl`. Renderers want luminance, (F, T, R, C) too, and all but valid.
 """
 
-import math
 import os
-import struct
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import LuminanceOf, as_channels, check_channels, spectral_names
+from homofact.brdf.adaptive import importance
+from homofact.brdf.channels import LuminanceOf, as_channels, check_channels, spectral_names, wavelengths_of
 from homofact.brdf.formats.reading import Drawing, Reading
+from homofact.brdf.formats.tensor_file import DESCRIPTION as DESCRIPTION
+from homofact.brdf.formats.tensor_file import MAGIC, read_tensors, short, write_tensors
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import to_luminance, to_rgb
 from homofact.errors import BadInput
-from homofact.files.reading import read_bytes
 
 NAME = "rgl"
-DESCRIPTION = "RGL tensor file (adaptive parameterization, RGB or spectral)"
-_MAGIC = b"tensor_file\0"
-_TYPES = dict(enumerate(["u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f2", "f4", "f8"], 1))
 _ANGLES, _PLANES = ("theta_i", "phi_i"), ("ndf", "sigma")
-# More axes than any field has; a rank is believed no further than this.
-_MOST_AXES = 8
 _RGB = ("R", "G", "B")
 
 
 def sniff(head: bytes) -> bool:
     """Whether a file that begins with `head` is a tensor file."""
-    return head.startswith(_MAGIC)
-
-
-def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """Every field of a tensor file by name, read-only views of its bytes.
-
-    Raises BadInput naming file and field for another version, a header that ends early, more fields than fit,
-    a name twice or not in UTF-8, an unknown type, and data that do not lie within the file.
-    """
-    raw = read_bytes(path, DESCRIPTION)
-    place = len(_MAGIC)
-    if not raw.startswith(_MAGIC):
-        raise BadInput(f"{path}: begins with {raw[:12]!r}, expected {_MAGIC!r}")
-
-    def take(form: str, what: str) -> tuple[Any, ...]:
-        nonlocal place
-        size = struct.calcsize("<" + form)
-        if place + size > len(raw):
-            raise BadInput(f"{path}: the file ends at byte {len(raw)} within {what}, expected a whole header")
-        place += size
-        return struct.unpack_from("<" + form, raw, place - size)
-
-    major, minor = take("2B", "the version")
-    if (major, minor) != (1, 0):
-        raise BadInput(f"{path}: tensor file of version {major}.{minor}, expected 1.0")
-    (count,) = take("I", "the number of fields")
-    layouts: dict[str, tuple[str, int, tuple[int, ...]]] = {}
-    for number in range(1, count + 1):
-        what = f"field {number} of {count}"
-        (length,) = take("H", what)
-        (word,) = take(f"{length}s", what)
-        try:
-            name = word.decode()
-        except UnicodeDecodeError as error:
-            raise BadInput(f"{path}: the name of {what} is {word[:20]!r}, expected UTF-8") from error
-        if name in layouts:
-            raise BadInput(f"{path}: field {_short(name)} is there twice, expected once")
-        rank, code, offset = take("HBQ", f"field {_short(name)}")
-        if rank > _MOST_AXES:
-            raise BadInput(f"{path}: field {_short(name)} has {rank} axes, expected at most {_MOST_AXES}")
-        if code not in _TYPES:
-            raise BadInput(f"{path}: field {_short(name)} is of type {code}, expected 1 to {len(_TYPES)}")
-        layouts[name] = (_TYPES[code], offset, take(f"{rank}Q", f"field {_short(name)}"))
-    fields = {}
-    for name, (kind, offset, shape) in layouts.items():
-        dtype = np.dtype(kind).newbyteorder("<")
-        # Python's integers: no product of sizes overflows.
-        size, numbers = math.prod(shape) * dtype.itemsize, math.prod(shape)
-        if offset < place or offset + size > len(raw):
-            raise BadInput(
-                f"{path}: field {_short(name)} {shape} takes {size} bytes from byte {offset}, expected it"
-                f" between the header's end, {place}, and the file's, {len(raw)}"
-            )
-        if numbers == 0:
-            raise BadInput(f"{path}: field {_short(name)} has shape {shape}, expected at least one number")
-        fields[name] = np.frombuffer(raw, dtype, numbers, offset).reshape(shape)
-    return fields
+    return head.startswith(MAGIC)
 
 
 def load(path: str | os.PathLike[str], channels: str = "rgb") -> AdaptiveTable:
@@ -121,7 +55,7 @@ def load(path: str | os.PathLike[str], channels: str = "rgb") -> AdaptiveTable:
     missing = [name for name in needed if name not in fields]
     if missing:
         raise BadInput(
-            f"{path}: holds {', '.join(map(_short, sorted(fields)[:12])) or 'no fields'}; expected"
+            f"{path}: holds {', '.join(map(short, sorted(fields)[:12])) or 'no fields'}; expected"
             f" {', '.join(needed)}, of which {', '.join(missing)} missing"
         )
     if kind == "rgb" and channels == "spectral":
@@ -172,6 +106,42 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     return open_file(path, channels).samples
 
 
+def write(path: str | os.PathLike[str], table: AdaptiveTable, comments: Sequence[str] = ()) -> None:
+    """Write a table as renderers read it (Mitsuba's plugin `measured`), float32; `comments` are the description.
+
+    R, G, B go into rgb, a channel that is alone into all three of it, two wavelengths or more into spectra. Every
+    number that `load` reads is written as it is. Raises BadInput for other channels, numbers that float32 does not
+    hold, and a place that cannot be written.
+    """
+    wavelengths = wavelengths_of(table.channels)
+    spectral = wavelengths is not None and len(wavelengths) > 1
+    if not spectral and len(table.channels) not in (1, 3):
+        names = ", ".join(table.channels)
+        raise BadInput(f"{path}: channels {names}, expected R, G, B, one alone, or wavelengths")
+    values = table.table if spectral or len(table.channels) == 3 else table.table.expand(*table.table.shape[:-1], 3)
+    # A description without a character is no field that readers take.
+    words = "\n".join(comments) or "a BRDF"
+    tensors = {
+        "phi_i": table.phi_i,
+        "theta_i": table.theta_i,
+        "sigma": table.sigma,
+        "ndf": table.ndf,
+        "vndf": table.vndf,
+        "luminance": importance(table),
+        "rgb": values.movedim(-1, 2),
+    }
+    fields = {"description": np.frombuffer(words.encode(errors="replace"), "u1")}
+    with np.errstate(over="ignore"):
+        fields |= {name: each.detach().cpu().numpy().astype("f4") for name, each in tensors.items()}
+    for name, array in fields.items():
+        if name != "description" and not np.isfinite(array).all():
+            raise BadInput(f"{path}: {name} has values that are not finite in float32, expected finite ones")
+    if spectral:
+        fields["spectra"] = fields.pop("rgb")
+        fields["wavelengths"] = np.array(wavelengths, "f4")
+    write_tensors(path, fields | {"jacobian": np.array([table.jacobian], "u1")})
+
+
 def _in_channels(values: Tensor, wavelengths: list[float], channels: str) -> tuple[Tensor, tuple[str, ...], Any]:
     """(table, channel names, facts of the colour) of a spectral table (F, T, R, C, W) in `channels`."""
     if len(wavelengths) != values.shape[-1]:
@@ -219,7 +189,3 @@ def _description(fields: dict[str, np.ndarray]) -> list[str]:
         return []
     text = array.tobytes().decode("utf-8", "replace").replace("\0", "")
     return [line.strip() for line in text.splitlines() if line.strip()]
-
-
-def _short(name: str) -> str:
-    return repr(name if len(name) <= 40 else name[:37] + "...")

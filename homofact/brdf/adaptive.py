@@ -1,0 +1,252 @@
+"""Any reflectance tabulated in the adaptive parameterization of Dupuy and Jakob (2018), `AdaptiveTable`.
+
+Of a microfacet model f cosθo = F G D(m)/(4σ(ωi)) in which F G varies little, the table M of `brdf.rgl` is F G. The
+paper finds D from retroreflection, which few measurements hold and fits rarely get right. Here D comes from all
+directions: what is reflected by way of m, as a share of all that is reflected, is
+
+    t(m | ωi) = 4 f(ωi, ωo) cosθo / a(ωi),    a(ωi) = ∫ f cosθo dωo,
+
+and D(m) is its mean over incidences whose mirror direction at m is above the horizon, scaled to ∫ D cosθm dm = 1. It
+bends the table's nodes towards the highlight; what it misses stands in M, which is f cosθo · 4σ/D at each node exactly.
+σ(ωi) = ∫ D(m) max(0, m·ωi) dm. Visible normals have the density D(m) max(0, m·ωi)/σ where the mirror direction is
+above the horizon, 0 elsewhere: no node is spent on what cannot be seen, but in the last cell.
+
+Half of the nodes follow the visible normals, the other half lie evenly over ωo, or a diffuse base under a sharp
+highlight would get none. D, σ and the densities are of the channels' mean.
+"""
+
+import math
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.rgl import AdaptiveTable
+from homofact.brdf.warp import MarginalConditional, bilinear
+from homofact.errors import BadInput
+from homofact.geometry.directions import draw_cosine_weighted, from_spherical
+
+# M's nodes along a slice's sides and its incidences, isotropic and not: files of 7 MB and, in a quarter turn, 21 MB.
+SIDE, THETAS = {True: 96, False: 64}, {True: 32, False: 16}
+# Incidences go evenly in θ to just above the horizon, where values are held; azimuths are those of a whole turn.
+_FLATTEST, _AZIMUTHS = math.radians(89), 32
+# Columns of D; rows of D and σ; sides of the visible normals' density.
+_FACETS, _ROUND, _NORMALS = 256, 64, 128
+# The share of the nodes that are spread evenly over ωo.
+_EVEN = 0.5
+# Of a slice's mean importance.
+_DIMMEST = 0.01
+# Of D over its largest value: normals that reflect nothing still have a density.
+_LEAST = 1e-9
+_BATCH = 1 << 17
+_TURNS = 500
+
+
+def tabulated(
+    reflectance: Reflectance,
+    isotropic: bool,
+    *,
+    side: int | None = None,
+    thetas: int | None = None,
+    whole_turn: bool = False,
+) -> AdaptiveTable:
+    """The table of a reflectance: `thetas` slices over θi, M of `side`² nodes each (`THETAS`, `SIDE`).
+
+    Where not isotropic, slices at 32 azimuths over the whole turn; or at as many of them as lie in a half or a quarter
+    of it, where values are the same after half a turn, or after mirroring as well, unless a `whole_turn` is asked for.
+    Raises BadInput for sides or slices below 2.
+    """
+    side, thetas = side or SIDE[isotropic], thetas or THETAS[isotropic]
+    if min(side, thetas) < 2:
+        raise BadInput(f"adaptive table: found {thetas} slices of {side} nodes a side, expected at least 2")
+    phi = torch.zeros(1, dtype=torch.float64) if isotropic else azimuths(reflectance, whole_turn)
+    theta = torch.linspace(0, _FLATTEST, thetas, dtype=torch.float64)
+    ndf = _facets(reflectance, isotropic)
+    sigma = _areas(ndf, isotropic)
+    slices = [(f, t) for f in phi.tolist() for t in theta.tolist()]
+    vndf = torch.stack([_visible(ndf, sigma, t, f, isotropic) for f, t in slices])
+    warp = MarginalConditional.of(vndf)
+    nodes = _grid(side, side)
+    table = []
+    for number, (f, t) in enumerate(slices):
+        u = warp.sample(nodes, number)
+        wi, wo = _pairs(u, t, f, isotropic)
+        density = bilinear(ndf, u) / (4 * bilinear(sigma, _of_angles(t, f))[:1])
+        table.append(_with_cosine(reflectance, wi, wo) / density[:, None])
+    shape = (len(phi), len(theta))
+    return AdaptiveTable(
+        theta.float(),
+        phi.float(),
+        ndf.float(),
+        sigma.float(),
+        vndf.reshape(*shape, *vndf.shape[1:]).float(),
+        torch.stack(table).reshape(*shape, side, side, -1).float(),
+        True,
+        reflectance.channels,
+    )
+
+
+def importance(table: AdaptiveTable) -> Tensor:
+    """What renderers draw nodes by, (F, T, R, C) > 0: the mean of f cosθo dωo of the place that each node stands for.
+
+    Even steps of s hold even shares of the visible normals' density p in the unit square, so it is f cosθo ·
+    4 m·ωi dm/du / p with dm/du = 2π² u sinθm. Never under a hundredth of a slice's mean, so that
+    what is drawn rarely does not weigh much.
+    """
+    rows, columns = table.table.shape[2:4]
+    # At the edges the density may vanish: what a node stands for lies within.
+    inset = torch.tensor([1 / (columns - 1), 1 / (rows - 1)], dtype=torch.float64) / 4
+    nodes = _grid(rows, columns).clamp(inset, 1 - inset)
+    warp = MarginalConditional.of(table.vndf.flatten(0, 1))
+    found = []
+    slices = [(f, t) for f in table.phi_i.double().tolist() for t in table.theta_i.double().tolist()]
+    for number, (f, t) in enumerate(slices):
+        u = warp.sample(nodes, number)
+        wi, wo = _pairs(u, t, f, table.isotropic)
+        half = wi + wo
+        towards = (wi * half).sum(1).clamp_min(0) / half.norm(dim=1).clamp_min(1e-12)
+        area = 4 * towards * (2 * math.pi**2) * u[:, 0] * torch.sin(_angles(u)[0])
+        density = bilinear(warp.density[number], u)
+        value = table.table.flatten(0, 1)[number].double().mean(-1).reshape(-1)
+        if table.jacobian:
+            value = value * bilinear(table.ndf, u) / (4 * bilinear(table.sigma, _of_angles(t, f))).clamp_min(1e-12)
+        found.append(torch.where(density > 0, value.clamp_min(0) * area / density.clamp_min(1e-300), 0.0))
+    weights = torch.stack(found)
+    mean = weights.mean(1, keepdim=True)
+    weights = torch.where(mean > 0, weights.maximum(mean * _DIMMEST), 1.0)
+    return (weights / weights.mean()).reshape(*table.table.shape[:4])
+
+
+def relative_differences(source: Reflectance, table: Reflectance, pairs: int, seed: int = 0) -> tuple[float, float]:
+    """(median, 99th percentile) of |table − source|/source, channels' means, at cosine-weighted random pairs.
+
+    Values under a thousandth of their mean count as that much, so that zeros do. 0 where the source reflects nothing.
+    """
+    wi, wo = draw_cosine_weighted(pairs, torch.Generator().manual_seed(seed))
+    wanted, found = (each.evaluate(wi, wo).double().mean(1) for each in (source, table))
+    mean = float(wanted.mean())
+    if mean <= 0:
+        return 0.0, 0.0
+    apart = (found - wanted).abs() / wanted.clamp_min(1e-3 * mean)
+    return float(apart.median()), float(apart.quantile(0.99))
+
+
+def azimuths(reflectance: Reflectance, whole_turn: bool = False) -> Tensor:
+    """Azimuths (F,) of slices from −π over the whole turn, half of it or a quarter: by the values' symmetry."""
+    generator = torch.Generator().manual_seed(0)
+    u = torch.rand(2, _TURNS, 2, generator=generator, dtype=torch.float64)
+    wi, wo = (from_spherical(part[:, 0] * (math.pi / 2), part[:, 1] * (2 * math.pi)) for part in u)
+
+    def same(*signs: int) -> bool:
+        change = torch.tensor([*signs, 1], dtype=torch.float64)
+        values = [reflectance.evaluate(*pair) for pair in ((wi, wo), (wi * change, wo * change))]
+        return bool(torch.allclose(*values, rtol=1e-5, atol=1e-9 * float(values[0].abs().max())))
+
+    cover = 1
+    if not whole_turn and same(-1, -1):
+        cover = 4 if same(1, -1) else 2
+    return torch.linspace(-math.pi, -math.pi + 2 * math.pi / cover, _AZIMUTHS // cover + 1, dtype=torch.float64)
+
+
+def _angles(u: Tensor) -> tuple[Tensor, Tensor]:
+    """θ and φ in radians of points (N, 2) of the unit square."""
+    return u[:, 0] ** 2 * (math.pi / 2), (u[:, 1] - 0.5) * (2 * math.pi)
+
+
+def _of_angles(theta: float, phi: float) -> Tensor:
+    return torch.tensor([[math.sqrt(theta * 2 / math.pi), (phi / (2 * math.pi) + 0.5) % 1]], dtype=torch.float64)
+
+
+def _grid(rows: int, columns: int) -> Tensor:
+    """The nodes (rows · columns, 2) of a table over the unit square."""
+    x, y = (torch.linspace(0, 1, n, dtype=torch.float64) for n in (columns, rows))
+    return torch.stack(torch.meshgrid(x, y, indexing="xy"), -1).reshape(-1, 2)
+
+
+def _pairs(u: Tensor, theta: float, phi: float, isotropic: bool) -> tuple[Tensor, Tensor]:
+    """ωi and ωo (N, 3) for normals at u; ωo may lie under the horizon."""
+    theta_m, phi_m = _angles(u)
+    m = from_spherical(theta_m, phi_m + phi if isotropic else phi_m)
+    at = torch.tensor([theta, phi], dtype=torch.float64)
+    wi = from_spherical(at[:1], at[1:]).expand_as(m)
+    return wi, 2 * (wi * m).sum(1, keepdim=True) * m - wi
+
+
+def _with_cosine(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:
+    """f cosθo (N, C), 0 where ωo is under the horizon."""
+    values = torch.zeros(len(wi), len(reflectance.channels), dtype=torch.float64)
+    above = (wo[:, 2] > 0).nonzero()[:, 0]
+    for rows in above.split(_BATCH):
+        values[rows] = reflectance.evaluate(wi[rows].contiguous(), wo[rows]).double() * wo[rows, 2:]
+    return values
+
+
+def _facets(reflectance: Reflectance, isotropic: bool) -> Tensor:
+    """D (R, C) in sr⁻¹ of the module's head; two equal rows where isotropic."""
+    rows = 16 if isotropic else _ROUND
+    u = _grid(rows, _FACETS)
+    thetas = torch.linspace(0.05, 1.45, 8 if isotropic else 6, dtype=torch.float64).tolist()
+    around = [0.0] if isotropic else torch.linspace(-math.pi, math.pi, 13, dtype=torch.float64)[1:].tolist()
+    total = torch.zeros(len(u), dtype=torch.float64)
+    count = torch.zeros(len(u), dtype=torch.float64)
+    size = _solid_angles(rows, _FACETS)
+    for theta in thetas:
+        for azimuth in around:
+            wi, wo = _pairs(u, theta, azimuth, isotropic)
+            seen = wo[:, 2] > 0
+            share = _with_cosine(reflectance, wi, wo).mean(1) * 4
+            towards = (wi * (wi + wo)).sum(1).clamp_min(0) / (wi + wo).norm(dim=1).clamp_min(1e-12)
+            albedo = float((share * towards * size).sum())
+            if albedo > 0:
+                total += share / albedo
+                count += seen
+    mean = torch.where(count > 0, total / count.clamp_min(1), 0.0).reshape(rows, _FACETS)
+    if isotropic:
+        weights = torch.ones(rows, dtype=torch.float64)
+        weights[[0, -1]] = 0.5
+        mean = ((mean * weights[:, None]).sum(0) / weights.sum()).expand(2, -1)
+    else:
+        # The first and the last row are one azimuth; at the normal all azimuths are one.
+        mean[0] = mean[-1] = (mean[0] + mean[-1]) / 2
+        mean[:, 0] = mean[:-1, 0].mean()
+    highest = float(mean.max())
+    mean = mean.clamp_min(_LEAST * highest) if highest > 0 else torch.ones_like(mean)
+    theta_m = _angles(_grid(*mean.shape))[0].reshape(mean.shape)
+    return mean / (mean * torch.cos(theta_m) * _solid_angles(*mean.shape).reshape(mean.shape)).sum()
+
+
+def _solid_angles(rows: int, columns: int) -> Tensor:
+    """Steradians (rows · columns,) that the nodes of a table stand for, by the trapezoidal rule in u.
+
+    dω = sinθ dθ dφ = 2π² u sinθ du dv.
+    """
+    u = _grid(rows, columns)
+    theta = _angles(u)[0]
+    ends = [torch.ones(n, dtype=torch.float64) for n in (rows, columns)]
+    for each in ends:
+        each[[0, -1]] = 0.5
+    weights = (ends[0][:, None] * ends[1]).reshape(-1) / ((rows - 1) * (columns - 1))
+    return weights * (2 * math.pi**2) * u[:, 0] * torch.sin(theta)
+
+
+def _areas(ndf: Tensor, isotropic: bool) -> Tensor:
+    """σ (R, C) = ∫ D(m) max(0, m·ωi) dm at the nodes of a table."""
+    rows = 2 if isotropic else _ROUND
+    fine = _grid(_ROUND + 1, _FACETS)
+    theta, phi = _angles(fine)
+    m = from_spherical(theta, phi)
+    weights = bilinear(ndf, fine) * _solid_angles(_ROUND + 1, _FACETS)
+    wi = from_spherical(*_angles(_grid(rows, _NORMALS)))
+    return torch.cat([(part @ m.T).clamp_min(0) @ weights for part in wi.split(256)]).reshape(rows, _NORMALS)
+
+
+def _visible(ndf: Tensor, sigma: Tensor, theta: float, phi: float, isotropic: bool) -> Tensor:
+    """The visible normals' density (R, C) over the unit square, seen from one incidence."""
+    u = _grid(_NORMALS, _NORMALS)
+    wi, wo = _pairs(u, theta, phi, isotropic)
+    theta_m = _angles(u)[0]
+    half = wi + wo
+    towards = (wi * half).sum(1) / half.norm(dim=1).clamp_min(1e-12)
+    density = (1 - _EVEN) * bilinear(ndf, u) / bilinear(sigma, _of_angles(theta, phi)) + _EVEN * 4 / (2 * math.pi)
+    density = density * torch.where(wo[:, 2] > 0, towards, 0.0)
+    return (density * (2 * math.pi**2) * u[:, 0] * torch.sin(theta_m)).reshape(_NORMALS, _NORMALS)

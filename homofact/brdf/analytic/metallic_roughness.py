@@ -1,0 +1,97 @@
+"""glTF 2.0's metallic-roughness material, as appendix B of the specification writes it, with two of its extensions.
+
+With α = roughness², base colour c, metallic m, F(x) = x + (1 − x)(1 − V·H)⁵ and the specular lobe s below:
+
+    metal       s F(c)
+    dielectric  c/π (1 − F(.04)) + s F(.04)
+    material    (1 − m) dielectric + m metal
+    s = D V,    D = α²/(π ((N·H)²(α² − 1) + 1)²),    V = V1(N·L) V1(N·V),    V1(x) = 1/(x + √(α² + (1 − α²) x²))
+
+KHR_materials_clearcoat puts a layer over it, of its own roughness: κ s' + (1 − κ) material, κ = clearcoat · F(.04).
+
+KHR_materials_anisotropy makes the lobe longer along the tangent, αt = α + (1 − α) strength² and αb = α, the tangent
+turned by a rotation; D = 1/(π αt αb ((t·H/αt)² + (b·H/αb)² + (N·H)²)²), and V the extension's, height-correlated.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector, schlick
+from homofact.errors import BadInput
+
+DIELECTRIC = 0.04
+# Renderers keep α above 0: below, a lamp's mirror image is a point that no pixel meets.
+_LEAST_ALPHA = 1e-4
+
+
+@dataclass(frozen=True)
+class MetallicRoughness(AnalyticModel):
+    """The formula of the module's head in sr⁻¹; every number in [0, 1], the rotation in radians, against the clock."""
+
+    base_colour: Colour
+    metallic: float
+    roughness: float
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.0
+    anisotropy: float = 0.0
+    rotation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a colour that does not fit the channels, and numbers outside [0, 1]."""
+        self.check_colour("base_colour")
+        single = ("metallic", "roughness", "clearcoat", "clearcoat_roughness", "anisotropy")
+        numbers = {name: getattr(self, name) for name in single} | {"base_colour": max(self.base_colour)}
+        for name, value in numbers.items():
+            if not 0 <= value <= 1:
+                raise BadInput(f"MetallicRoughness: {name} is {value}, expected 0 to 1")
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether there is no anisotropy."""
+        return self.anisotropy == 0
+
+    def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """The material under its coat."""
+        numbers = [self.metallic, self.roughness, self.clearcoat, self.clearcoat_roughness]
+        more = [self.anisotropy, self.rotation] if self.anisotropy else None
+        along = None if more is None else self.colour(tuple(more), wi)
+        return metallic_roughness(self.colour(self.base_colour, wi), self.colour(tuple(numbers), wi), along, wi, wo)
+
+
+def metallic_roughness(colour: Tensor, numbers: Tensor, along: Tensor | None, wi: Tensor, wo: Tensor) -> Tensor:
+    """Values (N, C) in sr⁻¹ of a colour (C,), (metallic, roughness, clearcoat, its roughness), (strength, rotation)."""
+    metallic, roughness, coat, coat_roughness = numbers
+    h, towards = half_vector(wi, wo)
+    lobe = _lobe(roughness, h, wi, wo) if along is None else _long_lobe(roughness, along, h, wi, wo)
+    fresnel = schlick(torch.full_like(colour[:1], DIELECTRIC), towards)
+    dielectric = colour / math.pi * (1 - fresnel) + lobe[:, None] * fresnel
+    material = (1 - metallic) * dielectric + metallic * lobe[:, None] * schlick(colour, towards)
+    share = coat * fresnel
+    return share * _lobe(coat_roughness, h, wi, wo)[:, None] + (1 - share) * material
+
+
+def _lobe(roughness: Tensor, h: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
+    squared = (roughness**2).clamp_min(_LEAST_ALPHA) ** 2
+    spread = h[:, 2] ** 2 * (squared - 1) + 1
+    visible = torch.ones_like(h[:, 2])
+    for cosine in (grazing(wi[:, 2]), grazing(wo[:, 2])):
+        visible = visible / (cosine + (squared + (1 - squared) * cosine**2).sqrt())
+    return squared / (math.pi * spread**2) * visible
+
+
+def _long_lobe(roughness: Tensor, along: Tensor, h: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
+    alpha = (roughness**2).clamp_min(_LEAST_ALPHA)
+    stretched = torch.stack((alpha + (1 - alpha) * along[0] ** 2, alpha))
+    cos, sin = torch.cos(along[1]), torch.sin(along[1])
+
+    def turned(w: Tensor) -> Tensor:
+        return torch.stack((w[:, 0] * cos + w[:, 1] * sin, w[:, 1] * cos - w[:, 0] * sin), 1)
+
+    spread = ((turned(h) / stretched) ** 2).sum(1) + h[:, 2] ** 2
+    ni, no = grazing(wi[:, 2]), grazing(wo[:, 2])
+    lengths = [(((turned(w) * stretched) ** 2).sum(1) + w[:, 2] ** 2).sqrt() for w in (wi, wo)]
+    visible = 0.5 / (ni * lengths[1] + no * lengths[0])
+    return visible / (math.pi * stretched[0] * stretched[1] * spread**2)

@@ -1,0 +1,1 @@
+"""What an engine needs beside textures and shaders: `table.ENGINES` by name."""
