@@ -17,6 +17,7 @@ PAGES = (
 setup(
     packages=[*find_packages(include=["homofact*"]), *EMBEDDED],
     package_dir=EMBEDDED,
-    package_data={each: ["*.*"] for each in EMBEDDED} | {each: ["*.html", "*.css", "*.js"] for each in PAGES}
+    package_data={each: ["*.*"] for each in EMBEDDED}
+    | {each: ["*.html", "*.css", "*.js"] for each in PAGES}
     | {"homofact.export.engines": ["*.gdshader", "*.glsl", "*.html", "*.js", "*.md"]},
 )
