@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ElementTree
+from html import unescape
 from typing import Any
 
 from docutils import nodes
@@ -98,7 +99,8 @@ def _mathml(node: nodes.Element, block: bool) -> str:
 
 def with_accents(mathml: str) -> str:
     """The formula with the index of an accented letter beside it, where docutils puts it under the letter."""
-    root = ElementTree.fromstring(mathml)
+    # Entities of HTML's (&lang;) are none of XML's, but for five.
+    root = ElementTree.fromstring(re.sub(r"&(?!amp;|lt;|gt;|quot;|apos;)\w+;", lambda name: unescape(name[0]), mathml))
     for node in root.iter(f"{{{_MATHML}}}munderover"):
         base, index, over = node
         if over.tag.endswith("}mo") and over.text in _ACCENTS:

@@ -78,4 +78,4 @@ def _index(paths: list[str], naming: Mapping[str, list[str]], pages: Mapping[str
 def summary(path: str) -> str:
     """The first sentence of a program's or module's docstring, fit for a cell of a table."""
     told = ast.get_docstring(ast.parse((ROOT / path).read_text(encoding="utf-8"))) or ""
-    return re.split(r"(?<=[.:])\s", " ".join(told.split("\n\n")[0].split()))[0].rstrip(":").replace("|", "\\|")
+    return re.split(r"(?<=\.)\s", " ".join(told.split("\n\n")[0].split()))[0].rstrip(":").replace("|", "\\|")

@@ -8,8 +8,10 @@ import pytest
 
 pytest.importorskip("sphinx", reason="the site's tools are not installed: pip install 'homofact[docs]'")
 
+from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.cmd.build import build_main
 
+from sitemaker.extension import with_accents
 from sitemaker.gallery import INDEX, fits, gallery_pages, viewers
 from sitemaker.links import broken_links
 from sitemaker.navigation import DOCS
@@ -60,6 +62,18 @@ def test_a_page_gets_its_links_and_formulas(tmp_path: Path) -> None:
     pages, _, broken = broken_links(tmp_path / "site")
     assert pages >= 3
     assert broken == []
+
+
+def formulas(text: str) -> list[str]:
+    text = re.sub(r"^(`{3,}).*?^\1", "", text, flags=re.DOTALL | re.MULTILINE)
+    blocks = re.findall(r"\$\$(.+?)\$\$", text, re.DOTALL)
+    return blocks + re.findall(r"\$([^$\n]+)\$", re.sub(r"\$\$.+?\$\$", "", text, flags=re.DOTALL))
+
+
+@pytest.mark.parametrize("path", sorted(DOCS.rglob("*.md")), ids=lambda path: path.stem)
+def test_every_formula_of_a_page_can_be_shown(path: Path) -> None:
+    for formula in formulas(path.read_text(encoding="utf-8")):
+        assert with_accents(tex2mathml(formula)).startswith("<math")
 
 
 def test_what_cannot_be_shown_fails_the_build(tmp_path: Path) -> None:
