@@ -1,7 +1,7 @@
 """What the tests of exports for engines share: exported fits, a web server of a folder, packages of npm."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -53,14 +53,23 @@ def npm_package(name: str) -> Path:
 
 
 class _Quiet(SimpleHTTPRequestHandler):
+    headers_too: Mapping[str, str] = {}
+
+    def end_headers(self) -> None:
+        """The folder's own headers beside the usual ones."""
+        for name, value in self.headers_too.items():
+            self.send_header(name, value)
+        super().end_headers()
+
     def log_message(self, format: str, *args: object) -> None:
         """Nothing."""
 
 
 @contextmanager
-def served(folder: Path) -> Iterator[str]:
-    """The address of a web server of a folder, on this machine alone."""
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Quiet, directory=str(folder)))
+def served(folder: Path, headers: Mapping[str, str] | None = None) -> Iterator[str]:
+    """The address of a web server of a folder, on this machine alone; `headers` join its answers."""
+    handler = type("Handler", (_Quiet,), {"headers_too": dict(headers or {})})
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(handler, directory=str(folder)))
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()
     try:

@@ -80,7 +80,7 @@ def test_the_mean_albedo_is_that_of_even_light() -> None:
 
 @pytest.mark.parametrize("fit", FITS.values(), ids=list(FITS))
 def test_godots_shader_is_glsl_but_for_its_frame(fit: Factorization, tmp_path: Path) -> None:
-    """No Godot 4 is to be had as a package: the text goes through glslang, Godot's own words declared as in GLSL."""
+    """Where there is no Godot (test_godot.py): through glslang, Godot's own words declared as in GLSL."""
     engine_folder(tmp_path / "fit", fit, "godot")
     text = (tmp_path / "fit" / "brdf.gdshader").read_text(encoding="utf-8")
     assert text.count("shader_type spatial;") == 1
