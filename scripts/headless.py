@@ -69,9 +69,9 @@ def resize(driver: Any, size: tuple[int, int]) -> None:
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", shape)
 
 
-def open_page(driver: Any, page: Path) -> None:
-    """Load a file and wait until it is ready to be asked, or shows its trouble."""
-    driver.get(page.resolve().as_uri())
+def open_page(driver: Any, page: Path, link: str = "") -> None:
+    """Load a file, with a `link` (#…) to a place in it, and wait until it is ready, or shows its trouble."""
+    driver.get(page.resolve().as_uri() + link)
     driver.execute_async_script(
         "const done = arguments[0];"
         "(window.homofact?.ready ?? Promise.reject()).then(() => done(true), () => done(false));"

@@ -40,12 +40,16 @@ SECTIONS = (
     Section(
         "Guides",
         (
-            "python", "formats", "verdict", "suspicion", "robustness", "export", "mitsuba", "planning", "relighting",
-            "editing", "sweep", "report",
+            "python", "formats", "results", "verdict", "suspicion", "robustness", "export", "interchange", "mitsuba",
+            "planning", "relighting", "editing", "sweep", "report", "papers",
         ),
     ),
     Section("Gallery", ("gallery", "editing_gallery")),
     Section("Evidence", ("light", "measured", "thesis", "trials", "compression", "stability", "source/index")),
+    Section(
+        "Contribute",
+        ("contributing/reader", "contributing/metric", "contributing/method", "contributing/shader-language"),
+    ),
     Section("Reference", ("commands/index", "api/index", "references", "changes")),
 )  # fmt: skip
 

@@ -3,22 +3,19 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from homofact.evaluate.chart_points import ChartPoint
 from homofact.evaluate.pareto import front
 from homofact.evaluate.spread import Spread
-from homofact.figures.label_places import nearest_edge, place_labels
 from homofact.figures.log_axis import log_x, log_y, plain_number, round_ticks, set_ticks
+from homofact.figures.point_labels import PointLabel, label_points
 
 # A series' colour, shape, and the shape's width in points.
 Look = tuple[str, str, float]
 FRONT_COLOUR = "#999999"
-_CLEAR = 4.5  # points round a marker's middle that labels leave free
 _Place = tuple[float, float]
 
 
@@ -106,56 +103,19 @@ class Panel:
         return corners
 
     def label(self, figure: Figure, looks: dict[str, Look], base: ChartPoint | None, corners: Sequence[_Place]) -> None:
-        """Every point's label, where it covers nothing; all places in 1/72 inch, whatever the picture's pixels."""
-        axes, on = self.axes, set(front(self.places))
-        scale = 72 / figure.dpi
-        renderer = FigureCanvasAgg(figure).get_renderer()
-
-        def place(point: _Place) -> _Place:
-            x, y = axes.transData.transform(point)
-            return float(x) * scale, float(y) * scale
-
-        texts = []
-        for i, point in enumerate(self.points):
+        """Every point's label, where it covers nothing."""
+        on = set(front(self.places))
+        labels = []
+        for i, (point, place) in enumerate(zip(self.points, self.places, strict=True)):
             words = f"{point.textures}×{point.first.size}²"
             if i in on and base is not None and not point.is_reference:
                 share = point.error.mean / base.error.mean
                 words += f"  ×{share:.2f}" if share >= 0.1 else f"  ×{share:.2g}"
-            texts.append(
-                axes.annotate(
-                    words,
-                    self.places[i],
-                    xytext=(0, 0),
-                    textcoords="offset points",
-                    fontsize=7.5,
-                    fontweight="bold" if i in on else "normal",
-                    color=looks[point.series][0],
-                    zorder=4,
-                )
-            )
-        extents = [text.get_window_extent(renderer) for text in texts]
-        frame = axes.get_window_extent(renderer)
-        places = [place(point) for point in self.places]
-        lines = _along([place(corner) for corner in corners])
+            labels.append(PointLabel(words, place, looks[point.series][0], bold=i in on))
+        paths: list[Sequence[_Place]] = [corners, *(bar for point in self.points for bar in self._bars(point))]
         if base is not None:
-            lines += _along([place((x, base.error.mean)) for x in axes.get_xlim()])
-        for point in self.points:
-            for bar in self._bars(point):
-                lines += _along([place(end) for end in bar])
-        chosen = place_labels(
-            places,
-            [(extent.width * scale + 1, extent.height * scale) for extent in extents],
-            (frame.x0 * scale, frame.y0 * scale, frame.x1 * scale, frame.y1 * scale),
-            lines=lines,
-            radius=_CLEAR,
-        )
-        for text, point, (x, y), label in zip(texts, self.places, places, chosen, strict=True):
-            text.set_position((label.box[0] - x + 0.5, label.box[1] - y))
-            if label.leader:
-                end = nearest_edge((x, y), label.box)
-                arrow = {"arrowstyle": "-", "linewidth": 0.6, "color": text.get_color(), "shrinkA": 0, "shrinkB": 3}
-                offset = (end[0] - x, end[1] - y)
-                axes.annotate("", point, xytext=offset, textcoords="offset points", arrowprops=arrow, zorder=2)
+            paths.append([(x, base.error.mean) for x in self.axes.get_xlim()])
+        label_points(figure, self.axes, labels, paths)
 
     def _bars(self, point: ChartPoint) -> list[tuple[_Place, _Place]]:
         """The ends of its bars, from the least to the greatest: upwards the error, to the right the cost."""
@@ -179,12 +139,3 @@ def share_axis(axes: Axes, base: float, limits: tuple[float, float]) -> None:
     right.tick_params(axis="y", colors="#555555", labelsize=8)
     right.spines[["top", "left"]].set_visible(False)
     right.spines["right"].set_color("#cccccc")
-
-
-def _along(corners: Sequence[_Place], step: float = 3.0) -> list[_Place]:
-    """Places every `step` along the line through `corners`."""
-    found = []
-    for (x0, y0), (x1, y1) in pairwise(corners):
-        count = round((abs(x1 - x0) + abs(y1 - y0)) / step) + 1
-        found += [(x0 + (x1 - x0) * k / count, y0 + (y1 - y0) * k / count) for k in range(count + 1)]
-    return found

@@ -2,7 +2,7 @@
 
 Slice: luminance of f in sr⁻¹, log₁₀ scale, over θh and θd at φd = 90° (ωi leaves the plane of n and h), where
 both directions stay above the horizon everywhere; the places of a measurement's samples are dots, whatever their
-φd. Lobes: f^⅓ of every angle of the viewer in the plane of incidence, the mirrored side to the right; the cube
+φd. Lobes: ∛f at every angle of the viewer in the plane of incidence, the mirrored side to the right; the cube
 root keeps highlight and base in one picture. Sphere: as in the comparison pictures.
 """
 
@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.projections.polar import PolarAxes
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
@@ -80,6 +81,7 @@ def info_picture(
     figure.suptitle(name, weight="bold", parse_math=False)
     left, right = figure.add_subplot(1, 3, 1), figure.add_subplot(1, 3, 3)
     middle = figure.add_subplot(1, 3, 2, projection="polar")
+    assert isinstance(middle, PolarAxes)
     _draw_slice(figure, left, slice_values(reflectance, to_rgb).numpy(), measured)
     _draw_lobes(middle, reflectance, to_rgb)
     right.imshow(shown.pixels.numpy(), interpolation="none")
@@ -117,11 +119,12 @@ def _draw_slice(figure: Figure, axes: Axes, values: np.ndarray, measured: Sample
         some = measured.subset(_MOST_DOTS, 0)
         theta_h, theta_d, _ = (angle * (180 / math.pi) for angle in rusinkiewicz_angles(some.wi, some.wo))
         axes.plot(theta_h.numpy(), theta_d.numpy(), ".", color="white", markersize=2, alpha=0.5)
-    axes.set(xlim=(0, 90), ylim=(0, 90), xlabel="θh [°]", ylabel="θd [°]")
+    thirds = (0, 30, 60, 90)
+    axes.set(xlim=(0, 90), ylim=(0, 90), xlabel="θh [°]", ylabel="θd [°]", xticks=thirds, yticks=thirds)
     axes.set_title("slice at φd = 90°", fontsize=10)
 
 
-def _draw_lobes(axes: Axes, reflectance: Reflectance, to_rgb: Callable[[Tensor], Tensor] | None) -> None:
+def _draw_lobes(axes: PolarAxes, reflectance: Reflectance, to_rgb: Callable[[Tensor], Tensor] | None) -> None:
     """Cube roots of f in the plane of incidence, a curve and a dashed ray for each light."""
     longest = 0.0
     lobes = [(degrees, *lobe_values(reflectance, degrees, to_rgb)) for degrees in LOBE_DEGREES]
@@ -133,9 +136,19 @@ def _draw_lobes(axes: Axes, reflectance: Reflectance, to_rgb: Callable[[Tensor],
     for degrees, colour in zip(LOBE_DEGREES, _COLOURS, strict=True):
         axes.plot([-math.radians(degrees)] * 2, [0, longest * 1.05], color=colour, linestyle="--", linewidth=1)
     axes.set(theta_offset=math.pi / 2, theta_direction=-1, thetamin=-90, thetamax=90, rmin=0, rmax=longest * 1.05)
+    axes.set_thetagrids((-90, -60, -30, 0, 30, 60, 90))
+    # Few and round: the numbers stand side by side under half of the base line.
+    axes.set_rgrids(_round_steps(longest), angle=-90)
     axes.tick_params(labelsize=8)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.1), ncol=3, fontsize=8)
-    axes.set_title("lobes: f^⅓ in the plane of incidence (dashed: light)", fontsize=10)
+    axes.set_title("lobes: ∛f in the plane of incidence (dashed: light)", fontsize=10)
+
+
+def _round_steps(most: float) -> list[float]:
+    """Two to four multiples of 5, 1 or 2 times a power of ten, from the first above 0 up to `most`."""
+    power = 10.0 ** math.floor(math.log10(most))
+    step = next(each for each in (power / 2, power, 2 * power) if most / each < 5)
+    return [step * k for k in range(1, math.floor(most / step * (1 + 1e-9)) + 1)]
 
 
 def _luminance(reflectance: Reflectance, wi: Tensor, wo: Tensor, to_rgb: Callable[[Tensor], Tensor] | None) -> Tensor:

@@ -1,12 +1,16 @@
 """The picture of a comparison: every metric of every method, training beside held out, with the spread of seeds."""
 
+import math
 import os
 from collections.abc import Sequence
+from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from homofact.evaluate.compare import Row
 from homofact.evaluate.seeds import SeedRows
+from homofact.evaluate.spread import Spread
 from homofact.evaluate.wording import shapes
 from homofact.figures.log_axis import log_x
 from homofact.files.atomic import replace_file
@@ -20,51 +24,70 @@ _METRICS = (
     ("max", "linear, maximum [sr⁻¹]"),
 )
 
+_TRAINING, _HELD_OUT = "#6a8db3", "#12385f"
+# Of the panel's width, where the right ends of the two columns of numbers are.
+_FIRST, _SECOND = 1.24, 1.5
+_COLUMN: dict[str, Any] = {
+    "xycoords": "axes fraction", "textcoords": "offset points", "ha": "right", "va": "bottom", "fontsize": 8,
+    "annotation_clip": False,
+}  # fmt: skip
+_BESIDE: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center"}
+
 
 def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row | SeedRows]) -> None:
-    """Draw the six metrics of `rows` as bars on logarithmic axes into `path` (PNG, SVG or PDF by its ending).
+    """Draw the six metrics of `rows` as dots on logarithmic axes into `path` (PNG, SVG or PDF by its ending).
 
-    Of several seeds the bar is the mean, and a line goes from the least to the greatest.
+    A line of the panel is a method: a ring for the training samples, a dot for those held out, joined; the numbers at
+    the right. Of several seeds they are means, each on a line of its own from the least to the greatest. An error of 0
+    has its number alone.
 
     Raises BadInput where the place cannot be written.
     """
     several = [row if isinstance(row, SeedRows) else SeedRows((row,)) for row in rows]
     names = [_name(each) for each in several]
-    figure = Figure(figsize=(12, 3 + 0.5 * len(rows)), layout="constrained")
-    axes = figure.subplots(2, 3).ravel()
-    places = range(len(rows))
-    for axis, (metric, title) in zip(axes, _METRICS, strict=True):
-        for spreads, shift, colour, label in (
-            ([each.train[metric] for each in several], -0.2, "#7f9fbf", "training"),
-            ([each.held_out[metric] for each in several], 0.2, "#1f4e79", "held out"),
-        ):
-            at = [place + shift for place in places]
-            axis.barh(at, [each.mean for each in spreads], 0.38, color=colour, label=label)
-            for place, each in zip(at, spreads, strict=True):
-                if each.low < each.high:
-                    axis.plot((each.low, each.high), (place, place), color="#111111", linewidth=1.2, marker="|")
-                axis.annotate(
-                    f"{each.mean:.3g}",
-                    (each.high, place),
-                    xytext=(4, 0),
-                    textcoords="offset points",
-                    va="center",
-                    fontsize=8,
-                )
-        axis.set_xscale("log")
-        low, high = axis.get_xlim()
-        log_x(axis, low / 2, high * 6, most=5)  # room for the numbers
-        axis.set_yticks(list(places), names, fontsize=9)
-        axis.invert_yaxis()
-        axis.set_title(title, fontsize=10)
-        axis.spines[["top", "right"]].set_visible(False)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
+    figure = Figure(figsize=(13, 1.6 + 2 * (0.5 + 0.3 * len(rows))))
+    # The numbers of the last panels reach beyond what the layout takes them to.
+    figure.set_layout_engine("constrained", rect=(0, 0, 0.985, 1), wspace=0.06, hspace=0.08)
+    axes = figure.subplots(2, 3, sharey=True)
+    for number, (axis, (metric, title)) in enumerate(zip(axes.ravel(), _METRICS, strict=True)):
+        spreads = [(each.train[metric], each.held_out[metric]) for each in several]
+        _dots(axis, spreads)
+        axis.set_title(title, fontsize=10, loc="left", pad=18)
+        for place, colour, words in ((_FIRST, _TRAINING, "○ training"), (_SECOND, _HELD_OUT, "● held out")):
+            axis.annotate(words, (place, 1.0), (0, 5), color=colour, **_COLUMN)
+        axis.tick_params(axis="y", length=0, labelsize=9, labelleft=number % 3 == 0)
+    axes[0, 0].set_ylim(len(rows) - 0.4, -0.6)
+    axes[0, 0].set_yticks(range(len(rows)), names)
     first, most = several[0].first, max(len(each.rows) for each in several)
     seeds = "" if most == 1 else f"; means of {most} fits by different seeds, lines from least to greatest"
     epsilon = first.factorization.transform.epsilon
     figure.suptitle(f"{first.source}: lower is better (ε = {epsilon:g}, {first.samples} samples{seeds})")
     replace_file(path, lambda made: figure.savefig(made, dpi=110))
+
+
+def _dots(axis: Axes, spreads: Sequence[tuple[Spread, Spread]]) -> None:
+    """One panel: a line for each (training, held out) pair, and its two numbers in columns beside the panel."""
+    ends = [end for pair in spreads for each in pair for end in (each.low, each.mean, each.high) if 0 < end < math.inf]
+    low, high = (min(ends), max(ends)) if ends else (0.1, 1.0)
+    room = max(high / low, 10.0) ** 0.06
+    log_x(axis, low / room, high * room, fewest=2, most=4)
+    axis.grid(axis="x", color="#e4e4e4", linewidth=0.8)
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right", "left"]].set_visible(False)
+    for place, (train, held_out) in enumerate(spreads):
+        spread = train.low < train.high or held_out.low < held_out.high
+        axis.axhline(place, color="#f1f1f1", linewidth=0.8, zorder=0)
+        if not spread:
+            axis.plot((train.mean, held_out.mean), (place, place), color="#9db4cc", linewidth=2, zorder=2)
+        for each, shift, colour, look in (
+            (train, -0.14, _TRAINING, {"ms": 9, "mfc": "none", "mew": 1.6, "zorder": 3}),
+            (held_out, 0.14, _HELD_OUT, {"ms": 5.5, "zorder": 4}),
+        ):
+            at = place + (shift if spread else 0)
+            axis.plot((each.low, each.high), (at, at), color=colour, linewidth=1.2)
+            axis.plot(each.mean, at, "o", color=colour, **look)
+        for column, colour, each in ((_FIRST, _TRAINING, train), (_SECOND, _HELD_OUT, held_out)):
+            axis.annotate(f"{each.mean:.3g}", (column, place), (0, 0), color=colour, **_COLUMN | _BESIDE)
 
 
 def _name(several: SeedRows) -> str:

@@ -27,7 +27,7 @@ class Controls {
     this.choices = {
       layers: makeChoice(by("layers"), layers.map((layer, k) => ({ value: layer.key, title: layer.title, hint: `Key ${k + 1}` })), (key) => this.toggle(key)),
       surface: makeChoice(by("surface"), [{ value: "sphere", title: "Sphere" }, { value: "mesh", title: view.mesh ? view.mesh.name : "Mesh" }], set("surface")),
-      light: makeChoice(by("light"), [{ value: "directional", title: "Direct" }, { value: "overcast", title: "Overcast" }, { value: "studio", title: "Studio" }], set("light")),
+      light: makeChoice(by("light"), [["sky", "Sky"], ["directional", "Point"], ["overcast", "Overcast"], ["studio", "Studio"]].map(([value, title]) => ({ value, title })), (value) => view.relight(value)),
       drag: makeChoice(by("drag"), [{ value: "camera", title: "turns camera" }, { value: "lightFrom", title: "moves light" }], (value) => { state.drag = value; this.show(); }),
       difference: makeChoice(by("difference"), [["off", "Off"], ["signed", "Signed"], ["absolute", "Abs."], ["ratio", "Ratio"]].map(([value, title]) => ({ value, title })), set("difference")),
     };
@@ -40,6 +40,10 @@ class Controls {
     this.factor.addEventListener("input", () => { state.factor = 2 ** Number(this.factor.value); view.changed("shown"); });
     by("textures-button").addEventListener("click", () => this.toggleTextures());
     by("reset-button").addEventListener("click", () => this.reset());
+    by("save-button").addEventListener("click", () => view.save());
+    by("open-button").addEventListener("click", () => by("file").click());
+    by("file").addEventListener("change", () => { for (const file of by("file").files) view.open(file); by("file").value = ""; });
+    receiveFiles(by("drop"), (file) => view.open(file));
     by("help-button").addEventListener("click", () => by("help").showModal());
     document.addEventListener("keydown", (event) => this.key(event));
     for (const [key, card] of view.cards) this.follow(key, card.canvas);
@@ -57,8 +61,10 @@ class Controls {
     this.factor.value = Math.log2(state.factor);
     this.factor.disabled = state.difference === "off";
     by("factor-value").textContent = `× ${state.factor}`;
-    const words = ({ azimuth, elevation }) => `${azimuth.toFixed(0)}° / ${elevation.toFixed(0)}°`.replaceAll("-", "−");
-    by("angles").textContent = `Azimuth / elevation: camera ${words(state.camera)}, ${state.light === "directional" ? "light" : state.light === "studio" ? "key light" : "zenith"} ${words(state.lightFrom)}`;
+    const sign = (text) => text.replaceAll("-", "−"), at = ({ azimuth, elevation }) => `${azimuth.toFixed(0)}° / ${elevation.toFixed(0)}°`;
+    const light = { directional: "light", studio: "key light", overcast: "zenith" }[state.light];
+    const lit = light ? `${light} ${at(state.lightFrom)}` : `${this.view.sky.name} turned by ${state.lightFrom.azimuth.toFixed(0)}°`;
+    by("angles").textContent = sign(`Azimuth / elevation: camera ${at(state.camera)}, `) + (light ? sign(lit) : lit);
     by("textures-button").setAttribute("aria-pressed", String(!by("textures").hidden));
   }
 
@@ -113,11 +119,11 @@ class Controls {
       "]": () => { state.factor = Math.min(256, state.factor * 2); view.changed("shown"); },
       e: () => this.expose(-1 / 3), E: () => this.expose(1 / 3),
       a: () => view.auto(),
-      l: () => { state.light = next(LIGHTS, state.light); this.say(`light ${state.light}`); view.changed("picture"); },
+      l: () => { view.relight(next(LIGHTS, state.light)); this.say(`light ${state.light}`); },
       s: () => { if (view.mesh) { state.surface = state.surface === "sphere" ? "mesh" : "sphere"; view.changed("picture"); } },
       m: () => { state.drag = state.drag === "camera" ? "lightFrom" : "camera"; this.show(); },
       "+": () => this.zoom(1.15), "=": () => this.zoom(1.15), "-": () => this.zoom(1 / 1.15),
-      t: () => this.toggleTextures(), r: () => this.reset(),
+      t: () => this.toggleTextures(), r: () => this.reset(), p: () => view.save(), o: () => document.getElementById("file").click(),
       "?": () => document.getElementById("help").showModal(),
     };
     view.layers.forEach((layer, k) => { actions[k + 1] = () => this.toggle(layer.key); });

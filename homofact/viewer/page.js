@@ -18,10 +18,11 @@ class View {
     this.mesh = mesh;
     this.reference = layers.length < 2 ? null : layers.find((layer) => layer.key === "source") ?? layers.at(-1);
     this.state = {
-      ...structuredClone(START), visible: layers.map((layer) => layer.key), surface: mesh ? "mesh" : "sphere",
-      light: "directional", drag: "camera", stops: 0, difference: "off", factor: 4,
+      ...structuredClone(START), visible: layers.map((layer) => layer.key), surface: mesh?.first ? "mesh" : "sphere",
+      light: "sky", drag: "camera", stops: 0, difference: "off", factor: 4,
     };
     this.stage = new Stage(document.createElement("canvas"), layers, mesh);
+    this.setSky(skyLight("built-in sky", ownSky()));
     this.cards = makeCards(document.getElementById("cards"), layers);
     makeNumbers(document.getElementById("numbers"), layers);
     makeTextures(document.getElementById("textures"), layers);
@@ -32,20 +33,70 @@ class View {
     this.firstFrameMs = null;
     this.pointed = null;
     this.pending = null;
-    this.dirty = { anew: true, moving: false };
-    this.pace = 1;
+    // The first picture comes soon, of few pixels, and is then made whole.
+    this.dirty = { anew: true, moving: true };
+    this.pace = 0.5;
+    this.burst = 1;
     this.controls = new Controls(this);
-    this.auto();
-    new ResizeObserver(() => this.changed("layout")).observe(document.getElementById("cards"));
+    this.auto(true);
+    this.link = new Link(this);
+    this.link.first = writeLink(this.state, this.link.fields);
+    this.link.restore();
+    new ResizeObserver(() => this.changed(this.frames ? "layout" : "moving")).observe(document.getElementById("cards"));
     this.stage.canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
       showTrouble(new Trouble("The graphics driver stopped.", "Reload the page. If it happens again, close other pages that draw much."));
     });
   }
 
-  auto() {
+  auto(opening = false) {
     this.state.stops = clamped(this.stage.autoStops(this.state, (this.reference ?? this.layers[0]).key), -8, 8);
-    this.changed("shown");
+    this.changed(opening ? "moving" : "shown");
+  }
+
+  setSky(sky) {
+    this.stage.setSky(sky);
+    this.sky = sky;
+  }
+
+  /** Another light, exposed for itself. */
+  relight(light) {
+    this.state.light = light;
+    this.auto();
+    this.changed("picture");
+  }
+
+  /** Lights the object by a .hdr file; what is wrong with it is said, and the light stays as it was. */
+  async open(file) {
+    try {
+      this.setSky(skyLight(file.name, readHdr(new Uint8Array(await file.arrayBuffer()), file.name)));
+    } catch (error) {
+      this.note(error instanceof Trouble ? `${error.message} ${error.remedy}` : `${file.name}: ${error.message}`, true);
+      return;
+    }
+    this.note(`${file.name} lights the object. It stays in this page; a link does not hold it.`);
+    this.relight("sky");
+  }
+
+  /** The pictures that are shown as a PNG file. */
+  async save() {
+    this.draw();
+    const pictures = this.layers.filter((layer) => this.state.visible.includes(layer.key)).map((layer) => (
+      { title: layer.title, canvas: this.cards.get(layer.key).canvas }));
+    const canvas = composed(document.title, pictures), name = fileName(document.title, this.state.surface, this.state.light);
+    try {
+      await saveCanvas(canvas, name);
+      this.note(`Saved as ${name}.`);
+    } catch (error) {
+      this.note(`${error.message} ${error.remedy ?? ""}`, true);
+    }
+  }
+
+  /** A line beside the controls. */
+  note(words, wrong = false) {
+    const place = document.getElementById("note");
+    place.textContent = words;
+    place.className = wrong ? "note wrong" : "note";
   }
 
   /** "picture" and "layout": radiance anew; "moving": likewise, and quickly; "rest": finely again; "shown": colours only. */
@@ -54,6 +105,7 @@ class View {
     this.dirty.moving = what === "moving";
     this.dirty.drawn = false;
     this.controls?.show();
+    this.link?.keep();
     this.pending ??= requestAnimationFrame(() => this.frame());
   }
 
@@ -81,8 +133,11 @@ class View {
     if (compares) keys.add(this.reference.key);
     const wanted = stage.passesWanted(state);
     const scale = dirty.moving ? this.pace : 1;
-    if (dirty.anew || stage.passes < wanted) stage.gather(state, keys, width, height, scale, dirty.anew);
-    dirty.anew = false;
+    const beganAnew = dirty.anew;
+    for (let pass = 0; pass < this.burst; pass++) {
+      if (dirty.anew || stage.passes < wanted) stage.gather(state, keys, width, height, scale, dirty.anew);
+      dirty.anew = false;
+    }
     for (const key of state.visible) {
       const { canvas, context } = this.cards.get(key);
       if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
@@ -93,9 +148,11 @@ class View {
     if (dirty.moving) {
       this.settle(this.finished() - began);
     } else if (stage.passes < wanted) {
+      this.hurry(this.finished() - began);
       this.pending = requestAnimationFrame(() => this.frame());
     }
-    if (!dirty.moving) this.read();
+    // What is read does not change from pass to pass.
+    if (!dirty.moving && (beganAnew || stage.passes >= wanted)) this.read();
   }
 
   /** When the GPU is done: a pixel read back waits for it. */
@@ -105,12 +162,22 @@ class View {
     return performance.now();
   }
 
-  /** While something moves, slow machines draw fewer pixels; a moment later the picture is made whole. */
+  /**
+   * While something moves, slow machines draw fewer pixels, and fast ones gather more light; a moment later the picture
+   * is made whole.
+   */
   settle(took) {
-    if (took > 60) this.pace = Math.max(0.25, this.pace / 1.5);
-    else if (took < 20) this.pace = Math.min(1, this.pace * 1.25);
+    if (took > 60 && this.burst === 1) this.pace = Math.max(0.25, this.pace / 1.5);
+    else if (took < 20 && this.pace < 1) this.pace = Math.min(1, this.pace * 1.25);
+    else this.hurry(took);
     clearTimeout(this.resting);
     this.resting = setTimeout(() => this.changed("rest"), 180);
+  }
+
+  /** More passes a frame where one takes no time, fewer where frames are late. */
+  hurry(took) {
+    if (took > 60) this.burst = Math.max(1, Math.floor(this.burst / 2));
+    else if (took < 12) this.burst = Math.min(16, 2 * this.burst);
   }
 
   /** Shows the cards of the visible layers and names what is on them. */
@@ -124,7 +191,6 @@ class View {
       if (compared) fillScale(scale, state, layer.title, this.reference.title);
       subtitle.textContent = compared ? "difference" : layer.volume ? "as a table" : "";
     }
-    document.getElementById("surface-field").hidden = !this.mesh;
   }
 
   /** The pointer is at (x, y) of a picture, in CSS pixels. */
@@ -173,7 +239,7 @@ async function prepare(layer) {
 async function begin() {
   const data = JSON.parse(document.getElementById("data").textContent);
   const layers = await Promise.all(data.layers.map(prepare));
-  const mesh = data.mesh ? await unpackMesh(data.mesh) : null;
+  const mesh = data.mesh ? { ...await unpackMesh(data.mesh), first: data.mesh.first } : null;
   const view = new View(layers, mesh, data.notes);
   // For programs that drive the page.
   return {
@@ -181,6 +247,10 @@ async function begin() {
     state: view.state,
     evaluate: (key, wi, wo) => view.stage.evaluate(key, wi, wo),
     changed: () => view.changed("picture"),
+    radiance: (key) => view.stage.radiance(key),
+    auto: () => view.auto(),
+    open: (file) => view.open(file),
+    get sky() { return view.sky; },
     get firstFrameMs() { return view.firstFrameMs; },
     get frames() { return view.frames; },
     get passes() { return view.stage.passes; },

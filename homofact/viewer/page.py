@@ -57,13 +57,15 @@ def write_view(
     new: bool = False,
     baseline: bool = True,
     shown: "Layer | None" = None,
+    baselines: "dict[Any, Row] | None" = None,
 ) -> Page:
     """Write the page of a fit to `path` (one HTML file without network, `new` where none may be replaced); its facts.
 
     The source is the fit's own, found as `reopen` does with the folders `near`, unless another is given. Where it is
     gone the page shows the fit alone and says why; the errors and the verdict are then those of `report`, the record
     of the fit (`Row.record`), where it is given. `stage` is told what is being done. Without `baseline` McCool's
-    projections are not fitted; `shown` is the source's layer where another page had it made. Raises BadInput for
+    projections are not fitted; `shown` is the source's layer where another page had it made, `baselines` the fits of
+    McCool's projections that other pages of the same source had made, to which this one's is added. Raises BadInput for
     channels that cannot be shown, a `source` that is given and cannot be read, and a place that cannot be written.
     """
     from homofact.shading.program import name_of
@@ -91,7 +93,7 @@ def write_view(
         record["error"] = {"fit": {part: six.record() for part, six in _measure(fitted, found).items()}}
         facts = _error_facts(record["error"]["fit"], found.part)
         layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *facts))]
-        row = _mccool(fitted, found, stage) if baseline else None
+        row = _mccool(fitted, found, stage, {} if baselines is None else baselines) if baseline else None
         if row is not None:
             record["error"]["mccool"] = {"train": row.train.record(), found.part: row.held_out.record()}
             facts = _error_facts(record["error"]["mccool"], found.part)
@@ -149,7 +151,7 @@ def _measure(fitted: "Fitted", source: Reopened) -> "dict[str, SixErrors]":
     return {part: measure(fitted, each, fitted.transform) for part, each in source.parts.items()}
 
 
-def _mccool(fitted: "Fitted", source: Reopened, stage: Stage) -> "Row | None":
+def _mccool(fitted: "Fitted", source: Reopened, stage: Stage, made: "dict[Any, Row]") -> "Row | None":
     """McCool's projections on the same split, of the same size and ε; None where the fit is that itself."""
     from homofact.evaluate.compare import fit_split
     from homofact.methods.table import mccool_like
@@ -158,8 +160,10 @@ def _mccool(fitted: "Fitted", source: Reopened, stage: Stage) -> "Row | None":
     baseline = mccool_like(settings)
     if baseline == settings:
         return None
-    stage("McCool's projections")
-    return fit_split(source.source, source.split, baseline)
+    if baseline not in made:
+        stage("McCool's projections")
+        made[baseline] = fit_split(source.source, source.split, baseline)
+    return made[baseline]
 
 
 def _own_facts(source: "Source") -> "Facts":

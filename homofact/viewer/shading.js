@@ -1,91 +1,10 @@
-// The shader programs: what a layer's own text is put into, and the layer's textures.
+// The shader programs: what a layer's own text is put into (with lighting.js), and the layer's textures.
 
 const HEAD = `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
 precision highp sampler3D;
-`;
-
-// What both surfaces share. Frame at a point with normal n: tangent norm(y x n), binormal n x t, as in the project's
-// own renderer, so that its pictures and these are the same.
-const LIGHTING = `
-uniform vec2 u_size;       // the target in pixels
-uniform vec2 u_shift;      // where in the pixel this pass looks
-uniform float u_radius;    // of the unit sphere, in pixels
-uniform mat3 u_camera;     // right, up and towards the viewer, in the world
-uniform vec3 u_towards;    // the light's direction, or the sky's zenith
-uniform int u_light;
-uniform int u_pass;
-out vec4 o_radiance;
-
-const float PI = 3.14159265358979;
-const float EXPONENT = 200.0;
-
-vec3 azimuthal(vec3 n) {
-  vec3 across = vec3(n.z, 0.0, -n.x);
-  float size = length(across);
-  return size > 1e-6 ? across / size : vec3(1.0, 0.0, 0.0);
-}
-
-// Radiance from a direction of the world. Both give an irradiance of about pi on a surface that faces u_towards.
-vec3 surroundings(vec3 w) {
-  float height = dot(w, u_towards);
-  if (u_light == 1) {
-    // The CIE overcast sky, a third as bright at its horizon as at its zenith, over ground of albedo 0.2.
-    return vec3(height >= 0.0 ? (9.0 / 7.0) * (1.0 + 2.0 * height) / 3.0 : 0.2);
-  }
-  // A studio: a square soft box, a narrow strip at its left, and dim walls.
-  vec3 side = azimuthal(u_towards), up = cross(u_towards, side);
-  vec2 box = abs(vec2(dot(w, side), dot(w, up))) / max(height, 1e-3);
-  float key = height > 0.0 ? 1.0 - smoothstep(0.38, 0.46, max(box.x, box.y)) : 0.0;
-  vec3 back = normalize(vec3(0.0, 0.3, 0.0) - side - 0.25 * u_towards);
-  vec3 along = azimuthal(back), over = cross(back, along);
-  float front = dot(w, back);
-  vec2 strip = abs(vec2(dot(w, along), dot(w, over))) / max(front, 1e-3);
-  float rim = front > 0.0 ? (1.0 - smoothstep(0.08, 0.16, strip.x)) * (1.0 - smoothstep(0.6, 0.8, strip.y)) : 0.0;
-  return vec3(4.6 * key + 2.4 * rim + 0.06 + 0.05 * (w.y + 1.0));
-}
-
-// Where the samples of this pixel begin; the layers share them, so that their difference has no grain of its own.
-vec2 grain() {
-  uvec2 p = uvec2(gl_FragCoord.xy);
-  uint h = p.x * 1664525u + p.y * 1013904223u + 374761393u;
-  h ^= h >> 16; h *= 2246822519u; h ^= h >> 13; h *= 3266489917u; h ^= h >> 16;
-  return vec2(float(h & 65535u), float(h >> 16)) / 65536.0;
-}
-
-vec3 under_sky(mat3 frame, vec3 wo) {
-  const int COUNT = 8;
-  vec2 start = grain();
-  vec3 total = vec3(0.0);
-  for (int k = 0; k < COUNT; k++) {
-    // The R2 sequence; half of the samples by the cosine, half by mirroring at half vectors, balance heuristic.
-    vec2 u = fract(start + float(u_pass * COUNT + k) * vec2(0.7548776662, 0.5698402910));
-    float turn = 2.0 * PI * u.y;
-    vec3 wi;
-    if ((k & 1) == 0) {
-      wi = vec3(sqrt(u.x) * cos(turn), sqrt(u.x) * sin(turn), sqrt(1.0 - u.x));
-    } else {
-      float z = pow(1.0 - u.x, 1.0 / (EXPONENT + 1.0)), s = sqrt(max(1.0 - z * z, 0.0));
-      vec3 half_vector = vec3(s * cos(turn), s * sin(turn), z);
-      wi = 2.0 * dot(half_vector, wo) * half_vector - wo;
-    }
-    if (wi.z <= 0.0) continue;
-    vec3 h = normalize(wi + wo);
-    float lobe = (EXPONENT + 1.0) / (2.0 * PI) * pow(max(h.z, 0.0), EXPONENT) / (4.0 * max(dot(h, wo), 1e-6));
-    float density = 0.5 * wi.z / PI + 0.5 * lobe;
-    total += LAYER_evaluate(wi, wo) * surroundings(frame * wi) * (wi.z / density);
-  }
-  return total / float(COUNT);
-}
-
-vec3 radiance(vec3 n, vec3 t, vec3 wo) {
-  mat3 frame = mat3(t, cross(n, t), n);
-  if (u_light != 0) return under_sky(frame, wo);
-  vec3 wi = u_towards * frame;
-  return wi.z > 0.0 ? LAYER_evaluate(wi, wo) * wi.z * PI : vec3(0.0);
-}
 `;
 
 const SPHERE = `
@@ -160,13 +79,15 @@ void main() {
 `;
 
 // From the sums of the passes to colours: one exposure and the sRGB curve, or a difference in false colours.
-const DISPLAY = `
+const DISPLAY = SKY + `
 uniform sampler2D u_here, u_there;
 uniform vec2 u_size;
 uniform float u_scale;     // target pixels a pixel of the picture
 uniform float u_passes;
 uniform float u_exposure;
 uniform vec3 u_ground;     // linear
+uniform bool u_under_sky;  // the sky behind the object, and the filmic curve
+uniform mat3 u_camera;
 uniform int u_mode;        // 0 radiance, 1 signed, 2 absolute, 3 ratio in stops
 uniform float u_range;     // what full colour stands for
 uniform vec3 u_ramp[9];
@@ -187,6 +108,18 @@ vec3 encode(vec3 c) {
   return mix(12.92 * c, 1.055 * pow(max(c, vec3(1e-8)), vec3(1.0 / 2.4)) - 0.055, step(vec3(0.0031308), c));
 }
 
+// The filmic curve (Narkowicz 2015) is the project's own for skies: render/tonemap.py.
+vec3 bent(vec3 x) {
+  return u_under_sky ? x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14) : x;
+}
+
+// Behind the object: grey, or the sky as a wide lens would show it, which the object's own parallel rays do not.
+vec3 behind() {
+  if (!u_under_sky) return u_ground;
+  vec2 place = (gl_FragCoord.xy - 0.5 * u_size) / min(u_size.x, u_size.y);
+  return clamp(bent(sky_radiance(u_camera * normalize(vec3(1.3 * place, -1.0))) * u_exposure), 0.0, 1.0);
+}
+
 vec3 ramp(float x) {
   float place = clamp(x, 0.0, 1.0) * 8.0;
   int below = int(min(place, 7.0));
@@ -199,8 +132,8 @@ void main() {
   vec3 radiance = here.rgb / max(here.a, 1e-9);
   vec3 ground = encode(u_ground);
   if (u_mode == 0) {
-    vec3 shown = clamp(radiance * u_exposure, 0.0, 1.0);
-    o_colour = vec4(encode(shown * coverage + u_ground * (1.0 - coverage)), 1.0);
+    vec3 shown = clamp(bent(max(radiance, 0.0) * u_exposure), 0.0, 1.0);
+    o_colour = vec4(encode(shown * coverage + behind() * (1.0 - coverage)), 1.0);
     return;
   }
   vec4 there = sums(u_there);
@@ -299,6 +232,15 @@ function upload2D(gl, texture) {
   gl.bindTexture(gl.TEXTURE_2D, id);
   gl.texImage2D(gl.TEXTURE_2D, 0, inside, texture.columns, texture.rows, 0, gl.RGBA, type, texture.texels);
   parameters(gl, gl.TEXTURE_2D, gl.LINEAR);
+  return id;
+}
+
+/** Four floats a texel that are read as they are. */
+function uploadExactly(gl, width, height, values) {
+  const id = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, id);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, width, height, 0, gl.RGBA, gl.FLOAT, values);
+  parameters(gl, gl.TEXTURE_2D, gl.NEAREST);
   return id;
 }
 

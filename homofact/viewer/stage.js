@@ -3,9 +3,14 @@
 const RADIUS = 0.94;               // of half the picture's shorter side, as in the project's own renderer
 const GROUND = 0.024;              // linear grey behind the object, likewise
 const EXPOSED_AT = 0.9;            // where the exposure puts the 99th percentile
-const PASSES = { directional: { sphere: 1, mesh: 16 }, overcast: { sphere: 48, mesh: 48 }, studio: { sphere: 64, mesh: 64 } };
-const LIGHTS = ["directional", "overcast", "studio"];
+const MIDDLE = 0.18;               // where it puts the median under a sky, below the filmic curve
+const PASSES = {
+  directional: { sphere: 1, mesh: 16 }, overcast: { sphere: 48, mesh: 48 }, studio: { sphere: 64, mesh: 64 },
+  sky: { sphere: 96, mesh: 96 },
+};
+const LIGHTS = ["directional", "overcast", "studio", "sky"];
 const MODES = ["off", "signed", "absolute", "ratio"];
+const FACTORS = ["1", "2", "4", "8", "16", "32", "64", "128", "256"];
 
 // Nine colours from one end to the other, safe for colour-blind eyes: lightness alone tells them apart.
 const RAMPS = {
@@ -24,64 +29,6 @@ const azimuthal = (n) => (Math.hypot(n[0], n[2]) > 1e-6 ? normalized([n[2], 0, -
 function direction({ azimuth, elevation }) {
   const a = (azimuth * Math.PI) / 180, e = (elevation * Math.PI) / 180;
   return [Math.cos(e) * Math.sin(a), Math.sin(e), Math.cos(e) * Math.cos(a)];
-}
-
-/** A float picture to draw into, with depth where it is for meshes. */
-class Target {
-  constructor(gl, format, depth) {
-    this.gl = gl;
-    this.format = format;
-    this.texture = gl.createTexture();
-    this.frame = gl.createFramebuffer();
-    this.depth = depth ? gl.createRenderbuffer() : null;
-    this.width = this.height = 0;
-  }
-
-  resize(width, height) {
-    if (width === this.width && height === this.height) return;
-    const gl = this.gl;
-    [this.width, this.height] = [width, height];
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.texture);
-    const type = this.format === gl.RGBA16F ? gl.HALF_FLOAT : gl.FLOAT;
-    gl.texImage2D(gl.TEXTURE_2D, 0, this.format, width, height, 0, gl.RGBA, type, null);
-    parameters(gl, gl.TEXTURE_2D, gl.NEAREST);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.texture, 0);
-    if (this.depth) {
-      gl.bindRenderbuffer(gl.RENDERBUFFER, this.depth);
-      gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, height);
-      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, this.depth);
-    }
-    if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE && !gl.isContextLost()) {
-      throw new Trouble("This machine cannot draw into float pictures.",
-        "The page gathers light in them. Another browser or newer graphics drivers may be able to.");
-    }
-  }
-
-  bind() {
-    this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, this.frame);
-    this.gl.viewport(0, 0, this.width, this.height);
-  }
-}
-
-/** The WebGL2 context with what the page needs of it, or Trouble that says what is missing. */
-function openContext(canvas) {
-  const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, powerPreference: "high-performance" });
-  if (!gl) {
-    throw new Trouble("This page draws with WebGL 2, which is not available here.",
-      "Open it in a current Chrome, Edge, Firefox or Safari with hardware acceleration switched on in its settings. "
-      + "On a machine without a graphics card, Chromium can draw in software: start it with "
-      + "--use-angle=swiftshader --enable-unsafe-swiftshader.",
-      typeof WebGL2RenderingContext === "undefined" ? "The browser knows no WebGL 2, or has it disabled."
-        : "The browser knows WebGL 2, but gave no context for it.");
-  }
-  if (!gl.getExtension("EXT_color_buffer_float")) {
-    throw new Trouble("This machine cannot draw into float pictures (EXT_color_buffer_float).",
-      "The page gathers light in them. Another browser or newer graphics drivers may be able to.");
-  }
-  gl.getExtension("OES_texture_float_linear");
-  return gl;
 }
 
 class Stage {
@@ -104,8 +51,36 @@ class Stage {
     gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
     gl.bindVertexArray(null);
     this.passes = 0;
+    this.sky = null;
     this.ramps = Object.fromEntries(Object.entries(RAMPS).map(([name, colours]) => [name, Float32Array.from(
       colours.flatMap((c) => [1, 3, 5].map((k) => parseInt(c.slice(k, k + 2), 16) / 255)))]));
+  }
+
+  /** Lights everything by a sky of `skyLight` from now on. Throws Trouble for one that is too large. */
+  setSky(sky) {
+    const gl = this.gl;
+    if (Math.max(sky.rows, sky.columns) > gl.getParameter(gl.MAX_TEXTURE_SIZE)) {
+      throw new Trouble(`${sky.name}: it is larger than this machine's textures.`, "Make it smaller.");
+    }
+    const old = this.sky;
+    this.sky = {
+      map: upload2D(gl, { type: "float32", rows: sky.rows, columns: sky.columns, texels: sky.texels }),
+      drawn: uploadExactly(gl, 64, DRAWN / 64, sky.drawn),
+    };
+    gl.bindTexture(gl.TEXTURE_2D, this.sky.map);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.REPEAT);
+    for (const texture of Object.values(old ?? {})) gl.deleteTexture(texture);
+  }
+
+  /** Binds the sky for a program in use. */
+  useSky(state, program, units) {
+    const gl = this.gl;
+    for (const [name, unit, texture] of [["u_sky", units[0], this.sky.map], ["u_drawn", units[1], this.sky.drawn]]) {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.uniform1i(program.at(name), unit);
+    }
+    gl.uniform1f(program.at("u_turn"), (state.lightFrom.azimuth * Math.PI) / 180);
   }
 
   /** Right, up and towards the viewer as columns. */
@@ -157,6 +132,8 @@ class Stage {
     gl.uniform3f(program.at("u_towards"), ...direction(state.lightFrom));
     gl.uniform1i(program.at("u_light"), LIGHTS.indexOf(state.light));
     gl.uniform1i(program.at("u_pass"), pass);
+    // A layer's own textures are from unit 2 on.
+    this.useSky(state, program, [0, 1]);
     if (state.surface === "mesh") {
       // Depth first, so that only what is seen is shaded, and added to the sums once.
       gl.colorMask(false, false, false, false);
@@ -190,6 +167,9 @@ class Stage {
       gl.bindTexture(gl.TEXTURE_2D, this.targets.get(of).texture);
       gl.uniform1i(this.display.at(name), unit);
     }
+    this.useSky(state, this.display, [2, 3]);
+    gl.uniform1i(this.display.at("u_under_sky"), Number(state.light === "sky"));
+    gl.uniformMatrix3fv(this.display.at("u_camera"), false, this.camera(state));
     const mode = reference ? MODES.indexOf(state.difference) : 0;
     gl.uniform2f(this.display.at("u_size"), width, height);
     gl.uniform1f(this.display.at("u_scale"), this.scale);
@@ -204,25 +184,43 @@ class Stage {
     context.drawImage(this.canvas, 0, 0);
   }
 
-  /** The stops that take the 99th percentile of a layer's brightest channel to 0.9, as the project's renderer does. */
+  /**
+   * The stops of a layer's picture, as the project's renderer chooses them: those that take the 99th percentile of its
+   * brightest channel to 0.9, or under a sky the median of its brightness to 0.18.
+   */
   autoStops(state, key) {
-    const gl = this.gl, side = 96;
-    this.small ??= new Target(gl, gl.RGBA32F, Boolean(this.mesh));
+    const gl = this.gl, side = 96, isSky = state.light === "sky", passes = isSky ? 4 : 1;
+    this.small ??= new Target(gl, this.format, Boolean(this.mesh));
     this.small.resize(side, side);
     this.small.bind();
     gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    this.drawLayer({ ...state, zoom: 1 }, key, [side, side], 0);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    for (let pass = 0; pass < passes; pass++) {
+      gl.clear(gl.DEPTH_BUFFER_BIT);
+      this.drawLayer({ ...state, zoom: 1 }, key, [side, side], pass);
+    }
     const pixels = new Float32Array(4 * side * side);
     gl.readPixels(0, 0, side, side, gl.RGBA, gl.FLOAT, pixels);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     const levels = [];
     for (let i = 0; i < pixels.length; i += 4) {
-      if (pixels[i + 3] > 0) levels.push(Math.max(pixels[i], pixels[i + 1], pixels[i + 2]) / pixels[i + 3]);
+      const channels = [0, 1, 2].map((k) => pixels[i + k] / pixels[i + 3]);
+      if (pixels[i + 3] > 0) levels.push(isSky ? (channels[0] + channels[1] + channels[2]) / 3 : Math.max(...channels));
     }
-    levels.sort((a, b) => a - b);
-    const level = levels[Math.floor(0.99 * (levels.length - 1))] || levels.at(-1) || 0;
-    return level > 0 ? Math.round(10 * Math.log2(EXPOSED_AT / level)) / 10 : 0;
+    const lit = isSky ? levels.filter((each) => each > 0) : levels;
+    lit.sort((a, b) => a - b);
+    const level = lit[Math.floor((isSky ? 0.5 : 0.99) * (lit.length - 1))] || lit.at(-1) || 0;
+    return level > 0 ? Math.round(10 * Math.log2((isSky ? MIDDLE : EXPOSED_AT) / level)) / 10 : 0;
+  }
+
+  /** {width, height, values}: the sums of a layer's passes, four numbers a pixel (radiance, coverage), from below. */
+  radiance(key) {
+    const gl = this.gl, target = this.targets.get(key), { width, height } = target;
+    const values = new Float32Array(4 * width * height);
+    target.bind();
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, values);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    return { width, height, values };
   }
 
   /** BRDF values (3 N, in sr⁻¹) of a layer at N pairs of unit local directions (3 N each), as its shader gives them. */
@@ -236,12 +234,8 @@ class Stage {
     const inputs = [wi, wo].map((directions, unit) => {
       const padded = new Float32Array(4 * width * height);
       for (let i = 0; i < count; i++) padded.set([directions[3 * i], directions[3 * i + 1], directions[3 * i + 2]], 4 * i);
-      const id = gl.createTexture();
       gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(gl.TEXTURE_2D, id);
-      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, width, height, 0, gl.RGBA, gl.FLOAT, padded);
-      parameters(gl, gl.TEXTURE_2D, gl.NEAREST);
-      return id;
+      return uploadExactly(gl, width, height, padded);
     });
     const target = new Target(gl, gl.RGBA32F, false);
     target.resize(width, height);

@@ -12,6 +12,7 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,23 +21,19 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.meshes.mesh import Mesh
+from homofact.meshes.shapes import torus_knot
 from homofact.viewer.assembly import assembled, part
 from homofact.viewer.packing import differences, pack
 from homofact.viewer.source_table import STEP, SourceTable, source_table
 
 PACKAGE = "homofact.viewer"
 SCRIPTS = (
-    "data.js",
-    "elements.js",
-    "shading.js",
-    "mesh.js",
-    "stage.js",
-    "curve.js",
-    "cards.js",
-    "controls.js",
-    "page.js",
-)
+    "data.js", "elements.js", "files.js", "hdr.js", "latlong.js", "sky.js", "lighting.js", "shading.js", "mesh.js",
+    "targets.js", "stage.js", "curve.js", "cards.js", "saving.js", "link.js", "controls.js", "page.js",
+)  # fmt: skip
 SOURCE = "source"
+# Round and across the tube of the knot that a page has where no mesh is given.
+KNOT = (112, 12)
 Facts = tuple[tuple[str, str], ...]
 
 
@@ -113,9 +110,9 @@ def viewer_html(
 ) -> str:
     """The page.
 
-    `layers` in the order of the pictures, one to three; `title` and `subtitle` head it; `mesh` is shown at first
-    where given, the sphere always can be; `notes` are lines of text beside the picture, before the page's own on how
-    close the source's table is. Raises BadInput for no or more than three layers, and for keys that repeat.
+    `layers` in the order of the pictures, one to three; `title` and `subtitle` head it; `mesh` is shown at first where
+    given, else the sphere, and a torus knot can be; `notes` are lines of text beside the picture, before the page's own
+    on how close the source's table is. Raises BadInput for no or more than three layers, and for keys that repeat.
     """
     keys = [layer.key for layer in layers]
     if not 1 <= len(keys) <= 3 or len(set(keys)) < len(keys):
@@ -129,7 +126,7 @@ def viewer_html(
     ]
     data = {
         "layers": [_layer(layer) for layer in layers],
-        "mesh": None if mesh is None else _mesh(mesh),
+        "mesh": {**_mesh(_knot() if mesh is None else mesh), "first": mesh is not None},
         "notes": [*notes, *own],
     }
     return assembled(
@@ -188,6 +185,17 @@ def _texture(texture: LayerTexture) -> dict[str, Any]:
 
 def _volume(key: str, table: SourceTable) -> dict[str, Any]:
     return {"name": f"{key}_texture_0", "step": STEP, "steps": pack(table.differences())}
+
+
+@cache
+def _knot() -> Mesh:
+    """The page's own mesh, its vertices in the order that its triangles ask for: their differences pack well."""
+    made = torus_knot(*KNOT)
+    corners = made.triangles.reshape(-1)
+    order = corners[np.sort(np.unique(corners, return_index=True)[1])]
+    place = np.empty(len(made.positions), np.int64)
+    place[order] = np.arange(len(order))
+    return Mesh(made.positions[order], made.normals[order], place[made.triangles], "knot")
 
 
 def _mesh(mesh: Mesh) -> dict[str, Any]:

@@ -233,8 +233,8 @@ def test_a_material_s_page_shows_its_pictures_and_opens_its_viewer(page: Any, si
     # Two fits with two textures and a picture, two models with a picture.
     assert sorted(sizes) == [8] * 4 + [258] * 4
     all_of(page, "a.button")[0].click()
-    headless.settled(page)
-    assert page.execute_script("return window.homofact.layers") == ["fit", "source"]
+    headless.first_frame(page)
+    assert page.execute_script("return window.homofact.layers") == ["fit", "mccool", "source"]
 
 
 @pytest.mark.parametrize("width", [420, 1400])

@@ -1,19 +1,24 @@
 """The picture of a plan: what was asked, error against bytes, and how much of the tolerance each choice uses.
 
 Left all materials in one panel, so that they can be compared: a colour a material, a marker a method, filled for
-floats and hollow for 8 bits, the choices ringed and joined to the others of their material by a thin line. Right a bar
-for each choice, limit and lighting: the part of the limit that is used, with the margin for other views lighter.
+floats and hollow for 8 bits, named beside each point, the choices ringed and joined to the others of their material by
+a thin line; where no material was asked about more than once there is nothing to compare, and no such panel. Right a
+bar for each choice, limit and lighting: the part of the limit that is used, with the margin for other views lighter.
 """
 
 import math
 import os
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from homofact.figures.log_axis import log_x, log_y
+from homofact.figures.point_labels import PointLabel, label_points
 from homofact.files.atomic import replace_file
 from homofact.scene.plan.ladder import WHOLE, Candidate
 from homofact.scene.plan.plan import MaterialPlan, ScenePlan
@@ -25,72 +30,124 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 _LIMIT = "#b03030"
 # A rung without error has a place on a logarithmic axis too.
 _LEAST = 1e-3
-_MOST_LETTERS = 26
+# Errors whose logarithms differ by less lie on one spot of the panel.
+_SAME = 0.05
+_MOST_LETTERS, _MOST_NAMES, _FEWEST_ROWS = 26, 30, 3
 
 
 def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
-    """Draw the two panels into `path` (PNG, SVG or PDF by its ending).
+    """Draw the panels into `path` (PNG, SVG or PDF by its ending).
 
     Raises BadInput where the place cannot be written.
     """
     distinct = plan.distinct
     bars = [_bars(each) for each in distinct]
     rows = sum(map(len, bars)) + len(bars)
+    compared = any(len(_spots(each)) > 1 for each in distinct)
     with matplotlib.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(12.5, max(4.6, 1.7 + 0.27 * rows)), layout="constrained")
-        left, right = figure.subplots(1, 2, width_ratios=(1.15, 1))
-        _asked(left, distinct)
+        height = max(4.6 if compared else 2.0, 1.4 + 0.27 * rows)
+        figure = Figure(figsize=(12.5 if compared else 8.0, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(1, 2, width_ratios=(1.15, 1)) if compared else (None, figure.subplots())
+        if left is not None:
+            _asked(left, distinct)
         _used(right, distinct, bars)
         where = ", ".join(each.name for each in plan.scene.lightings)
-        figure.suptitle(
-            f"{plan.scene.name}: {plan.scene.tolerance.describe()}, under {where}. {plan.bytes} bytes,"
-            f" {plan.planning_fits} of {plan.exhaustive_fits} fits",
-            fontsize=10,
-        )
+        head = f"{plan.scene.name}: {plan.scene.tolerance.describe()}, under {where}."
+        foot = f"{plan.bytes} bytes, {plan.planning_fits} of {plan.exhaustive_fits} fits"
+        figure.suptitle(f"{head} {foot}" if compared else f"{head}\n{foot}", fontsize=10)
+        if left is not None:
+            # Labels are put where they fit, which is known once the layout is.
+            figure.canvas.draw()
+            figure.set_layout_engine("none")
+            _name_points(figure, left, distinct)
         replace_file(path, lambda made: figure.savefig(made, dpi=120))
 
 
+class _Spot(NamedTuple):
+    """One or several representations of a material that are of the same bytes and of an error within `_SAME`."""
+
+    candidates: tuple[Candidate, ...]
+    place: tuple[float, float]
+    chosen: bool
+
+    @property
+    def shown(self) -> Candidate:
+        return self.candidates[0]
+
+
+def _spots(each: MaterialPlan) -> list[_Spot]:
+    """Where what was asked about is, (bytes, error over tolerance), what has no finite error left out.
+
+    The choice leads its spot.
+    """
+    asked = {key: found for key, found in each.walk.asked.items() if math.isfinite(found.error)}
+    spots: list[_Spot] = []
+    for candidate in sorted(asked, key=lambda key: key != each.walk.choice):
+        place = float(asked[candidate].bytes), max(asked[candidate].error, _LEAST)
+        for number, (candidates, known, chosen) in enumerate(spots):
+            if known[0] == place[0] and abs(math.log(known[1] / place[1])) < _SAME:
+                spots[number] = _Spot((*candidates, candidate), known, chosen)
+                break
+        else:
+            spots.append(_Spot((candidate,), place, candidate == each.walk.choice))
+    return spots
+
+
 def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
-    errors, sizes, methods = [1.0], [12], {}
+    errors, sizes, drawn = [1.0], [], dict[tuple[str, bool], None]()
     for k, each in enumerate(distinct):
-        places = {
-            candidate: (found.bytes, max(found.error, _LEAST))
-            for candidate, found in each.walk.asked.items()
-            if math.isfinite(found.error)
-        }
-        colour = _COLOURS[k % len(_COLOURS)]
-        line = sorted(places.values())
-        axes.plot(*zip(*line, strict=True), color=colour, lw=0.6, alpha=0.5, zorder=1)
-        for candidate, place in places.items():
-            hollow = candidate.storage == WHOLE
-            size = 9 if candidate.method == "constant" else 6
+        spots, colour = _spots(each), _COLOURS[k % len(_COLOURS)]
+        axes.plot(*zip(*sorted(spot.place for spot in spots), strict=True), color=colour, lw=0.6, alpha=0.5, zorder=1)
+        for spot in spots:
+            hollow = spot.shown.storage == WHOLE
             face = "white" if hollow else colour
-            axes.plot(*place, _MARKERS[candidate.method], color=colour, ms=size, mfc=face, zorder=3)
-            methods[candidate.method] = None
-        choice = each.walk.choice
-        if choice in places:
-            axes.plot(*places[choice], "o", ms=14, mfc="none", mec=colour, mew=1.8, zorder=4)
-            axes.annotate(
-                _short(choice), places[choice], xytext=(10, 4), textcoords="offset points", fontsize=8, color=colour
-            )
-        errors += [error for _, error in places.values()]
-        sizes += [size for size, _ in places.values()]
+            axes.plot(*spot.place, _MARKERS[spot.shown.method], color=colour, ms=6, mfc=face, zorder=3)
+            drawn[spot.shown.method, hollow] = None
+            if spot.chosen:
+                axes.plot(*spot.place, "o", ms=14, mfc="none", mec=colour, mew=1.8, zorder=4)
+            errors.append(spot.place[1])
+            sizes.append(spot.place[0])
     axes.axhline(1, color=_LIMIT, lw=1.2, ls="--", zorder=0)
-    log_x(axes, min(sizes) / 1.6, max(*sizes, 200) * 3)
-    log_y(axes, min(errors) / 1.8, max(errors) * 1.8, fewest=3)
+    log_x(axes, min(sizes) / 1.8, max(sizes) * 2.2)
+    # The key stands above the highest point.
+    log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.25 * 1.8, fewest=3)
     axes.set_xlabel("bytes of one material")
     axes.set_ylabel("error over tolerance, margin included")
     axes.set_title("Every representation that was asked about", fontsize=9.5)
     axes.spines[["top", "right"]].set_visible(False)
-    handles = [Line2D([], [], ls="", marker=_MARKERS[name], color="#444444", ms=6, label=name) for name in methods]
-    handles += [
-        Line2D([], [], ls="", marker="h", color="#444444", mfc="white", ms=6, label="8 bits"),
-        Line2D([], [], ls="", marker="o", mec="#444444", mfc="none", mew=1.8, ms=11, label="chosen"),
+    axes.legend(handles=_key(drawn), loc="upper right", fontsize=8, framealpha=0.9, ncols=2)
+
+
+def _key(drawn: Iterable[tuple[str, bool]]) -> list[Line2D]:
+    """An entry for each marker that is drawn (method, whether hollow), as it is drawn, the ring and the line."""
+    grey = "#444444"
+    return [
+        *(
+            Line2D(
+                [], [], ls="", marker=_MARKERS[name], color=grey, ms=6, mfc="white" if hollow else grey,
+                label=f"{name}, 8 bits" if hollow else name,
+            )
+            for name, hollow in sorted(drawn, key=lambda each: (list(_MARKERS).index(each[0]), each[1]))
+        ),
+        Line2D([], [], ls="", marker="o", mec=grey, mfc="none", mew=1.8, ms=11, label="chosen"),
         Line2D([], [], color=_LIMIT, ls="--", lw=1.2, label="tolerance"),
-    ]
-    if not any(candidate.storage == WHOLE for each in distinct for candidate in each.walk.asked):
-        del handles[len(methods)]
-    axes.legend(handles=handles, loc="upper right", fontsize=8, framealpha=0.9, ncols=2)
+    ]  # fmt: skip
+
+
+def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
+    """Names beside the points; only the choices' where there are too many."""
+    named, paths = list[PointLabel](), [[(x, 1.0) for x in axes.get_xlim()]]
+    few = sum(len(_spots(each)) for each in distinct) <= _MOST_NAMES
+    for k, each in enumerate(distinct):
+        spots = _spots(each)
+        paths.append(sorted(spot.place for spot in spots))
+        named += [
+            PointLabel(", ".join(map(_short, spot.candidates)), spot.place, _COLOURS[k % len(_COLOURS)], spot.chosen)
+            for spot in spots
+            if few or spot.chosen
+        ]
+    label_points(figure, axes, named, paths, fontsize=8, radius=8)
 
 
 def _bars(each: MaterialPlan) -> list[tuple[str, float, float]]:
@@ -126,7 +183,7 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
             place += 1
     axes.axvline(1, color=_LIMIT, lw=1.2, ls="--", zorder=0)
     axes.set_xlim(0, most * 1.06)
-    axes.set_ylim(place - 0.3, -0.7)
+    axes.set_ylim(max(place, _FEWEST_ROWS) - 0.3, -0.7)
     axes.set_yticks(ticks, labels, fontsize=8)
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("part of the limit that the choice uses (lighter: with the margin for other views)")

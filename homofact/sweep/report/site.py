@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
+from homofact.evaluate.compare import Row
 from homofact.evaluate.reopening import NotReopened, Reopened, reopen
 from homofact.export.images import write_texture_png
 from homofact.export.manifest import write_json
@@ -98,10 +99,15 @@ def write_site(
 
 
 class _Sources:
-    """The sources of one material's fits, opened and tabulated once."""
+    """The sources of one material's fits, opened and tabulated once, and McCool's fits that several pages show."""
 
     def __init__(self) -> None:
         self._opened: dict[str, tuple[Reopened | NotReopened, Layer | None]] = {}
+        self._baselines: dict[str, dict[Any, Row]] = {}
+
+    def baselines(self, fitted: Fitted) -> dict[Any, Row]:
+        """McCool's fits of the same split, by their settings."""
+        return self._baselines.setdefault(repr(fitted.provenance.get("split")), {})
 
     def of(self, fitted: Fitted, folder: Path) -> tuple[Reopened | None, Layer | None]:
         """The source and its layer; None where it is gone."""
@@ -145,8 +151,8 @@ def _shown(fit: Fit, place: Path, sources: _Sources | None) -> Shown:
         source,
         near=(fit.folder,),
         report=read_report(fit.folder),
-        baseline=False,
         shown=layer,
+        baselines=sources.baselines(fitted),
     )
     return Shown(picture, tuple(textures), f"{key}.html", page.caution and f"In the viewer {page.caution}.")
 

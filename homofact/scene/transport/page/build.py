@@ -34,9 +34,9 @@ from homofact.viewer import assembly
 from homofact.viewer.packing import differences, pack
 
 PACKAGE = "homofact.scene.transport.page"
-SHARED = ("data.js", "elements.js")
+SHARED = ("data.js", "elements.js", "files.js", "hdr.js", "latlong.js")
 SCRIPTS = (
-    "vectors.js", "cube.js", "hdr.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "context.js",
+    "vectors.js", "cube.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "context.js",
     "shaders.js", "gpu.js", "background.js", "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
 # Endings of files that a name is shown without.

@@ -35,7 +35,7 @@ class Controls {
     document.addEventListener("keydown", (event) => this.key(event));
     this.follow(by("canvas"));
     this.split(by("divider"));
-    this.receive();
+    receiveFiles(by("drop"), (file) => this.open(file));
   }
 
   skies() {
@@ -78,22 +78,6 @@ class Controls {
       note.textContent = error instanceof Trouble ? `${error.message} ${error.remedy}` : `${file.name}: ${error.message}`;
       note.className = "note wrong";
     }
-  }
-
-  receive() {
-    const holds = (event) => event.dataTransfer?.types.includes("Files");
-    let depth = 0;
-    const show = () => { by("drop").hidden = depth <= 0; };
-    document.addEventListener("dragenter", (event) => { if (holds(event)) { depth++; show(); } });
-    document.addEventListener("dragleave", (event) => { if (holds(event)) { depth--; show(); } });
-    document.addEventListener("dragover", (event) => { if (holds(event)) event.preventDefault(); });
-    document.addEventListener("drop", (event) => {
-      if (!holds(event)) return;
-      event.preventDefault();
-      depth = 0;
-      show();
-      for (const file of event.dataTransfer.files) this.open(file);
-    });
   }
 
   key(event) {

@@ -1,0 +1,85 @@
+"""Labels beside the points of a chart, each where it covers nothing (`label_places`), with a line where it is far."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from homofact.figures.label_places import nearest_edge, place_labels
+
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PointLabel:
+    """The `words` at the point `at`, in data coordinates, in a colour."""
+
+    words: str
+    at: Place
+    colour: str
+    bold: bool = False
+
+
+def label_points(
+    figure: Figure,
+    axes: Axes,
+    labels: Sequence[PointLabel],
+    paths: Sequence[Sequence[Place]] = (),
+    *,
+    fontsize: float = 7.5,
+    radius: float = 4.5,
+) -> None:
+    """Write `labels` into `axes`, off each other's points (discs of `radius` points) and, where possible, `paths`.
+
+    `paths` are corners of lines in data coordinates. The figure's layout has to be final. All places are worked out in
+    1/72 inch, so that they are the same whatever the picture's pixels.
+    """
+    scale = 72 / figure.dpi
+    renderer = FigureCanvasAgg(figure).get_renderer()
+
+    def place(point: Place) -> Place:
+        x, y = axes.transData.transform(point)
+        return float(x) * scale, float(y) * scale
+
+    texts = [
+        axes.annotate(
+            label.words,
+            label.at,
+            xytext=(0, 0),
+            textcoords="offset points",
+            fontsize=fontsize,
+            fontweight="bold" if label.bold else "normal",
+            color=label.colour,
+            zorder=4,
+        )
+        for label in labels
+    ]
+    extents = [text.get_window_extent(renderer) for text in texts]
+    frame = axes.get_window_extent(renderer)
+    places = [place(label.at) for label in labels]
+    chosen = place_labels(
+        places,
+        [(extent.width * scale + 1, extent.height * scale) for extent in extents],
+        (frame.x0 * scale, frame.y0 * scale, frame.x1 * scale, frame.y1 * scale),
+        lines=[each for path in paths for each in _along([place(corner) for corner in path])],
+        radius=radius,
+    )
+    for text, label, (x, y), found in zip(texts, labels, places, chosen, strict=True):
+        text.set_position((found.box[0] - x + 0.5, found.box[1] - y))
+        if found.leader:
+            end = nearest_edge((x, y), found.box)
+            arrow = {"arrowstyle": "-", "linewidth": 0.6, "color": text.get_color(), "shrinkA": 0, "shrinkB": 3}
+            offset = (end[0] - x, end[1] - y)
+            axes.annotate("", label.at, xytext=offset, textcoords="offset points", arrowprops=arrow, zorder=2)
+
+
+def _along(corners: Sequence[Place], step: float = 3.0) -> list[Place]:
+    """Places every `step` along the line through `corners`."""
+    found = []
+    for (x0, y0), (x1, y1) in pairwise(corners):
+        count = round((abs(x1 - x0) + abs(y1 - y0)) / step) + 1
+        found += [(x0 + (x1 - x0) * k / count, y0 + (y1 - y0) * k / count) for k in range(count + 1)]
+    return found
