@@ -1,5 +1,7 @@
 """`homofact export`: a result's textures in an engine's format, with the shaders that read them."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -51,8 +53,9 @@ def export(
     """Write textures and the shaders that read them: GLSL, HLSL, WGSL, C.
 
     The folder gets the textures, brdf.glsl, brdf.hlsl, brdf.wgsl and
-    brdf.c, each with homofact_evaluate(wi, wo), and manifest.json with
-    all that a loader needs. The error is that of the stored texels.
+    brdf.c, each with homofact_evaluate(wi, wo), homofact_sample(wo, u) and
+    homofact_density(wi, wo), and manifest.json with all that a loader
+    needs. The error is that of the stored texels.
     """
     name = form or quantize or "exr"
     if quantize is not None and quantize not in ("png8", "png16"):
@@ -75,6 +78,7 @@ def export(
     from homofact.export.exported import check_export_folder, exported, write_exported
     from homofact.export.result import open_result
     from homofact.factor.quantize import is_solved
+    from homofact.shading.mixture_fit import fitted_mixture
 
     chosen = format_named(name)
     check_export_folder(to, force)
@@ -98,6 +102,8 @@ def export(
             if is_solved(fitted):
                 rows[f"solved for {name}"] = best
             made = best
+        bar.stage("fitting lobes to draw from")
+        made = replace(made, sampling=fitted_mixture(made.stored))
         bar.stage("measuring and writing")
         errors = {label: _errors(each, fitted, samples) for label, each in rows.items()}
         description = write_exported(to, made, errors, force)
@@ -114,9 +120,15 @@ def export(
                 f"One evaluation: {cost.fetches} fetches, {cost.total} operations on vectors and scalars"
                 f" ({cost.scalar} on scalars), {cost.nbytes} bytes of texels."
             ),
+            Text(_noise_line(description["sampling"]["measured"])),
             f"{to}: {', '.join(files)}",
         )
     screen.answer({"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name})
+
+
+def _noise_line(measured: Sequence[Mapping[str, float]]) -> str:
+    angles = ", ".join(f"{each['angle']:.0f}°: {each['variance']:.2g} ({each['cosine']:.2g})" for each in measured)
+    return f"Relative variance of one direction drawn by homofact_sample (by the cosine), viewer at {angles}."
 
 
 def _quantized(fitted: "Fitted", source: "Reopened | str", storage: str) -> "Fitted":

@@ -5,13 +5,13 @@ fetch names its level, so that it may stand in any control flow and any stage. T
 components as there are channels, a scalar for one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from homofact.files.words import harmless
-from homofact.geometry.expression import INFIX, Expression
+from homofact.geometry.expression import INFIX, Expression, Let
 from homofact.shading.program import Program
 
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
@@ -112,17 +112,24 @@ def render(expression: Expression, language: Language, prefix: str, layered: boo
 
 def shader(program: Program, language: Language, prefix: str = "homofact") -> str:
     """The program's text: declarations, one function, comments. `prefix` begins every global name."""
+    body = body_text(program.statements, program.result, language, prefix, program.layers > 0)
+    title = "\n".join(f"// {remark(line)}" for line in program.title)
+    return f"{title}\n{_tables(program, language, prefix)}" + language.frame(program, body, prefix)
+
+
+def body_text(
+    statements: Sequence[Let], result: Expression, language: Language, prefix: str, layered: bool = False
+) -> str:
+    """The lines of a function that returns `result`, without its head and its braces."""
     lines = []
-    layered = program.layers > 0
-    for statement in program.statements:
+    for statement in statements:
         if statement.comment:
             lines.append(f"    // {remark(statement.comment)}")
         kind = language.types[statement.expression.dimension - 1]
         begin = language.let.format(type=kind, name=statement.name)
         lines.append(f"    {begin} = {render(statement.expression, language, prefix, layered)};")
-    lines.append(f"    return {render(program.result, language, prefix, layered)};")
-    title = "\n".join(f"// {remark(line)}" for line in program.title)
-    return f"{title}\n{_tables(program, language, prefix)}" + language.frame(program, "\n".join(lines), prefix)
+    lines.append(f"    return {render(result, language, prefix, layered)};")
+    return "\n".join(lines)
 
 
 def _tables(program: Program, language: Language, prefix: str) -> str:

@@ -37,6 +37,9 @@ def test_an_export_says_what_storing_cost_and_reads_back(result: Path, tmp_path:
     assert 1e-4 < stored["log_difference"] < 0.05
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["errors"] == found
+    for each in manifest["sampling"]["measured"]:
+        assert each["variance"] < max(0.05, each["cosine"])
+    assert "homofact_density(" in (tmp_path / "out" / "brdf.c").read_text()
     assert isinstance(homofact.load(str(tmp_path / "out")), Factorization)
 
 
@@ -50,7 +53,15 @@ def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path
 def test_the_table_and_the_files_are_on_the_screen(result: Path, tmp_path: Path, capsys) -> None:
     assert main(["export", str(result), "--to", str(tmp_path / "out"), "--format", "exr16"]) == 0
     shown = capsys.readouterr().out
-    for words in ("held out", "stored as exr16", "fetches", "brdf.wgsl", "texture_1.exr", "bytes of texels"):
+    for words in (
+        "held out",
+        "stored as exr16",
+        "fetches",
+        "brdf.wgsl",
+        "texture_1.exr",
+        "bytes of texels",
+        "homofact_sample",
+    ):
         assert words in shown, words
 
 
