@@ -49,11 +49,12 @@ def rows_of(name: str, place: str, effort: str | float) -> list[tuple[str, ...]]
             " + ".join(str(operations_of(each.statements, each.result)[1]) for each in sampling_functions(mixture))
         )
     found = [[noise_of(fitted, density, viewer_at(angle)) for angle in ANGLES] for density in densities]
-    return [
-        (name if k == 0 else "", way, *(figure(variance) for variance, _ in each), figure(max(0.0, *(round(1 - s, 6) for _, s in each))),
-         counts[k], sizes[k])
-        for k, (way, each) in enumerate(zip(WAYS, found, strict=True))
-    ]  # fmt: skip
+    rows = []
+    for k, (way, each) in enumerate(zip(WAYS, found, strict=True)):
+        lost = max(0.0, *(round(1 - whole, 6) for _, whole in each))
+        variances = (figure(variance) for variance, _ in each)
+        rows.append((name if k == 0 else "", way, *variances, figure(lost), counts[k], sizes[k]))
+    return rows
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

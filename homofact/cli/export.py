@@ -45,6 +45,14 @@ def export(
             show_default=False,
         ),
     ] = None,
+    prefilter: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SKY",
+            help="Filter this lat-long .hdr or .exr for the material too: textures and shaders of a split sum.",
+            show_default=False,
+        ),
+    ] = None,
     source: o.MadeFrom = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an export that is there.")] = False,
     as_json: o.AsJson = False,
@@ -56,12 +64,16 @@ def export(
     brdf.c, each with homofact_evaluate(wi, wo), homofact_sample(wo, u) and
     homofact_density(wi, wo), and manifest.json with all that a loader
     needs. The error is that of the stored texels.
+    With --prefilter there are prefiltered.glsl, .hlsl and .wgsl as well,
+    each with homofact_light_reflected(n, wo), and their two textures.
     """
     name = form or quantize or "exr"
     if quantize is not None and quantize not in ("png8", "png16"):
         raise BadInput(f"quantize: found {quantize!r}, expected png8 or png16")
     if quantize is not None and quantize != name:
         raise BadInput(f"format: found {name!r} with --quantize {quantize}, expected {quantize}")
+    if name == HTML and prefilter is not None:
+        raise BadInput("prefilter: found --format html, expected a format of textures")
     if name == HTML:
         from homofact.cli.view import NAME, view
 
@@ -76,12 +88,15 @@ def export(
     from homofact.containers.formats import format_named
     from homofact.evaluate.reopening import NotReopened, Reopened, reopen
     from homofact.export.exported import check_export_folder, exported, write_exported
+    from homofact.export.prefiltered import prefiltered_export
     from homofact.export.result import open_result
     from homofact.factor.quantize import is_solved
+    from homofact.render.environment import read_environment
     from homofact.shading.mixture_fit import fitted_mixture
 
     chosen = format_named(name)
     check_export_folder(to, force)
+    light = None if prefilter is None else read_environment(prefilter)
     screen = Screen(as_json, quiet)
     with claimed(to), screen.bar() as bar:
         bar.stage("reading")
@@ -104,6 +119,9 @@ def export(
             made = best
         bar.stage("fitting lobes to draw from")
         made = replace(made, sampling=fitted_mixture(made.stored))
+        if light is not None:
+            bar.stage("filtering the environment")
+            made = replace(made, prefiltered=prefiltered_export(made.stored, light, chosen))
         bar.stage("measuring and writing")
         errors = {label: _errors(each, fitted, samples) for label, each in rows.items()}
         description = write_exported(to, made, errors, force)
@@ -112,7 +130,7 @@ def export(
     elif not found.held_out:
         screen.note("homofact: the fit has, or may have, seen the samples that its errors are on")
     if not quiet:
-        files = [*made.names, *description["code"]["files"], "manifest.json"]
+        files = [*made.names, *description["code"]["files"], *_light_files(made), "manifest.json"]
         cost = made.cost
         screen.show(
             stored_table(errors, "held_out" if isinstance(found, str) else found.part),
@@ -121,9 +139,17 @@ def export(
                 f" ({cost.scalar} on scalars), {cost.nbytes} bytes of texels."
             ),
             Text(_noise_line(description["sampling"]["measured"])),
+            *([] if made.prefiltered is None else [Text(made.prefiltered.sentence())]),
             f"{to}: {', '.join(files)}",
         )
-    screen.answer({"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name})
+    answer = {"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name}
+    if made.prefiltered is not None:
+        answer["prefiltered"] = made.prefiltered.record()
+    screen.answer(answer)
+
+
+def _light_files(made: "Exported") -> list[str]:
+    return [] if made.prefiltered is None else made.prefiltered.files
 
 
 def _noise_line(measured: Sequence[Mapping[str, float]]) -> str:

@@ -19,6 +19,7 @@ from homofact.containers.formats import Format
 from homofact.errors import BadInput
 from homofact.evaluate.split import without_places
 from homofact.export.manifest import conventions, write_json
+from homofact.export.prefiltered import PrefilteredExport
 from homofact.factor.fitted import Fitted
 from homofact.files.atomic import write_text
 from homofact.files.folder import check_new_folder, write_folder
@@ -57,7 +58,8 @@ class Exported:
     """A fit as it will be stored: `stored` is the fit with the texels that a sampler finds.
 
     `textures` are in the order of the shaders' numbers; `cost` is of one evaluation, its bytes those of the texels
-    on the GPU. With a `sampling`, the shaders have its functions too.
+    on the GPU. With a `sampling`, the shaders have its functions too; with a `prefiltered` light
+    there are shaders and textures of a split sum beside them.
     """
 
     stored: Fitted
@@ -66,6 +68,7 @@ class Exported:
     cost: Cost
     format: Format
     sampling: LobeMixture | None = None
+    prefiltered: PrefilteredExport | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -122,6 +125,8 @@ def write_exported(
             made.format.write(place / name, texture.stored, exr_channel_names(made.stored.channels), facts)
         for name, text in _codes(made).items():
             write_text(place / name, text)
+        if made.prefiltered is not None:
+            made.prefiltered.put(place, len(made.textures) + 1)
         write_json(place / MANIFEST, description)
 
     write_folder(folder, EXPORT, fill, force)
@@ -156,6 +161,7 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         "cost": made.cost.record(),
         "errors": dict(errors),
         **_sampling(made),
+        **({} if made.prefiltered is None else {"prefiltered": made.prefiltered.record()}),
         "provenance": without_places(fitted.provenance),
         "conventions": conventions(described) | {"storage": STORAGE, "sampler": SAMPLER},
     }

@@ -153,31 +153,35 @@ def _glsl(program: Program, body: str, prefix: str) -> str:
         f"uniform highp sampler{len(shape)}D{'Array' * layered} {prefix}_texture_{k};  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
-    return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo{', int layer' * layered}) {{\n{body}\n}}\n"
+    given = ", ".join(f"vec3 {name}" for name in program.parameters) + ", int layer" * layered
+    return f"{textures}\n{kind} {prefix}_{program.function}({given}) {{\n{body}\n}}\n"
 
 
 def _hlsl(program: Program, body: str, prefix: str) -> str:
     kind, layered = HLSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"Texture2D{'Array' * layered}<float4> {prefix}_texture_{k} : register(t{k});  // {_size(program, shape)}\n"
+        f"Texture2D{'Array' * layered}<float4> {prefix}_texture_{k} : register(t{program.first + k});"
+        f"  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
-    sampler = f"SamplerState {prefix}_sampler : register(s0);  // MIN_MAG_MIP_LINEAR, CLAMP\n"
-    more = ", int layer" * layered
-    return f"{textures}{sampler}\n{kind} {prefix}_evaluate(float3 wi, float3 wo{more})\n{{\n{body}\n}}\n"
+    # A second program in a shader has its own.
+    slot = min(program.first, 1)
+    sampler = f"SamplerState {prefix}_sampler : register(s{slot});  // MIN_MAG_MIP_LINEAR, CLAMP\n"
+    given = ", ".join(f"float3 {name}" for name in program.parameters) + ", int layer" * layered
+    return f"{textures}{sampler}\n{kind} {prefix}_{program.function}({given})\n{{\n{body}\n}}\n"
 
 
 def _wgsl(program: Program, body: str, prefix: str) -> str:
     kind, layered = WGSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"@group(0) @binding({k}) var {prefix}_texture_{k}: texture_2d{'_array' * layered}<f32>;"
+        f"@group(0) @binding({program.first + k}) var {prefix}_texture_{k}: texture_2d{'_array' * layered}<f32>;"
         f"  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
-    last = len(program.shapes)
+    last = program.first + len(program.shapes)
     sampler = f"@group(0) @binding({last}) var {prefix}_sampler: sampler;  // linear, clamp-to-edge\n"
-    given = "wi: vec3<f32>, wo: vec3<f32>" + ", layer: i32" * layered
-    return f"{textures}{sampler}\nfn {prefix}_evaluate({given}) -> {kind} {{\n{body}\n}}\n"
+    given = ", ".join(f"{name}: vec3<f32>" for name in program.parameters) + ", layer: i32" * layered
+    return f"{textures}{sampler}\nfn {prefix}_{program.function}({given}) -> {kind} {{\n{body}\n}}\n"
 
 
 GLSL = Language(
