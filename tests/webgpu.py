@@ -72,18 +72,20 @@ class Gpu:
         return self.device.create_shader_module(code=code)
 
     def run(
-        self, code: str | bytes, images: Sequence[Image], wi: torch.Tensor, wo: torch.Tensor, sampler_at: int
+        self, code: str | bytes, images: Sequence[Image], wi: torch.Tensor, wo: torch.Tensor, sampler_at: int | None
     ) -> np.ndarray:
         """What the entry point `main` writes for each pair, (N, 4).
 
-        Group 0 holds the images from binding 0 and a sampler, linear and clamped, at `sampler_at`; group 1 arrays of
-        wi, wo (4 floats each, 3 used) and of the values written. A workgroup takes 64 pairs.
+        Group 0 holds the images from binding 0 and a sampler, linear and clamped, at `sampler_at` (None: there is no
+        group 0); group 1 arrays of wi, wo (4 floats each, 3 used) and of the values written. A workgroup takes 64
+        pairs.
         """
         module = self.compiled(code)
         pipeline = self.device.create_compute_pipeline(layout="auto", compute={"module": module, "entry_point": "main"})
         own = [{"binding": k, "resource": self._uploaded(image)} for k, image in enumerate(images)]
         sampler = self.device.create_sampler(mag_filter="linear", min_filter="linear")
-        own.append({"binding": sampler_at, "resource": sampler})
+        if sampler_at is not None:
+            own.append({"binding": sampler_at, "resource": sampler})
         count = len(wi)
         buffers = [self._buffer(directions) for directions in (wi, wo)]
         usage = self.wgpu.BufferUsage.STORAGE | self.wgpu.BufferUsage.COPY_SRC
@@ -93,6 +95,8 @@ class Gpu:
         work = encoder.begin_compute_pass()
         work.set_pipeline(pipeline)
         for group, entries in enumerate((own, whole)):
+            if not entries:
+                continue
             layout = pipeline.get_bind_group_layout(group)
             work.set_bind_group(group, self.device.create_bind_group(layout=layout, entries=entries))
         work.dispatch_workgroups(-(-count // 64))

@@ -1,5 +1,7 @@
 """`homofact export`: a result's textures in an engine's format, with the shaders that read them."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -54,6 +56,14 @@ def export(
             show_default=False,
         ),
     ] = None,
+    prefilter: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SKY",
+            help="Filter this lat-long .hdr or .exr for the material too: textures and shaders of a split sum.",
+            show_default=False,
+        ),
+    ] = None,
     source: o.MadeFrom = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an export that is there.")] = False,
     as_json: o.AsJson = False,
@@ -62,8 +72,11 @@ def export(
     """Write textures and the shaders that read them: GLSL, HLSL, WGSL, C.
 
     The folder gets the textures, brdf.glsl, brdf.hlsl, brdf.wgsl and
-    brdf.c, each with homofact_evaluate(wi, wo), and manifest.json with
-    all that a loader needs. The error is that of the stored texels.
+    brdf.c, each with homofact_evaluate(wi, wo), homofact_sample(wo, u) and
+    homofact_density(wi, wo), and manifest.json with all that a loader
+    needs. The error is that of the stored texels.
+    With --prefilter there are prefiltered.glsl, .hlsl and .wgsl as well,
+    each with homofact_light_reflected(n, wo), and their two textures.
     """
     if engine is not None and form == HTML:
         raise BadInput(f"format: found {HTML} with --engine {engine}, expected a format of textures")
@@ -72,6 +85,8 @@ def export(
         raise BadInput(f"quantize: found {quantize!r}, expected png8 or png16")
     if quantize is not None and quantize != name:
         raise BadInput(f"format: found {name!r} with --quantize {quantize}, expected {quantize}")
+    if name == HTML and prefilter is not None:
+        raise BadInput("prefilter: found --format html, expected a format of textures")
     if name == HTML:
         from homofact.cli.view import NAME, view
 
@@ -86,8 +101,11 @@ def export(
     from homofact.containers.formats import format_named
     from homofact.evaluate.reopening import NotReopened, Reopened, reopen
     from homofact.export.exported import check_export_folder, exported, write_exported
+    from homofact.export.prefiltered import prefiltered_export
     from homofact.export.result import open_result
     from homofact.factor.quantize import is_solved
+    from homofact.render.environment import read_environment
+    from homofact.shading.mixture_fit import fitted_mixture
 
     of_engine = None
     if engine is not None:
@@ -96,6 +114,7 @@ def export(
         of_engine, name = engine_named(engine, form or quantize)
     chosen = format_named(name)
     check_export_folder(to, force)
+    light = None if prefilter is None else read_environment(prefilter)
     screen = Screen(as_json, quiet)
     with claimed(to), screen.bar() as bar:
         bar.stage("reading")
@@ -116,6 +135,11 @@ def export(
             if is_solved(fitted):
                 rows[f"solved for {name}"] = best
             made = best
+        bar.stage("fitting lobes to draw from")
+        made = replace(made, sampling=fitted_mixture(made.stored))
+        if light is not None:
+            bar.stage("filtering the environment")
+            made = replace(made, prefiltered=prefiltered_export(made.stored, light, chosen))
         bar.stage("measuring and writing")
         errors = {label: _errors(each, fitted, samples) for label, each in rows.items()}
         more: dict[str, str | bytes] = {}
@@ -132,7 +156,7 @@ def export(
     elif not found.held_out:
         screen.note("homofact: the fit has, or may have, seen the samples that its errors are on")
     if not quiet:
-        files = [*made.names, *description["code"]["files"], "manifest.json", *more]
+        files = [*made.names, *description["code"]["files"], *_light_files(made), "manifest.json", *more]
         cost = made.cost
         screen.show(
             stored_table(errors, "held_out" if isinstance(found, str) else found.part),
@@ -140,11 +164,15 @@ def export(
                 f"One evaluation: {cost.fetches} fetches, {cost.total} operations on vectors and scalars"
                 f" ({cost.scalar} on scalars), {cost.nbytes} bytes of texels."
             ),
+            Text(_noise_line(description["sampling"]["measured"])),
+            *([] if made.prefiltered is None else [Text(made.prefiltered.sentence())]),
             *appearance_tables(looks),
             *(each["said"] for each in looks.values() if each["said"]),
             f"{to}: {', '.join(files)}",
         )
     answer = {"result": str(result), "out": str(to), "errors": errors, "cost": made.cost.record(), "format": name}
+    if made.prefiltered is not None:
+        answer["prefiltered"] = made.prefiltered.record()
     screen.answer(answer | ({"engine": engine, "looks": looks} if engine else {}))
 
 
@@ -175,6 +203,15 @@ def _looks(made: "Exported", looks: "Mapping[str, Reflectance]", found: "Reopene
             "said": f"{label}: {said(each)}; log_mse {log_mse:.3g}" if isinstance(each, MetallicRoughness) else "",
         }
     return answer
+
+
+def _light_files(made: "Exported") -> list[str]:
+    return [] if made.prefiltered is None else made.prefiltered.files
+
+
+def _noise_line(measured: Sequence[Mapping[str, float]]) -> str:
+    angles = ", ".join(f"{each['angle']:.0f}°: {each['variance']:.2g} ({each['cosine']:.2g})" for each in measured)
+    return f"Relative variance of one direction drawn by homofact_sample (by the cosine), viewer at {angles}."
 
 
 def _quantized(fitted: "Fitted", source: "Reopened | str", storage: str) -> "Fitted":

@@ -20,6 +20,7 @@ from homofact.containers.formats import Format
 from homofact.errors import BadInput
 from homofact.evaluate.split import without_places
 from homofact.export.manifest import conventions, write_json
+from homofact.export.prefiltered import PrefilteredExport
 from homofact.factor.fitted import Fitted
 from homofact.files.atomic import write_bytes, write_text
 from homofact.files.folder import check_new_folder, write_folder
@@ -28,7 +29,10 @@ from homofact.geometry.directions import draw_cosine_weighted
 from homofact.shading.c_code import c_source
 from homofact.shading.cost import Cost, cost_of
 from homofact.shading.encoding import Encoded, as_floats, encode_texture
+from homofact.shading.functions import functions_in_c, functions_text, sampling_functions
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
+from homofact.shading.lobe_mixture import LobeMixture
+from homofact.shading.noise import MEANING, noise_at_angles
 from homofact.shading.program import Program, program_of
 from homofact.version import __version__
 
@@ -55,7 +59,8 @@ class Exported:
     """A fit as it will be stored: `stored` is the fit with the texels that a sampler finds.
 
     `textures` are in the order of the shaders' numbers; `cost` is of one evaluation, its bytes those of the texels
-    on the GPU.
+    on the GPU. With a `sampling`, the shaders have its functions too; with a `prefiltered` light
+    there are shaders and textures of a split sum beside them.
     """
 
     stored: Fitted
@@ -63,6 +68,8 @@ class Exported:
     program: Program
     cost: Cost
     format: Format
+    sampling: LobeMixture | None = None
+    prefiltered: PrefilteredExport | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -129,6 +136,8 @@ def write_exported(
             write_bytes(place / name, content if isinstance(content, bytes) else content.encode())
         if files:
             write_json(place / ENGINE_MARK, {"engine": engine, "files": sorted(files)})
+        if made.prefiltered is not None:
+            made.prefiltered.put(place, len(made.textures) + 1)
         write_json(place / MANIFEST, description)
 
     write_folder(folder, EXPORT, fill, force)
@@ -159,12 +168,26 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         "A": {"values": fitted.transform.mean.tolist(), "unit": "1/sr", "meaning": "mean of the training samples"},
         "textures": textures,
         **described,
-        "code": {"function": "homofact_evaluate", "files": list(_codes(made))},
+        "code": {"function": "homofact_evaluate", "files": list(_codes(made))} | _sampling_code(made),
         "cost": made.cost.record(),
         "errors": dict(errors),
+        **_sampling(made),
+        **({} if made.prefiltered is None else {"prefiltered": made.prefiltered.record()}),
         "provenance": without_places(fitted.provenance),
         "conventions": conventions(described) | {"storage": STORAGE, "sampler": SAMPLER},
     }
+
+
+def _sampling_code(made: Exported) -> dict[str, Any]:
+    return {} if made.sampling is None else {"sampling": ["homofact_sample", "homofact_density"]}
+
+
+def _sampling(made: Exported) -> dict[str, Any]:
+    """The mixture, and how well it does."""
+    if made.sampling is None:
+        return {}
+    found = [each.record() for each in noise_at_angles(made.stored, made.sampling)]
+    return {"sampling": made.sampling.describe() | {"measured": found, "meaning": MEANING}}
 
 
 def _codes(made: Exported) -> dict[str, str]:
@@ -174,10 +197,14 @@ def _codes(made: Exported) -> dict[str, str]:
         rows, columns = texture.stored.shape[:2]
         lines.append(f"Texture {k}: {name}, {columns} x {rows}, {_WORDS[texture.storage]}.")
     program = replace(made.program, title=(*made.program.title, *lines))
-    texts = {f"brdf{language.suffix}": shader(program, language) for language in (GLSL, HLSL, WGSL)}
+    more = () if made.sampling is None else sampling_functions(made.sampling)
+    texts = {
+        f"brdf{language.suffix}": shader(program, language) + functions_text(more, language)
+        for language in (GLSL, HLSL, WGSL)
+    }
     # The C code holds the texels decoded.
     plain = [as_floats(texture.texels) for texture in made.stored.textures]
     program = program_of(made.stored, plain)
     last = f"The texels below are those of {', '.join(made.names)}, decoded."
     code = c_source(replace(program, title=(*program.title, last)), [texture.stored for texture in plain])
-    return texts | {"brdf.c": code}
+    return texts | {"brdf.c": code + functions_in_c(more)}

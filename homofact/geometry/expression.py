@@ -6,12 +6,14 @@ expression, and a result. `interpret` runs them on arrays; the languages print t
 `component`s; the cost model counts their nodes.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 INFIX = ("+", "-", "*", "/")
 # Functions of one or two arguments; those that work on vectors work component by component, dot excepted.
-FUNCTIONS = ("sqrt", "abs", "exp", "log", "asinh", "atan2", "floor", "fract", "dot", "max", "min", "step")
+FUNCTIONS = (
+    "sqrt", "abs", "exp", "log", "asinh", "cos", "sin", "atan2", "floor", "fract", "dot", "max", "min", "step",
+)  # fmt: skip
 _AXES = "xyzw"
 
 
@@ -170,3 +172,13 @@ def needed(statements: Sequence[Let], result: Expression) -> tuple[Let, ...]:
             kept.append(statement)
             wanted |= {node.text for node in nodes(statement.expression) if node.kind == "name"}
     return tuple(reversed(kept))
+
+
+def substituted(expression: Expression, values: Mapping[str, tuple[float, ...]]) -> Expression:
+    """The expression with these names replaced by constants; a component of one is a constant too."""
+    if expression.kind == "name" and expression.text in values:
+        return constant(*values[expression.text])
+    operands = tuple(substituted(operand, values) for operand in expression.operands)
+    if expression.kind == "swizzle" and operands[0].kind == "constant":
+        return constant(*(operands[0].values[_AXES.index(letter)] for letter in expression.text))
+    return replace(expression, operands=operands)

@@ -74,6 +74,8 @@ NUMPY: dict[str, Callable[..., Any]] = {
     "exp": np.exp,
     "log": np.log,
     "asinh": np.arcsinh,
+    "cos": np.cos,
+    "sin": np.sin,
     "atan2": np.arctan2,
     "floor": np.floor,
     "fract": lambda x: x - np.floor(x),

@@ -25,6 +25,8 @@ TORCH: dict[str, Callable[..., Tensor]] = {
     "exp": torch.exp,
     "log": torch.log,
     "asinh": torch.asinh,
+    "cos": torch.cos,
+    "sin": torch.sin,
     "atan2": torch.atan2,
     "floor": torch.floor,
     "fract": lambda x: x - torch.floor(x),

@@ -49,9 +49,9 @@ class Pyramid(NamedTuple):
             mean = (levels[-1].reshape(half, 2, half, 2, 3) * total[..., None]).sum((1, 3))
             weight = total.sum((1, 3))
             levels.append(mean / weight[..., None])
-        rimmed = [_rimmed(each).reshape(-1, 3) for each in levels]
-        starts = np.cumsum([0, *(len(each) for each in rimmed[:-1])])
-        texels = np.concatenate(rimmed).astype(np.float32)
+        parts = [rimmed(each).reshape(-1, 3) for each in levels]
+        starts = np.cumsum([0, *(len(each) for each in parts[:-1])])
+        texels = np.concatenate(parts).astype(np.float32)
         return cls(texels, starts, np.array([len(each) for each in levels]), solid)
 
     def lamps(self, coarse: int, fine: int) -> tuple[np.ndarray, np.ndarray]:
@@ -63,7 +63,7 @@ class Pyramid(NamedTuple):
         side = int(self.sides[0])
         inner = self.texels[: (side + 2) ** 2].reshape(side + 2, side + 2, 3)[1:-1, 1:-1]
         light = inner * self.solid[..., None]
-        both = np.concatenate((light, _directions(side).numpy() * light.mean(2, keepdims=True)), 2)
+        both = np.concatenate((light, directions_of(side).numpy() * light.mean(2, keepdims=True)), 2)
         both = both.reshape(fine, side // fine, fine, side // fine, 6).sum((1, 3))
         limit = 2 * both[..., :3].sum() / coarse**2
         levels = [both]
@@ -81,7 +81,7 @@ class Pyramid(NamedTuple):
         return lamps[lit, 3:] / length[lit, None], np.ascontiguousarray(lamps[lit, :3])
 
 
-def _directions(side: int) -> Tensor:
+def directions_of(side: int) -> Tensor:
     """Unit directions (N, N, 3) of the texels' centres, row by row along the second coordinate."""
     ticks = (torch.arange(side, dtype=torch.float64) + 0.5) * (2 / side) - 1
     y, x = torch.meshgrid(ticks, ticks, indexing="ij")
@@ -94,11 +94,11 @@ def _directions(side: int) -> Tensor:
 
 def _solid(side: int) -> np.ndarray:
     """Solid angles (N, N) of the texels, which sum to 4π."""
-    cubed = _directions(side).abs().sum(-1).numpy() ** 3
+    cubed = directions_of(side).abs().sum(-1).numpy() ** 3
     return cubed * (4 * math.pi / cubed.sum())
 
 
-def _rimmed(level: np.ndarray) -> np.ndarray:
+def rimmed(level: np.ndarray) -> np.ndarray:
     """(N + 2, N + 2, 3): with the texels that the folding puts beside each edge, its own turned about its middle."""
     side = len(level)
     whole = np.empty((side + 2, side + 2, 3))

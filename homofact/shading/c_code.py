@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from homofact.geometry.expression import INFIX, Expression, component
+from homofact.geometry.expression import INFIX, Expression, Let, component
 from homofact.shading.languages import infix, number, remark
 from homofact.shading.program import Program
 
 _FUNCTIONS = {
     "sqrt": "sqrtf", "abs": "fabsf", "exp": "expf", "log": "logf", "asinh": "asinhf",
-    "atan2": "atan2f", "max": "fmaxf", "min": "fminf", "floor": "floorf",
+    "cos": "cosf", "sin": "sinf", "atan2": "atan2f", "max": "fmaxf", "min": "fminf", "floor": "floorf",
 }  # fmt: skip
 _LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int columns, const float uv[2], float *value)
 {{
@@ -45,15 +45,30 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
     data = "".join(_texels(prefix, k, texels) for k, texels in enumerate(textures))
     data += "".join(_table(prefix, name, rows) for name, rows in program.tables)
     layer = ", int layer" * (program.layers > 0)
+    lines = statement_lines(program.statements, prefix, program)
+    lines += [f"    f_out[{c}] = {render(component(program.result, c), prefix)};" for c in range(channels)]
+    body = "\n".join(lines)
+    return (
+        f"{title}#include <math.h>\n\n{data}{_LOOKUP.format(prefix=prefix, channels=channels)}\n"
+        f"/* f_out[{channels}]: {remark(', '.join(program.channels))} */\n"
+        f"void {prefix}_evaluate(const float wi[3], const float wo[3]{layer}, float f_out[{channels}])\n"
+        f"{{\n{body}\n}}\n"
+    )
+
+
+def statement_lines(statements: Sequence[Let], prefix: str, program: Program | None = None) -> list[str]:
+    """The lines of a function's statements; fetches are those of `program`."""
+    channels, layer = (len(program.channels), program.layers > 0) if program else (0, False)
     lines = []
-    for statement in program.statements:
+    for statement in statements:
         if statement.comment:
             lines.append(f"    /* {remark(statement.comment)} */")
         name, expression = statement.name, statement.expression
         if expression.kind == "fetch":
+            assert program is not None, "a function with textures needs their sizes"
             rows, columns = program.shapes[int(expression.text)]
             uv = render(expression.operands[0])
-            texture = f"{prefix}_texture_{expression.text}" + f" + layer * {rows * columns * channels}" * bool(layer)
+            texture = f"{prefix}_texture_{expression.text}" + f" + layer * {rows * columns * channels}" * layer
             lines.append(f"    float {name}{'' if channels == 1 else f'[{channels}]'};")
             address = f"&{name}" if channels == 1 else name
             lines.append(f"    {prefix}_lookup({texture}, {rows}, {columns}, {uv}, {address});")
@@ -64,14 +79,7 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
                 if expression.dimension == 1
                 else f"    const float {name}[{expression.dimension}] = {{{parts}}};"
             )
-    lines += [f"    f_out[{c}] = {render(component(program.result, c), prefix)};" for c in range(channels)]
-    body = "\n".join(lines)
-    return (
-        f"{title}#include <math.h>\n\n{data}{_LOOKUP.format(prefix=prefix, channels=channels)}\n"
-        f"/* f_out[{channels}]: {remark(', '.join(program.channels))} */\n"
-        f"void {prefix}_evaluate(const float wi[3], const float wo[3]{layer}, float f_out[{channels}])\n"
-        f"{{\n{body}\n}}\n"
-    )
+    return lines
 
 
 def render(expression: Expression, prefix: str = "homofact") -> str:

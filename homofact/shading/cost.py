@@ -8,11 +8,12 @@ which select registers.
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from homofact.geometry.expression import nodes
+from homofact.geometry.expression import Expression, Let, nodes
 from homofact.shading.program import Program
 
 _FREE = {"constant", "name", "swizzle", "vector", "fetch", "table"}
@@ -45,7 +46,13 @@ class Cost:
 
 def cost_of(program: Program, nbytes: int) -> Cost:
     """The counts of a program whose textures take `nbytes`."""
-    expressions = [statement.expression for statement in program.statements] + [program.result]
+    operations, scalar, fetches = operations_of(program.statements, program.result)
+    return Cost(operations, scalar, fetches, nbytes)
+
+
+def operations_of(statements: Sequence[Let], result: Expression) -> tuple[dict[str, int], int, int]:
+    """(operations by name, on scalars, fetches) of statements and a result."""
+    expressions = [*(statement.expression for statement in statements), result]
     operations: Counter[str] = Counter()
     fetches = scalar = 0
     for node in chain.from_iterable(map(nodes, expressions)):
@@ -54,4 +61,4 @@ def cost_of(program: Program, nbytes: int) -> Cost:
         elif node.kind not in _FREE:
             operations[node.kind] += 1
             scalar += 2 * node.operands[0].dimension - 1 if node.kind == "dot" else node.dimension
-    return Cost(dict(sorted(operations.items())), scalar, fetches, nbytes)
+    return dict(sorted(operations.items())), scalar, fetches

@@ -26,6 +26,8 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "exp": dr.exp,
     "log": dr.log,
     "asinh": dr.asinh,
+    "cos": dr.cos,
+    "sin": dr.sin,
     "atan2": dr.atan2,
     "floor": dr.floor,
     "fract": lambda x: x - dr.floor(x),

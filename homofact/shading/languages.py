@@ -5,13 +5,13 @@ fetch names its level, so that it may stand in any control flow and any stage. T
 components as there are channels, a scalar for one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from homofact.files.words import harmless
-from homofact.geometry.expression import INFIX, Expression
+from homofact.geometry.expression import INFIX, Expression, Let
 from homofact.shading.program import Program
 
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
@@ -112,17 +112,24 @@ def render(expression: Expression, language: Language, prefix: str, layered: boo
 
 def shader(program: Program, language: Language, prefix: str = "homofact") -> str:
     """The program's text: declarations, one function, comments. `prefix` begins every global name."""
+    body = body_text(program.statements, program.result, language, prefix, program.layers > 0)
+    title = "\n".join(f"// {remark(line)}" for line in program.title)
+    return f"{title}\n{_tables(program, language, prefix)}" + language.frame(program, body, prefix)
+
+
+def body_text(
+    statements: Sequence[Let], result: Expression, language: Language, prefix: str, layered: bool = False
+) -> str:
+    """The lines of a function that returns `result`, without its head and its braces."""
     lines = []
-    layered = program.layers > 0
-    for statement in program.statements:
+    for statement in statements:
         if statement.comment:
             lines.append(f"    // {remark(statement.comment)}")
         kind = language.types[statement.expression.dimension - 1]
         begin = language.let.format(type=kind, name=statement.name)
         lines.append(f"    {begin} = {render(statement.expression, language, prefix, layered)};")
-    lines.append(f"    return {render(program.result, language, prefix, layered)};")
-    title = "\n".join(f"// {remark(line)}" for line in program.title)
-    return f"{title}\n{_tables(program, language, prefix)}" + language.frame(program, "\n".join(lines), prefix)
+    lines.append(f"    return {render(result, language, prefix, layered)};")
+    return "\n".join(lines)
 
 
 def _tables(program: Program, language: Language, prefix: str) -> str:
@@ -146,31 +153,35 @@ def _glsl(program: Program, body: str, prefix: str) -> str:
         f"uniform highp sampler{len(shape)}D{'Array' * layered} {prefix}_texture_{k};  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
-    return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo{', int layer' * layered}) {{\n{body}\n}}\n"
+    given = ", ".join(f"vec3 {name}" for name in program.parameters) + ", int layer" * layered
+    return f"{textures}\n{kind} {prefix}_{program.function}({given}) {{\n{body}\n}}\n"
 
 
 def _hlsl(program: Program, body: str, prefix: str) -> str:
     kind, layered = HLSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"Texture2D{'Array' * layered}<float4> {prefix}_texture_{k} : register(t{k});  // {_size(program, shape)}\n"
+        f"Texture2D{'Array' * layered}<float4> {prefix}_texture_{k} : register(t{program.first + k});"
+        f"  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
-    sampler = f"SamplerState {prefix}_sampler : register(s0);  // MIN_MAG_MIP_LINEAR, CLAMP\n"
-    more = ", int layer" * layered
-    return f"{textures}{sampler}\n{kind} {prefix}_evaluate(float3 wi, float3 wo{more})\n{{\n{body}\n}}\n"
+    # A second program in a shader has its own.
+    slot = min(program.first, 1)
+    sampler = f"SamplerState {prefix}_sampler : register(s{slot});  // MIN_MAG_MIP_LINEAR, CLAMP\n"
+    given = ", ".join(f"float3 {name}" for name in program.parameters) + ", int layer" * layered
+    return f"{textures}{sampler}\n{kind} {prefix}_{program.function}({given})\n{{\n{body}\n}}\n"
 
 
 def _wgsl(program: Program, body: str, prefix: str) -> str:
     kind, layered = WGSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"@group(0) @binding({k}) var {prefix}_texture_{k}: texture_2d{'_array' * layered}<f32>;"
+        f"@group(0) @binding({program.first + k}) var {prefix}_texture_{k}: texture_2d{'_array' * layered}<f32>;"
         f"  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
-    last = len(program.shapes)
+    last = program.first + len(program.shapes)
     sampler = f"@group(0) @binding({last}) var {prefix}_sampler: sampler;  // linear, clamp-to-edge\n"
-    given = "wi: vec3<f32>, wo: vec3<f32>" + ", layer: i32" * layered
-    return f"{textures}{sampler}\nfn {prefix}_evaluate({given}) -> {kind} {{\n{body}\n}}\n"
+    given = ", ".join(f"{name}: vec3<f32>" for name in program.parameters) + ", layer: i32" * layered
+    return f"{textures}{sampler}\nfn {prefix}_{program.function}({given}) -> {kind} {{\n{body}\n}}\n"
 
 
 def _godot(program: Program, body: str, prefix: str) -> str:

@@ -43,7 +43,9 @@ class Program:
 
     `shapes` are the (rows, columns) of the textures that fetches number, (depth, rows, columns) of one in three
     dimensions, which GLSL alone prints; `title` are lines on what it evaluates. Of texture arrays `layers` is how many
-    there are, else 0; `shapes` are those of one layer, and `tables` have a row (C,) for each, by name.
+    there are, else 0; `shapes` are those of one layer, and `tables` have a row (C,) for each, by name. `function` is
+    what it is called behind the prefix, of vectors (3,) called `parameters`; `first` is the number of its first
+    texture's place in a shader.
     """
 
     statements: tuple[Let, ...]
@@ -53,6 +55,9 @@ class Program:
     title: tuple[str, ...]
     layers: int = 0
     tables: tuple[tuple[str, tuple[tuple[float, ...], ...]], ...] = ()
+    function: str = "evaluate"
+    parameters: tuple[str, str] = ("wi", "wo")
+    first: int = 0
 
 
 def program_of(

@@ -6,13 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 import homofact
 from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.cli.main import main
+from homofact.containers.exr import write_exr
+from homofact.containers.formats import FORMATS
 from homofact.export.engines import gltf, three
+from homofact.export.prefiltered import relative_rms
 from homofact.factor.factorization import Factorization
 from homofact.files.archive import write_arrays
+from homofact.render.environment import read_environment
+from homofact.render.prefilter import Prefiltered
 
 MODEL = ["material:lafortune-blue-paint", "--count", "3000"]
 
@@ -39,7 +45,44 @@ def test_an_export_says_what_storing_cost_and_reads_back(result: Path, tmp_path:
     assert 1e-4 < stored["log_difference"] < 0.05
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["errors"] == found
+    for each in manifest["sampling"]["measured"]:
+        assert each["variance"] < max(0.05, each["cosine"])
+    assert "homofact_density(" in (tmp_path / "out" / "brdf.c").read_text()
     assert isinstance(homofact.load(str(tmp_path / "out")), Factorization)
+
+
+def sky(path: Path) -> Path:
+    """A small lat-long map with a lamp."""
+    radiance = np.full((16, 32, 3), 0.5, np.float32)
+    radiance[3:5, 20:24] = 20
+    write_exr(path, radiance, ("R", "G", "B"))
+    return path
+
+
+def test_a_sky_is_filtered_for_the_material(result: Path, tmp_path: Path, capsys) -> None:
+    place, out = sky(tmp_path / "sky.exr"), tmp_path / "out"
+    command = ["export", str(result), "--to", str(out), "--format", "png8", "--prefilter", str(place)]
+    assert main(command) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "Split sum under sky.exr: 9 squares of 32 x 32 texels; the sphere is off by" in shown
+    assert "prefiltered.wgsl" in shown
+    manifest = json.loads((out / "manifest.json").read_text())
+    said = manifest["prefiltered"]
+    assert 0 < said["relative_rms"] < 0.1
+    assert set(said["files"]) <= {path.name for path in out.iterdir()}
+    # PNG holds no light: half floats do.
+    form = FORMATS["exr16"]
+    table = form.read(out / said["table"]["file"], 4).astype(np.float64)
+    light = form.read(out / said["map"]["file"], 3).astype(np.float64)
+    assert (table.shape, light.shape) == ((2, 64, 4), (9 * 32, 32, 3))
+    data = Prefiltered(*map(torch.from_numpy, (table, light)), torch.zeros(9, 3), said["map"]["factor"], 8, "sky")
+    again = relative_rms(data, homofact.load(str(out)), read_environment(place))
+    assert again == pytest.approx(said["relative_rms"], rel=1e-6)
+    assert isinstance(homofact.load(str(out)), Factorization)
+    for language, place_of_table in (("hlsl", "register(t3)"), ("wgsl", "@binding(3)")):
+        text = (out / f"prefiltered.{language}").read_text()
+        assert "homofact_light_reflected(" in text
+        assert place_of_table in text
 
 
 def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path, capsys) -> None:
@@ -52,7 +95,15 @@ def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path
 def test_the_table_and_the_files_are_on_the_screen(result: Path, tmp_path: Path, capsys) -> None:
     assert main(["export", str(result), "--to", str(tmp_path / "out"), "--format", "exr16"]) == 0
     shown = capsys.readouterr().out
-    for words in ("held out", "stored as exr16", "fetches", "brdf.wgsl", "texture_1.exr", "bytes of texels"):
+    for words in (
+        "held out",
+        "stored as exr16",
+        "fetches",
+        "brdf.wgsl",
+        "texture_1.exr",
+        "bytes of texels",
+        "homofact_sample",
+    ):
         assert words in shown, words
 
 
@@ -96,6 +147,9 @@ def test_sums_of_products_go_the_same_way(tmp_path: Path, capsys) -> None:
         (["--quantize", "png4"], "quantize: found 'png4', expected png8 or png16"),
         (["--format", "exr", "--quantize", "png8"], "format: found 'exr' with --quantize png8, expected png8"),
         (["--source", "none.brdf"], "none.brdf: "),
+        (["--prefilter", "none.hdr"], "none.hdr: no such file, expected a .hdr or .exr picture"),
+        (["--prefilter", __file__], "expected a Radiance .hdr or an OpenEXR file"),
+        (["--prefilter", "x.hdr", "--format", "html"], "prefilter: found --format html, expected a format of textures"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_and_leaves_nothing(result, tmp_path, capsys, more, message) -> None:

@@ -27,6 +27,9 @@ from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.geometry.directions import draw_cosine_weighted
+from homofact.shading.lobe_mixture import LobeMixture
+from homofact.shading.mixture_fit import fitted_mixture
+from homofact.shading.noise import noise_at_angles
 
 EVERY = CASES | SEPARABLE
 
@@ -86,6 +89,30 @@ def test_the_shaders_name_their_textures_and_how_they_are_stored(tmp_path: Path)
         text = (tmp_path / "out" / f"brdf.{suffix}").read_text()
         assert "Texture 4: texture_4.png, 12 x 9, 8-bit UNORM, not sRGB." in text
     assert "those of texture_0.png, texture_1.png" in (tmp_path / "out" / "brdf.c").read_text()
+
+
+def test_the_shaders_draw_and_the_manifest_says_how_well(tmp_path: Path) -> None:
+    fitted = CASES["fixed h"]
+    plain = exported(fitted, format_named("exr"))
+    assert "sampling" not in write_exported(tmp_path / "plain", plain, {})
+    made = replace(plain, sampling=fitted_mixture(fitted))
+    description = write_exported(tmp_path / "out", made, {})
+    for suffix in ("c", "glsl", "hlsl", "wgsl"):
+        text = (tmp_path / "out" / f"brdf.{suffix}").read_text()
+        before = (tmp_path / "plain" / f"brdf.{suffix}").read_text()
+        assert text.startswith(before)
+        for name in ("homofact_sample(", "homofact_density("):
+            assert name in text
+            assert name not in before
+    said = description["sampling"]
+    assert made.sampling is not None
+    assert said["alphas"] == [list(each) for each in made.sampling.alphas]
+    assert description["code"]["sampling"] == ["homofact_sample", "homofact_density"]
+    again = LobeMixture(made.sampling.alphas, tuple(map(tuple, said["weights"])), said["turn"])
+    assert [each["variance"] for each in said["measured"]] == pytest.approx(
+        [each.variance for each in noise_at_angles(made.stored, again)]
+    )
+    assert np.array_equal(values(open_exported(tmp_path / "out")), values(made.stored))
 
 
 def test_a_result_is_opened_from_its_export_too(tmp_path: Path) -> None:

@@ -52,6 +52,18 @@ def test_costs_of_shaders(script, capsys: pytest.CaptureFixture[str]) -> None:
     assert dearest[10] == 2 * 16 * 16 * 8
 
 
+def test_the_noise_of_sampling(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert script("sampling_noise").main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "s.md")]) == 0
+    streams = capsys.readouterr()
+    assert (tmp_path / "s.md").read_text(encoding="utf-8") == streams.out
+    assert "skipped vch_golden_yellow" in streams.err
+    cosine, _, _, two, _ = rows(streams.out)
+    assert cosine[1] == "cosine"
+    # The material's name stands in its first line alone.
+    assert float(two[4]) < float(cosine[5]) / 5
+    assert (two[0], two[-1]) == ("2 lobes", "80")
+
+
 def test_whole_texels(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert script("quantization").main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "q.md")]) == 0
     text = capsys.readouterr().out

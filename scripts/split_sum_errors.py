@@ -1,0 +1,110 @@
+"""How far the split sum of a prefiltered environment is from the exact integration: a table, and pictures of spheres.
+
+    python scripts/split_sum_errors.py [--data FOLDER] [--effort quick] [--picture PLACE.png] [--short]
+
+Relative RMS of a sphere's picture of 96² pixels against `render_filtered` of the same fit. "8 lobes" is what `homofact
+export --prefilter` writes; "1 lobe" has the lobe at normal incidence for every angle, as split sums have (Karis 2013);
+"GGX, 1 lobe" the same of a GGX lobe over a diffuse base fitted to the material's samples, whose own error is in it.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from conditions import add_effort, data_folder, figure, markdown, parser_of, write
+from matplotlib.figure import Figure
+
+from homofact.brdf.source import open_source
+from homofact.evaluate.machine import machine
+from homofact.export.prefiltered import SIZE, compared, picture
+from homofact.files.atomic import replace_file
+from homofact.methods.models import Ggx
+from homofact.methods.search import Search
+from homofact.render.environment import read_environment
+from homofact.render.filtered import render_filtered
+from homofact.render.light import EnvironmentMap
+from homofact.render.prefilter import prefiltered
+from homofact.render.sphere import SphereImage
+from homofact.render.split_sum import response_of
+from homofact.render.tonemap import choose_exposure, tonemap
+
+NAMED = ("lafortune-blue-paint", "phong-30", "ward-brushed")
+RGL = ("vch_golden_yellow", "aurora_white")
+SKIES = ("grace_probe_latlong", "stpeters_probe_latlong", "studio_small_03_1k")
+
+
+def made_up() -> EnvironmentMap:
+    """A sky with one soft lamp, where no measured ones are there."""
+    level = torch.ones(32, 64, 1, dtype=torch.float64)
+    level[6:10, 40:48] = 30
+    return EnvironmentMap(level, name="lamp")
+
+
+def drawn(path: Path, rows: list[tuple[str, SphereImage, SphereImage]]) -> None:
+    """Each material's exact sphere, the split sum's, and the difference, in one exposure."""
+    page = Figure(figsize=(6.6, 2.2 * len(rows)), dpi=110, facecolor="white")
+    axes = page.subplots(len(rows), 3, squeeze=False)
+    for line, (name, exact, found) in zip(axes, rows, strict=True):
+        exposure = choose_exposure(exact)
+        shown = [tonemap(image, exposure).pixels.numpy() for image in (exact, found)]
+        difference = np.abs(shown[1] - shown[0]).mean(2)
+        for place, image, title in zip(line, (*shown, difference), ("exact", "split sum", "|difference|"), strict=True):
+            place.imshow(image, **({} if image.ndim == 3 else {"cmap": "magma", "vmin": 0, "vmax": 0.3}))
+            place.set_title(f"{name}: {title}" if title == "exact" else title, fontsize=8)
+            place.set_axis_off()
+    page.tight_layout()
+    replace_file(path, lambda beside: page.savefig(beside, format="png"))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table."""
+    parser = parser_of(__doc__)
+    parser.add_argument("--data", type=Path)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--picture", type=Path, help="spheres under the last environment")
+    add_effort(parser, "quick")
+    options = parser.parse_args(arguments)
+    folder = data_folder(options.data)
+    places = {name: f"material:{name}" for name in NAMED}
+    files = {name: folder / "rgl" / f"{name}_rgb.bsdf" for name in RGL}
+    skies = [folder / "envmaps" / f"{name}.hdr" for name in SKIES]
+    for file in (*files.values(), *skies):
+        if not file.is_file():
+            print(f"skipped {file.stem}: no {file} (--data FOLDER or HOMOFACT_DATA names it)", file=sys.stderr)
+    places |= {name: str(file) for name, file in files.items() if file.is_file()}
+    lights = [read_environment(file) for file in skies if file.is_file()] or [made_up()]
+    if options.short:
+        places, lights = {NAMED[1]: places[NAMED[1]]}, [made_up()]
+    effort = 1.0 if options.short else options.effort
+    rows, spheres = [], []
+    for name, place in places.items():
+        source = open_source(place)
+        method = Search(textures=2, size=16, epsilon=source.default_epsilon, effort=effort)
+        fitted = method.fit(source.samples).factorization
+        ggx = Ggx(epsilon=source.default_epsilon).fit(source.samples).factorization
+        responses = (response_of(fitted), response_of(fitted, levels=1), response_of(ggx, levels=1))
+        for k, light in enumerate(lights):
+            exact = render_filtered(fitted, light, SIZE)
+            found = [picture(prefiltered(response, light), SIZE) for response in responses]
+            rows.append((name if k == 0 else "", light.name, *(figure(compared(each, exact)) for each in found)))
+        spheres.append((name, exact, found[0]))
+    text = "\n\n".join(
+        [
+            markdown(("material", "environment", "8 lobes", "1 lobe", "GGX, 1 lobe"), rows, 2),
+            f"Fits of two textures of 16², searched with effort {effort}."
+            + (" --short: a smoke test." if options.short else "")
+            + f" {machine()}",
+        ]
+    )
+    print(text)
+    if options.out is not None:
+        write(options.out, text + "\n")
+    if options.picture is not None:
+        drawn(options.picture, spheres)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
