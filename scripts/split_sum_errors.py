@@ -48,10 +48,10 @@ def drawn(path: Path, rows: list[tuple[str, SphereImage, SphereImage]]) -> None:
     axes = page.subplots(len(rows), 3, squeeze=False)
     for line, (name, exact, found) in zip(axes, rows, strict=True):
         exposure = choose_exposure(exact)
-        shown = [tonemap(image, exposure).pixels.numpy() for image in (exact, found)]
+        shown = [tonemap(image, exposure).pixels.numpy() / 255.0 for image in (exact, found)]
         difference = np.abs(shown[1] - shown[0]).mean(2)
         for place, image, title in zip(line, (*shown, difference), ("exact", "split sum", "|difference|"), strict=True):
-            place.imshow(image, **({} if image.ndim == 3 else {"cmap": "magma", "vmin": 0, "vmax": 0.3}))
+            place.imshow(image, **({} if image.ndim == 3 else {"cmap": "magma", "vmin": 0, "vmax": 0.2}))
             place.set_title(f"{name}: {title}" if title == "exact" else title, fontsize=8)
             place.set_axis_off()
     page.tight_layout()
@@ -85,11 +85,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         fitted = method.fit(source.samples).factorization
         ggx = Ggx(epsilon=source.default_epsilon).fit(source.samples).factorization
         responses = (response_of(fitted), response_of(fitted, levels=1), response_of(ggx, levels=1))
+        seen = []
         for k, light in enumerate(lights):
             exact = render_filtered(fitted, light, SIZE)
             found = [picture(prefiltered(response, light), SIZE) for response in responses]
             rows.append((name if k == 0 else "", light.name, *(figure(compared(each, exact)) for each in found)))
-        spheres.append((name, exact, found[0]))
+            seen.append((name, exact, found[0]))
+        spheres.append(seen[-1])
     text = "\n\n".join(
         [
             markdown(("material", "environment", "8 lobes", "1 lobe", "GGX, 1 lobe"), rows, 2),

@@ -139,3 +139,16 @@ def test_a_copy_moves_what_an_evaluation_must(script) -> None:
     wi, wo = (w.float().numpy() for w in draw_uniform(100, torch.Generator().manual_seed(1)))
     moved = script("throughput").copy(wi, wo)()
     assert np.array_equal(moved.numpy(), wi + wo)
+
+
+def test_errors_of_the_split_sum(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "spheres.png"
+    arguments = ["--short", "--data", str(tmp_path), "--picture", str(picture), "--out", str(tmp_path / "e.md")]
+    assert script("split_sum_errors").main(arguments) == 0
+    streams = capsys.readouterr()
+    assert (tmp_path / "e.md").read_text(encoding="utf-8") == streams.out
+    assert "skipped aurora_white" in streams.err
+    (line,) = rows(streams.out)
+    assert line[:2] == ["phong-30", "lamp"]
+    assert 0 < float(line[2]) < min(float(line[3]), float(line[4]))
+    assert picture.read_bytes().startswith(b"\x89PNG")
