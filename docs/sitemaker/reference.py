@@ -55,6 +55,7 @@ MODULES = {
         "homofact.scene.transport.build", "homofact.scene.transport.relight", "homofact.scene.editing.scene_file",
         "homofact.scene.editing.curves", "homofact.scene.editing.session", "homofact.scene.editing.to_textures",
     ),
+    "Without torch": ("homofact.runtime.load", "homofact.runtime.evaluate"),
     "Whole databases": (
         "homofact.sweep.sweep_file", "homofact.sweep.run", "homofact.sweep.ledger", "homofact.sweep.svbrdf",
         "homofact.sweep.shared_basis", "homofact.sweep.report.site",
