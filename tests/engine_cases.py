@@ -23,9 +23,9 @@ def isotropic() -> Factorization:
     """A lobe with a colour of its own over a base, in two textures."""
     lobe = random_texture(1, 16, 1)[:1] * 0.2
     lobe[0, :, :] += 2.5 * (-(((lobe.new_tensor(range(16))[:, None]) / 3) ** 2)).exp()
+    base = random_texture(1, 8, 2) * 0.1
     return factorization(
-        (fixed_projection("theta_h", True, Warp(0.1)), lobe),
-        (fixed_projection("wi", True), random_texture(8, 8, 2) * 0.1),
+        (fixed_projection("theta_h", True, Warp(0.1)), lobe), (fixed_projection("theta_d", True), base)
     )
 
 

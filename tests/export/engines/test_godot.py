@@ -56,6 +56,7 @@ def test_godot_compiles_the_shader(tmp_path: Path) -> None:
     with browser(tmp_path) as driver, served(folder, ISOLATED) as address:
         driver.get(f"{address}/page.html")
         waited(driver, "return window.GodotShaderViewer?.loadShader && said.includes('started')")
+        code = ""
         for name, fit in fits.items():
             engine_folder(tmp_path / name, fit, "godot")
             code = (tmp_path / name / "brdf.gdshader").read_text(encoding="utf-8")
