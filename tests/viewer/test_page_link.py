@@ -30,7 +30,8 @@ def test_a_link_brings_back_the_view(show: Open, tmp_path: Path) -> None:
     driver = show(*LAYERS, link="", side=48)
     change(
         driver, visible=["fit", "source"], surface="mesh", light="directional", zoom=1.5, stops=-1.3,
-        difference="ratio", factor=16, camera={"azimuth": -20.25, "elevation": 12}, lightFrom={"azimuth": 100, "elevation": -5.5},
+        difference="ratio", factor=16, camera={"azimuth": -20.25, "elevation": 12},
+        lightFrom={"azimuth": 100, "elevation": -5.5},
     )  # fmt: skip
     before, address = state(driver), link(driver)
     assert address.startswith("#show=fit,source&on=mesh&light=directional&")
