@@ -15,7 +15,7 @@ from statistics import median
 from typing import Any
 
 from conditions import add_effort, figure, markdown, parser_of, write
-from headless import chromium, first_frame, open_page, settled
+from headless import chromium, first_frame, open_page
 
 from homofact.brdf.source import open_source
 from homofact.errors import BadInput
@@ -52,7 +52,6 @@ def loaded(page: Path, count: int, size: tuple[int, int]) -> tuple[list[float], 
             said = [entry["message"] for entry in driver.get_log("browser")]
             if said:
                 raise BadInput(f"{page}: the page complained ({said[0]}), expected it silent")
-            settled(driver)
             name = f"Chromium {driver.capabilities['browserVersion']}"
     return seconds, name
 

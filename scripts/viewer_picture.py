@@ -20,6 +20,7 @@ from homofact.methods.search import Search
 from homofact.viewer.page import write_view
 
 SIZE = (1440, 900)
+PASSES = 96
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -35,8 +36,10 @@ def main(arguments: list[str] | None = None) -> int:
         write_view(row.factorization, page, source, report=row.record())
         with chromium(Path(folder) / "profile", size=SIZE) as driver:
             open_page(driver, page)
-            # The pictures are drawn finely once they rest.
-            time.sleep(1.0)
+            # Light is gathered pass by pass; software takes its time.
+            passes = 2 if options.short else PASSES
+            while driver.execute_script("return window.homofact.passes") < passes:
+                time.sleep(0.2)
             options.out.parent.mkdir(parents=True, exist_ok=True)
             driver.save_screenshot(str(Path(folder) / "shot.png"))
         # 256 colours are enough for a page, and a third of the bytes.

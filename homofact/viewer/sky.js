@@ -7,11 +7,11 @@ const LIGHT_ROWS = 256;            // at least, of a larger map that is made coa
 function skyLight(name, picture) {
   const { values, rows, columns } = reducedPicture(picture, LIGHT_ROWS);
   const count = rows * columns, running = new Float64Array(count + 1), texels = new Float32Array(4 * count);
-  const edge = (row) => Math.cos((row * Math.PI) / rows);
+  const edge = (row) => Math.cos((row * Math.PI) / rows), means = sampledMeans(values, rows, columns);
   for (let i = 0; i < count; i++) {
     const row = Math.floor(i / columns);
     const solid = ((edge(row) - edge(row + 1)) * 2 * Math.PI) / columns;
-    running[i + 1] = running[i] + ((values[3 * i] + values[3 * i + 1] + values[3 * i + 2]) / 3) * solid;
+    running[i + 1] = running[i] + means[i] * solid;
   }
   const total = running[count], scale = (4 * Math.PI) / total;
   if (!(total > 0 && total < Infinity)) {
@@ -19,9 +19,25 @@ function skyLight(name, picture) {
   }
   for (let i = 0; i < count; i++) {
     for (let k = 0; k < 3; k++) texels[4 * i + k] = values[3 * i + k] * scale;
-    texels[4 * i + 3] = (values[3 * i] + values[3 * i + 1] + values[3 * i + 2]) / 3 / total;
+    texels[4 * i + 3] = means[i] / total;
   }
   return { name, rows, columns, texels, drawn: drawnFrom(running, rows, columns) };
+}
+
+/**
+ * Mean radiance of the channels over each texel as the sampler reads it, linear between texels: an eighth from either
+ * neighbour. What is drawn from otherwise misses the soft edge of a sun.
+ */
+function sampledMeans(values, rows, columns) {
+  const grey = (row, column) => {
+    const at = 3 * (Math.min(Math.max(row, 0), rows - 1) * columns + ((column + columns) % columns));
+    return (values[at] + values[at + 1] + values[at + 2]) / 3;
+  };
+  const across = (row, column) => (grey(row, column - 1) + 6 * grey(row, column) + grey(row, column + 1)) / 8;
+  return Float64Array.from({ length: rows * columns }, (_, i) => {
+    const row = Math.floor(i / columns), column = i % columns;
+    return (across(row - 1, column) + 6 * across(row, column) + across(row + 1, column)) / 8;
+  });
 }
 
 /** Directions by the running sum of the light, one in each of DRAWN equal parts of it. */

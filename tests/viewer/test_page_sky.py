@@ -73,9 +73,9 @@ def test_a_sphere_under_the_sky_is_python_s(
     record_property("mean_relative_difference", apart)
     record_property("in_blocks_of_4", in_blocks)
     record_property("mean_over", over)
-    assert apart < 0.05
-    assert in_blocks < 0.02
-    assert abs(over) < 0.01
+    assert apart < 0.04
+    assert in_blocks < 0.015
+    assert abs(over) < 0.004
 
 
 def blocks(picture: np.ndarray) -> np.ndarray:
@@ -83,10 +83,17 @@ def blocks(picture: np.ndarray) -> np.ndarray:
     return picture.reshape(SMALL // 4, 4, SMALL // 4, 4, -1).mean((1, 3))
 
 
+def read_means(grey: np.ndarray) -> np.ndarray:
+    """Means over texels of what is linear between their middles: ⅛, ¾, ⅛ of neighbours."""
+    padded = np.pad(np.pad(grey, ((1, 1), (0, 0)), "edge"), ((0, 0), (1, 1)), "wrap")
+    rows = (padded[:-2] + 6 * padded[1:-1] + padded[2:]) / 8
+    return (rows[:, :-2] + 6 * rows[:, 1:-1] + rows[:, 2:]) / 8
+
+
 def test_the_sky_s_density_is_its_light_s_share(show: Open) -> None:
     texels = sky_of(show(fit_layer(CASES["fixed h"], "fit", "Fit"), link="", side=16))
     _, solid = directions(*texels.shape[:2])
-    mean = texels[..., :3].mean(2)
+    mean = read_means(texels[..., :3].mean(2))
     assert (mean * solid).sum() == pytest.approx(4 * math.pi, rel=1e-5)
     assert texels[..., 3] == pytest.approx(mean / (4 * math.pi), rel=1e-5)
 
@@ -123,7 +130,7 @@ def test_a_dropped_hdr_lights_the_object(show: Open) -> None:
     assert driver.execute_script("return window.homofact.state.light") == "sky"
     texels, expected = sky_of(driver), read_environment(SKY).radiance.numpy()
     _, solid = directions(*expected.shape[:2])
-    mean = (expected.mean(2) * solid).sum() / (4 * math.pi)
+    mean = (read_means(expected.mean(2)) * solid).sum() / (4 * math.pi)
     assert texels[..., :3] == pytest.approx(expected / mean, rel=1e-4)
 
 

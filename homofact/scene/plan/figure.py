@@ -73,6 +73,7 @@ class _Spot(NamedTuple):
 
     @property
     def shown(self) -> Candidate:
+        """The one whose marker stands for all of them."""
         return self.candidates[0]
 
 
