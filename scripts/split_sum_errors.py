@@ -3,8 +3,7 @@
     python scripts/split_sum_errors.py [--data FOLDER] [--effort quick] [--picture PLACE.png] [--short]
 
 Relative RMS of a sphere's picture of 96² pixels against `render_filtered` of the same fit. "8 lobes" is what `homofact
-export --prefilter` writes; "1 lobe" has the lobe at normal incidence for every angle, as split sums have (Karis 2013);
-"GGX, 1 lobe" the same of a GGX lobe over a diffuse base fitted to the material's samples, whose own error is in it.
+export --prefilter` writes; "1 lobe" has the lobe at normal incidence for every angle, as split sums have (Karis 2013).
 """
 
 import sys
@@ -20,7 +19,6 @@ from homofact.brdf.source import open_source
 from homofact.evaluate.machine import machine
 from homofact.export.prefiltered import SIZE, compared, picture
 from homofact.files.atomic import replace_file
-from homofact.methods.models import Ggx
 from homofact.methods.search import Search
 from homofact.render.environment import read_environment
 from homofact.render.filtered import render_filtered
@@ -83,8 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         source = open_source(place)
         method = Search(textures=2, size=16, epsilon=source.default_epsilon, effort=effort)
         fitted = method.fit(source.samples).factorization
-        ggx = Ggx(epsilon=source.default_epsilon).fit(source.samples).factorization
-        responses = (response_of(fitted), response_of(fitted, levels=1), response_of(ggx, levels=1))
+        responses = (response_of(fitted), response_of(fitted, levels=1))
         seen = []
         for k, light in enumerate(lights):
             exact = render_filtered(fitted, light, SIZE)
@@ -94,7 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         spheres.append(seen[-1])
     text = "\n\n".join(
         [
-            markdown(("material", "environment", "8 lobes", "1 lobe", "GGX, 1 lobe"), rows, 2),
+            markdown(("material", "environment", "8 lobes", "1 lobe"), rows, 2),
             f"Fits of two textures of 16², searched with effort {effort}."
             + (" --short: a smoke test." if options.short else "")
             + f" {machine()}",

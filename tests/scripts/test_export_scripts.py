@@ -150,5 +150,5 @@ def test_errors_of_the_split_sum(script, tmp_path: Path, capsys: pytest.CaptureF
     assert "skipped aurora_white" in streams.err
     (line,) = rows(streams.out)
     assert line[:2] == ["phong-30", "lamp"]
-    assert 0 < float(line[2]) < min(float(line[3]), float(line[4]))
+    assert 0 < float(line[2]) < float(line[3])
     assert picture.read_bytes().startswith(b"\x89PNG")
