@@ -37,7 +37,7 @@ from homofact.viewer.packing import differences, pack
 PACKAGE = "homofact.scene.editing.page"
 # Each from the package that it belongs to.
 SCRIPTS = (
-    ("homofact.viewer", ("data.js", "elements.js")),
+    ("homofact.viewer", ("data.js", "elements.js", "files.js")),
     ("homofact.scene.transport.page", ("vectors.js", "context.js")),
     (PACKAGE, (
         "formulas.js", "history.js", "transport.js", "scene.js", "tones.js", "furnace.js", "curves_file.js",

@@ -38,7 +38,7 @@ class Controls {
     this.fillKept();
     this.follow(by("canvas"));
     this.split(by("divider"));
-    this.receive();
+    receiveFiles(by("drop"), (file) => this.open(file));
     document.addEventListener("keydown", (event) => this.key(event));
     if (page.preview) this.orbit(by("preview"));
   }
@@ -149,22 +149,6 @@ class Controls {
     } catch (error) {
       this.page.note(`${file.name}: ${error.message}`, true);
     }
-  }
-
-  receive() {
-    const holds = (event) => event.dataTransfer?.types.includes("Files");
-    let depth = 0;
-    const show = () => { by("drop").hidden = depth <= 0; };
-    document.addEventListener("dragenter", (event) => { if (holds(event)) { depth++; show(); } });
-    document.addEventListener("dragleave", (event) => { if (holds(event)) { depth--; show(); } });
-    document.addEventListener("dragover", (event) => { if (holds(event)) event.preventDefault(); });
-    document.addEventListener("drop", (event) => {
-      if (!holds(event)) return;
-      event.preventDefault();
-      depth = 0;
-      show();
-      for (const file of event.dataTransfer.files) this.open(file);
-    });
   }
 
   key(event) {
