@@ -1,8 +1,8 @@
-"""DDS files with the DX10 header: RGBA16F and BC6H textures, one 2D level.
+"""DDS files with the DX10 header: RGBA16F and BC6H textures and texture arrays, one 2D level.
 
 Laid out as Microsoft's "Programming Guide for DDS" has it, all little-endian: the magic "DDS ", DDS_HEADER
 (124 bytes, of which DDS_PIXELFORMAT 32), DDS_HEADER_DXT10 (20 bytes), then the rows, top one first, without
-padding. The format is the DXGI_FORMAT of the DX10 header, which the four-character code DX10 announces. Its
+padding; those of an array's layers follow each other, and height and pitch are of one. The format is the DXGI_FORMAT of the DX10 header, which the four-character code DX10 announces. Its
 miscFlags2 stays 0, since D3DX refuses any alpha mode; the alpha of a texture here is no transparency.
 """
 
@@ -12,7 +12,7 @@ import struct
 import numpy as np
 
 from homofact.containers.bc6h import decode_bc6h, encode_bc6h
-from homofact.containers.pixels import finite_pixels, whole_shape
+from homofact.containers.pixels import finite_pixels, layer_rows, whole_shape
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.files.reading import read_bytes
@@ -29,35 +29,37 @@ _DDPF_FOURCC, _DDSCAPS_TEXTURE, _TEXTURE_2D = 0x4, 0x1000, 3
 _HEADER = struct.Struct("<4s 7I 44x 2I 4s 20x 5I 5I")
 
 
-def write_dds(path: str | os.PathLike[str], pixels: np.ndarray) -> None:
+def write_dds(path: str | os.PathLike[str], pixels: np.ndarray, layers: int = 1) -> None:
     """Write floating pixels (rows, columns, 4) as DXGI_FORMAT_R16G16B16A16_FLOAT, rounded to float16.
 
-    Raises BadInput for another shape, values not finite in float16, and an unwritable place.
+    `layers` of a texture array stand one under another in `pixels`; 1 is a texture. Raises BadInput for another shape, values not finite in float16, and an unwritable place.
     """
     whole_shape(path, pixels, (4,))
     stored = finite_pixels(path, pixels, np.float16)
-    rows, columns, _ = stored.shape
-    header = _header(rows, columns, _PITCH, columns * 8, DXGI_FORMAT_R16G16B16A16_FLOAT)
+    rows, columns = layer_rows(path, len(stored), layers), stored.shape[1]
+    header = _header(rows, columns, layers, _PITCH, columns * 8, DXGI_FORMAT_R16G16B16A16_FLOAT)
     write_bytes(path, header + stored.tobytes())
 
 
-def write_dds_bc6h(path: str | os.PathLike[str], pixels: np.ndarray) -> None:
+def write_dds_bc6h(path: str | os.PathLike[str], pixels: np.ndarray, layers: int = 1) -> None:
     """Write floating pixels (rows, columns, 3) as DXGI_FORMAT_BC6H_SF16 blocks, with the loss that `bc6h` states.
 
-    Raises BadInput for another shape, sides that are no multiples of 4, values not finite in float16, and an
+    `layers` as `write_dds`. Raises BadInput for another shape, sides of a layer that are no multiples of 4, values not finite in float16, and an
     unwritable place.
     """
     whole_shape(path, pixels, (3,))
-    rows, columns, _ = pixels.shape
-    blocks = encode_bc6h(finite_pixels(path, pixels, np.float16), str(path))
-    header = _header(rows, columns, _LINEAR_SIZE, len(blocks), DXGI_FORMAT_BC6H_SF16)
-    write_bytes(path, header + blocks)
+    rows, columns = layer_rows(path, len(pixels), layers), pixels.shape[1]
+    parts = finite_pixels(path, pixels, np.float16).reshape(layers, rows, columns, 3)
+    blocks = [encode_bc6h(part, str(path)) for part in parts]
+    header = _header(rows, columns, layers, _LINEAR_SIZE, len(blocks[0]), DXGI_FORMAT_BC6H_SF16)
+    write_bytes(path, header + b"".join(blocks))
 
 
-def read_dds(path: str | os.PathLike[str]) -> np.ndarray:
+def read_dds(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     """The texels float16 of a file that this module wrote: (rows, columns, 4), or (rows, columns, 3) for BC6H.
 
-    Raises BadInput for a file that cannot be read, is no such DDS, or is truncated or padded.
+    Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no such
+    DDS, has another number of layers, or is truncated or padded.
     """
     data = read_bytes(path, "a DDS texture")
     if data[:4] != b"DDS ":
@@ -74,21 +76,23 @@ def read_dds(path: str | os.PathLike[str]) -> np.ndarray:
     blocks = dxgi == DXGI_FORMAT_BC6H_SF16
     size = -(-rows // 4) * -(-columns // 4) * 16 if blocks else rows * columns * 8
     kind, pitch = (_LINEAR_SIZE, size) if blocks else (_PITCH, columns * 8)
+    size *= layers
     found = f"{len(data) - _HEADER.size} bytes of texels for {columns} x {rows}, expected {size}"
     if len(data) < _HEADER.size + size:
         raise BadInput(f"{path}: found {found}")
-    if 0 in (rows, columns) or data[: _HEADER.size] != _header(rows, columns, kind, pitch, dxgi):
+    if 0 in (rows, columns) or data[: _HEADER.size] != _header(rows, columns, layers, kind, pitch, dxgi):
         what = f"a header of {columns} x {rows} texels that is not of one plain 2D level"
-        raise BadInput(f"{path}: found {what}, expected a texture without mipmaps, layers or faces")
+        wanted = "a texture without mipmaps, layers" if layers == 1 else f"{layers} layers without mipmaps"
+        raise BadInput(f"{path}: found {what}, expected {wanted} or faces")
     if len(data) != _HEADER.size + size:
         raise BadInput(f"{path}: found {found}")
     if blocks:
-        return decode_bc6h(data[_HEADER.size :], rows, columns, str(path))
-    return np.frombuffer(data, "<f2", rows * columns * 4, _HEADER.size).reshape(rows, columns, 4).astype(np.float16)
+        return decode_bc6h(data[_HEADER.size :], layers * rows, columns, str(path))
+    return np.frombuffer(data, "<f2", offset=_HEADER.size).reshape(layers * rows, columns, 4).astype(np.float16)
 
 
-def _header(rows: int, columns: int, pitch_kind: int, pitch: int, dxgi: int) -> bytes:
+def _header(rows: int, columns: int, layers: int, pitch_kind: int, pitch: int, dxgi: int) -> bytes:
     surface = (124, _FLAGS | pitch_kind, rows, columns, pitch, 0, 1)
     pixel_format = (32, _DDPF_FOURCC, b"DX10")
     caps = (_DDSCAPS_TEXTURE, 0, 0, 0, 0)
-    return _HEADER.pack(b"DDS ", *surface, *pixel_format, *caps, dxgi, _TEXTURE_2D, 0, 1, 0)
+    return _HEADER.pack(b"DDS ", *surface, *pixel_format, *caps, dxgi, _TEXTURE_2D, 0, layers, 0)

@@ -11,7 +11,8 @@
 | bc6h | DDS, BC6H signed | a colour of its block | 1, 3 | multiples of 4 |
 
 Sides end at 16384 texels, the largest 2D texture of Direct3D 11 (D3D11_REQ_TEXTURE2D_U_OR_V_DIMENSION); a
-one-dimensional texture has one row. Where a file holds more channels than a texture has, a single one stands in
+one-dimensional texture has one row. Layers of a texture array stand one under another: KTX2 and DDS say so in their
+headers, EXR and PNG hold one tall image, which row by row is how an array lies in memory. Where a file holds more channels than a texture has, a single one stands in
 red, green and blue, and alpha is 1. What a texture loses by its storage is the difference to `read` after
 `write`: the reader's values are those of a GPU's sampler at texel centres (integers still to be divided by 255
 or 65535).
@@ -27,7 +28,7 @@ from homofact.containers.dds import read_dds, write_dds, write_dds_bc6h
 from homofact.containers.exr import read_exr, write_exr, write_half_exr
 from homofact.containers.ktx2 import read_ktx2, write_ktx2
 from homofact.containers.names import FORMAT_NAMES
-from homofact.containers.pixels import finite_pixels
+from homofact.containers.pixels import finite_pixels, layer_rows
 from homofact.containers.png import read_png, write_png
 from homofact.errors import BadInput
 from homofact.version import __version__
@@ -37,9 +38,9 @@ MOST_SIDE = 16384
 _WRITER = {"KTXwriter": f"homofact {__version__}"}
 
 _Place = str | os.PathLike[str]
-# What writes (place, stored, names, key_values), and what reads (place, names).
-_Writer = Callable[[_Place, np.ndarray, Sequence[str], Mapping[str, str]], None]
-_Reader = Callable[[_Place, Sequence[str] | None], np.ndarray]
+# What writes (place, stored, names, key_values, layers), and what reads (place, names, layers).
+_Writer = Callable[[_Place, np.ndarray, Sequence[str], Mapping[str, str], int], None]
+_Reader = Callable[[_Place, Sequence[str] | None, int], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,9 @@ class Format:
         stored: np.ndarray,
         names: Sequence[str] | None = None,
         key_values: Mapping[str, str] | None = None,
+        layers: int = 1,
     ) -> None:
-        """Write stored (rows, columns, C), row 0 on top: floating point, or uint8 and uint16 for png8 and png16.
+        """Write stored (layers · rows, columns, C), row 0 on top: floating point, or uint8 and uint16 for png8 and png16.
 
         Floating values are rounded to the storage type. `names` are what an EXR calls the channels (else Y,
         RGB, RGBA or numbers), `key_values` the key/value data of a KTX2, to which KTXwriter comes by itself;
@@ -92,22 +94,24 @@ class Format:
         if stored.ndim != 3:
             raise BadInput(f"{path}: found pixels of shape {stored.shape}, expected (rows, columns, channels)")
         rows, columns, channels = stored.shape
-        self.check(rows, columns, channels, str(path))
+        self.check(layer_rows(path, rows, layers), columns, channels, str(path))
         floating = np.issubdtype(self.dtype, np.floating)
         if floating != np.issubdtype(stored.dtype, np.floating) or (not floating and stored.dtype != self.dtype):
             wanted = "floating-point numbers" if floating else np.dtype(self.dtype).name
             raise BadInput(f"{path}: found values of type {stored.dtype}, expected {wanted} for {self.name}")
         held = stored if self._held is None else _widened(stored, self._held)
-        self._write(path, held, names or _channel_names(channels), key_values or {})
+        self._write(path, held, names or _channel_names(channels), key_values or {}, layers)
 
-    def read(self, path: _Place, channels: int | None = None, names: Sequence[str] | None = None) -> np.ndarray:
-        """Texels (rows, columns, C) of `dtype`, row 0 on top, as a sampler finds them at texel centres.
+    def read(
+        self, path: _Place, channels: int | None = None, names: Sequence[str] | None = None, layers: int = 1
+    ) -> np.ndarray:
+        """Texels (layers · rows, columns, C) of `dtype`, row 0 on top, as a sampler finds them at texel centres.
 
         C is `channels`: 1 takes red of a file that holds more. Without it, all that the file holds. `names` are
         the channels of an EXR in their order (else as `write` calls them, or sorted). Raises BadInput for a
         file that cannot be read, is none of this format, or holds other channels.
         """
-        texels = self._read(path, names)
+        texels = self._read(path, names, layers)
         if texels.dtype != self.dtype:
             raise BadInput(f"{path}: found {texels.dtype} texels, expected {np.dtype(self.dtype).name} for {self.name}")
         found = texels.shape[2]
@@ -153,7 +157,7 @@ def _channel_names(channels: int) -> tuple[str, ...]:
     return plain.get(channels) or tuple(f"{c:0{len(str(channels - 1))}d}" for c in range(channels))
 
 
-def _read_exr(path: _Place, names: Sequence[str] | None) -> np.ndarray:
+def _read_exr(path: _Place, names: Sequence[str] | None, layers: int) -> np.ndarray:
     planes = read_exr(path)
     order = names or _channel_names(len(planes))
     if names is None and set(order) != set(planes):
@@ -165,7 +169,9 @@ def _read_exr(path: _Place, names: Sequence[str] | None) -> np.ndarray:
     return np.stack([planes[name] for name in order], -1)
 
 
-def _write_float_exr(path: _Place, stored: np.ndarray, names: Sequence[str], key_values: Mapping[str, str]) -> None:
+def _write_float_exr(
+    path: _Place, stored: np.ndarray, names: Sequence[str], key_values: Mapping[str, str], layers: int
+) -> None:
     write_exr(path, finite_pixels(path, stored, np.float32), names)
 
 
@@ -176,28 +182,32 @@ _ALL = (
     ),
     Format(
         "exr16", ".exr", "float16", np.float16, None, MOST_SIDE, 1, "EXR of 16-bit floats",
-        lambda path, stored, names, key_values: write_half_exr(path, stored, names), _read_exr,
+        lambda path, stored, names, key_values, layers: write_half_exr(path, stored, names), _read_exr,
     ),
     Format(
         "png8", ".png", "unorm8", np.uint8, _RGBA, MOST_SIDE, 1, "PNG of 8 bits a channel",
-        lambda path, stored, names, key_values: write_png(path, stored), lambda path, names: read_png(path),
+        lambda path, stored, names, key_values, layers: write_png(path, stored),
+        lambda path, names, layers: read_png(path),
     ),
     Format(
         "png16", ".png", "unorm16", np.uint16, _RGBA, MOST_SIDE, 1, "PNG of 16 bits a channel",
-        lambda path, stored, names, key_values: write_png(path, stored), lambda path, names: read_png(path),
+        lambda path, stored, names, key_values, layers: write_png(path, stored),
+        lambda path, names, layers: read_png(path),
     ),
     Format(
         "ktx2", ".ktx2", "float16", np.float16, _RGBA, MOST_SIDE, 1, "KTX2 of RGBA16F",
-        lambda path, stored, names, key_values: write_ktx2(path, stored, _WRITER | dict(key_values)),
-        lambda path, names: read_ktx2(path), 4,
+        lambda path, stored, names, key_values, layers: write_ktx2(path, stored, _WRITER | dict(key_values), layers),
+        lambda path, names, layers: read_ktx2(path, layers), 4,
     ),
     Format(
         "dds", ".dds", "float16", np.float16, _RGBA, MOST_SIDE, 1, "DDS of RGBA16F",
-        lambda path, stored, names, key_values: write_dds(path, stored), lambda path, names: read_dds(path), 4,
+        lambda path, stored, names, key_values, layers: write_dds(path, stored, layers),
+        lambda path, names, layers: read_dds(path, layers), 4,
     ),
     Format(
         "bc6h", ".dds", "bc6h", np.float16, (1, 3), MOST_SIDE, 4, "DDS of BC6H signed blocks",
-        lambda path, stored, names, key_values: write_dds_bc6h(path, stored), lambda path, names: read_dds(path), 3,
+        lambda path, stored, names, key_values, layers: write_dds_bc6h(path, stored, layers),
+        lambda path, names, layers: read_dds(path, layers), 3,
     ),
 )  # fmt: skip
 _BY_NAME = {each.name: each for each in _ALL}

@@ -1,4 +1,4 @@
-"""KTX2 files: RGBA16F and BC6H textures, one 2D level, uncompressed as a file.
+"""KTX2 files: RGBA16F and BC6H textures and texture arrays, one 2D level, uncompressed as a file.
 
 Laid out as the Khronos KTX File Format Specification 2.0 has it, all little-endian:
 
@@ -15,8 +15,9 @@ Laid out as the Khronos KTX File Format Specification 2.0 has it, all little-end
 The descriptor (Khronos Data Format Specification, chapter 5) says what a loader without a table of formats
 needs: per channel the bit offset and length − 1, the channel's number with the float and signed bits, and as
 lower and upper the floats −1 and 1. The transfer function is linear and the colour primaries unspecified: a
-logarithm is no colour, and a loader must neither decode nor convert it. `pixelDepth` and `layerCount` are 0,
-`faceCount` and `levelCount` 1; a one-dimensional texture is a 2D texture of one row.
+logarithm is no colour, and a loader must neither decode nor convert it. `pixelDepth` is 0, `faceCount` and `levelCount` 1;
+`layerCount` is 0 of a texture and the number of layers of an array, which follow each other. A one-dimensional texture
+is a 2D texture of one row.
 """
 
 import os
@@ -28,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from homofact.containers.bc6h import decode_bc6h, encode_bc6h
-from homofact.containers.pixels import finite_pixels, whole_shape
+from homofact.containers.pixels import finite_pixels, layer_rows, whole_shape
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.files.reading import read_bytes
@@ -80,16 +81,18 @@ _RGBA16F = _Layout(
 _BC6H = _Layout(VK_FORMAT_BC6H_SFLOAT_BLOCK, 1, 16, 4, _MODEL_BC6H, ((0, 128, 0),))
 
 
-def write_ktx2(path: str | os.PathLike[str], pixels: np.ndarray, key_values: Mapping[str, str] | None = None) -> None:
+def write_ktx2(
+    path: str | os.PathLike[str], pixels: np.ndarray, key_values: Mapping[str, str] | None = None, layers: int = 1
+) -> None:
     """Write floating pixels (rows, columns, 4) as VK_FORMAT_R16G16B16A16_SFLOAT, rounded to float16.
 
-    `key_values` become the file's key/value data, such as KTXorientation "rd" (row 0 on top) and KTXwriter.
+    `layers` of a texture array stand one under another in `pixels`; 1 is a texture. `key_values` become the file's key/value data, such as KTXorientation "rd" (row 0 on top) and KTXwriter.
     Raises BadInput for another shape, values not finite in float16, keys that the specification forbids, and
     an unwritable place.
     """
     whole_shape(path, pixels, (4,))
     stored = finite_pixels(path, pixels, np.float16)
-    _write(path, _RGBA16F, (stored.shape[0], stored.shape[1]), stored.tobytes(), key_values or {})
+    _write(path, _RGBA16F, stored, layers, stored.tobytes(), key_values or {})
 
 
 def write_ktx2_bc6h(
@@ -101,15 +104,16 @@ def write_ktx2_bc6h(
     """
     whole_shape(path, pixels, (3,))
     blocks = encode_bc6h(finite_pixels(path, pixels, np.float16), str(path))
-    _write(path, _BC6H, (pixels.shape[0], pixels.shape[1]), blocks, key_values or {})
+    _write(path, _BC6H, pixels, 1, blocks, key_values or {})
 
 
-def read_ktx2(path: str | os.PathLike[str]) -> np.ndarray:
+def read_ktx2(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     """The texels float16 of a file that this module wrote: (rows, columns, 4), or (rows, columns, 3) for BC6H.
 
-    Raises BadInput for a file that cannot be read, is no such KTX2, or is truncated or padded.
+    Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no such
+    KTX2, has another number of layers, or is truncated or padded.
     """
-    layout, rows, columns, _, texels = _read(path)
+    layout, rows, columns, _, texels = _read(path, layers)
     if layout is _BC6H:
         return decode_bc6h(texels, rows, columns, str(path))
     return np.frombuffer(texels, "<f2").reshape(rows, columns, 4).astype(np.float16)
@@ -121,9 +125,14 @@ def read_ktx2_key_values(path: str | os.PathLike[str]) -> dict[str, str]:
 
 
 def _write(
-    path: str | os.PathLike[str], layout: _Layout, size: tuple[int, int], texels: bytes, key_values: Mapping[str, str]
+    path: str | os.PathLike[str],
+    layout: _Layout,
+    pixels: np.ndarray,
+    layers: int,
+    texels: bytes,
+    key_values: Mapping[str, str],
 ) -> None:
-    rows, columns = size
+    rows, columns = layer_rows(path, len(pixels), layers), pixels.shape[1]
     descriptor = layout.descriptor()
     pairs = _packed(path, key_values)
     start = _HEADER.size + len(descriptor) + len(pairs)
@@ -131,7 +140,7 @@ def _write(
     padding = -start % layout.block_bytes
     level = (start + padding, len(texels), len(texels))
     index = (_HEADER.size, len(descriptor), _HEADER.size + len(descriptor) if pairs else 0, len(pairs), 0, 0)
-    header = (layout.vk_format, layout.type_size, columns, rows, 0, 0, 1, 1, 0)
+    header = (layout.vk_format, layout.type_size, columns, rows, 0, _layer_count(layers), 1, 1, 0)
     data = _HEADER.pack(IDENTIFIER, *header, *index, *level) + descriptor + pairs + bytes(padding) + texels
     write_bytes(path, data)
 
@@ -150,7 +159,12 @@ def _packed(path: str | os.PathLike[str], key_values: Mapping[str, str]) -> byte
     return packed
 
 
-def _read(path: str | os.PathLike[str]) -> tuple[_Layout, int, int, dict[str, str], bytes]:
+def _layer_count(layers: int) -> int:
+    """The header's: 0 says that the texture is no array."""
+    return layers if layers > 1 else 0
+
+
+def _read(path: str | os.PathLike[str], layers: int = 1) -> tuple[_Layout, int, int, dict[str, str], bytes]:
     data = read_bytes(path, "a KTX2 texture")
     if data[:12] != IDENTIFIER:
         raise BadInput(f"{path}: starts with {data[:12]!r}, expected a KTX2 texture ({IDENTIFIER!r})")
@@ -163,21 +177,22 @@ def _read(path: str | os.PathLike[str]) -> tuple[_Layout, int, int, dict[str, st
     if layout is None:
         wanted = f"{_RGBA16F.vk_format} (R16G16B16A16_SFLOAT) or {_BC6H.vk_format} (BC6H_SFLOAT_BLOCK)"
         raise BadInput(f"{path}: vkFormat {vk_format}, expected {wanted}")
-    if plain != [0, 0, 1, 1, 0] or 0 in (rows, columns):
+    expected = [0, _layer_count(layers), 1, 1, 0]
+    if plain != expected or 0 in (rows, columns):
         found = f"{columns} x {rows} texels, depth, layers, faces, levels, supercompression {plain}"
-        raise BadInput(f"{path}: {found}, expected one plain 2D level [0, 0, 1, 1, 0]")
+        raise BadInput(f"{path}: {found}, expected one plain 2D level {expected}")
     descriptor = layout.descriptor()
     if type_size != layout.type_size or (d0, dn) != (_HEADER.size, len(descriptor)) or data[d0 : d0 + dn] != descriptor:
         where = f"expected it at byte {_HEADER.size}"
         raise BadInput(f"{path}: the data format descriptor is not that of vkFormat {vk_format}, {where}")
     after = d0 + dn
-    size = layout.nbytes(rows, columns)
+    size = layers * layout.nbytes(rows, columns)
     if (k0, g0, gn) != (after if kn else 0, 0, 0) or start != after + kn + -(after + kn) % layout.block_bytes:
         raise BadInput(f"{path}: key/value data at {k0}, texels at {start}, expected them to follow the descriptor")
     if length != size or whole != size or len(data) != start + size:
         found = f"{max(0, len(data) - start)} bytes of texels for {columns} x {rows}, indexed as {length}"
         raise BadInput(f"{path}: found {found}, expected {size}")
-    return layout, rows, columns, _unpacked(path, data[after : after + kn]), data[start:]
+    return layout, layers * rows, columns, _unpacked(path, data[after : after + kn]), data[start:]
 
 
 def _unpacked(path: str | os.PathLike[str], packed: bytes) -> dict[str, str]:

@@ -31,3 +31,10 @@ def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[
         where = f"row {row}, column {column}, channel {channel} is {pixels[row, column, channel]:g}"
         raise BadInput(f"{path}: {where}, expected finite values of at most {most:g} ({np.dtype(dtype).name})")
     return stored
+
+
+def layer_rows(path: str | os.PathLike[str], rows: int, layers: int) -> int:
+    """Rows of each of `layers` that stand one under another. Raises BadInput where they are not alike."""
+    if layers < 1 or rows % layers:
+        raise BadInput(f"{path}: found {rows} rows, expected as many in each of {layers} layers")
+    return rows // layers

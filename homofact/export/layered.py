@@ -1,7 +1,7 @@
 """Materials by label for an engine: texture arrays, shaders that read a layer of them, the texture of labels.
 
-A texture array is stored as one image with its layers one under another, layer 0 on top: row by row that is how an
-array lies in memory, so a loader uploads it whole. All layers of an array have one scale and one bias; ε and A of each
+A texture array is one file: a KTX2 or DDS that says how many layers it has, or an image with its layers one under another,
+layer 0 on top, which row by row is how an array lies in memory, so a loader uploads it whole. All layers of an array have one scale and one bias; ε and A of each
 layer stand in the shaders.
 """
 
@@ -32,7 +32,9 @@ from homofact.version import __version__
 FORMAT = "homofact layered export"
 FORMAT_VERSION = 1
 LABELS = "labels.png"
-ARRAY = "the layers stand one under another, layer 0 on top, each of `rows` rows"
+ARRAY = (
+    "the layers follow each other, layer 0 first, each of `rows` rows; in EXR and PNG one tall image, layer 0 on top"
+)
 LABEL = "8-bit whole numbers, the layer at each texel; read the texel that (u, v) falls into, row 0 at v = 0"
 
 
@@ -62,7 +64,7 @@ def exported_layers(fit: Layered, form: Format) -> LayeredExport:
     for k, parts in enumerate(arrays):
         tall = torch.cat([part.texels for part in parts])
         rows, columns, _ = tall.shape
-        form.check(rows, columns, channels, f"texture {k}, {count} layers")
+        form.check(rows // count, columns, channels, f"texture {k}")
         textures.append(encode(tall, torch.cat([part.mask for part in parts]), form.storage))
     decoded = [texture.decoded().chunk(count) for texture in textures]
     stored = Layered(tuple(layer.with_textures([each[k] for each in decoded]) for k, layer in enumerate(fit.layers)))
@@ -89,7 +91,12 @@ def codes(made: LayeredExport) -> dict[str, str]:
 def put_layers(place: Path, made: LayeredExport, labels: np.ndarray) -> None:
     """Write arrays, shaders, labels (rows, columns) and manifest into a folder that is being filled."""
     for name, texture in zip(made.names, made.textures, strict=True):
-        made.format.write(place / name, texture.stored, exr_channel_names(made.stored.layers[0].channels))
+        made.format.write(
+            place / name,
+            texture.stored,
+            exr_channel_names(made.stored.layers[0].channels),
+            layers=len(made.stored.layers),
+        )
     texts = codes(made)
     for name, text in texts.items():
         write_text(place / name, text)

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any
 from homofact.brdf.formats.nbrdf import material_names
 from homofact.brdf.materials import MATERIALS
 from homofact.brdf.names import MATERIAL_PREFIX
-from homofact.containers.names import ARRAY_FORMATS
+from homofact.containers.names import FORMAT_NAMES
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml, split_member
 from homofact.files.tables import described, nearest_key, plain_value
@@ -162,10 +162,10 @@ def _svbrdf(table: Any, folder: Path, place: str) -> SvbrdfSection:
         raise BadInput(f'{place}svbrdf.labels: found none, expected labels = "FILE"')
     labels, form = (
         plain_value(table.get(key, usual), (str,), f"{place}svbrdf.{key}")
-        for key, usual in (("labels", ""), ("format", ARRAY_FORMATS[0]))
+        for key, usual in (("labels", ""), ("format", FORMAT_NAMES[0]))
     )
-    if form not in ARRAY_FORMATS:
-        raise BadInput(f"{place}svbrdf.format: found {form!r}, expected one of {', '.join(ARRAY_FORMATS)}")
+    if form not in FORMAT_NAMES:
+        raise BadInput(f"{place}svbrdf.format: found {form!r}, expected one of {', '.join(FORMAT_NAMES)}")
     return SvbrdfSection(folder / labels, form)
 
 

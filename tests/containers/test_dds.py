@@ -48,6 +48,28 @@ def test_header_numbers_are_those_of_the_guide(tmp_path, blocks, dxgi, pitch, pi
     assert data[148:] == (encode_bc6h(pixels[..., :3]) if blocks else pixels.tobytes())
 
 
+@pytest.mark.parametrize("blocks", [False, True])
+def test_an_array_s_header_is_of_one_layer_and_the_layers_follow_each_other(tmp_path, blocks):
+    path, pixels = tmp_path / "t.dds", halves(24, 12)
+    if blocks:
+        write_dds_bc6h(path, pixels[..., :3], layers=3)
+    else:
+        write_dds(path, pixels, layers=3)
+    data = path.read_bytes()
+    # Height, width, and the pitch of a row or the bytes of one layer's blocks.
+    assert struct.unpack_from("<3I", data, 12) == (8, 12, 96)
+    assert struct.unpack_from("<5I", data, 128) == (96 if blocks else 10, 3, 0, 3, 0)
+    parts = np.split(pixels, 3)
+    assert data[148:] == b"".join(encode_bc6h(each[..., :3]) if blocks else each.tobytes() for each in parts)
+    found = read_dds(path, 3)
+    assert found.shape == (24, 12, 3 if blocks else 4)
+    assert blocks or found.tobytes() == pixels.tobytes()
+    with pytest.raises(BadInput, match="expected a texture without mipmaps, layers or faces"):
+        read_dds(path)
+    with pytest.raises(BadInput, match="expected 2 layers without mipmaps or faces|bytes of texels for 12 x 8"):
+        read_dds(path, 2)
+
+
 @pytest.mark.parametrize(("blocks", "named"), [(False, "10 (R16G16B16A16_FLOAT)"), (True, "96 (")])
 def test_nvidia_texture_tools_read_the_same_header(tmp_path, blocks, named):
     tool = shutil.which("nvddsinfo")
@@ -96,6 +118,10 @@ def test_pixels_that_cannot_be_stored(tmp_path):
         write_dds_bc6h(path, np.full((4, 4, 3), np.inf))
     with pytest.raises(BadInput, match="4 x 1 texels, expected sides that are multiples of 4"):
         write_dds_bc6h(path, np.zeros((1, 4, 3)))
+    with pytest.raises(BadInput, match="found 4 rows, expected as many in each of 3 layers"):
+        write_dds(path, halves(4, 4), layers=3)
+    with pytest.raises(BadInput, match="4 x 2 texels, expected sides that are multiples of 4"):
+        write_dds_bc6h(path, np.zeros((4, 4, 3)), layers=2)
     with pytest.raises(BadInput, match="cannot be written"):
         write_dds(tmp_path / "nowhere" / "t.dds", halves(2, 2))
     assert list(tmp_path.iterdir()) == []

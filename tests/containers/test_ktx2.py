@@ -143,6 +143,28 @@ def test_ktx_parse_reads_the_same(tmp_path, parsed, key_values):
             assert values[name].rstrip("\0") == key_values[name]
 
 
+def test_ktx_parse_reads_the_layers_of_an_array(tmp_path, parsed):
+    pixels = halves(12, 7)
+    write_ktx2(tmp_path / "t.ktx2", pixels, KEY_VALUES, layers=3)
+    found = parsed(tmp_path / "t.ktx2")
+    assert (found["pixelHeight"], found["layerCount"], found["faceCount"], found["levelCount"]) == (4, 3, 1, 1)
+    assert bytes.fromhex(found["levels"][0]["data"]) == pixels.tobytes()
+
+
+def test_layers_come_back_one_under_another_and_only_as_many(tmp_path):
+    path = tmp_path / "t.ktx2"
+    write_ktx2(path, halves(6, 5), layers=2)
+    # Height and layers of the header.
+    assert struct.unpack_from("<3I", path.read_bytes(), 24) == (3, 0, 2)
+    np.testing.assert_array_equal(read_ktx2(path, 2).view(np.uint16), halves(6, 5).view(np.uint16))
+    for layers in (1, 3):
+        with pytest.raises(BadInput, match=r"levels, supercompression \[0, 2, 1, 1, 0\], expected one plain 2D level"):
+            read_ktx2(path, layers)
+    with pytest.raises(BadInput, match="found 6 rows, expected as many in each of 4 layers"):
+        write_ktx2(path, halves(6, 5), layers=4)
+    np.testing.assert_array_equal(read_ktx2(path, 2).view(np.uint16), halves(6, 5).view(np.uint16))
+
+
 def test_ktx_parse_reads_the_blocks(tmp_path, parsed):
     pixels = np.random.default_rng(3).uniform(1, 2, (4, 8, 3))
     write_ktx2_bc6h(tmp_path / "t.ktx2", pixels, KEY_VALUES)

@@ -16,7 +16,7 @@ from webgpu import SAMPLER, WGSL_MAIN, WIDENED, Gpu, Image, glslang
 from homofact.brdf.log_transform import LogTransform
 from homofact.containers.formats import FORMATS
 from homofact.errors import BadInput
-from homofact.export.layered import codes, exported_layers
+from homofact.export.layered import codes, exported_layers, put_layers
 from homofact.factor.factorization import Factorization
 from homofact.factor.layered import Layered
 from homofact.factor.projection import Warp, fixed_projection
@@ -88,6 +88,23 @@ def test_c_gives_what_python_gives_at_every_label(channels: int, form: str, tmp_
     # And the stored texels are those of the fit, as nearly as the format holds them.
     change = (made.stored.evaluate(wi, wo, expected_labels) - fit.evaluate(wi, wo, expected_labels)).abs().max()
     assert float(change) < {"exr": 1e-4, "png8": 0.5}[form]
+
+
+@pytest.mark.parametrize("form", ["exr", "png16", "ktx2", "dds"])
+def test_a_file_s_layers_are_those_that_are_evaluated(form: str, tmp_path: Path) -> None:
+    made = exported_layers(layered(), FORMATS[form])
+    put_layers(tmp_path, made, np.zeros((2, 2), np.uint8))
+    for k, (name, texture) in enumerate(zip(made.names, made.textures, strict=True)):
+        found = made.format.read(tmp_path / name, 3, layers=COUNT)
+        assert (found == texture.sampled).all()
+        values = replace(texture, stored=found).values
+        for layer, part in zip(made.stored.layers, np.split(values, COUNT), strict=True):
+            assert (layer.textures[k].texels.numpy() == part).all()
+
+
+def test_an_array_of_blocks_needs_layers_of_whole_blocks() -> None:
+    with pytest.raises(BadInput, match="texture 0: .* expected sides that are multiples of 4 for bc6h"):
+        exported_layers(layered(), FORMATS["bc6h"])
 
 
 def test_wgsl_on_a_gpu_gives_what_python_gives_at_every_label() -> None:

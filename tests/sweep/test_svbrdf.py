@@ -132,7 +132,7 @@ BAD: dict[str, tuple[str, list[Any] | None, Callable[[Path], None] | None, str]]
     "three axes": (SWEEP, [[[0], [1]]], None, "found the shape (1, 2, 1), expected (rows, columns)"),
     "no section": (SWEEP[: SWEEP.index("[svbrdf]")], None, None, "found no section [svbrdf], expected one with labels"),
     "another key": (SWEEP + "layers = 3", None, None, "unknown key svbrdf.layers, the nearest known one"),
-    "another format": (SWEEP + 'format = "ktx2"', None, None, "svbrdf.format: found 'ktx2', expected one of exr"),
+    "another format": (SWEEP + 'format = "tga"', None, None, "svbrdf.format: found 'tga', expected one of exr"),
     "two seeds": ("seeds = [0, 1]" + SWEEP, None, None, "svbrdf: found 2 fits of a source, expected one method"),
     "another method": (
         SWEEP[: SWEEP.index("[[method]]")] + '[[method]]\nmethod = "mccool"\n[svbrdf]\nlabels = "labels.npy"\n',
