@@ -1,9 +1,10 @@
 """DDS files with the DX10 header: RGBA16F and BC6H textures and texture arrays, one 2D level.
 
-Laid out as Microsoft's "Programming Guide for DDS" has it, all little-endian: the magic "DDS ", DDS_HEADER
-(124 bytes, of which DDS_PIXELFORMAT 32), DDS_HEADER_DXT10 (20 bytes), then the rows, top one first, without
-padding; those of an array's layers follow each other, and height and pitch are of one. The format is the DXGI_FORMAT of the DX10 header, which the four-character code DX10 announces. Its
-miscFlags2 stays 0, since D3DX refuses any alpha mode; the alpha of a texture here is no transparency.
+Laid out as Microsoft's "Programming Guide for DDS" has it, all little-endian: the magic "DDS ", DDS_HEADER (124
+bytes, of which DDS_PIXELFORMAT 32), DDS_HEADER_DXT10 (20 bytes), then the rows, top one first, without padding; those
+of an array's layers follow each other, and height and pitch are of one. The format is the DXGI_FORMAT of the DX10
+header, which the four-character code DX10 announces. Its miscFlags2 stays 0, since D3DX refuses any alpha mode; the
+alpha of a texture here is no transparency.
 """
 
 import os
@@ -32,7 +33,8 @@ _HEADER = struct.Struct("<4s 7I 44x 2I 4s 20x 5I 5I")
 def write_dds(path: str | os.PathLike[str], pixels: np.ndarray, layers: int = 1) -> None:
     """Write floating pixels (rows, columns, 4) as DXGI_FORMAT_R16G16B16A16_FLOAT, rounded to float16.
 
-    `layers` of a texture array stand one under another in `pixels`; 1 is a texture. Raises BadInput for another shape, values not finite in float16, and an unwritable place.
+    `layers` of a texture array stand one under another in `pixels`; 1 is a texture. Raises BadInput for another
+    shape, values not finite in float16, and an unwritable place.
     """
     whole_shape(path, pixels, (4,))
     stored = finite_pixels(path, pixels, np.float16)
@@ -44,8 +46,8 @@ def write_dds(path: str | os.PathLike[str], pixels: np.ndarray, layers: int = 1)
 def write_dds_bc6h(path: str | os.PathLike[str], pixels: np.ndarray, layers: int = 1) -> None:
     """Write floating pixels (rows, columns, 3) as DXGI_FORMAT_BC6H_SF16 blocks, with the loss that `bc6h` states.
 
-    `layers` as `write_dds`. Raises BadInput for another shape, sides of a layer that are no multiples of 4, values not finite in float16, and an
-    unwritable place.
+    `layers` as `write_dds`. Raises BadInput for another shape, sides of a layer that are no multiples of 4, values
+    not finite in float16, and an unwritable place.
     """
     whole_shape(path, pixels, (3,))
     rows, columns = layer_rows(path, len(pixels), layers), pixels.shape[1]
@@ -58,8 +60,8 @@ def write_dds_bc6h(path: str | os.PathLike[str], pixels: np.ndarray, layers: int
 def read_dds(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     """The texels float16 of a file that this module wrote: (rows, columns, 4), or (rows, columns, 3) for BC6H.
 
-    Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no such
-    DDS, has another number of layers, or is truncated or padded.
+    Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no
+    such DDS, has another number of layers, or is truncated or padded.
     """
     data = read_bytes(path, "a DDS texture")
     if data[:4] != b"DDS ":

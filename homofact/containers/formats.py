@@ -12,10 +12,10 @@
 
 Sides end at 16384 texels, the largest 2D texture of Direct3D 11 (D3D11_REQ_TEXTURE2D_U_OR_V_DIMENSION); a
 one-dimensional texture has one row. Layers of a texture array stand one under another: KTX2 and DDS say so in their
-headers, EXR and PNG hold one tall image, which row by row is how an array lies in memory. Where a file holds more channels than a texture has, a single one stands in
-red, green and blue, and alpha is 1. What a texture loses by its storage is the difference to `read` after
-`write`: the reader's values are those of a GPU's sampler at texel centres (integers still to be divided by 255
-or 65535).
+headers, EXR and PNG hold one tall image, which row by row is how an array lies in memory. Where a file holds more
+channels than a texture has, a single one stands in red, green and blue, and alpha is 1. What a texture loses by its
+storage is the difference to `read` after `write`: the reader's values are those of a GPU's sampler at texel centres
+(integers still to be divided by 255 or 65535).
 """
 
 import os
@@ -84,7 +84,7 @@ class Format:
         key_values: Mapping[str, str] | None = None,
         layers: int = 1,
     ) -> None:
-        """Write stored (layers · rows, columns, C), row 0 on top: floating point, or uint8 and uint16 for png8 and png16.
+        """Write stored (layers · rows, columns, C), row 0 on top: floats, or uint8 and uint16 for png8 and png16.
 
         Floating values are rounded to the storage type. `names` are what an EXR calls the channels (else Y,
         RGB, RGBA or numbers), `key_values` the key/value data of a KTX2, to which KTXwriter comes by itself;

@@ -12,12 +12,12 @@ Laid out as the Khronos KTX File Format Specification 2.0 has it, all little-end
 | … | key/value data sorted by key, each entry padded to 4 bytes |
 | … | zeros up to a multiple of lcm(texel block size, 4), then the rows, top one first, without padding |
 
-The descriptor (Khronos Data Format Specification, chapter 5) says what a loader without a table of formats
-needs: per channel the bit offset and length − 1, the channel's number with the float and signed bits, and as
-lower and upper the floats −1 and 1. The transfer function is linear and the colour primaries unspecified: a
-logarithm is no colour, and a loader must neither decode nor convert it. `pixelDepth` is 0, `faceCount` and `levelCount` 1;
-`layerCount` is 0 of a texture and the number of layers of an array, which follow each other. A one-dimensional texture
-is a 2D texture of one row.
+The descriptor (Khronos Data Format Specification, chapter 5) says what a loader without a table of formats needs: per
+channel the bit offset and length − 1, the channel's number with the float and signed bits, and as lower and upper the
+floats −1 and 1. The transfer function is linear and the colour primaries unspecified: a logarithm is no colour, and a
+loader must neither decode nor convert it. `pixelDepth` is 0, `faceCount` and `levelCount` 1; `layerCount` is 0 of a
+texture and the number of layers of an array, which follow each other. A one-dimensional texture is a 2D texture of
+one row.
 """
 
 import os
@@ -86,9 +86,9 @@ def write_ktx2(
 ) -> None:
     """Write floating pixels (rows, columns, 4) as VK_FORMAT_R16G16B16A16_SFLOAT, rounded to float16.
 
-    `layers` of a texture array stand one under another in `pixels`; 1 is a texture. `key_values` become the file's key/value data, such as KTXorientation "rd" (row 0 on top) and KTXwriter.
-    Raises BadInput for another shape, values not finite in float16, keys that the specification forbids, and
-    an unwritable place.
+    `layers` of a texture array stand one under another in `pixels`; 1 is a texture. `key_values` become the file's
+    key/value data, such as KTXorientation "rd" (row 0 on top) and KTXwriter. Raises BadInput for another shape,
+    values not finite in float16, keys that the specification forbids, and an unwritable place.
     """
     whole_shape(path, pixels, (4,))
     stored = finite_pixels(path, pixels, np.float16)
@@ -110,8 +110,8 @@ def write_ktx2_bc6h(
 def read_ktx2(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     """The texels float16 of a file that this module wrote: (rows, columns, 4), or (rows, columns, 3) for BC6H.
 
-    Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no such
-    KTX2, has another number of layers, or is truncated or padded.
+    Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no
+    such KTX2, has another number of layers, or is truncated or padded.
     """
     layout, rows, columns, _, texels = _read(path, layers)
     if layout is _BC6H:

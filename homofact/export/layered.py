@@ -1,8 +1,8 @@
 """Materials by label for an engine: texture arrays, shaders that read a layer of them, the texture of labels.
 
-A texture array is one file: a KTX2 or DDS that says how many layers it has, or an image with its layers one under another,
-layer 0 on top, which row by row is how an array lies in memory, so a loader uploads it whole. All layers of an array have one scale and one bias; ε and A of each
-layer stand in the shaders.
+A texture array is one file: a KTX2 or DDS that says how many layers it has, or an image with its layers one under
+another, layer 0 on top, which row by row is how an array lies in memory, so a loader uploads it whole. All layers of
+an array have one scale and one bias; ε and A of each layer stand in the shaders.
 """
 
 from dataclasses import dataclass, replace
@@ -32,9 +32,7 @@ from homofact.version import __version__
 FORMAT = "homofact layered export"
 FORMAT_VERSION = 1
 LABELS = "labels.png"
-ARRAY = (
-    "the layers follow each other, layer 0 first, each of `rows` rows; in EXR and PNG one tall image, layer 0 on top"
-)
+ARRAY = "the layers follow each other, layer 0 first, each of `rows` rows; in EXR and PNG as one tall image"
 LABEL = "8-bit whole numbers, the layer at each texel; read the texel that (u, v) falls into, row 0 at v = 0"
 
 

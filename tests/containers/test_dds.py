@@ -66,7 +66,7 @@ def test_an_array_s_header_is_of_one_layer_and_the_layers_follow_each_other(tmp_
     assert blocks or found.tobytes() == pixels.tobytes()
     with pytest.raises(BadInput, match="expected a texture without mipmaps, layers or faces"):
         read_dds(path)
-    with pytest.raises(BadInput, match="expected 2 layers without mipmaps or faces|bytes of texels for 12 x 8"):
+    with pytest.raises(BadInput, match="expected 2 layers without mipmaps or faces"):
         read_dds(path, 2)
 
 
