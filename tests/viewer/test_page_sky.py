@@ -70,9 +70,9 @@ def test_a_sphere_under_the_sky_is_python_s(
     apart = np.abs(found - expected)[inside].mean() / expected[inside].mean()
     in_blocks = np.abs(blocks(found) - blocks(expected))[whole].mean() / blocks(expected)[whole].mean()
     over = found[inside].mean() / expected[inside].mean() - 1
-    record_property("mean_relative_difference", apart)
-    record_property("in_blocks_of_4", in_blocks)
-    record_property("mean_over", over)
+    record_property("mean_relative_difference", float(apart))
+    record_property("in_blocks_of_4", float(in_blocks))
+    record_property("mean_over", float(over))
     assert apart < 0.04
     assert in_blocks < 0.015
     assert abs(over) < 0.004
