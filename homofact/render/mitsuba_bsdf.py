@@ -21,7 +21,6 @@ their luminance; spectral and polarized variants are refused, as are fits of a s
 
 import os
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +80,7 @@ def measured_bsdf(file: str | os.PathLike[str]) -> Any:
 def open_mitsuba(variant: str = VARIANT) -> Any:
     """The module with `variant` set. Raises MissingDependency where it, or LLVM for it, is not installed."""
     mi = _mitsuba()
-    dr = import_module("drjit")
+    dr = extras.library("drjit", "mitsuba")
     if variant.startswith("llvm") and not dr.has_backend(dr.JitBackend.LLVM):
         raise MissingDependency("no LLVM for Mitsuba, expected Debian's libllvm19 (DRJIT_LIBLLVM_PATH names another)")
     mi.set_variant(variant)
@@ -124,7 +123,7 @@ def bsdf_class() -> Any:
 @cache
 def _class_of(variant: str) -> Any:
     """The class of a variant, which is the one that is set."""
-    mi, dr = _mitsuba(), import_module("drjit")
+    mi, dr = _mitsuba(), extras.library("drjit", "mitsuba")
     from homofact.shading.drjit import DrJitFit
 
     class FittedBSDF(mi.BSDF):

@@ -5,9 +5,8 @@ Seen from ωo, ωi is drawn from
     p(ωi | ωo) = (1 − Σk wk(cosθo)) cosθi/π + Σk wk(cosθo) pk(ωi | ωo).
 
 pk mirrors ωo at a half vector of the GGX distribution of roughness (αx, αy), drawn among those that ωo sees and that
-mirror it above a bound near the horizon (Eto and Tokuyoshi, "Bounded VNDF Sampling for Smith-GGX Reflections", SIGGRAPH
-Asia 2023, eq. 5 to 8; for the spherical caps Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps",
-2023). With s = ωi + ωo,
+mirror it above a bound near the horizon (Eto and Tokuyoshi 2023, eq. 5 to 8; the spherical caps are those of Dupuy and
+Benyoub 2023). With s = ωi + ωo,
 
     pk = D(s)/(2 (κ zo + t)),   D = |s|⁴/(π αx αy (sx²/αx² + sy²/αy² + sz²)²),   t = |(αx xo, αy yo, zo)|,
     κ = (1 − a²) σ²/(σ² + a² zo²),   a = min(αx, αy),   σ = 1 + √(xo² + yo²).

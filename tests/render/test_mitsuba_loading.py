@@ -14,6 +14,7 @@ from mitsuba_cases import RGB, factorization, random_texture, variant
 from homofact.errors import BadInput, MissingDependency
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import fixed_projection
+from homofact.files import extras
 from homofact.render import mitsuba_bsdf
 
 
@@ -103,7 +104,7 @@ def pretend(monkeypatch: pytest.MonkeyPatch, **modules: Any) -> None:
             raise ModuleNotFoundError(f"No module named {name!r}")
         return modules[name]
 
-    monkeypatch.setattr(mitsuba_bsdf, "import_module", found)
+    monkeypatch.setattr(extras, "import_module", found)
 
 
 def test_no_variant(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,6 +116,6 @@ def test_no_variant(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_no_mitsuba(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     pretend(monkeypatch, mitsuba=None)
     for ask in (mitsuba_bsdf.register, lambda: mitsuba_bsdf.load_bsdf(tmp_path)):
-        with pytest.raises(MissingDependency, match=r"expected the extra: pip install 'homofact\[mitsuba\]'") as caught:
+        with pytest.raises(MissingDependency, match=r"expected it: pip install 'homofact\[mitsuba\]'") as caught:
             ask()
         assert "\n" not in str(caught.value)

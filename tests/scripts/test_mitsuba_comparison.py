@@ -12,6 +12,7 @@ from PIL import Image
 from rgl_files import constant, write_tensors
 
 from homofact.errors import BadInput
+from homofact.files import extras
 from homofact.geometry.directions import draw_uniform
 from homofact.render import mitsuba_bsdf
 
@@ -78,7 +79,7 @@ def test_no_mitsuba(
         raise ModuleNotFoundError(f"No module named {name!r}")
 
     main = script("mitsuba_comparison").main
-    monkeypatch.setattr(mitsuba_bsdf, "import_module", absent)
+    monkeypatch.setattr(extras, "import_module", absent)
     assert main(["--short", "--out", str(tmp_path)]) == 2
     said = capsys.readouterr().err
     assert said.startswith("mitsuba: mitsuba is not installed, expected it: pip install")

@@ -11,6 +11,7 @@ import pytest
 from swept import COUNT, MATERIALS, make_sweep, read_of, task
 
 from homofact.errors import BadInput
+from homofact.files import extras
 from homofact.sweep.ledger import Ledger
 from homofact.sweep.report import site as site_module
 from homofact.sweep.report import tables
@@ -103,7 +104,7 @@ def test_without_pyarrow_there_is_csv_and_one_line(
 ) -> None:
     from homofact.cli.main import main
 
-    monkeypatch.setattr(tables, "find_spec", lambda name: None)
+    monkeypatch.setattr(extras, "installed", lambda module: module != "pyarrow")
     folder = make_sweep(tmp_path / "s", labels=("ggx",))
     assert main(["report", str(folder), "--out", str(tmp_path / "site"), "--json"]) == 0
     out, err = capsys.readouterr()

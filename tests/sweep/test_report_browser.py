@@ -234,7 +234,7 @@ def test_a_material_s_page_shows_its_pictures_and_opens_its_viewer(page: Any, si
     assert sorted(sizes) == [8] * 4 + [258] * 4
     all_of(page, "a.button")[0].click()
     headless.first_frame(page)
-    assert page.execute_script("return window.homofact.layers") == ["fit", "mccool", "source"]
+    assert page.execute_script("return window.homofact.layers") == ["fit", "source"]  # the fit is McCool's
 
 
 @pytest.mark.parametrize("width", [420, 1400])

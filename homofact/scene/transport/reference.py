@@ -17,7 +17,6 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ import numpy as np
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
+from homofact.files import extras
 from homofact.meshes.occlusion import OFFSET
 from homofact.meshes.tangents import frames
 from homofact.render.light import EnvironmentMap
@@ -264,7 +264,7 @@ def _vector(mi: Any, values: np.ndarray) -> Any:
 
 def _interaction(mi: Any, points: np.ndarray, axes: np.ndarray, toward: np.ndarray) -> Any:
     """Mitsuba's record of a surface seen along `toward` (N, 3), at points and in frames of our own."""
-    si = import_module("drjit").zeros(mi.SurfaceInteraction3f, len(points))
+    si = extras.library("drjit", "mitsuba").zeros(mi.SurfaceInteraction3f, len(points))
     tangent, binormal, normal = (_vector(mi, axes[:, k]) for k in range(3))
     si.t, si.p, si.n = mi.Float(0), mi.Point3f(_vector(mi, points)), mi.Normal3f(normal)
     si.sh_frame = mi.Frame3f(tangent, binormal, normal)
@@ -274,7 +274,7 @@ def _interaction(mi: Any, points: np.ndarray, axes: np.ndarray, toward: np.ndarr
 
 def _direct(mi: Any, scene: Any, bsdf: Any, si: Any, sampler: Any) -> Any:
     """One estimate of the reflected radiance for each lane: emitter and material sampled, power heuristic."""
-    dr = import_module("drjit")
+    dr = extras.library("drjit", "mitsuba")
     context = mi.BSDFContext()
     light, weight = scene.sample_emitter_direction(si, sampler.next_2d(), True)
     wo = si.to_local(light.d)

@@ -17,9 +17,9 @@ from homofact.brdf.formats.rgl import load
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput, MissingDependency
+from homofact.files import extras
 from homofact.meshes import shapes
 from homofact.meshes.tangents import frames
-from homofact.render import mitsuba_bsdf
 from homofact.render.light import EnvironmentMap
 from homofact.scene.lighting import solid_angles, texel_directions
 from homofact.scene.transport.reference import Camera, Estimate, Geometry, picture, vertex_radiance
@@ -315,7 +315,7 @@ def test_without_mitsuba_one_line_says_what_to_install(monkeypatch: pytest.Monke
     def absent(name: str) -> ModuleType:
         raise ModuleNotFoundError(f"No module named {name!r}")
 
-    monkeypatch.setattr(mitsuba_bsdf, "import_module", absent)
+    monkeypatch.setattr(extras, "import_module", absent)
     with pytest.raises(
         MissingDependency, match=r"^mitsuba: mitsuba is not installed, expected it: pip install 'homofact\[mitsuba\]'$"
     ):
