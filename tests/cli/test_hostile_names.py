@@ -104,11 +104,10 @@ def test_folders_exports_and_pages_of_hostile_channels(tmp_path: Path, capsys: p
         page = (tmp_path / "page.html").read_text("utf-8")
         assert not set(page) & set(FORBIDDEN)
         pages[name] = Elements(page).tags
-        for form in ("exr", "png8"):
-            assert (
-                main(["export", str(tmp_path / "fit.npz"), "--to", str(tmp_path / f"{k}{form}"), "--format", form]) == 0
-            )
-        folder = tmp_path / f"{k}exr"
+        # Each name in one of two formats: an export takes a second.
+        folder = tmp_path / str(k)
+        form = ("exr", "png8")[k % 2]
+        assert main(["export", str(tmp_path / "fit.npz"), "--to", str(folder), "--format", form]) == 0
         for file in folder.glob("brdf.*"):
             assert not set(file.read_text("utf-8")) & set(FORBIDDEN)
         assert open_result(folder).channels == fitted.channels

@@ -66,7 +66,7 @@ def sweep(names: Names) -> None:
 
 
 # Above about four seconds of a processor: scripts/tutorials.py.
-SLOW = (paint, own_data, trust, plan, edit)
+SLOW = (paint, own_data, trust, plan, edit, sweep)
 LEFT: dict[str, Callable[[Names], None]] = {
     each.__name__: each for each in (paint, own_data, trust, plan, relight, edit, sweep)
 }

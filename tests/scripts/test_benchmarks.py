@@ -92,6 +92,7 @@ def test_ways_are_not_one_another(script: Callable[[str], ModuleType], monkeypat
     assert calls == [kind for kind, times in zip(pattern, runs.values(), strict=True) for _ in range(times)]
 
 
+@pytest.mark.slow
 def test_cole_is_extrapolated_from_what_was_counted_and_timed(
     script: Callable[[str], ModuleType], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -144,6 +145,7 @@ def test_an_exponent_is_the_slope_of_the_logarithms(script: Callable[[str], Modu
     assert module.slope([0, 1, 2], [5, 7, 9.0]) == pytest.approx(2)
 
 
+@pytest.mark.slow
 def test_an_evaluation_holds_nothing_for_every_sample(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 
+@pytest.mark.slow
 def test_the_tables_of_editing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
     monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))

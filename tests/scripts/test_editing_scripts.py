@@ -17,6 +17,7 @@ def scripts_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(SCRIPTS))
 
 
+@pytest.mark.slow
 def test_edited_pictures_are_held_against_mitsuba(tmp_path: Path) -> None:
     variant("llvm_ad_rgb", register=False)
     text = importlib.import_module("editing_truth").main(["--short", "--to", str(tmp_path / "truth.md")])

@@ -116,6 +116,7 @@ def test_a_network_learns_either_loss(script) -> None:
         assert late < 0.1 * early
 
 
+@pytest.mark.slow
 def test_throughput_of_all_ways(
     script, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -19,6 +19,7 @@ def fuzzer(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return importlib.import_module("fuzz_results")
 
 
+@pytest.mark.slow
 def test_a_short_run_finds_nothing(fuzzer: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     assert fuzzer.main(["--count", "60", "--seed", "5"]) == 0
     lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}

@@ -73,6 +73,7 @@ def test_the_gallery_has_a_sheet_and_a_line_a_material(
         assert picture.width > 400
 
 
+@pytest.mark.slow
 def test_a_command_is_timed_with_its_fit(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -90,6 +91,7 @@ def test_a_command_is_timed_with_its_fit(
         module.timed([sys.executable, "-c", "raise SystemExit(1)"])
 
 
+@pytest.mark.slow
 def test_imports_and_evaluations_without_torch_are_timed(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -124,6 +126,7 @@ def test_the_cost_model_is_told_beside_what_work_takes(
         assert own / units == pytest.approx(module.effort.cost_of_evaluation(count, lookups, texels))
 
 
+@pytest.mark.slow
 def test_the_blind_cases_are_judged_by_their_truth(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -15,6 +15,7 @@ def module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return importlib.import_module("mahajan")
 
 
+@pytest.mark.slow
 def test_the_short_form_prints_and_draws(
     module: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

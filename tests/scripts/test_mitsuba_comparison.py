@@ -31,6 +31,7 @@ def file(tmp_path: Path) -> Path:
     return write_tensors(tmp_path / "made_up_rgb.bsdf", constant())
 
 
+@pytest.mark.slow
 def test_the_comparison_draws_what_it_measured(
     script: Callable[[str], ModuleType], file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -36,6 +36,7 @@ def numbers(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return importlib.import_module("relight_page_numbers")
 
 
+@pytest.mark.slow
 def test_a_scene_s_page_is_made_and_measured(
     numbers: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

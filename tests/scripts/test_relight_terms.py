@@ -35,6 +35,7 @@ def test_no_split_is_better_than_the_best(script: Any, total: int) -> None:
     assert sum(each[k] for each, k in zip(errors, counts, strict=True)) == pytest.approx(min(tried))
 
 
+@pytest.mark.slow
 def test_the_short_form_shares_out_as_many_terms_by_every_rule(
     script: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -19,6 +19,7 @@ def numbers(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return importlib.import_module("report_numbers")
 
 
+@pytest.mark.slow
 def test_size_and_load_are_measured(numbers: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with browser(tmp_path):
         pass  # skips where there is none

@@ -64,6 +64,7 @@ def table(text: str, first: str) -> list[dict[str, str]]:
     return rows
 
 
+@pytest.mark.slow
 def test_a_ladder_gives_the_fits_of_fewer_textures(script: Callable[[str], ModuleType]) -> None:
     source = open_source(f"material:{PAINT}", count=900)
     settings = Cole(textures=3, size=6, restarts=2, search_size=4, search_samples=200, seed=3)
@@ -81,6 +82,7 @@ def test_a_ladder_gives_the_fits_of_fewer_textures(script: Callable[[str], Modul
         assert row.settings.epsilon == 1e-5
 
 
+@pytest.mark.slow
 def test_the_comparison_writes_what_it_measured(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -338,6 +340,7 @@ def test_damaged_published_files_are_named(
         script("waterloo").read(tmp_path, "garnet_red")
 
 
+@pytest.mark.slow
 def test_the_paints_are_measured_beside_the_published_textures(
     script: Callable[[str], ModuleType], real_data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -380,6 +383,7 @@ def test_one_evaluation_costs_what_it_costs(script: Callable[[str], ModuleType])
         assert found["peak"] > found["rise"] >= 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux keeps the peak of one process apart")
 def test_the_peak_is_of_the_work_alone(
     script: Callable[[str], ModuleType], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -8,6 +8,7 @@ import pytest
 from browser import browser
 
 
+@pytest.mark.slow
 def test_the_file_s_size_and_its_first_picture_are_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
