@@ -12,19 +12,47 @@ import torch
 
 _BYTES = {"r8uint": 1, "rgba8unorm": 4, "rgba16float": 8, "rgba32float": 16}
 SAMPLER = 16  # where shaders under test have their sampler
-WGSL_MAIN = """
-@group(1) @binding(0) var<storage, read> lights: array<vec4<f32>>;
-@group(1) @binding(1) var<storage, read> viewers: array<vec4<f32>>;
-@group(1) @binding(2) var<storage, read_write> values: array<vec4<f32>>;
-
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x < arrayLength(&values)) {
-        let value = fit_evaluate(lights[id.x].xyz, viewers[id.x].xyz);
-        values[id.x] = WIDENED;
-    }
-}
+GLSL_BUFFERS = """layout(local_size_x = 64) in;
+layout(set = 1, binding = 0) readonly buffer Lights { vec4 lights[]; };
+layout(set = 1, binding = 1) readonly buffer Viewers { vec4 viewers[]; };
+layout(set = 1, binding = 2) buffer Values { vec4 values[]; };
 """
+
+
+def wgsl_main(*lines: str) -> str:
+    """An entry point with `lines` for every id.x: `lights` and `viewers` are read, `values` written."""
+    return (
+        "\n@group(1) @binding(0) var<storage, read> lights: array<vec4<f32>>;"
+        "\n@group(1) @binding(1) var<storage, read> viewers: array<vec4<f32>>;"
+        "\n@group(1) @binding(2) var<storage, read_write> values: array<vec4<f32>>;"
+        "\n\n@compute @workgroup_size(64)\nfn main(@builtin(global_invocation_id) id: vec3<u32>) {"
+        f"\n    if (id.x < arrayLength(&values)) {{{_indented(lines)}\n    }}\n}}\n"
+    )
+
+
+def hlsl_main(*lines: str) -> str:
+    """The same in HLSL."""
+    return (
+        "\n[[vk::binding(0, 1)]] StructuredBuffer<float4> lights;"
+        "\n[[vk::binding(1, 1)]] StructuredBuffer<float4> viewers;"
+        "\n[[vk::binding(2, 1)]] RWStructuredBuffer<float4> values;"
+        "\n\n[numthreads(64, 1, 1)]\nvoid main(uint3 id : SV_DispatchThreadID)\n{"
+        "\n    uint count, stride;\n    values.GetDimensions(count, stride);"
+        f"\n    if (id.x < count) {{{_indented(lines)}\n    }}\n}}\n"
+    )
+
+
+def glsl_main(*lines: str) -> str:
+    """The same in GLSL behind GLSL_BUFFERS; the id is k."""
+    head = "\nvoid main() {\n    uint k = gl_GlobalInvocationID.x;\n    if (k < values.length()) {"
+    return f"{head}{_indented(lines)}\n    }}\n}}\n"
+
+
+def _indented(lines: tuple[str, ...]) -> str:
+    return "".join(f"\n        {line}" for line in lines)
+
+
+WGSL_MAIN = wgsl_main("let value = fit_evaluate(lights[id.x].xyz, viewers[id.x].xyz);", "values[id.x] = WIDENED;")
 WIDENED = {1: "(value, 0.0, 0.0, 0.0)", 3: "(value, 0.0)", 4: "(value)"}
 _FEATURES = ("float32-filterable", "texture-compression-bc")
 

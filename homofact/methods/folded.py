@@ -7,6 +7,7 @@ The same holds for textures: the equations of some of them are a block of the eq
 are accumulated once, all of them together, and every mix of them is judged from its block (`FixedBank`).
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
 import torch
@@ -25,21 +26,21 @@ SMOOTHING_STEP = 10**0.5
 SMOOTHING_RANGE = (1e-7, 1e2)
 
 
-class Judging:
+class Judging(ABC):
     """Equations that can be asked what a λ leaves on left-out samples, and for the λ that leaves the least."""
 
     @property
+    @abstractmethod
     def unknowns(self) -> int:
         """T, the texels of all textures."""
-        raise NotImplementedError
 
+    @abstractmethod
     def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
         """Mean squared log error of left-out samples with this λ, `folds` left out of each partition, or all."""
-        raise NotImplementedError
 
+    @abstractmethod
     def solves(self, folds: int | None = None) -> int:
         """How many systems `error` solves."""
-        raise NotImplementedError
 
     def best_smoothing(
         self, start: tuple[float, ...], account: Account, folds: int | None = None

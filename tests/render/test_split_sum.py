@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from torch import Tensor
-from webgpu import Gpu, Image, glslang
+from webgpu import Gpu, Image, glslang, wgsl_main
 
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
@@ -196,18 +196,7 @@ def test_what_is_no_picture_is_refused() -> None:
         response_of(Planted(lambda wi, wo: torch.full_like(wi[:, 0], math.nan)))
 
 
-MAIN = """
-@group(1) @binding(0) var<storage, read> lights: array<vec4<f32>>;
-@group(1) @binding(1) var<storage, read> viewers: array<vec4<f32>>;
-@group(1) @binding(2) var<storage, read_write> values: array<vec4<f32>>;
-
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x < arrayLength(&values)) {
-        values[id.x] = vec4<f32>(sky_reflected(lights[id.x].xyz, viewers[id.x].xyz), 0.0);
-    }
-}
-"""
+MAIN = wgsl_main("values[id.x] = vec4<f32>(sky_reflected(lights[id.x].xyz, viewers[id.x].xyz), 0.0);")
 
 
 @pytest.fixture(scope="module")

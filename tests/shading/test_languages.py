@@ -15,7 +15,7 @@ import pytest
 import torch
 from PIL import Image as Picture
 from shading_cases import CASES, SEPARABLE, random_term
-from webgpu import SAMPLER, WGSL_MAIN, WIDENED, Gpu, Image, glslang
+from webgpu import GLSL_BUFFERS, SAMPLER, WGSL_MAIN, WIDENED, Gpu, Image, glsl_main, glslang, hlsl_main
 
 from homofact.containers.formats import FORMATS
 from homofact.factor.fitted import Fitted
@@ -27,39 +27,12 @@ from homofact.shading.program import Program, program_of
 NAMES = (*CASES, *SEPARABLE)
 BELOW = 50
 
-HLSL_MAIN = """
-[[vk::binding(0, 1)]] StructuredBuffer<float4> lights;
-[[vk::binding(1, 1)]] StructuredBuffer<float4> viewers;
-[[vk::binding(2, 1)]] RWStructuredBuffer<float4> values;
-
-[numthreads(64, 1, 1)]
-void main(uint3 id : SV_DispatchThreadID)
-{
-    uint count, stride;
-    values.GetDimensions(count, stride);
-    if (id.x < count) {
-        TYPE value = fit_evaluate(lights[id.x].xyz, viewers[id.x].xyz);
-        values[id.x] = WIDENED;
-    }
-}
-"""
-GLSL_HEAD = """#version 450
+HLSL_MAIN = hlsl_main("TYPE value = fit_evaluate(lights[id.x].xyz, viewers[id.x].xyz);", "values[id.x] = WIDENED;")
+GLSL_HEAD = f"""#version 450
 #define textureLod(image, uv, level) textureLod(sampler2D(image, fit_sampler), uv, level)
 layout(set = 0, binding = 16) uniform sampler fit_sampler;
-layout(local_size_x = 64) in;
-layout(set = 1, binding = 0) readonly buffer Lights { vec4 lights[]; };
-layout(set = 1, binding = 1) readonly buffer Viewers { vec4 viewers[]; };
-layout(set = 1, binding = 2) buffer Values { vec4 values[]; };
-"""
-GLSL_MAIN = """
-void main() {
-    uint k = gl_GlobalInvocationID.x;
-    if (k < values.length()) {
-        TYPE value = fit_evaluate(lights[k].xyz, viewers[k].xyz);
-        values[k] = WIDENED;
-    }
-}
-"""
+{GLSL_BUFFERS}"""
+GLSL_MAIN = glsl_main("TYPE value = fit_evaluate(lights[k].xyz, viewers[k].xyz);", "values[k] = WIDENED;")
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ import torch
 from chi_square import p_value
 from shading_cases import factorization, searched
 from torch import Tensor
-from webgpu import Gpu, glslang
+from webgpu import GLSL_BUFFERS, Gpu, glsl_main, glslang, hlsl_main, wgsl_main
 
 from homofact.brdf.materials import material
 from homofact.factor.factorization import Factorization
@@ -227,50 +227,19 @@ def test_the_estimator_in_c_is_the_albedo(tmp_path: Path) -> None:
         assert (weight <= math.pi / LEAST * called(library.many_evaluate, wi, seen, 3) * 1.001).all()
 
 
-WGSL_MAIN = """
-@group(1) @binding(0) var<storage, read> lights: array<vec4<f32>>;
-@group(1) @binding(1) var<storage, read> viewers: array<vec4<f32>>;
-@group(1) @binding(2) var<storage, read_write> values: array<vec4<f32>>;
-
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x < arrayLength(&values)) {
-        let wi = fit_sample(lights[id.x].xyz, viewers[id.x].xyz);
-        values[id.x] = vec4<f32>(wi, fit_density(wi, lights[id.x].xyz));
-    }
-}
-"""
-HLSL_MAIN = """
-[[vk::binding(0, 1)]] StructuredBuffer<float4> lights;
-[[vk::binding(1, 1)]] StructuredBuffer<float4> viewers;
-[[vk::binding(2, 1)]] RWStructuredBuffer<float4> values;
-
-[numthreads(64, 1, 1)]
-void main(uint3 id : SV_DispatchThreadID)
-{
-    uint count, stride;
-    values.GetDimensions(count, stride);
-    if (id.x < count) {
-        float3 wi = fit_sample(lights[id.x].xyz, viewers[id.x].xyz);
-        values[id.x] = float4(wi, fit_density(wi, lights[id.x].xyz));
-    }
-}
-"""
-GLSL_HEAD = """#version 450
-layout(local_size_x = 64) in;
-layout(set = 1, binding = 0) readonly buffer Lights { vec4 lights[]; };
-layout(set = 1, binding = 1) readonly buffer Viewers { vec4 viewers[]; };
-layout(set = 1, binding = 2) buffer Values { vec4 values[]; };
-"""
-GLSL_MAIN = """
-void main() {
-    uint k = gl_GlobalInvocationID.x;
-    if (k < values.length()) {
-        vec3 wi = fit_sample(lights[k].xyz, viewers[k].xyz);
-        values[k] = vec4(wi, fit_density(wi, lights[k].xyz));
-    }
-}
-"""
+WGSL_MAIN = wgsl_main(
+    "let wi = fit_sample(lights[id.x].xyz, viewers[id.x].xyz);",
+    "values[id.x] = vec4<f32>(wi, fit_density(wi, lights[id.x].xyz));",
+)
+HLSL_MAIN = hlsl_main(
+    "float3 wi = fit_sample(lights[id.x].xyz, viewers[id.x].xyz);",
+    "values[id.x] = float4(wi, fit_density(wi, lights[id.x].xyz));",
+)
+GLSL_HEAD = f"#version 450\n{GLSL_BUFFERS}"
+GLSL_MAIN = glsl_main(
+    "vec3 wi = fit_sample(lights[k].xyz, viewers[k].xyz);",
+    "values[k] = vec4(wi, fit_density(wi, lights[k].xyz));",
+)
 
 
 def runnable(mixture: LobeMixture, language: Language, folder: Path) -> str | bytes:
