@@ -7,14 +7,15 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
+from ran import Ran
 
 import homofact.brdf.source
 import homofact.evaluate.chart
-from homofact.cli.main import main
 from homofact.evaluate.compare import fit_and_measure
 
 SMALL = ["material:blinn-phong-50", "--count", "200"]
@@ -23,23 +24,9 @@ FAST += ["--methods", "mccool,cole"]
 FILES = {"csv", "_time.png", "_time.svg", "_cost.png", "_cost.svg"}
 
 
-class Ran(NamedTuple):
-    """How a command ended."""
-
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
-    def run(*arguments: object) -> Ran:
-        capsys.readouterr()
-        code = main(["chart", *(str(each) for each in arguments)])
-        out, err = capsys.readouterr()
-        return Ran(code, out, err)
-
-    return run
+def chart(run: Callable[..., Ran]) -> Callable[..., Ran]:
+    return partial(run, "chart")
 
 
 def lines(path: Path) -> list[dict[str, str]]:
@@ -48,11 +35,11 @@ def lines(path: Path) -> list[dict[str, str]]:
 
 
 def test_each_source_gets_its_charts_and_its_file(
-    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chart: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     out = tmp_path / "deep" / "o"
-    ran = run("material:blinn-phong-50", "material:lafortune-clay", *SMALL[1:], *FAST, "--out", out)
+    ran = chart("material:blinn-phong-50", "material:lafortune-clay", *SMALL[1:], *FAST, "--out", out)
     assert (ran.code, ran.err) == (0, "")
     names = {f"{name}{ending}" for name in ("blinn-phong-50", "lafortune-clay") for ending in FILES - {"csv"}}
     names |= {"blinn-phong-50.csv", "lafortune-clay.csv"}
@@ -66,8 +53,8 @@ def test_each_source_gets_its_charts_and_its_file(
     assert (out / "blinn-phong-50_time.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_json_is_one_object_with_the_rows_of_the_csv(run: Callable[..., Ran], tmp_path: Path) -> None:
-    ran = run(*SMALL, *FAST, "--out", tmp_path, "--seed", 3, "--json")
+def test_json_is_one_object_with_the_rows_of_the_csv(chart: Callable[..., Ran], tmp_path: Path) -> None:
+    ran = chart(*SMALL, *FAST, "--out", tmp_path, "--seed", 3, "--json")
     assert (ran.code, ran.err) == (0, "")
     answer = json.loads(ran.out)
     assert set(answer) == {"rows", "files"}
@@ -87,31 +74,31 @@ def test_json_is_one_object_with_the_rows_of_the_csv(run: Callable[..., Ran], tm
 
 
 def test_a_long_chart_says_first_how_long(
-    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chart: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("homofact.cli.screen.WORTH_SAYING", 0.0)
-    assert run(*SMALL, *FAST, "--out", tmp_path, "--json").err == "homofact: 4 fits, under 10 s\n"
+    assert chart(*SMALL, *FAST, "--out", tmp_path, "--json").err == "homofact: 4 fits, under 10 s\n"
     # What is there already is no work.
-    assert run(*SMALL, *FAST, "--out", tmp_path, "--json").err == "homofact: 0 fits, under 10 s\n"
+    assert chart(*SMALL, *FAST, "--out", tmp_path, "--json").err == "homofact: 0 fits, under 10 s\n"
 
 
-def test_seeds_are_lines_of_the_csv_and_one_of_the_table(run: Callable[..., Ran], tmp_path: Path) -> None:
-    ran = run(*SMALL, *FAST, "--methods", "cole", "--sizes", "3", "--seeds", 2, "--seed", 5, "--out", tmp_path)
+def test_seeds_are_lines_of_the_csv_and_one_of_the_table(chart: Callable[..., Ran], tmp_path: Path) -> None:
+    ran = chart(*SMALL, *FAST, "--methods", "cole", "--sizes", "3", "--seeds", 2, "--seed", 5, "--out", tmp_path)
     assert ran.code == 0
     found = lines(tmp_path / "blinn-phong-50.csv")
     assert [(line["seed"], line["split_seed"]) for line in found] == [("5", "5"), ("6", "5")]
     errors = [float(line["held_out_log_mse"]) for line in found]
     assert f"{sum(errors) / 2:.3g}" in ran.out
     assert f"± {abs(errors[0] - errors[1]) / 2**0.5:.3g}" in ran.out
-    assert run(*SMALL, *FAST, "--seeds", 0, "--out", tmp_path).code == 2
+    assert chart(*SMALL, *FAST, "--seeds", 0, "--out", tmp_path).code == 2
 
 
-def test_quiet_says_nothing(run: Callable[..., Ran], tmp_path: Path) -> None:
-    assert run(*SMALL, *FAST, "--out", tmp_path, "-q") == (0, "", "")
+def test_quiet_says_nothing(chart: Callable[..., Ran], tmp_path: Path) -> None:
+    assert chart(*SMALL, *FAST, "--out", tmp_path, "-q") == (0, "", "")
 
 
 def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(
-    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chart: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[Any] = []
 
@@ -122,33 +109,33 @@ def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(
         return fit_and_measure(source, settings, *rest)
 
     monkeypatch.setattr(homofact.evaluate.chart, "fit_and_measure", stop_third)
-    ran = run(*SMALL, *FAST, "--out", tmp_path, "--json")
+    ran = chart(*SMALL, *FAST, "--out", tmp_path, "--json")
     assert (ran.code, ran.out) == (130, "")
     assert ran.err == (f"homofact: interrupted, 2 of 4 runs are kept in {tmp_path}: the same command goes on there\n")
     assert [path.name for path in tmp_path.iterdir()] == ["blinn-phong-50.csv"]
     kept = lines(tmp_path / "blinn-phong-50.csv")
-    ran = run(*SMALL, *FAST, "--out", tmp_path, "--json")
+    ran = chart(*SMALL, *FAST, "--out", tmp_path, "--json")
     assert ran.code == 0
     assert len(calls) == 5
     assert len(json.loads(ran.out)["rows"]) == 4
     assert lines(tmp_path / "blinn-phong-50.csv")[:2] == kept
     # With --force everything is fitted again.
-    assert run(*SMALL, *FAST, "--out", tmp_path, "--force", "-q").code == 0
+    assert chart(*SMALL, *FAST, "--out", tmp_path, "--force", "-q").code == 0
     assert len(calls) == 9
     assert len(lines(tmp_path / "blinn-phong-50.csv")) == 4
 
 
-def test_runs_of_other_settings_stay_and_are_said(run: Callable[..., Ran], tmp_path: Path) -> None:
-    assert run(*SMALL, *FAST, "--out", tmp_path, "-q").code == 0
-    ran = run(*SMALL, *FAST, "--out", tmp_path, "--epsilon", 0.1, "--json")
+def test_runs_of_other_settings_stay_and_are_said(chart: Callable[..., Ran], tmp_path: Path) -> None:
+    assert chart(*SMALL, *FAST, "--out", tmp_path, "-q").code == 0
+    ran = chart(*SMALL, *FAST, "--out", tmp_path, "--epsilon", 0.1, "--json")
     csv_file = tmp_path / "blinn-phong-50.csv"
     assert ran.err == f"homofact: {csv_file}: 4 runs of other settings stay, not drawn\n"
     assert {row["epsilon"] for row in json.loads(ran.out)["rows"]} == {0.1}
     assert [row["epsilon"] for row in lines(csv_file)] == ["1e-05"] * 4 + ["0.1"] * 4
 
 
-def test_pinned_kinds_and_searches_are_taken(run: Callable[..., Ran], tmp_path: Path) -> None:
-    ran = run(
+def test_pinned_kinds_and_searches_are_taken(chart: Callable[..., Ran], tmp_path: Path) -> None:
+    ran = chart(
         *SMALL, "--methods", "search", "--textures", 3, "--sizes", 4, "--searches", "gradient,nlopt-COBYLA",
         "--projections", "theta_h-theta_d + theta_d-phi_d+isotropic-in-out", "--restarts", 1, "--budget", 1,
         "--search-samples", 60, "--out", tmp_path, "--json",
@@ -159,14 +146,14 @@ def test_pinned_kinds_and_searches_are_taken(run: Callable[..., Ran], tmp_path: 
     assert "projections=theta_h-theta_d+theta_d-phi_d+isotropic-in-out " in rows[0]["settings"]
 
 
-def test_a_configuration_gives_what_the_command_line_does_not(run: Callable[..., Ran], tmp_path: Path) -> None:
+def test_a_configuration_gives_what_the_command_line_does_not(chart: Callable[..., Ran], tmp_path: Path) -> None:
     config = tmp_path / "run.toml"
     config.write_text(
         '[source]\ncount = 200\n[chart]\nsources = ["material:blinn-phong-50"]\nmethods = ["mccool"]\n'
         f'sizes = [3, 5]\n[output]\nfolder = "{tmp_path / "o"}"\n'
     )
-    assert [row["size"] for row in json.loads(run("-c", config, "--json").out)["rows"]] == [3, 5]
-    rows = json.loads(run("material:lafortune-clay", "-c", config, "--sizes", "4", "--json").out)["rows"]
+    assert [row["size"] for row in json.loads(chart("-c", config, "--json").out)["rows"]] == [3, 5]
+    rows = json.loads(chart("material:lafortune-clay", "-c", config, "--sizes", "4", "--json").out)["rows"]
     assert [(row["source"], row["size"]) for row in rows] == [("lafortune-clay", 4)]
 
 
@@ -221,7 +208,7 @@ CASES = {
 def test_what_is_wrong_is_said_in_one_line_before_anything_is_opened(
     arguments: list[str],
     expected: str,
-    run: Callable[..., Ran],
+    chart: Callable[..., Ran],
     tmp_path: Path,
     tmp_path_factory: pytest.TempPathFactory,
     monkeypatch: pytest.MonkeyPatch,
@@ -233,7 +220,7 @@ def test_what_is_wrong_is_said_in_one_line_before_anything_is_opened(
     beside = tmp_path_factory.mktemp("beside")
     (beside / "file.txt").write_text("mine")
     (beside / "phong-10.csv").write_text("mine,too\n")
-    ran = run(*(each.format(here=tmp_path, file=beside / "file.txt", old=beside) for each in arguments))
+    ran = chart(*(each.format(here=tmp_path, file=beside / "file.txt", old=beside) for each in arguments))
     assert (ran.code, ran.out) == (2, "")
     assert re.fullmatch(r"homofact: [^\n]+\n", ran.err), ran.err
     assert re.search(expected, ran.err), ran.err
@@ -253,9 +240,9 @@ def test_what_is_wrong_is_said_in_one_line_before_anything_is_opened(
     ],
 )
 def test_a_source_that_cannot_be_used_leaves_nothing(
-    arguments: list[str], expected: str, run: Callable[..., Ran], tmp_path: Path
+    arguments: list[str], expected: str, chart: Callable[..., Ran], tmp_path: Path
 ) -> None:
-    ran = run(*(each.format(here=tmp_path) for each in arguments), *FAST, "--out", tmp_path / "o")
+    ran = chart(*(each.format(here=tmp_path) for each in arguments), *FAST, "--out", tmp_path / "o")
     assert (ran.code, ran.out) == (2, "")
     assert re.search(expected, ran.err), ran.err
     assert list(tmp_path.iterdir()) == []

@@ -5,20 +5,19 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from ran import Ran
 
 import homofact
 import homofact.evaluate.compare
 import homofact.evaluate.seeds
 from homofact.cli.main import main
 from homofact.containers.exr import write_exr
-from homofact.errors import SolverFailure, Status
 
 ROOT = Path(__file__).resolve().parents[2]
 METRICS = {"log_mse", "log_mae", "log_max", "mse", "mae", "max"}
@@ -32,25 +31,6 @@ SIZE = ["--size", "6"]
 FAST = [
     "--size", "6", "--textures", "1", "--restarts", "1", "--search-size", "4", "--search-samples", "200",
 ]  # fmt: skip
-
-
-class Ran(NamedTuple):
-    """How a command ended."""
-
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
-    def run(*arguments: object) -> Ran:
-        capsys.readouterr()
-        code = main([str(each) for each in arguments])
-        out, err = capsys.readouterr()
-        return Ran(code, out, err)
-
-    return run
 
 
 @pytest.fixture(scope="module")
@@ -245,97 +225,6 @@ def test_a_configuration_gives_what_the_command_line_does_not(run: Callable[...,
     assert (record["seed"], record["size"]) == (0, 7)
     loaded = homofact.load(str(tmp_path / "o" / "factorization.npz"))
     assert loaded.provenance["smoothing"] == 0.0
-
-
-def test_an_interrupt_ends_with_130_and_leaves_nothing(
-    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", interrupted)
-    ran = run("factorize", *SMALL, "--out", tmp_path / "o")
-    assert ran == (130, "", "homofact: interrupted, nothing was written\n")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_interrupted_fit_that_kept_its_best_is_written_and_said(
-    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    measure = homofact.evaluate.compare.fit_and_measure
-
-    def cut_short(*arguments: Any) -> Any:
-        row = measure(*arguments)
-        return replace(row, report=replace(row.report, status=Status.INTERRUPTED, notes=("cut short",)))
-
-    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", cut_short)
-    ran = run("factorize", *SMALL, *SIZE, "--method", "mccool", "--out", tmp_path / "o", "--json")
-    assert ran.code == 0
-    assert ran.err.splitlines() == [f"homofact: {Status.INTERRUPTED.remedy}", "homofact: cut short"]
-    assert json.loads(ran.out)["status"] == "interrupted"
-
-
-@pytest.mark.parametrize("kept", [True, False])
-def test_an_interrupt_ends_a_comparison_with_what_there_is(
-    kept: bool, run: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whether the interrupted fit has something to show or not, it is the last."""
-    fitted: list[str] = []
-    measure = homofact.evaluate.seeds.fit_and_measure
-
-    def second_cut_short(source: Any, settings: Any, *more: Any) -> Any:
-        fitted.append(settings.name)
-        if len(fitted) == 2 and not kept:
-            raise KeyboardInterrupt
-        row = measure(source, settings, *more)
-        return row if len(fitted) < 2 else replace(row, report=replace(row.report, status=Status.INTERRUPTED))
-
-    monkeypatch.setattr(homofact.evaluate.seeds, "fit_and_measure", second_cut_short)
-    ran = run("compare", *SMALL, *SIZE, "--methods", "mccool,mccool:h+wi,svd", "--json")
-    assert ran.code == 130
-    labels = ["mccool", "mccool:h+wi"] if kept else ["mccool"]
-    assert [row["label"] for row in json.loads(ran.out)["rows"]] == labels
-    assert ran.err.splitlines()[-1] == f"homofact: interrupted, {len(labels)} of 3 methods are compared"
-    assert fitted == ["mccool", "mccool"]
-
-
-def test_an_interrupt_of_the_first_method_leaves_nothing(
-    run: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(homofact.evaluate.seeds, "fit_and_measure", interrupted)
-    ran = run("compare", *SMALL, *SIZE, "--methods", "mccool,svd")
-    assert ran == (130, "", "homofact: interrupted, nothing was written\n")
-
-
-def test_a_system_that_cannot_be_solved_is_refused_in_one_line(
-    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
-        raise SolverFailure("no solution")
-
-    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", fail)
-    ran = run("factorize", *SMALL, "--out", tmp_path / "o")
-    assert (ran.code, ran.out, ran.err) == (2, "", "homofact: no solution\n")
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("error", [RuntimeError("no"), ValueError("no")])
-def test_a_fault_of_ours_ends_with_1_its_traceback_and_a_request(
-    run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
-) -> None:
-    def fail(*_: object) -> None:
-        raise error
-
-    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", fail)
-    ran = run("factorize", *SMALL, "--out", tmp_path / "o")
-    assert (ran.code, ran.out) == (1, "")
-    assert "Traceback" in ran.err
-    assert type(error).__name__ in ran.err
-    assert "please report it" in ran.err.splitlines()[-1]
-    assert list(tmp_path.iterdir()) == []
 
 
 def environment() -> dict[str, str]:

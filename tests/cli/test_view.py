@@ -6,11 +6,12 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from ran import Ran
 
 import homofact
 from homofact.cli.main import main
@@ -23,25 +24,6 @@ COLE = ["--method", "cole", "--textures", "1", "--restarts", "1", "--search-size
 FAST = ["--size", "6", "--textures", "1", "--restarts", "1", "--search-size", "4", "--search-samples", "200"]
 SYNTHETIC = Path(__file__).resolve().parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
 CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-
-
-class Ran(NamedTuple):
-    """How a command ended."""
-
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
-    def run(*arguments: object) -> Ran:
-        capsys.readouterr()
-        code = main([str(each) for each in arguments])
-        out, err = capsys.readouterr()
-        return Ran(code, out, err)
-
-    return run
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,11 @@
 """Charts: the Pareto front's law, what a plan runs, and a ledger that never takes one run for another."""
 
 import csv
-import random
 from collections.abc import Callable
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,12 +18,8 @@ from homofact.errors import BadInput, Status
 from homofact.evaluate.appearance import FIGURES, Figures
 from homofact.evaluate.chart import Run, plan, run_chart
 from homofact.evaluate.chart_ledger import ChartRow, Identity, Ledger
-from homofact.evaluate.chart_points import ChartPoint, points_of, reference
 from homofact.evaluate.compare import fit_and_measure
 from homofact.evaluate.pareto import dominates, front
-from homofact.figures.chart import cost_chart, time_chart, write_charts
-from homofact.figures.label_places import place_labels
-from homofact.figures.log_axis import plain_number, round_ticks
 from homofact.methods.fitting import Method
 from homofact.methods.table import METHODS, made_each, settings_of_class
 
@@ -328,111 +322,6 @@ def test_a_record_has_what_a_comparison_has(source: Source, tmp_path: Path) -> N
     assert (mine["method"], mine["search"], mine["held_out_part"]) == ("search", "gradient", 0.2)
 
 
-@pytest.fixture(scope="module")
-def many(source: Source, tmp_path_factory: pytest.TempPathFactory) -> list[ChartRow]:
-    """Rows as of a large chart: one true one, with made-up costs and errors."""
-    runs = plan(methods("mccool"), (1,), (8,), ("gradient",))
-    true = run_chart(source, runs, Ledger(tmp_path_factory.mktemp("rows") / "a.csv"))[0]
-    draw = random.Random(0)
-    rows = [true]
-    for label, search in (("cole", ""), ("search", "gradient"), ("search", "nlopt-PRAXIS")):
-        for size in (8, 16, 32):
-            for textures in (1, 2, 3):
-                error = true.held_out.log_mse * 2 ** draw.uniform(-6, 1)
-                row = replace(
-                    true, label=label, search=search, size=size, textures=textures, textures_asked=textures,
-                    bytes=12 * textures * size**2, fetches=textures + (label == "cole"),
-                    seconds_fit=10 ** draw.uniform(-2, 2), held_out=replace(true.held_out, log_mse=error),
-                )  # fmt: skip
-                rows.append(row)
-    return rows
-
-
-def test_both_charts_are_drawn_and_drawn_alike(many: list[ChartRow], tmp_path: Path) -> None:
-    paths = write_charts(tmp_path, "a", many)
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
-    assert {path.name for path in paths} == {f"a_{what}.{kind}" for what in ("time", "cost") for kind in ("png", "svg")}
-    first = [path.read_bytes() for path in paths]
-    write_charts(tmp_path, "a", many)
-    assert [path.read_bytes() for path in paths] == first
-
-
-def labels_of(figure: Any) -> list[tuple[Any, Any]]:
-    figure.canvas.draw()
-    renderer = figure.canvas.get_renderer()
-    return [(text, text.get_window_extent(renderer)) for axes in figure.axes for text in axes.texts if text.get_text()]
-
-
-@pytest.mark.parametrize("draw", [time_chart, cost_chart])
-def test_every_point_has_a_label_that_is_on_no_other(draw: Any, many: list[ChartRow]) -> None:
-    figure = draw(many)
-    panels = 1 if draw is time_chart else 2
-    labels = labels_of(figure)
-    assert len(labels) == panels * len(many)
-    for place, (one, box) in enumerate(labels):
-        for other, its in labels[place + 1 :]:
-            if one.axes is other.axes:
-                assert not box.padded(-0.5).overlaps(its.padded(-0.5)), (one.get_text(), other.get_text())
-
-
-def test_shares_are_of_mccools_lowest_error_here(many: list[ChartRow]) -> None:
-    worse = replace(many[0], size=4, held_out=replace(many[0].held_out, log_mse=many[0].held_out.log_mse * 3))
-    rows = [worse, *many]
-    assert reference(points_of(rows)) == ChartPoint((many[0],))
-    best = min(rows, key=lambda row: row.held_out.log_mse)
-    share = best.held_out.log_mse / many[0].held_out.log_mse
-    words = [text.get_text() for text, _ in labels_of(time_chart(rows))]
-    assert f"{best.textures}×{best.size}²  ×{share:.2g}" in words
-    # Without McCool there is nothing to be a share of, and other fixed lists are not McCool's.
-    others = [replace(row, label="mccool:h+d") if row.label == "mccool" else row for row in many]
-    assert reference(points_of(others)) is None
-    assert not any("  ×" in text.get_text() for text, _ in labels_of(time_chart(others)))
-
-
-def by_seeds(many: list[ChartRow]) -> list[ChartRow]:
-    """Each of the rows by three seeds, their errors one apart by a factor of 1, 1.2 and 2."""
-    return [
-        replace(
-            row, seed=seed, seconds_fit=row.seconds_fit * (1 + seed / 10),
-            held_out=replace(row.held_out, log_mse=row.held_out.log_mse * factor),
-        )
-        for row in many
-        for seed, factor in enumerate((1.0, 1.2, 2.0))
-    ]  # fmt: skip
-
-
-def test_runs_by_several_seeds_are_one_point(many: list[ChartRow]) -> None:
-    points = points_of(by_seeds(many))
-    assert len(points) == len(many)
-    for point, row in zip(points, many, strict=True):
-        assert [each.seed for each in point.rows] == [0, 1, 2]
-        error = row.held_out.log_mse
-        assert (point.error.low, point.error.high) == (error, 2 * error)
-        assert point.error.mean == pytest.approx(1.4 * error)
-        record = point.record()
-        assert record["error"]["held_out"]["log_mse"] == point.error.mean
-        assert record["spread"]["error"]["held_out"]["log_mse"] == point.error.record()
-        assert record["spread"]["seconds"]["fit"] == point.seconds.record()
-        assert record["seeds"] == [0, 1, 2]
-    assert points_of(many)[0].record() == many[0].record()
-    kept = [replace(many[1], textures=textures, seed=textures) for textures in (1, 2)]
-    assert points_of(kept)[0].textures == "1–2"
-
-
-@pytest.mark.parametrize("draw", [time_chart, cost_chart])
-def test_a_bar_goes_from_the_least_to_the_greatest(draw: Any, many: list[ChartRow]) -> None:
-    rows = by_seeds(many)
-    upright = {
-        tuple(line.get_ydata()) for axes in draw(rows).axes for line in axes.lines
-        if len(line.get_xdata()) == 2 and line.get_xdata()[0] == line.get_xdata()[1]
-    }  # fmt: skip
-    assert upright == {(point.error.low, point.error.high) for point in points_of(rows)}
-    figure = draw(rows)
-    assert any("mean of up to 3 fits by different seeds" in text.get_text() for text in figure.texts)
-    labels = labels_of(figure)
-    assert len(labels) == len(many) * (1 if draw is time_chart else 2)
-
-
 def test_seeds_are_runs_of_one_split(source: Source, tmp_path: Path) -> None:
     runs = plan(methods("cole", seed=4), (1,), (3,), ("gradient",), 2)
     assert [(run.settings.seed, run.split_seed) for run in runs] == [(4, 4), (5, 4)]
@@ -451,54 +340,3 @@ def test_seeds_are_runs_of_one_split(source: Source, tmp_path: Path) -> None:
     assert len(plan(methods("nmf"), (1,), (3,), ("gradient",), 3)) == 1
     with pytest.raises(BadInput, match="seeds: found 0, expected at least 1"):
         plan(methods("cole"), (1,), (3,), ("gradient",), 0)
-
-
-def test_rows_that_cannot_be_drawn_are_counted_or_refused(many: list[ChartRow], tmp_path: Path) -> None:
-    bad = [replace(row, held_out=replace(row.held_out, log_mse=value)) for row, value in zip(many, (0.0, np.inf))]  # noqa: B905
-    figure = time_chart([*many[2:], *bad])
-    assert any("2 of 28 runs are not drawn" in text.get_text() for text in figure.texts)
-    with pytest.raises(BadInput, match="none of 2 rows has an error above 0"):
-        write_charts(tmp_path, "a", bad)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_labels_find_room_among_forty_points(seed: int) -> None:
-    draw = np.random.default_rng(seed)
-    points = [(float(x), float(y)) for x, y in draw.uniform((20, 20), (580, 380), (40, 2))]
-    places = place_labels(points, [(30.0, 9.0)] * 40, (0, 0, 600, 400))
-    for i, one in enumerate(places):
-        assert 0 <= one.box[0] < one.box[2] <= 600
-        assert 0 <= one.box[1] < one.box[3] <= 400
-        for other in places[i + 1 :]:
-            apart = (
-                one.box[2] <= other.box[0] or other.box[2] <= one.box[0]
-                or one.box[3] <= other.box[1] or other.box[3] <= one.box[1]
-            )  # fmt: skip
-            assert apart
-        assert not any(one.box[0] < x < one.box[2] and one.box[1] < y < one.box[3] for x, y in points)
-    assert place_labels([], [], (0, 0, 1, 1)) == []
-
-
-@pytest.mark.parametrize("low", [1e-9, 3e-5, 0.021, 0.4, 7.0, 3000.0])
-@pytest.mark.parametrize("span", [1.5, 3.0, 20.0, 1e3, 1e8])
-@pytest.mark.parametrize("most", [5, 9])
-def test_ticks_are_few_and_round(low: float, span: float, most: int) -> None:
-    ticks = round_ticks(low, low * span, most=most)
-    assert 1 <= len(ticks) <= most
-    assert len(ticks) >= 2 or span < 2
-    assert ticks == sorted(ticks)
-    for tick in ticks:
-        assert low * 0.999 <= tick <= low * span * 1.001
-        digit = tick / 10 ** np.floor(np.log10(tick) + 1e-9)
-        assert min(abs(digit - each) for each in (1, 1.5, 2, 3, 5, 7)) < 1e-6
-
-
-def test_a_ticks_number_is_plain() -> None:
-    assert [plain_number(value) for value in (0.02, 1.0, 500.0, 0.0003)] == ["0.02", "1", "500", "0.0003"]
-    assert (plain_number(1e-7), plain_number(3e6)) == ("$10^{-7}$", r"$3\cdot10^{6}$")
-
-
-def test_no_state_of_matplotlib_is_left_changed(many: list[ChartRow], tmp_path: Path) -> None:
-    before = dict(matplotlib.rcParams)
-    write_charts(tmp_path, "a", many)
-    assert dict(matplotlib.rcParams) == before

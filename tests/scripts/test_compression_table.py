@@ -1,6 +1,5 @@
 """The field in one table: the published formulas agree as their README says, and scores are what they are called."""
 
-import importlib
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -31,12 +30,6 @@ DATA = Path(os.environ.get("HOMOFACT_DATA", ROOT.parent / "shared" / "data"))
 needs_data = pytest.mark.skipif(
     not (DATA / "merl_fits").is_dir(), reason="no published fits (HOMOFACT_DATA names the folder of measurements)"
 )
-
-
-@pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module
 
 
 @needs_data

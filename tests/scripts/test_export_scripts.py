@@ -1,9 +1,7 @@
 """The programs of the export's figures, in their short forms: what they print holds together."""
 
-import importlib
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,14 +14,6 @@ from homofact.brdf.sampling import sample_model
 from homofact.evaluate.metrics import measure
 from homofact.geometry.directions import draw_uniform
 from homofact.shading.compiled import compiled_program
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module
 
 
 def rows(text: str) -> list[list[str]]:

@@ -1,6 +1,5 @@
 """The programs behind the figures of light and of seeds, in their short forms."""
 
-import importlib
 import math
 import sys
 from collections.abc import Callable
@@ -16,14 +15,6 @@ from homofact.brdf.analytic import AnalyticModel, BlinnPhong, Lambert, Ward
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.sampling import sample_model
 from homofact.geometry.directions import from_spherical, normalize
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module
 
 
 def test_seeds_are_told_apart(script: Callable[[str], ModuleType], tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """The programs behind the figures of measurements and of equal bytes, in their short forms."""
 
-import importlib
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,12 +19,6 @@ from homofact.render.environment import read_environment
 
 ROOT = Path(__file__).resolve().parents[2]
 SYNTHETIC = ROOT / "data_synthetic" / "synthetic_cornell.brdf"
-
-
-@pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module
 
 
 def test_rings_are_left_out_whole(script: Callable[[str], ModuleType], tmp_path: Path) -> None:

@@ -16,14 +16,6 @@ from homofact.files import extras
 from homofact.geometry.directions import draw_uniform
 from homofact.render import mitsuba_bsdf
 
-ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module
-
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
