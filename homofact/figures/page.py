@@ -10,6 +10,7 @@ from PIL import Image
 
 LINE = 18  # pixels a line of text takes
 _DPI, _POINTS = 100, 9.5
+_MARKS = "_-./"  # where names have their parts
 
 
 class Page:
@@ -39,7 +40,10 @@ class Page:
         return self._reach(top + LINE * len(lines))
 
     def wrapped(self, text: str, width: int, bold: bool = False) -> list[str]:
-        """`text` broken at spaces into lines that fit `width` pixels; a longer word is broken anywhere."""
+        """`text` broken at spaces into lines that fit `width` pixels.
+
+        A longer word, as a file's name, is broken behind the last of its marks that fits, else anywhere.
+        """
         lines, line = [], ""
         for word in text.split():
             while word:
@@ -53,6 +57,8 @@ class Page:
                     cut = len(word) - 1
                     while cut > 1 and self._extent(word[:cut], bold) > width:
                         cut -= 1
+                    marked = 1 + max(word.rfind(mark, 0, cut) for mark in _MARKS)
+                    cut = marked if marked > cut // 2 else cut
                     lines.append(word[:cut])
                     word = word[cut:]
         return [*lines, line] if line else lines
