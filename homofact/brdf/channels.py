@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.names import CHANNELS
-from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.reflectance import Derived
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import LUMINANCE, to_luminance, to_rgb
 from homofact.errors import BadInput
@@ -84,25 +84,13 @@ def as_channels(samples: Samples, wanted: str) -> Samples:
 
 
 @dataclass(frozen=True)
-class LuminanceOf:
+class LuminanceOf(Derived):
     """The luminance of an RGB `Reflectance`, itself a `Reflectance` of one channel, Y."""
-
-    base: Reflectance
 
     @property
     def channels(self) -> tuple[str, ...]:
         """("Y",)."""
         return ("Y",)
-
-    @property
-    def nbytes(self) -> int:
-        """Those of the RGB reflectance."""
-        return self.base.nbytes
-
-    @property
-    def fetches(self) -> int:
-        """Those of the RGB reflectance."""
-        return self.base.fetches
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """CIE Y (N, 1) in sr⁻¹, without the cosine."""
@@ -110,26 +98,15 @@ class LuminanceOf:
 
 
 @dataclass(frozen=True)
-class OneChannel:
+class OneChannel(Derived):
     """One channel of a `Reflectance`, itself a `Reflectance`."""
 
-    base: Reflectance
     name: str
 
     @property
     def channels(self) -> tuple[str, ...]:
         """The name alone."""
         return (self.name,)
-
-    @property
-    def nbytes(self) -> int:
-        """Those of all channels."""
-        return self.base.nbytes
-
-    @property
-    def fetches(self) -> int:
-        """Those of all channels."""
-        return self.base.fetches
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, 1) in sr⁻¹, without the cosine."""

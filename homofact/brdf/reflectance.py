@@ -1,6 +1,7 @@
 """The one interface through which everything asks for reflectance."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import wraps
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -44,6 +45,32 @@ class Reflectance(Protocol):
         pointing away from the surface. Pairs with a direction under the horizon give 0.
         """
         ...
+
+
+@dataclass(frozen=True)
+class Derived:
+    """What a `Reflectance` made of another has in common with `base`: all but what the subclass says."""
+
+    base: Reflectance
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Those of the base."""
+        return self.base.channels
+
+    @property
+    def nbytes(self) -> int:
+        """Those of the base: it is what an evaluation reads."""
+        return self.base.nbytes
+
+    @property
+    def fetches(self) -> int:
+        """Those of the base."""
+        return self.base.fetches
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """The base's values (N, C) in sr⁻¹, without the cosine."""
+        return self.base.evaluate(wi, wo)
 
 
 def answering_in_kind(evaluate: _Evaluate) -> _Evaluate:

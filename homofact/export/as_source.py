@@ -5,10 +5,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from torch import Tensor
-
 from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME
-from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.reflectance import Derived
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
 from homofact.export.result import open_result
@@ -18,30 +16,10 @@ from homofact.files.reading import read_bytes
 
 
 @dataclass(frozen=True)
-class Drawn:
+class Drawn(Derived):
     """A reflectance that says whether it is isotropic, as drawing samples asks."""
 
-    base: Reflectance
     isotropic: bool
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Those of the reflectance."""
-        return self.base.channels
-
-    @property
-    def nbytes(self) -> int:
-        """Those of the reflectance."""
-        return self.base.nbytes
-
-    @property
-    def fetches(self) -> int:
-        """Those of the reflectance."""
-        return self.base.fetches
-
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """The reflectance's values (N, C) in sr⁻¹ without the cosine."""
-        return self.base.evaluate(wi, wo)
 
 
 def knows_no_azimuth(fitted: Fitted) -> bool:

@@ -67,6 +67,13 @@ class StoredTerm:
         return Indexed(self.name, self.system, matrices, self.warp, (rows, columns))
 
 
+def channels_and_transform(saved: SavedFit) -> tuple[tuple[str, ...], Exponential]:
+    """The channels of a saved fit, and the ε and A (C,) of its logarithms. Raises BadInput for what cannot be meant."""
+    channels = tuple(saved.fields.texts("channels", MOST_CHANNELS))
+    mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
+    return channels, Exponential(saved.fields.number("epsilon", above=0), mean)
+
+
 @dataclass(frozen=True)
 class StoredProduct:
     """A saved factorization: its terms, ε and A (C,), channels and provenance."""
@@ -81,9 +88,7 @@ class StoredProduct:
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
         saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
         fields = saved.fields
-        channels = tuple(fields.texts("channels", MOST_CHANNELS))
-        mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
-        transform = Exponential(fields.number("epsilon", above=0), mean)
+        channels, transform = channels_and_transform(saved)
         described = enumerate(fields.inners("terms", MOST_TERMS))
         terms = tuple(stored_term(entry, saved, j, len(channels)) for j, entry in described)
         return cls(terms, transform, channels, fields.inner("provenance").found)

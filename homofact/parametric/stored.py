@@ -17,11 +17,10 @@ from homofact.brdf.factored import BINS, FactoredBrdf
 from homofact.brdf.neural import LAYERS, NeuralBrdf
 from homofact.errors import BadInput
 from homofact.factor.evaluation import Exponential
-from homofact.factor.stored import LEAST_MEAN
+from homofact.factor.stored import channels_and_transform
 from homofact.files.saved import SavedFit
 
 FORMAT, FORMAT_VERSION = "homofact-model", 1
-MOST_CHANNELS = 64
 Made = Callable[[np.ndarray], Any]
 
 
@@ -42,10 +41,8 @@ class StoredModel:
         """
         saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
         fields = saved.fields
-        channels = tuple(fields.texts("channels", MOST_CHANNELS))
+        channels, transform = channels_and_transform(saved)
         restored = _RESTORED[fields.text("kind", _RESTORED)]
-        mean = saved.floats("mean", (len(channels),), LEAST_MEAN)
-        transform = Exponential(fields.number("epsilon", above=0), mean)
         try:
             model = restored(saved, channels, made)
         except BadInput as error:

@@ -12,7 +12,7 @@ import numpy as np
 
 from homofact.errors import BadInput
 from homofact.factor.evaluation import Evaluation, Exponential, Lookup, Product
-from homofact.factor.stored import LEAST_MEAN, MOST_CHANNELS, MOST_LEVELS, MOST_TERMS
+from homofact.factor.stored import MOST_LEVELS, MOST_TERMS, channels_and_transform
 from homofact.files.saved import SavedFit
 from homofact.geometry.axes import map_axes
 from homofact.linear.names import Shape
@@ -57,9 +57,7 @@ class StoredSum:
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
         saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
         fields = saved.fields
-        channels = tuple(fields.texts("channels", MOST_CHANNELS))
-        mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
-        transform = Exponential(fields.number("epsilon", above=0), mean)
+        channels, transform = channels_and_transform(saved)
         read = saved.flags("read", (None, None))
         shared = "second_0" not in saved
         shape = (*read.shape, len(channels))
