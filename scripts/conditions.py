@@ -4,10 +4,12 @@ import argparse
 import csv
 import io
 import os
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from homofact.config import fit_options
+from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -86,3 +88,23 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=(description or "").split("\n")[0])
     parser.add_argument("--short", action="store_true", help="a smoke test of seconds; its figures mean nothing")
     return parser
+
+
+def print_measured(
+    parser: argparse.ArgumentParser, arguments: Sequence[str] | None, measured: Callable[[argparse.Namespace], str]
+) -> int:
+    """Print the text that `measured` makes of the arguments, and write it to --out, which every such program takes.
+
+    Returns 0, or 2 with the message on stderr where something is missing or wrong (`BadInput`).
+    """
+    parser.add_argument("--out", type=Path, help="write the text too")
+    chosen = parser.parse_args(arguments)
+    try:
+        text = measured(chosen)
+    except BadInput as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(text)
+    if chosen.out is not None:
+        write(chosen.out, text)
+    return 0

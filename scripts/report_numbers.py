@@ -20,7 +20,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from conditions import figure, markdown, parser_of, write
+from conditions import figure, markdown, parser_of, print_measured
 from headless import chromium, open_page
 
 from homofact.errors import BadInput
@@ -82,14 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("sweep", type=Path)
     parser.add_argument("--fits", type=int, nargs="+", default=[1000, 10_000], help="sizes of larger sweeps")
     parser.add_argument("--loads", type=int, default=3, help="browsers started for each page (%(default)s)")
-    parser.add_argument("--out", type=Path, help="write the text too")
-    try:
-        text = measured(parser.parse_args(arguments))
-    except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
-    print(text)
-    return 0
+    return print_measured(parser, arguments, measured)
 
 
 def measured(chosen: Any) -> str:
@@ -129,10 +122,7 @@ def measured(chosen: Any) -> str:
         markdown(("fits", "first page, bytes", "loaded, ms", "sorted, ms", "another metric, ms"), pages, 0),
         "",
     ]
-    text = "\n".join(lines)
-    if chosen.out is not None:
-        write(chosen.out, text)
-    return text
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

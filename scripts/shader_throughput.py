@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from conditions import add_effort, figure, markdown, parser_of, write
+from conditions import add_effort, figure, markdown, parser_of, print_measured, write
 from headless import chromium, open_page
 from shader_ways import NAMED, STORED, Way, directions, ways_of
 
@@ -131,16 +131,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--side", type=int, default=256, help="fragments along a side of the canvas (%(default)s)")
     parser.add_argument("--rounds", type=int, default=15, help="of which the medians count (%(default)s)")
     parser.add_argument("--run", action="store_true", help="open the page in a headless Chromium and print its table")
-    parser.add_argument("--out", type=Path, help="write that table too")
     add_effort(parser)
-    options = parser.parse_args(arguments)
-    try:
-        text = measured(options)
-    except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
-    print(text)
-    return 0
+    return print_measured(parser, arguments, measured)
 
 
 def measured(options: Any) -> str:
@@ -189,10 +181,7 @@ def measured(options: Any) -> str:
         markdown(found["header"], [row["cells"] for row in found["rows"]]),
         "",
     ]
-    text = "\n".join(lines)
-    if options.out is not None:
-        write(options.out, text)
-    return text
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

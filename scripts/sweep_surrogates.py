@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from conditions import data_folder, figure, markdown, parser_of, write
+from conditions import data_folder, figure, markdown, parser_of, print_measured, write
 
 from homofact.errors import BadInput
 from homofact.evaluate.machine import machine
@@ -81,14 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, default=2, help="processes (%(default)s)")
     parser.add_argument("--materials", default="*", help="pattern of names (%(default)s)")
     parser.add_argument("--data", type=Path, help="folder of real measurements")
-    parser.add_argument("--out", type=Path, help="write the text too")
-    try:
-        text = measured(parser.parse_args(arguments))
-    except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
-    print(text)
-    return 0
+    return print_measured(parser, arguments, measured)
 
 
 def measured(chosen: Any) -> str:
@@ -120,10 +113,7 @@ def measured(chosen: Any) -> str:
         table(rows),
         "",
     ]
-    text = "\n".join(lines)
-    if chosen.out is not None:
-        write(chosen.out, text)
-    return text
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

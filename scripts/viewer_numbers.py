@@ -14,7 +14,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from conditions import add_effort, figure, markdown, parser_of, write
+from conditions import add_effort, figure, markdown, parser_of, print_measured
 from headless import chromium, first_frame, open_page
 
 from homofact.brdf.source import open_source
@@ -63,14 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--loads", type=int, default=5, help="browsers started (%(default)s)")
     add_effort(parser)
     parser.add_argument("--page", type=Path, help="keep the page in this file")
-    parser.add_argument("--out", type=Path, help="write the text too")
-    try:
-        text = measured(parser.parse_args(arguments))
-    except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
-    print(text)
-    return 0
+    return print_measured(parser, arguments, measured)
 
 
 def measured(chosen: Any) -> str:
@@ -106,10 +99,7 @@ def measured(chosen: Any) -> str:
         markdown(("figure", "measured", "wanted", "verdict"), rows),
         "",
     ]
-    text = "\n".join(lines)
-    if chosen.out is not None:
-        write(chosen.out, text)
-    return text
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
