@@ -14,7 +14,7 @@ exclude_patterns: list[str] = []
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 90
 
-myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "attrs_block"]
+myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "attrs_block", "attrs_inline"]
 myst_heading_anchors = 4
 myst_update_mathjax = False
 suppress_warnings: list[str] = []

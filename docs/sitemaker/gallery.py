@@ -101,11 +101,25 @@ def _page(fit: Fit) -> str:
         "",
         "## Textures",
         "",
-        "Logarithms of the factors, for the eye; texels that no sample reaches are hatched.",
+        "Logarithms of the factors, for the eye; texels that no measurement reaches are hatched.",
         "",
     ]
+    textures = [each for each in fit.pictures if each.stem.startswith("texture")]
     lines += [
-        " ".join(f"![{each.stem}]({name}/{each.name})" for each in fit.pictures if each.stem.startswith("texture"))
+        " ".join(f'![{each.stem}]({name}/{each.name}){{width="31%"}}' for each in textures),
+        "",
+        "## Beside the source",
+        "",
+        f"![{name}: source, fit, McCool's projections]({name}/compare.png)",
+        "",
+        "## Make it",
+        "",
+        "```",
+        f"homofact factorize {fit.record['made']['source']} --textures 3 --size 32 \\",
+        f"    --effort {fit.record['made']['effort']} --out {name}",
+        f"homofact view {name}",
+        f"homofact export {name} --to {name}-engine",
+        "```",
+        "",
     ]
-    lines += ["", "## Beside the source", "", f"![{name}: source, fit, McCool's projections]({name}/compare.png)", ""]
     return "\n".join(lines)

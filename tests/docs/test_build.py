@@ -92,7 +92,8 @@ def test_the_gallery_shows_the_fits_that_are_there(tmp_path: Path) -> None:
     for order, (name, group) in enumerate((("zinc", "Metals"), ("aqua", "Paints"))):
         folder = tmp_path / name
         folder.mkdir()
-        record = {"order": order, "group": group, "what": "a thing", "report": report}
+        made = {"source": f"{name}.brdf", "effort": "quick"}
+        record = {"order": order, "group": group, "what": "a thing", "report": report, "made": made}
         (folder / "gallery.json").write_text(json.dumps(record), encoding="utf-8")
         for picture in ("sphere.png", "texture_0.png", "compare.png"):
             (folder / picture).write_bytes(b"")
@@ -106,4 +107,5 @@ def test_the_gallery_shows_the_fits_that_are_there(tmp_path: Path) -> None:
     for picture in ("sphere.png", "texture_0.png", "compare.png"):
         assert f"(zinc/{picture})" in page
     assert 'href="zinc/view.html"' in page
+    assert "homofact factorize zinc.brdf --textures 3 --size 32 \\\n    --effort quick --out zinc\n" in page
     assert next(iter(viewers(found))) == (tmp_path / "zinc" / "view.html", "gallery_fits/zinc/view.html")
