@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich import box
 from rich.table import Table
 
 from homofact.cli import options as o
+from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.places import check_folder, check_place
 from homofact.cli.screen import Screen, plain, say_ending
 from homofact.errors import BadInput
@@ -239,10 +239,9 @@ def _record(
 
 def part_table(parts: "tuple[PartError, ...]") -> Table:
     """A line a part: what is stored of it, and how far off all bands it is."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("", overflow="fold")
-    for name in ("pixels", "bands", "rank", "low rank against all bands"):
-        table.add_column(name, justify="right")
+    table = plain_table()
+    add_names(table)
+    add_figures(table, "pixels", "bands", "rank", "low rank against all bands")
     for each in parts:
         bands = " x ".join(map(str, each.bands))
         row = (f"{each.pixels}", bands, f"{each.rank}", f"{each.error:.2%}")

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.places import check_file, check_place
 from homofact.cli.plan_relight import plan_relight
 from homofact.cli.screen import Screen
@@ -147,9 +147,10 @@ def _of_relighting(scene: Path) -> bool:
 
 def choice_table(found: "ScenePlan") -> Table:
     """A line a material: its share, the choice, how much of the tolerance it uses, what it costs, its fits."""
-    table = _table(f"{found.scene.tolerance.describe()} under {_lighting_names(found)}")
+    table = plain_table(f"{found.scene.tolerance.describe()} under {_lighting_names(found)}")
+    add_names(table, longest=max(len(_name(each)) for each in found.materials))
     table.add_column("chosen")
-    _figures(table, "share", "of tolerance", "bytes", "fetches", "fits")
+    add_figures(table, "share", "of tolerance", "bytes", "fetches", "fits")
     for each in found.materials:
         choice, outcome = each.walk.choice, each.outcome
         share, fits = f"{each.material.share:.0%}", str(each.walk.fits)
@@ -165,11 +166,12 @@ def evidence_table(found: "ScenePlan") -> Table:
     """Of each choice under each lighting: the order that its lobe is needed to, and all errors, without margins."""
     from homofact.scene.plan.theory import terms_needed
 
-    table = _table("Evidence")
+    table = plain_table("Evidence")
+    add_names(table, longest=max(len(_name(each)) for each in found.materials))
     several = len(found.materials[0].judges) > 1
     if several:
         table.add_column("under")
-    _figures(table, "order", "terms", "reflected", "ΔE", "p95", "peak", "cole")
+    add_figures(table, "order", "terms", "reflected", "ΔE", "p95", "peak", "cole")
     for each in found.materials:
         for k, (judge, order) in enumerate(zip(each.judges, each.needed_orders, strict=True)):
             row: list[str | Text] = [_name(each) if k == 0 else ""]
@@ -207,17 +209,6 @@ def _name(each: "MaterialPlan") -> Text:
 
 def _lighting_names(found: "ScenePlan") -> str:
     return " and ".join(each.name for each in found.scene.lightings)
-
-
-def _table(title: str) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("", overflow="fold")
-    return table
-
-
-def _figures(table: Table, *names: str) -> None:
-    for name in names:
-        table.add_column(name, justify="right", no_wrap=True)
 
 
 def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:

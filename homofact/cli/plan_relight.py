@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.screen import Screen
 from homofact.errors import BadInput
 
@@ -61,14 +61,10 @@ def choice_table(plans: "Sequence[ObjectPlan]", reflected: float) -> Table:
 
     Form, terms K, size of the maps, numbers N a vector, bytes and the error that is expected.
     """
-    table = Table(
-        title=f"Relative RMS of the light at most {reflected:g}", title_justify="left", box=box.SIMPLE_HEAD,
-        pad_edge=False, padding=(0, 1, 0, 0),
-    )  # fmt: skip
-    table.add_column("", overflow="fold")
+    table = plain_table(f"Relative RMS of the light at most {reflected:g}")
+    add_names(table)
     table.add_column("form", no_wrap=True)
-    for name in ("K", "maps", "N", "kB", "error"):
-        table.add_column(name, justify="right", no_wrap=True)
+    add_figures(table, "K", "maps", "N", "kB", "error")
     for plan in plans:
         for number, each in enumerate(plan.choices[:_SHOWN]):
             style = ("bold" if plan.met else "bold red") if each is plan.chosen else ""

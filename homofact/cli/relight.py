@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich import box
 from rich.table import Table
 
 from homofact.cli import options as o
+from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.places import check_place
 from homofact.cli.plan_relight import choice_table, plan_answer
 from homofact.cli.screen import Screen
@@ -172,7 +172,9 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
     """A line an object: its size, form, terms K, numbers N a vector, and what is stored of it."""
     from homofact.scene.transport.harmonic import Harmonic
 
-    table = _table("vertices", "form", "K", "N", "kB")
+    table = plain_table()
+    add_names(table)
+    add_figures(table, "vertices", "form", "K", "N", "kB")
     for each in objects:
         made = each.transport
         kept = each.compact.number.shape[2] if isinstance(each.compact, Harmonic) else None
@@ -190,16 +192,10 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
 def error_table(objects: "tuple[RelitObject, ...]", ledgers: "list[Ledger | None]") -> Table:
     """A line an object: relative root mean square errors of its light by stage, as seen from the first camera."""
     names = list(dict.fromkeys(name for each in ledgers if each for name in each.errors))
-    table = _table(*names, "below zero", title="Relative RMS error of the light towards the first camera")
+    table = plain_table("Relative RMS error of the light towards the first camera")
+    add_names(table)
+    add_figures(table, *names, "below zero")
     for each, one in zip(objects, ledgers, strict=True):
         values = ["not seen"] if one is None else [f"{figure(one.errors[name])}" for name in names]
         table.add_row(each.mesh.name, *values, *([] if one is None else [f"{one.below_zero:.2%}"]))
-    return table
-
-
-def _table(*names: str, title: str | None = None) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("", overflow="fold")
-    for name in names:
-        table.add_column(name, justify="right")
     return table

@@ -1,15 +1,23 @@
 """`homofact sweep`: every source with every method, on all processors, survived and remembered."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from statistics import median
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.table import Table
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.places import check_place
 from homofact.cli.screen import Screen
 from homofact.errors import BadInput
+from homofact.evaluate.wording import figure
+
+if TYPE_CHECKING:
+    from homofact.sweep.summary import FitRow
 
 
 def sweep(
@@ -73,7 +81,7 @@ def sweep(
     from homofact.sweep.local import Ending, Local
     from homofact.sweep.progress import Progress
     from homofact.sweep.run import State, sweep
-    from homofact.sweep.summary import rows_of, summary_records, summary_table
+    from homofact.sweep.summary import rows_of, summary_records
     from homofact.sweep.sweep_file import read_sweep
 
     asked = read_sweep(file)
@@ -119,3 +127,18 @@ def _processors() -> int:
     import os
 
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def summary_table(rows: "Sequence[FitRow]") -> Table:
+    """A line a method: how many fits, and medians over them."""
+    from homofact.sweep.summary import by_label, middle
+
+    table = plain_table("Medians")
+    add_names(table)
+    add_figures(table, "fits", "trusted", "bytes", "fit, s", "log mse", "albedo", "peak", "sky dB")
+    for label, some in by_label(rows).items():
+        figures = [figure(middle(some, name)) for name in ("log_mse", "albedo_worst", "highlight", "psnr_sky")]
+        size, seconds = (median(getattr(row, name) for row in some) for name in ("bytes", "seconds"))
+        trusted = sum(row.trusted for row in some)
+        table.add_row(Text(label), f"{len(some)}", f"{trusted}", f"{size:.0f}", figure(seconds), *figures)
+    return table

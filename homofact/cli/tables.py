@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.evaluate.units import unit_of
 from homofact.evaluate.wording import counted, figure, shapes
 
@@ -23,11 +23,10 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     """
     several = [len(record["seeds"]) for record in records.values() if "seeds" in record]
     seeds = f"; mean ± standard deviation of {max(several)} seeds" if several else ""
-    table = _table(f"Error (mse, mae, max linear, in sr⁻¹{seeds})")
-    _column(table, "", left=True)
-    _column(table, "set", left=True)
-    for name in METRICS:
-        _column(table, name.replace("_", " "))
+    table = plain_table(f"Error (mse, mae, max linear, in sr⁻¹{seeds})")
+    add_names(table)
+    add_names(table, "set")
+    add_figures(table, *(name.replace("_", " ") for name in METRICS))
     for label, record in records.items():
         for key, words in (("held_out", "held out"), ("train", "training")):
             figures = [figure(record["error"][key][name]) for name in METRICS]
@@ -50,10 +49,11 @@ def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     found = {label: record["appearance"] for label, record in records.items() if record["appearance"] is not None}
     if not found:
         return []
-    table = _table("Light, fit over source (albedo: worst angle and channel; rms relative, floor of a reciprocal fit)")
-    _column(table, "", left=True)
-    for name in ("albedo", "energy", "highlight", "rms", "floor", "lamp dB", "sky dB"):
-        _column(table, name)
+    table = plain_table(
+        "Light, fit over source (albedo: worst angle and channel; rms relative, floor of a reciprocal fit)"
+    )
+    add_names(table)
+    add_figures(table, "albedo", "energy", "highlight", "rms", "floor", "lamp dB", "sky dB")
     names = ("albedo_worst", "energy_overall", "highlight", "rms", "floor", "psnr_light", "psnr_sky")
     for label, each in found.items():
         table.add_row(Text(label), *(figure(each[name]) for name in names))
@@ -62,10 +62,9 @@ def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
 
 def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     """What every labelled record's evaluation and fit cost, and how the fit ended; means of several seeds."""
-    table = _table("Cost")
-    _column(table, "", left=True)
-    for name in ("textures", "bytes", "fetches", "evals", "fit s", "total s"):
-        _column(table, name)
+    table = plain_table("Cost")
+    add_names(table)
+    add_figures(table, "textures", "bytes", "fetches", "evals", "fit s", "total s")
     table.add_column("ended", no_wrap=True)
     for label, record in records.items():
         seconds = record["seconds"]
@@ -84,11 +83,10 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
 def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
     """What storing a fit cost: its errors on `part` of the samples, and how far its logarithms moved."""
     words = {"held_out": "held out", "source": "of the source"}[part]
-    table = _table(f"Error ({words}; mae in sr⁻¹; moved: RMS of the logarithms from those fitted)")
-    _column(table, "", left=True)
+    table = plain_table(f"Error ({words}; mae in sr⁻¹; moved: RMS of the logarithms from those fitted)")
+    add_names(table)
     names = [name for name in ("log_mse", "log_mae", "mae") if any(part in each for each in errors.values())]
-    for name in (*(name.replace("_", " ") for name in names), "moved"):
-        _column(table, name)
+    add_figures(table, *(*(name.replace("_", " ") for name in names), "moved"))
     for label, each in errors.items():
         tested = each.get(part, {})
         table.add_row(Text(label), *(figure(tested.get(name)) for name in names), figure(each["log_difference"]))
@@ -101,7 +99,7 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
     labels = list(values) if names else []
     tables = []
     for first in range(0, len(labels), 5):
-        table = _table("Held out, or of the fit (psnr, ssim: more is better)")
+        table = plain_table("Held out, or of the fit (psnr, ssim: more is better)")
         table.add_column("", no_wrap=True)
         for label in labels[first : first + 5]:
             table.add_column(Text(label), justify="right", overflow="fold", min_width=8)
@@ -114,9 +112,13 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
 def mean_table(rows: "Sequence[MeanRow]") -> Table:
     """Means over sources and seeds by method and bytes: a line a metric, mean ± standard deviation."""
     fits = max(row.fits for row in rows)
-    table = _table(f"Mean ± standard deviation by method and bytes, over {counted(fits, 'fit')} each where not fewer")
-    for name in ("", "bytes", "fits", "metric", "mean", "±"):
-        _column(table, name, left=name in ("", "metric"))
+    table = plain_table(
+        f"Mean ± standard deviation by method and bytes, over {counted(fits, 'fit')} each where not fewer"
+    )
+    add_names(table)
+    add_figures(table, "bytes", "fits")
+    add_names(table, "metric")
+    add_figures(table, "mean", "±")
     for row in rows:
         about = [Text(row.method), str(row.nbytes), str(row.fits)]
         for name, spread in row.spreads.items():
@@ -135,11 +137,12 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
 
     A record of several seeds has its means and the standard deviation of the error.
     """
-    table = _table(title)
-    _column(table, "", left=True)
+    table = plain_table(title)
+    add_names(table)
     spread = any("spread" in record for record in records)
-    for name in ("textures", "error", *(("± seeds",) if spread else ()), "of McCool", "bytes", "fetches", "fit s"):
-        _column(table, name)
+    add_figures(
+        table, *("textures", "error", *(("± seeds",) if spread else ()), "of McCool", "bytes", "fetches", "fit s")
+    )
     table.add_column("ended", no_wrap=True)
     several = len({record["search"] for record in records if record["search"]}) > 1
     for record in records:
@@ -160,9 +163,9 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
 
 def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
     """Names and values, those that say nothing left out; values wrap in their column."""
-    table = _table(title)
+    table = plain_table(title)
     table.show_header = False
-    _column(table, "", left=True)
+    add_names(table)
     table.add_column("", overflow="fold")
     for name, value in facts.items():
         if value is not None and value != {} and value != []:
@@ -184,15 +187,3 @@ def words(value: Any, inner: bool = False) -> str:
         parts = "; " if any(isinstance(entry, Mapping) for entry in value) else ", "
         return ("\n" if sentences else parts).join(words(entry, True) for entry in value)
     return "none" if value is None else str(value)
-
-
-def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-
-
-def _column(table: Table, name: str, left: bool = False) -> None:
-    # Figures are never broken; a long label is, so that the table keeps to the terminal.
-    if left:
-        table.add_column(name, overflow="fold")
-    else:
-        table.add_column(name, justify="right", no_wrap=True)

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from homofact.cli.layout import add_figures, plain_table
 from homofact.cli.screen import Screen
 from homofact.errors import BadInput
 
@@ -38,11 +38,10 @@ def cluster_table(record: dict[str, Any]) -> Table:
     """Bytes and held-out log errors of each cluster, under shared projections and alone."""
     from homofact.evaluate.wording import figure
 
-    table = _table("Held-out log mse and bytes (float32): shared projections, and alone")
+    table = plain_table("Held-out log mse and bytes (float32): shared projections, and alone")
     table.add_column("label", justify="right")
     table.add_column("source", overflow="fold")
-    for name in ("texels", "shared", "alone", "ratio", "bytes", "alone"):
-        table.add_column(name, justify="right")
+    add_figures(table, "texels", "shared", "alone", "ratio", "bytes", "alone")
     for label, each in enumerate(record["clusters"]):
         errors = [each[side]["held_out"]["log_mse"] for side in ("shared", "alone")]
         ratio = errors[0] / errors[1] if errors[1] > 0 else float("nan")
@@ -92,22 +91,16 @@ def basis_tables(figures: dict[str, Any]) -> list[Table]:
     from homofact.evaluate.wording import figure
 
     count = len(figures["materials"])
-    table = _table(f"A basis for {count} materials: held-out log mse (median), bytes a material")
-    for name in ("basis", "left out", "worst", "not left out", "bytes", "own, as good", "pays from"):
-        table.add_column(name, justify="right")
+    table = plain_table(f"A basis for {count} materials: held-out log mse (median), bytes a material")
+    add_figures(table, "basis", "left out", "worst", "not left out", "bytes", "own, as good", "pays from")
     for row in figures["rows"]:
         bound = row["own_is_at_most"]
         errors = (row["left_out"]["median"], row["left_out"]["worst"], row["inside"]["median"])
         sizes = (f"{row['bytes']:.0f}", f"{'≤ ' * bound}{row['own_bytes_at_equal_error']:.0f}")
         pays = "never" if row["pays_from"] is None else f"{'≥ ' * bound}{row['pays_from']}"
         table.add_row(str(row["directions"]), *map(figure, errors), *sizes, pays)
-    own = _table("Textures of their own")
-    for name in ("bytes", "median", "worst"):
-        own.add_column(name, justify="right")
+    own = plain_table("Textures of their own")
+    add_figures(own, "bytes", "median", "worst")
     for row in figures["own"]:
         own.add_row(f"{row['bytes']:.0f}", figure(row["median"]), figure(row["worst"]))
     return [table, own]
-
-
-def _table(title: str) -> Table:
-    return Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), title=title, title_justify="left")

@@ -1,4 +1,4 @@
-"""A sweep's results as rows of figures, and the table of their medians."""
+"""A sweep's results as rows of figures, and their medians."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -6,11 +6,6 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from rich import box
-from rich.table import Table
-from rich.text import Text
-
-from homofact.evaluate.wording import figure
 from homofact.sweep.ledger import Ledger, Result
 
 
@@ -107,17 +102,3 @@ def middle(rows: Sequence[FitRow], name: str) -> float | None:
 def summary_records(rows: Sequence[FitRow]) -> dict[str, dict[str, float | None]]:
     """By method the median of every metric."""
     return {label: {each.name: middle(some, each.name) for each in METRICS} for label, some in by_label(rows).items()}
-
-
-def summary_table(rows: Sequence[FitRow]) -> Table:
-    """A line a method: how many fits, and medians over them."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), title="Medians", title_justify="left")
-    table.add_column("", overflow="fold")
-    for name in ("fits", "trusted", "bytes", "fit, s", "log mse", "albedo", "peak", "sky dB"):
-        table.add_column(name, justify="right")
-    for label, some in by_label(rows).items():
-        figures = [figure(middle(some, name)) for name in ("log_mse", "albedo_worst", "highlight", "psnr_sky")]
-        size, seconds = (median(getattr(row, name) for row in some) for name in ("bytes", "seconds"))
-        trusted = sum(row.trusted for row in some)
-        table.add_row(Text(label), f"{len(some)}", f"{trusted}", f"{size:.0f}", figure(seconds), *figures)
-    return table

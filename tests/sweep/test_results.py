@@ -14,6 +14,7 @@ from rich.console import Console
 from homofact import load
 from homofact.brdf.source import open_source
 from homofact.cli.main import main
+from homofact.cli.sweep import summary_table
 from homofact.errors import BadInput
 from homofact.evaluate.compare import fit_and_measure
 from homofact.geometry.directions import draw_uniform
@@ -22,7 +23,7 @@ from homofact.sweep.ledger import SWEEP, Ledger
 from homofact.sweep.local import Ending
 from homofact.sweep.parcel import packed, unpacked
 from homofact.sweep.run import State, sweep
-from homofact.sweep.summary import METRICS, FitRow, rows_of, summary_table
+from homofact.sweep.summary import METRICS, FitRow, rows_of
 from homofact.sweep.sweep_file import read_sweep
 from homofact.sweep.task import Task, tasks_of
 from homofact.sweep.work import do

@@ -1,0 +1,26 @@
+"""How every table of the commands looks: read in 80 columns, figures whole, names broken only where they must be."""
+
+from rich import box
+from rich.table import Table
+
+# Names of up to so many characters stay whole.
+LEAST_NAME = 24
+
+
+def plain_table(title: str | None = None) -> Table:
+    """An empty table with a rule under its header, its title at the left."""
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+
+
+def add_names(table: Table, header: str = "", longest: int = 0) -> None:
+    """A column of names, broken where the terminal is too narrow.
+
+    Where the longest is known to have at most `LEAST_NAME` characters they stay whole, and other words are broken.
+    """
+    table.add_column(header, overflow="fold", no_wrap=0 < longest <= LEAST_NAME)
+
+
+def add_figures(table: Table, *headers: str) -> None:
+    """Columns of figures, flush right and never broken."""
+    for header in headers:
+        table.add_column(header, justify="right", no_wrap=True)

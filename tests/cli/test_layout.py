@@ -1,0 +1,37 @@
+"""Tables in narrow terminals: names stay whole while something else can give way, figures always."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from homofact.cli.layout import LEAST_NAME, add_figures, add_names, plain_table
+
+FIGURES = ["30%", "66%", "123456", "1", "2"]
+
+
+def lines(name: str, width: int) -> list[str]:
+    table = plain_table("Choices")
+    add_names(table, longest=len(name))
+    table.add_column("chosen")
+    add_figures(table, "share", "of tolerance", "bytes", "fetches", "fits")
+    table.add_row(name, "search 1 × 4², 8 bits", *FIGURES)
+    out = io.StringIO()
+    Console(file=out, width=width).print(table)
+    return [line.rstrip() for line in out.getvalue().splitlines()]
+
+
+@pytest.mark.parametrize("name", ["cook-torrance-plastic", "x" * LEAST_NAME])
+def test_a_name_is_whole_where_another_column_can_be_broken(name: str) -> None:
+    found = lines(name, 80)
+    assert max(map(len, found)) <= 80
+    assert found[0] == "Choices"
+    row = found[4].split()
+    assert (row[0], row[-5:]) == (name, FIGURES)
+
+
+def test_a_very_long_name_is_broken_and_no_figure_is() -> None:
+    found = lines("z" * 70, 80)
+    assert max(map(len, found)) <= 80
+    assert sum(line.count("z") for line in found) == 70
+    assert any("z" in line and line.split()[-5:] == FIGURES for line in found)
