@@ -57,12 +57,17 @@ def main() -> None:
         row = [place.name]
         for way in ways:
             off = differences(shown[way], shown["homofact"])
-            row += [f"{100 * np.median(off):.2g}%", f"{100 * np.quantile(off, 0.99):.2g}%"]
+            row += [percent(float(each)) for each in (np.median(off), np.quantile(off, 0.99))]
         rows.append(row)
         if asked.pictures is not None:
             asked.pictures.mkdir(parents=True, exist_ok=True)
             strip(asked.pictures / f"{place.name}.png", shown)
     print(markdown(("fit", *(f"{way}, {which}" for way in ways for which in ("median", "99%"))), rows))
+
+
+def percent(share: float) -> str:
+    """Two digits."""
+    return f"{100 * share:.0f}%" if share >= 0.1 else f"{100 * share:.2g}%"
 
 
 def strip(place: Path, shown: dict[str, np.ndarray]) -> None:
