@@ -35,7 +35,7 @@ _OURS = re.compile(
 ENGINE_MARK = "engine.json"
 _ENGINE = re.compile(
     r"engine\.json|package\.json|index\.(js|html)|README\.md|lookalike\.glb|brdf\.(mtlx|gdshader|pbrt|bsdf)"
-    r"|brdf_materialx\.glsl"
+    r"|brdf_materialx\.glsl|brdf_blender\.py"
 )
 # Of a report's site, which has folders: names that a person may have given to files of other folders.
 _SITE = re.compile(r"site\.json|index\.html|(fits|aside|comparison)\.(csv|parquet)")
