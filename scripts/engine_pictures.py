@@ -108,6 +108,7 @@ def main(arguments: list[str] | None = None) -> int:
     add_effort(parser, "quick")
     chosen = parser.parse_args(arguments)
     folder = data_folder(chosen.data)
+    size, effort = (64, 30) if chosen.short else (chosen.size, chosen.effort)
     rows, table = [], []
     with tempfile.TemporaryDirectory() as place, chromium(Path(place) / "profile") as driver:
         for name, path in MATERIALS:
@@ -115,7 +116,7 @@ def main(arguments: list[str] | None = None) -> int:
             if where != path and not Path(where).is_file():
                 print(f"nothing is drawn: no {where} (--data or HOMOFACT_DATA names the measurements)", file=sys.stderr)
                 return 2
-            spheres, off = drawn(driver, Path(place) / name, where, chosen.size, chosen.effort)
+            spheres, off = drawn(driver, Path(place) / name, where, size, effort)
             rows.append((name, spheres))
             table += [[name, *line] for line in off]
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
