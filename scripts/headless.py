@@ -7,8 +7,11 @@ browser gets a profile of its own, and flags that keep it off the network.
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -115,3 +118,31 @@ def processor_seconds(driver: Any) -> float:
         total += seconds.get(own, 0.0)
         open_ += parents.get(own, [])
     return total
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    headers_too: Mapping[str, str] = {}
+
+    def end_headers(self) -> None:
+        """The folder's own headers beside the usual ones."""
+        for name, value in self.headers_too.items():
+            self.send_header(name, value)
+        super().end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Nothing."""
+
+
+@contextmanager
+def served(folder: Path, headers: Mapping[str, str] | None = None) -> Iterator[str]:
+    """The address of a web server of a folder, on this machine alone; `headers` join its answers."""
+    handler = type("Handler", (_Quiet,), {"headers_too": dict(headers or {})})
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(handler, directory=str(folder)))
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    try:
+        yield f"http://127.0.0.1:{server.server_port}"
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()

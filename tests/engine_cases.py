@@ -1,22 +1,39 @@
-"""What the tests of exports for engines share: exported fits, a web server of a folder, packages of npm."""
+"""What the tests of exports for engines share: exported fits, packages of npm, the scripts that draw."""
 
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+import sys
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
+from browser import headless
 from mitsuba_cases import factorization, random_texture
 
+from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.containers.formats import format_named
+from homofact.export.engines import godot, materialx, three
 from homofact.export.engines.table import ENGINES
 from homofact.export.exported import Exported, exported, write_exported
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
 
+served = headless.served
 NODE = Path(__file__).parent / "containers" / "node"
+LOOK = MetallicRoughness((0.4, 0.3, 0.2), 0.25, 0.5)
+SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
+
+
+def script(name: str) -> Any:
+    """A module of scripts/, which programs of figures use too."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(SCRIPTS))
+        return sys.modules.get(name) or import_module(name)
+
+
+def fit_no_looks(patch: pytest.MonkeyPatch) -> None:
+    """Have exports show environments LOOK: the fit of a look-alike has tests of its own, and takes seconds."""
+    for module in (three, materialx, godot):
+        patch.setattr(module, "fit_metallic_roughness", lambda *args, **kwargs: LOOK)
 
 
 def isotropic() -> Factorization:
@@ -50,31 +67,3 @@ def npm_package(name: str) -> Path:
     if not place.is_dir():
         pytest.skip(f"npm's package {name} is missing: npm ci --prefix tests/containers/node")
     return place
-
-
-class _Quiet(SimpleHTTPRequestHandler):
-    headers_too: Mapping[str, str] = {}
-
-    def end_headers(self) -> None:
-        """The folder's own headers beside the usual ones."""
-        for name, value in self.headers_too.items():
-            self.send_header(name, value)
-        super().end_headers()
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Nothing."""
-
-
-@contextmanager
-def served(folder: Path, headers: Mapping[str, str] | None = None) -> Iterator[str]:
-    """The address of a web server of a folder, on this machine alone; `headers` join its answers."""
-    handler = type("Handler", (_Quiet,), {"headers_too": dict(headers or {})})
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(handler, directory=str(folder)))
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}"
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()

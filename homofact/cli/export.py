@@ -52,7 +52,7 @@ def export(
         str | None,
         typer.Option(
             help="Add what an engine loads: three (an npm package with an example page), gltf (the"
-            " metallic-roughness material that looks most like it), materialx (a BSDF node), godot (a shader),"
+            " metallic-roughness material that looks most like it), materialx (a BSDF node), godot (a material),"
             " blender (a script that makes the material).",
             show_default=False,
         ),

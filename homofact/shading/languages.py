@@ -241,5 +241,12 @@ WGSL = Language(
     True,
     _wgsl,
 )
-MATERIALX = replace(GLSL, name="MaterialX's GLSL", suffix="_materialx.glsl", frame=_materialx)
+# Its v = 0 is an image's lowest row; mx_transform_uv turns that over where images are loaded from the top.
+MATERIALX = replace(
+    GLSL,
+    name="MaterialX's GLSL",
+    suffix="_materialx.glsl",
+    fetch="textureLod({texture}, mx_transform_uv({uv}, vec2(1.0, -1.0), vec2(0.0, 1.0)), 0.0)",
+    frame=_materialx,
+)
 GODOT = replace(GLSL, name="Godot's shading language", suffix=".gdshader", frame=_godot)

