@@ -44,6 +44,8 @@ def places() -> tuple[torch.Tensor, torch.Tensor, np.ndarray, np.ndarray, torch.
     row, column = generator.integers(0, ROWS, 2000), generator.integers(0, COLUMNS, 2000)
     inside = generator.uniform(0.05, 0.95, (2000, 2))
     uv = np.stack(((column + inside[:, 0]) / COLUMNS, (row + inside[:, 1]) / ROWS), 1).astype(np.float32)
-    uv[0], row[0], column[0] = (1.0, 1.0), ROWS - 1, COLUMNS - 1
-    uv[1], row[1], column[1] = (-0.3, 7.0), ROWS - 1, 0
+    # Behind those under the horizon; no label is 0 there, which reading outside the map may give.
+    labels[-1, [0, -1]] = 1, 2
+    uv[60], row[60], column[60] = (1.0, 1.0), ROWS - 1, COLUMNS - 1
+    uv[61], row[61], column[61] = (-0.3, 7.0), ROWS - 1, 0
     return wi, wo, uv, labels, torch.from_numpy(labels[row, column].astype(np.int64))

@@ -87,6 +87,7 @@ def test_wgsl_on_a_gpu_gives_what_python_gives_at_every_label() -> None:
     expected = made.stored.evaluate(wi, wo, expected_labels).numpy()
     error = np.abs(found - expected)[50:] / np.maximum(expected[50:], 0.05 * expected.mean())
     assert (found[:50] == 0).all()
+    assert error[[10, 11]].max() < 1e-4
     assert np.median(error) < 1e-5
     assert np.quantile(error, 0.999) < 1e-4
 
