@@ -19,5 +19,5 @@ setup(
     package_dir=EMBEDDED,
     package_data={each: ["*.*"] for each in EMBEDDED}
     | {each: ["*.html", "*.css", "*.js"] for each in PAGES}
-    | {"homofact.export.engines": ["*.gdshader", "*.glsl", "*.html", "*.js", "*.md", "*.txt"]},
+    | {"homofact.export.engines": ["*.gdshader", "*.glsl", "*.html", "*.js", "*.md", "*.pbrt", "*.txt"]},
 )

@@ -39,7 +39,7 @@ def built(out: Path) -> tuple[Path, Path]:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "sources"
         copy.mkdir()
-        ignored = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc", "pictures", "node_modules")
+        ignored = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc", "pictures", "node_modules", "*.so")
         for name in FOLDERS:
             shutil.copytree(ROOT / name, copy / name, ignore=ignored)
         for name in FILES:

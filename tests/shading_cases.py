@@ -4,11 +4,16 @@ import torch
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.factor.factorization import Factorization, Term
+from homofact.factor.fitted import Fitted
 from homofact.factor.names import FIXED_PROJECTIONS
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.directions import draw_uniform
 from homofact.geometry.rotation import Rotation
 from homofact.separable.separable import Separable, SeparableTerm
+from homofact.shading.encoding import Encoded, encode_texture
+from homofact.shading.lobe_mixture import NODES, LobeMixture
+from homofact.shading.program import Program, program_of
 
 
 def random_term(projection: Projection, seed: int, channels: int, size: tuple[int, int] = (9, 12)) -> Term:
@@ -80,3 +85,24 @@ SEPARABLE = {
     for kind, shared in (("in-out", True), ("in-out", False), ("half-diff", False))
     for name in ("parabolic", "orthographic", "polar")
 }
+MIXTURES = {
+    "isotropic": LobeMixture(((0.1, 0.1), (0.4, 0.4)), ((0.5,) * 4 + (0.3,) * 4, (0.1,) * NODES)),
+    "narrow": LobeMixture(((0.01, 0.01), (0.1, 0.1)), ((0.8, 0.7) + (0.6,) * 6, (0.1,) * NODES)),
+    "brushed, turned": LobeMixture(((0.04, 0.3), (0.2, 0.1)), ((0.45,) * NODES, (0.45,) * NODES), 0.7),
+}
+NAMES = (*CASES, *SEPARABLE)
+BELOW = 50
+
+
+def program(name: str) -> tuple[Fitted, Program, list[Encoded]]:
+    """A case, its program and its textures as floats."""
+    fitted = (CASES | SEPARABLE)[name]
+    textures = [encode_texture(texture, "float32") for texture in fitted.textures]
+    return fitted, program_of(fitted, textures), textures
+
+
+def pairs() -> tuple[torch.Tensor, torch.Tensor]:
+    """Pairs of directions, the first `BELOW` with the light under the horizon."""
+    wi, wo = draw_uniform(4000, torch.Generator().manual_seed(0))
+    wi[:BELOW, 2] *= -1
+    return wi, wo

@@ -185,7 +185,9 @@ def _facets(reflectance: Reflectance, isotropic: bool) -> Tensor:
     """D (R, C) in sr⁻¹ of the module's head; two equal rows where isotropic."""
     rows = 16 if isotropic else _ROUND
     u = _grid(rows, _FACETS)
-    thetas = torch.linspace(0.05, 1.45, 8 if isotropic else 6, dtype=torch.float64).tolist()
+    # To the last slice: normals that are seen at grazing incidence alone would else have next to no density, and M,
+    # which is divided by it, be so large beside them that nothing in between is right.
+    thetas = [*torch.linspace(0.05, 1.45, 8 if isotropic else 6, dtype=torch.float64).tolist(), 1.5, _FLATTEST]
     around = [0.0] if isotropic else torch.linspace(-math.pi, math.pi, 13, dtype=torch.float64)[1:].tolist()
     total = torch.zeros(len(u), dtype=torch.float64)
     count = torch.zeros(len(u), dtype=torch.float64)
@@ -200,15 +202,20 @@ def _facets(reflectance: Reflectance, isotropic: bool) -> Tensor:
             if albedo > 0:
                 total += share / albedo
                 count += seen
-    mean = torch.where(count > 0, total / count.clamp_min(1), 0.0).reshape(rows, _FACETS)
+    total, count = (each.reshape(rows, _FACETS) for each in (total, count))
     if isotropic:
-        weights = torch.ones(rows, dtype=torch.float64)
+        weights = torch.ones(rows, 1, dtype=torch.float64)
         weights[[0, -1]] = 0.5
-        mean = ((mean * weights[:, None]).sum(0) / weights.sum()).expand(2, -1)
-    else:
+        total, count = ((each * weights).sum(0).expand(2, -1) for each in (total, count))
+    mean = torch.where(count > 0, total / count.clamp_min(1e-9), 0.0)
+    if not isotropic:
         # The first and the last row are one azimuth; at the normal all azimuths are one.
         mean[0] = mean[-1] = (mean[0] + mean[-1]) / 2
         mean[:, 0] = mean[:-1, 0].mean()
+    # The mirror directions at the last columns are all under the horizon.
+    visible = (count > 0).any(0).nonzero()
+    last = int(visible.max()) if len(visible) else _FACETS - 1
+    mean = torch.cat((mean[:, : last + 1], mean[:, [last]].expand(-1, _FACETS - last - 1)), 1)
     highest = float(mean.max())
     mean = mean.clamp_min(_LEAST * highest) if highest > 0 else torch.ones_like(mean)
     theta_m = _angles(_grid(*mean.shape))[0].reshape(mean.shape)

@@ -34,7 +34,7 @@ _EXTRAS = {
 _PROGRAMS = {
     "cc": "compiles the exported brdf.c",
     "glslangValidator": "checks the exported GLSL and HLSL",
-    "dxc": "compiles the exported HLSL",
+    "dxc": "compiles the exported HLSL where the library of .ci/packages is missing",
     "llvm-config": "Mitsuba's llvm variants",
     "pdflatex": "compiles the tables of compare --latex",
     "node": "checks KTX2 files",

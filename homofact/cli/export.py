@@ -53,7 +53,7 @@ def export(
         typer.Option(
             help="Add what an engine loads: three (an npm package with an example page), gltf (the"
             " metallic-roughness material that looks most like it), materialx (a BSDF node), godot (a material),"
-            " blender (a script that makes the material).",
+            " blender (a script that makes the material), pbrt (a scene for pbrt-v4 with the fit tabulated).",
             show_default=False,
         ),
     ] = None,
@@ -196,12 +196,12 @@ def _looks(made: "Exported", looks: "Mapping[str, Reflectance]", found: "Reopene
     for label, each in rows.items():
         figures = appearance(each, against)
         six = measure(each, against.samples, made.stored.transform).record()
-        log_mse = six["log_mse"]
+        numbers = f"{said(each)}; " if isinstance(each, MetallicRoughness) else ""
         answer[label] = {
             "against": against.name,
             "appearance": None if figures is None else figures.record(),
             "errors": six | {"log_difference": log_difference(made.stored, each)},
-            "said": f"{label}: {said(each)}; log_mse {log_mse:.3g}" if isinstance(each, MetallicRoughness) else "",
+            "said": "" if label == "fit" else f"{label}: {numbers}log_mse {six['log_mse']:.3g}",
         }
     return answer
 

@@ -19,11 +19,10 @@ int {prefix}_layer(vec2 uv) {{
 
 int {prefix}_layer(float2 uv)
 {{
-    uint columns, rows;
-    {prefix}_labels.GetDimensions(columns, rows);
-    int2 size = int2(columns, rows);
-    int2 texel = clamp(int2(floor(uv * float2(size))), int2(0, 0), size - 1);
-    return int({prefix}_labels.Load(int3(texel, 0)));
+    float2 size;
+    {prefix}_labels.GetDimensions(size.x, size.y);
+    int2 texel = int2(clamp(floor(uv * size), 0.0, size - 1.0));
+    return asint({prefix}_labels.Load(int3(texel, 0)));
 }}
 """,
     WGSL.name: """@group(0) @binding({after}) var {prefix}_labels: texture_2d<u32>;

@@ -61,8 +61,8 @@ def test_a_model_becomes_an_adaptive_table(tmp_path: Path, capsys: pytest.Captur
     assert main(["convert", MATERIAL, str(out), "--count", "10", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["format"], answer["samples"], answer["bytes"]) == ("rgl", 32 * 96 * 96, out.stat().st_size)
-    assert answer["difference"]["median"] < 0.003
-    assert answer["difference"]["quantile_99"] < 0.1
+    assert answer["difference"]["median"] < 0.004
+    assert answer["difference"]["quantile_99"] < 0.06
     table = rgl.load(out)
     samples = sample_model(material("lafortune-clay").model, 500)
     keep = (samples.wi[:, 2] > 0.1) & (samples.wo[:, 2] > 0.1)

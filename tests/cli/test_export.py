@@ -9,6 +9,7 @@ import pytest
 import torch
 
 import homofact
+from homofact.brdf import adaptive
 from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.cli.main import main
 from homofact.containers.exr import write_exr
@@ -220,6 +221,27 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"index.js", "package.json", "notes.txt"} <= names
     assert "lookalike.glb" not in names
+
+
+@pytest.mark.slow
+def test_pbrt_gets_a_scene_and_the_table_is_compared(
+    result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for isotropy in (True, False):
+        monkeypatch.setitem(adaptive.SIDE, isotropy, 24)
+        monkeypatch.setitem(adaptive.THETAS, isotropy, 8)
+    monkeypatch.setattr(adaptive, "_AZIMUTHS", 8)
+    assert main(["export", str(result), "--to", str(tmp_path / "out"), "--engine", "pbrt"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "brdf.bsdf: log_mse" in shown
+    assert "manifest.json, scene.pbrt, material.pbrt, brdf.bsdf" in shown
+    marked = json.loads((tmp_path / "out" / "engine.json").read_text())
+    assert marked == {"engine": "pbrt", "files": ["brdf.bsdf", "material.pbrt", "scene.pbrt"]}
+    assert 'NamedMaterial "lafortune-blue-paint"' in (tmp_path / "out" / "scene.pbrt").read_text()
+    errors = json.loads((tmp_path / "out" / "manifest.json").read_text())["errors"]
+    # Cosine-weighted pairs, few of them at the horizon, where a table of few nodes is off by factors.
+    assert 0 < errors["brdf.bsdf"]["log_difference"] < 0.2
+    assert isinstance(homofact.load(str(tmp_path / "out")), Factorization)
 
 
 def test_engines_refuse_what_they_do_not_take(result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -90,6 +90,7 @@ def test_the_sdist_has_what_tests_and_builds(built: Path) -> None:
     wanted |= {"setup.py", "MANIFEST.in", "CHANGELOG.md", "CITATION.cff", "tests/conftest.py", "docs/export.md"}
     assert wanted - there == set()
     assert not any(each.startswith("docs/pictures") or "node_modules" in each for each in there)
+    assert not any(each.endswith(".so") for each in there)
 
 
 def test_what_is_installed_fits_embedded_data_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:

@@ -12,20 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image as Picture
-from shading_cases import CASES, SEPARABLE, random_term
+from shading_cases import BELOW, CASES, NAMES, pairs, program, random_term
 from webgpu import GLSL_BUFFERS, SAMPLER, WGSL_MAIN, WIDENED, Gpu, Image, glsl_main, glslang, hlsl_main
 
 from homofact.containers.formats import FORMATS
-from homofact.factor.fitted import Fitted
-from homofact.geometry.directions import draw_uniform
-from homofact.shading.encoding import Encoded, encode_texture
+from homofact.shading.encoding import encode_texture
 from homofact.shading.languages import GLSL, HLSL, WGSL, Language, number, shader
-from homofact.shading.program import Program, program_of
-
-NAMES = (*CASES, *SEPARABLE)
-BELOW = 50
+from homofact.shading.program import program_of
 
 HLSL_MAIN = hlsl_main("TYPE value = fit_evaluate(lights[id.x].xyz, viewers[id.x].xyz);", "values[id.x] = WIDENED;")
 GLSL_HEAD = f"""#version 450
@@ -38,13 +32,6 @@ GLSL_MAIN = glsl_main("TYPE value = fit_evaluate(lights[k].xyz, viewers[k].xyz);
 @pytest.fixture(scope="module")
 def gpu() -> Gpu:
     return Gpu()
-
-
-def program(name: str) -> tuple[Fitted, Program, list[Encoded]]:
-    """A case, its program and its textures as floats."""
-    fitted = (CASES | SEPARABLE)[name]
-    textures = [encode_texture(texture, "float32") for texture in fitted.textures]
-    return fitted, program_of(fitted, textures), textures
 
 
 def runnable(text: str, language: Language, channels: int, folder: Path) -> str | bytes:
@@ -67,13 +54,6 @@ def runnable(text: str, language: Language, channels: int, folder: Path) -> str 
         text,
     )
     return glslang(GLSL_HEAD + apart + entry(GLSL_MAIN), folder, "comp", "-V")
-
-
-def pairs() -> tuple[torch.Tensor, torch.Tensor]:
-    """Pairs of directions, the first `BELOW` with the light under the horizon."""
-    wi, wo = draw_uniform(4000, torch.Generator().manual_seed(0))
-    wi[:BELOW, 2] *= -1
-    return wi, wo
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 from chi_square import p_value
-from shading_cases import factorization, searched
+from shading_cases import MIXTURES, factorization, searched
 from torch import Tensor
 from webgpu import GLSL_BUFFERS, Gpu, glsl_main, glslang, hlsl_main, wgsl_main
 
@@ -30,11 +30,6 @@ from homofact.shading.noise import cosine_density, noise_at_angles, noise_of, vi
 from homofact.shading.program import program_of
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-MIXTURES = {
-    "isotropic": LobeMixture(((0.1, 0.1), (0.4, 0.4)), ((0.5,) * 4 + (0.3,) * 4, (0.1,) * NODES)),
-    "narrow": LobeMixture(((0.01, 0.01), (0.1, 0.1)), ((0.8, 0.7) + (0.6,) * 6, (0.1,) * NODES)),
-    "brushed, turned": LobeMixture(((0.04, 0.3), (0.2, 0.1)), ((0.45,) * NODES, (0.45,) * NODES), 0.7),
-}
 ANGLES = (0.0, 35.0, 70.0, 86.0)
 COUNT = 100_000
 

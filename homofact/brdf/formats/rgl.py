@@ -25,11 +25,12 @@ from homofact.brdf.adaptive import importance
 from homofact.brdf.channels import LuminanceOf, as_channels, check_channels, spectral_names, wavelengths_of
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.formats.tensor_file import DESCRIPTION as DESCRIPTION
-from homofact.brdf.formats.tensor_file import MAGIC, read_tensors, short, write_tensors
+from homofact.brdf.formats.tensor_file import MAGIC, read_tensors, short, tensor_bytes
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import to_luminance, to_rgb
 from homofact.errors import BadInput
+from homofact.files.atomic import write_bytes
 
 NAME = "rgl"
 _ANGLES, _PLANES = ("theta_i", "phi_i"), ("ndf", "sigma")
@@ -107,17 +108,26 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
 
 
 def write(path: str | os.PathLike[str], table: AdaptiveTable, comments: Sequence[str] = ()) -> None:
-    """Write a table as renderers read it (Mitsuba's plugin `measured`), float32; `comments` are the description.
+    """Write a table as `packed` has it. Raises BadInput as `packed`, and for a place that cannot be written."""
+    try:
+        content = packed(table, comments)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from error
+    write_bytes(path, content)
+
+
+def packed(table: AdaptiveTable, comments: Sequence[str] = ()) -> bytes:
+    """A file of a table as renderers read it (Mitsuba's plugin `measured`), float32; `comments` are the description.
 
     R, G, B go into rgb, a channel that is alone into all three of it, two wavelengths or more into spectra. Every
-    number that `load` reads is written as it is. Raises BadInput for other channels, numbers that float32 does not
-    hold, and a place that cannot be written.
+    number that `load` reads is written as it is. Raises BadInput for other channels and numbers that float32 does not
+    hold.
     """
     wavelengths = wavelengths_of(table.channels)
     spectral = wavelengths is not None and len(wavelengths) > 1
     if not spectral and len(table.channels) not in (1, 3):
         names = ", ".join(table.channels)
-        raise BadInput(f"{path}: channels {names}, expected R, G, B, one alone, or wavelengths")
+        raise BadInput(f"channels {names}, expected R, G, B, one alone, or wavelengths")
     values = table.table if spectral or len(table.channels) == 3 else table.table.expand(*table.table.shape[:-1], 3)
     # A description without a character is no field that readers take.
     words = "\n".join(comments) or "a BRDF"
@@ -135,11 +145,11 @@ def write(path: str | os.PathLike[str], table: AdaptiveTable, comments: Sequence
         fields |= {name: each.detach().cpu().numpy().astype("f4") for name, each in tensors.items()}
     for name, array in fields.items():
         if name != "description" and not np.isfinite(array).all():
-            raise BadInput(f"{path}: {name} has values that are not finite in float32, expected finite ones")
+            raise BadInput(f"{name} has values that are not finite in float32, expected finite ones")
     if spectral:
         fields["spectra"] = fields.pop("rgb")
         fields["wavelengths"] = np.array(wavelengths, "f4")
-    write_tensors(path, fields | {"jacobian": np.array([table.jacobian], "u1")})
+    return tensor_bytes(fields | {"jacobian": np.array([table.jacobian], "u1")})
 
 
 def _in_channels(values: Tensor, wavelengths: list[float], channels: str) -> tuple[Tensor, tuple[str, ...], Any]:

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from homofact.errors import BadInput
-from homofact.files.atomic import write_bytes
 from homofact.files.reading import read_bytes
 
 DESCRIPTION = "RGL tensor file (adaptive parameterization, RGB or spectral)"
@@ -87,8 +86,8 @@ def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     return fields
 
 
-def write_tensors(path: str | os.PathLike[str], fields: Mapping[str, np.ndarray]) -> None:
-    """Write arrays of whole numbers or floats, in their order. Raises BadInput for a place that cannot be written."""
+def tensor_bytes(fields: Mapping[str, np.ndarray]) -> bytes:
+    """A file of arrays of whole numbers or floats, in their order."""
     codes = {kind: code for code, kind in _TYPES.items()}
     head = len(MAGIC) + len(_VERSION) + 4 + sum(2 + len(name.encode()) + 11 + 8 * a.ndim for name, a in fields.items())
     described, data, place = [struct.pack("<I", len(fields))], [], head
@@ -102,7 +101,7 @@ def write_tensors(path: str | os.PathLike[str], fields: Mapping[str, np.ndarray]
         described.append(struct.pack(f"<{array.ndim}Q", *array.shape))
         data += [bytes(padding), little.tobytes()]
         place += little.nbytes
-    write_bytes(path, b"".join((MAGIC, _VERSION, *described, *data)))
+    return b"".join((MAGIC, _VERSION, *described, *data))
 
 
 def short(name: str) -> str:

@@ -6,9 +6,10 @@ from homofact.export.engines.blender import BLENDER
 from homofact.export.engines.gltf import GLTF
 from homofact.export.engines.godot import GODOT_ENGINE
 from homofact.export.engines.materialx import MATERIALX_ENGINE
+from homofact.export.engines.pbrt import PBRT
 from homofact.export.engines.three import THREE
 
-ENGINES = {engine.name: engine for engine in (THREE, GLTF, MATERIALX_ENGINE, GODOT_ENGINE, BLENDER)}
+ENGINES = {engine.name: engine for engine in (THREE, GLTF, MATERIALX_ENGINE, GODOT_ENGINE, BLENDER, PBRT)}
 
 
 def engine_named(name: str, form: str | None) -> tuple[Engine, str]:
