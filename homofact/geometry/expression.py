@@ -15,6 +15,8 @@ FUNCTIONS = (
     "sqrt", "abs", "exp", "log", "asinh", "cos", "sin", "atan2", "floor", "fract", "dot", "max", "min", "step",
 )  # fmt: skip
 _AXES = "xyzw"
+# By name, the rows of tables of constants: one for each layer.
+Tables = tuple[tuple[str, tuple[tuple[float, ...], ...]], ...]
 
 
 @dataclass(frozen=True)
@@ -174,10 +176,11 @@ def needed(statements: Sequence[Let], result: Expression) -> tuple[Let, ...]:
     return tuple(reversed(kept))
 
 
-def substituted(expression: Expression, values: Mapping[str, tuple[float, ...]]) -> Expression:
-    """The expression with these names replaced by constants; a component of one is a constant too."""
+def substituted(expression: Expression, values: Mapping[str, tuple[float, ...] | Expression]) -> Expression:
+    """The expression with these names replaced by constants or expressions; a component of a constant is one too."""
     if expression.kind == "name" and expression.text in values:
-        return constant(*values[expression.text])
+        value = values[expression.text]
+        return value if isinstance(value, Expression) else constant(*value)
     operands = tuple(substituted(operand, values) for operand in expression.operands)
     if expression.kind == "swizzle" and operands[0].kind == "constant":
         return constant(*(operands[0].values[_AXES.index(letter)] for letter in expression.text))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from homofact.geometry.expression import INFIX, Expression, Let, component
+from homofact.geometry.expression import INFIX, Expression, Let, Tables, component
 from homofact.shading.languages import infix, number, remark
 from homofact.shading.program import Program
 
@@ -43,7 +43,7 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
     channels = len(program.channels)
     title = "".join(f"/* {remark(line)} */\n" for line in program.title)
     data = "".join(_texels(prefix, k, texels) for k, texels in enumerate(textures))
-    data += "".join(_table(prefix, name, rows) for name, rows in program.tables)
+    data += tables_in_c(program.tables, prefix)
     layer = ", int layer" * (program.layers > 0)
     lines = statement_lines(program.statements, prefix, program)
     lines += [f"    f_out[{c}] = {render(component(program.result, c), prefix)};" for c in range(channels)]
@@ -114,6 +114,11 @@ def _texels(prefix: str, number_of: int, texels: np.ndarray) -> str:
     )
 
 
-def _table(prefix: str, name: str, rows: tuple[tuple[float, ...], ...]) -> str:
-    inner = ",\n    ".join(f"{{{', '.join(f'{number(value)}f' for value in row)}}}" for row in rows)
-    return f"static const float {prefix}_{name}[{len(rows)}][{len(rows[0])}] = {{\n    {inner}\n}};\n\n"
+def tables_in_c(tables: Tables, prefix: str) -> str:
+    """The tables of the layers' constants, defined."""
+    texts = []
+    for name, rows in tables:
+        inner = ",\n    ".join(f"{{{', '.join(f'{number(value)}f' for value in row)}}}" for row in rows)
+        head = f"static const float {prefix}_{name}[{len(rows)}][{len(rows[0])}]"
+        texts.append(f"{head} = {{\n    {inner}\n}};\n\n")
+    return "".join(texts)

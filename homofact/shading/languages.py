@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from homofact.files.words import harmless
-from homofact.geometry.expression import INFIX, Expression, Let
+from homofact.geometry.expression import INFIX, Expression, Let, Tables
 from homofact.shading.program import Program
 
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
@@ -114,7 +114,7 @@ def shader(program: Program, language: Language, prefix: str = "homofact") -> st
     """The program's text: declarations, one function, comments. `prefix` begins every global name."""
     body = body_text(program.statements, program.result, language, prefix, program.layers > 0)
     title = "\n".join(f"// {remark(line)}" for line in program.title)
-    return f"{title}\n{_tables(program, language, prefix)}" + language.frame(program, body, prefix)
+    return f"{title}\n{tables_text(program.tables, language, prefix)}" + language.frame(program, body, prefix)
 
 
 def body_text(
@@ -132,10 +132,10 @@ def body_text(
     return "\n".join(lines)
 
 
-def _tables(program: Program, language: Language, prefix: str) -> str:
+def tables_text(tables: Tables, language: Language, prefix: str) -> str:
     """The tables of the layers' constants, declared."""
     lines = []
-    for name, rows in program.tables:
+    for name, rows in tables:
         kind = language.types[len(rows[0]) - 1]
         values = ", ".join(f"{kind}({', '.join(map(number, row))})" for row in rows)
         lines.append(language.table.format(type=kind, name=f"{prefix}_{name}", count=len(rows), values=values) + "\n")
