@@ -21,11 +21,12 @@ Tables = tuple[tuple[str, tuple[tuple[float, ...], ...]], ...]
 
 @dataclass(frozen=True)
 class Expression:
-    """A node: `kind` is "constant", "name", "swizzle", "vector", "fetch", "table", an infix operator or a function.
+    """A node: `kind` is "constant", "name", "swizzle", "vector", "fetch", "cube", "table", an operator or a function.
 
     `dimension` is 1 for a scalar, else the number of components. `values` are a constant's, `text` a name, the letters
-    of a swizzle, the number of the texture that a fetch reads at its one operand, or the name of a table that is read
-    at the layer (its component `values[0]` where it was taken apart).
+    of a swizzle, the number of the texture that a fetch reads at its one operand and a cube in the direction and at the
+    level that its two are, or the name of a table that is read at the layer (its component `values[0]` where it was
+    taken apart).
     """
 
     kind: str
@@ -110,6 +111,11 @@ def fetch(texture: int, uv: Expression, channels: int) -> Expression:
     return Expression("fetch", channels, (uv,), text=str(texture))
 
 
+def cube(texture: int, direction: Expression, level: Expression, channels: int) -> Expression:
+    """The cube map's value in a direction (3,) of any length above 0, linear also between its levels."""
+    return Expression("cube", channels, (direction, level), text=str(texture))
+
+
 def table(name: str, dimension: int) -> Expression:
     """The row of a program's table that belongs to the layer."""
     return Expression("table", dimension, text=name)
@@ -126,7 +132,7 @@ def _infix(operator: str, left: Expression, right: Expression) -> Expression:
 def component(expression: Expression, k: int) -> Expression:
     """The scalar expression of component k: names become swizzles, everything else is taken apart.
 
-    A fetch has no components: its statement is printed whole.
+    A fetch or cube has no components: its statement is printed whole.
     """
     kind, operands = expression.kind, expression.operands
     if expression.dimension == 1 and kind != "dot":

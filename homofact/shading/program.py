@@ -53,10 +53,10 @@ class Program:
     """Statements over wi and wo (3,), and the BRDF (C,) in sr⁻¹ without the cosine as `result`.
 
     `shapes` are the (rows, columns) of the textures that fetches number, (depth, rows, columns) of one in three
-    dimensions, which GLSL alone prints; `title` are lines on what it evaluates. Of texture arrays `layers` is how many
-    there are, else 0; `shapes` are those of one layer, and `tables` have a row (C,) for each, by name. `function` is
-    what it is called behind the prefix, of vectors (3,) called `parameters`; `first` is the number of its first
-    texture's place in a shader.
+    dimensions, which GLSL alone prints, (levels, 6, rows, columns) of a cube map; `title` are lines on what it
+    evaluates. Of texture arrays `layers` is how many there are, else 0; `shapes` are those of one layer, and `tables`
+    have a row (C,) for each, by name. `function` is what it is called behind the prefix, of vectors (3,) called
+    `parameters`; `first` is the number of its first texture's place in a shader.
     """
 
     statements: tuple[Let, ...]
