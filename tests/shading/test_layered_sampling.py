@@ -43,13 +43,13 @@ def test_c_draws_each_layer_from_its_own_density(layer: int, tmp_path: Path) -> 
     text = "#include <math.h>\n" + functions_in_c(LAYERED)
     library = compiled_c(text, tmp_path, f"{layer}, ")
     mixture = LAYERS[layer]
+
+    def density(wi: Tensor, wo: Tensor) -> Tensor:
+        return called(library.many_density, wi, wo, 1)[:, 0]
+
     for angle in ANGLES:
         wo = viewer_at(angle)
         wi = called(library.many_sample, wo.expand(COUNT, 3), points(COUNT, 2), 3)
-
-        def density(wi: Tensor, wo: Tensor) -> Tensor:
-            return called(library.many_density, wi, wo, 1)[:, 0]
-
         assert p_value(wi, wo, density) > 1e-3, angle
         reference = mixture.draw(wo.expand(COUNT, 3), points(COUNT, 2))
         assert float((wi - reference).norm(dim=1).quantile(0.99)) < 1e-4
