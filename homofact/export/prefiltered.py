@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from homofact.containers.dds import write_dds_cube
 from homofact.containers.formats import Format, format_named
@@ -52,9 +53,10 @@ class PrefilteredExport:
     error: float
 
     @property
-    def names(self) -> tuple[str, str]:
-        """The files of the table and of the sky."""
-        return f"prefiltered_table{self.form.suffix}", f"prefiltered{'.dds' if self.dds else '.ktx2'}"
+    def names(self) -> tuple[str, str, str]:
+        """The files of the table, of the sky and of its irradiance."""
+        suffix = ".dds" if self.dds else ".ktx2"
+        return f"prefiltered_table{self.form.suffix}", f"prefiltered{suffix}", f"prefiltered_irradiance{suffix}"
 
     @property
     def nbytes(self) -> int:
@@ -69,15 +71,17 @@ class PrefilteredExport:
 
     def put(self, place: Path, first: int) -> None:
         """Write textures and shaders into a folder; the shaders number their textures from `first`."""
-        table, light = self.names
+        table, light, lit = self.names
         self.form.write(place / table, self.data.table.numpy().astype(np.float32), _RGBA)
-        write_sky(place / light, self.data.sky)
+        write_sky(place / light, self.data.sky.levels)
+        write_sky(place / lit, [self.data.sky.irradiance])
         rows, columns = self.data.table.shape[:2]
         title = (
             f"Light of {self.data.sky.name} for one material (split sum), relative RMS error {self.error:.3g}.",
             *_TITLE,
             f"Texture 0: {table}, {columns} x {rows}. Texture 1: {light}, a cube map of {self.data.sky.side} texels"
-            f" a side, {len(self.data.sky.levels)} levels, the same for every material.",
+            f" a side, {len(self.data.sky.levels)} levels. Texture 2: {lit}, a cube map. Both are the same for every"
+            " material.",
         )
         program = program_of_light(self.data, title, first)
         for language in (GLSL, HLSL, WGSL):
@@ -86,7 +90,7 @@ class PrefilteredExport:
 
     def record(self) -> dict[str, Any]:
         """JSON-able, for the manifest."""
-        table, light = self.names
+        table, light, lit = self.names
         sky, lobes = self.data.sky, self.data.lobes
         return {
             "environment": sky.name,
@@ -115,6 +119,8 @@ class PrefilteredExport:
                 "bytes": sky.nbytes,
             },
             "irradiance_over_pi": {
+                "file": lit,
+                "side": int(sky.irradiance.shape[1]),
                 "over": "1, x, y, z, xy, yz, zx, 3zz - 1, xx - yy",
                 "values": sky.harmonics.tolist(),
             },
@@ -147,12 +153,16 @@ def prefiltered_export(
 
 def in_halves(sky: SkyChain) -> SkyChain:
     """The sky as its file holds it."""
-    return replace(sky, levels=tuple(level.to(torch.float16).to(torch.float64) for level in sky.levels))
+    levels = [level.to(torch.float16).to(torch.float64) for level in (*sky.levels, sky.irradiance)]
+    return replace(sky, levels=tuple(levels[:-1]), irradiance=levels[-1])
 
 
-def write_sky(path: Path, sky: SkyChain) -> None:
-    """Write a sky as a cube map of RGBA16F, a DDS where the path says so, else a KTX2. Raises BadInput as those do."""
-    levels = [np.concatenate((each, np.ones_like(each[..., :1])), -1) for each in (one.numpy() for one in sky.levels)]
+def write_sky(path: Path, sky: Sequence[Tensor]) -> None:
+    """Write levels (6, N, N, 3) as a cube map of RGBA16F, a DDS where the path says so, else a KTX2.
+
+    Raises BadInput as those do.
+    """
+    levels = [np.concatenate((each, np.ones_like(each[..., :1])), -1) for each in (one.numpy() for one in sky)]
     if path.suffix == ".dds":
         write_dds_cube(path, levels)
     else:

@@ -19,7 +19,7 @@ from homofact.render.sky_chain import SkyChain
 from homofact.render.split_sum import Response
 from homofact.shading.program import Program
 
-TABLE, MAP = 0, 1
+TABLE, MAP, LIT = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,10 @@ class Prefiltered:
 
         def read(number: int, place: Value) -> Value:
             whole = [each if isinstance(each, Tensor) else torch.full_like(n[:, 0], each) for each in place]
-            if number == MAP:
+            if number in (MAP, LIT):
                 *direction, level = whole
-                return list(self.sky.cube.read(torch.stack(direction, 1), level).to(n).unbind(1))
+                chosen = self.sky.cube if number == MAP else self.sky.lit
+                return list(chosen.read(torch.stack(direction, 1), level).to(n).unbind(1))
             rows, columns, _ = table.shape
             # A sampler's coordinate as that of `linear.bilinear`.
             sides = zip(whole, (columns, rows), strict=True)
@@ -68,8 +69,7 @@ class Prefiltered:
         made = [Let("along", call("dot", n, wo)), Let("u", cosine * ((columns - 1) / columns) + 0.5 / columns)]
         for number in range(rows):
             made += row(number)
-        last = constant(len(self.sky.levels) - 1)
-        made.append(Let("irradiance", cube(MAP, n, last, 3), "over pi: the last level, round the normal"))
+        made.append(Let("irradiance", cube(LIT, n, constant(0), 3), "over pi"))
         total = variable(f"row_{self.lobes}", 4).xyz * variable("irradiance", 3)
         for k in range(self.lobes):
             own, tilt = variable(f"row_{k}", 4), variable(f"row_{rows - 1}", 4).__getattr__("xyzw"[k])
@@ -101,10 +101,10 @@ def prefiltered(response: Response, sky: SkyChain) -> Prefiltered:
 
 
 def program_of_light(data: Prefiltered, title: tuple[str, ...], first: int) -> Program:
-    """`PREFIX_reflected(n, wo)`, radiance (3,), its textures numbered from `first`: the table, then the cube map."""
+    """`PREFIX_reflected(n, wo)`, radiance (3,), its textures numbered from `first`: table, chain, irradiance."""
     result: Expression = variable("reflected", 3)
-    shape = (len(data.sky.levels), 6, data.sky.side, data.sky.side)
-    shapes: tuple[tuple[int, ...], ...] = (tuple(data.table.shape[:2]), shape)
+    chain = (len(data.sky.levels), 6, data.sky.side, data.sky.side)
+    shapes: tuple[tuple[int, ...], ...] = (tuple(data.table.shape[:2]), chain, (1, *data.sky.irradiance.shape[:3]))
     return Program(
         tuple(data.statements), result, shapes, ("R", "G", "B"), title, function="reflected", parameters=("n", "wo"),
         first=first,

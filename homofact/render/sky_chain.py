@@ -10,6 +10,9 @@ level is E(n)/π, the irradiance over π. A lobe is thus some texels wide on eve
 which engines weigh (Karis 2013), have tails that no sum of levels takes off again; sums of cosine powers have those of
 measured lobes.
 
+The irradiance stands in a cube map of its own too, of `IRRADIANCE` texels a side, as engines have it: it has a kink
+where a lamp sets, which the last level's few texels would show as steps.
+
 Light is read from the environment's pyramid (`render.octahedral`) on rings round each texel's direction, at places
 about as far apart as rings are, averaged over their own solid angle.
 """
@@ -29,7 +32,7 @@ from homofact.render.light import EnvironmentMap
 from homofact.render.octahedral import Pyramid, fetch
 
 SIDE, LEAST_SIDE, MOST_SIDE = 256, 32, 1024
-LAST, TEXELS = 8, 4
+LAST, TEXELS, IRRADIANCE = 8, 4, 32
 # Rings of the first level; finer from level to level, on a quarter of the texels each.
 _RINGS, _FINER, _MOST_RINGS = 12, 1.5, 48
 _LEAST_SPOKES, _LOST = 6, 1e-5
@@ -40,13 +43,15 @@ _MOST = 2.0**15  # half floats end at 65504
 
 @dataclass(frozen=True)
 class SkyChain:
-    """`levels` (6, N, N, 3), largest first, on the environment's scale over `factor`, a power of two.
+    """`levels` (6, N, N, 3), largest first, and E/π as `irradiance` (6, IRRADIANCE, IRRADIANCE, 3).
 
-    With the factor half floats hold it. `harmonics` (9, 3) is E/π once more, as `irradiance_coefficients`, for engines
-    that have a place for those. `name` is the environment's.
+    Both on the environment's scale over `factor`, a power of two, with which half floats hold them. `harmonics` (9, 3)
+    is E/π once more, as `irradiance_coefficients`, for engines that have a place for those. `name` is the
+    environment's.
     """
 
     levels: tuple[Tensor, ...]
+    irradiance: Tensor
     harmonics: Tensor
     factor: float
     name: str
@@ -59,12 +64,17 @@ class SkyChain:
     @property
     def nbytes(self) -> int:
         """Bytes of the texels on a GPU, as RGBA16F."""
-        return sum(8 * level.shape[0] * level.shape[1] ** 2 for level in self.levels)
+        return sum(8 * level.shape[0] * level.shape[1] ** 2 for level in (*self.levels, self.irradiance))
 
     @cached_property
     def cube(self) -> Cube:
         """The levels ready to be read, still over `factor`."""
         return Cube.of(self.levels)
+
+    @cached_property
+    def lit(self) -> Cube:
+        """The irradiance over π ready to be read, still over `factor`."""
+        return Cube.of([self.irradiance])
 
 
 def check_side(side: int) -> None:
@@ -101,8 +111,12 @@ def chain_of(light: EnvironmentMap, side: int = SIDE) -> SkyChain:
         rings = _rings(alpha, min(round(_RINGS * _FINER**k), _MOST_RINGS))
         found = _filtered(towards, *rings, *pyramid[:3])
         levels.append(torch.from_numpy(found).reshape(6, own, own, 3))
+    found = _filtered(directions_of(IRRADIANCE).reshape(-1, 3).numpy(), *_rings(1.0, _MOST_RINGS), *pyramid[:3])
+    lit = torch.from_numpy(found).reshape(6, IRRADIANCE, IRRADIANCE, 3)
     factor = 2.0 ** max(0, math.ceil(math.log2(max(float(level.max()) for level in levels) / _MOST)))
-    return SkyChain(tuple(level / factor for level in levels), irradiance_coefficients(pyramid), factor, light.name)
+    return SkyChain(
+        tuple(level / factor for level in levels), lit / factor, irradiance_coefficients(pyramid), factor, light.name
+    )
 
 
 def irradiance_coefficients(pyramid: Pyramid) -> Tensor:

@@ -108,7 +108,8 @@ def _tracked(
     seen: list[_Seen], order: Iterable[int], lobes: int, known: Potentials
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """(the sum of E over albedo², lobes (COLUMNS, K, 2), shares (COLUMNS, K + 1, C)), one viewer after another."""
-    last = len(known.potential) - 1
+    # The last level's few texels are too coarse for its kernel: of that the irradiance is left.
+    last = len(known.potential) - 2
     places = np.empty((len(seen), lobes, 2))
     shares = np.empty((len(seen), lobes + 1, seen[0].flux.shape[1]))
     total, x = 0.0, None

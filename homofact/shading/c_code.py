@@ -76,7 +76,10 @@ def statement_lines(statements: Sequence[Let], prefix: str, program: Program | N
         elif expression.kind == "cube":
             direction, level = (render(operand, prefix) for operand in expression.operands)
             lines.append(f"    float {name}[{expression.dimension}];")
-            lines.append(f"    {prefix}_cube({prefix}_texture_{expression.text}, {direction}, {level}, {name});")
+            assert program is not None, "a function with textures needs their sizes"
+            levels, _, side, _ = program.shapes[int(expression.text)]
+            texture = f"{prefix}_texture_{expression.text}"
+            lines.append(f"    {prefix}_cube({texture}, {side}, {levels - 1}, {direction}, {level}, {name});")
         else:
             parts = ", ".join(render(component(expression, k), prefix) for k in range(expression.dimension))
             lines.append(

@@ -1,4 +1,4 @@
-"""A program that reads a table and a cube map with levels, printed as C99: the table in the code, the texels given.
+"""A program that reads a table and cube maps with levels, printed as C99: the table in the code, the texels given.
 
 Four floats a texel, largest level first, in each the faces +x, −x, +y, −y, +z, −z, row by row: a KTX2's levels in the
 order of its index, as floats. Read as `render.cube` says.
@@ -59,12 +59,11 @@ static float {prefix}_value(const float *level, int side, int face, int column, 
     return {prefix}_texel(level, side, face, column, row)[c];
 }}
 
-static void {prefix}_cube(const float *sky, const float d[3], float level, float *value)
+static void {prefix}_cube(const float *sky, int side, int last, const float d[3], float level, float *value)
 {{
-    const float whole = fminf(fmaxf(level, 0.0f), {last}.0f);
+    const float whole = fminf(fmaxf(level, 0.0f), (float)last);
     float s, t;
     const int low = (int)whole, face = {prefix}_face(d, &s, &t);
-    int side = {side};
     for (int k = 0; k < low; k++, side /= 2)
         sky += 24 * side * side;
     for (int c = 0; c < 3; c++)
@@ -91,11 +90,10 @@ static void {prefix}_cube(const float *sky, const float d[3], float level, float
 
 
 def c_light(program: Program, table: np.ndarray, prefix: str) -> str:
-    """One file of C99: `PREFIX_FUNCTION(sky, a, b, out)` of the program's two parameters, out three floats.
+    """One file of C99: `PREFIX_FUNCTION(texture_1, …, a, b, out)` of the program's two parameters, out three floats.
 
-    Texture 0 of the program is the `table` (rows, columns, 4), texture 1 the cube map, whose texels `sky` points to.
+    Texture 0 of the program is the `table` (rows, columns, 4), the others are cube maps, whose texels are given.
     """
-    levels, _, side, _ = program.shapes[1]
     title = "".join(f"/* {remark(line)} */\n" for line in program.title)
     given = ", ".join(f"const float {name}[3]" for name in program.parameters)
     body = "\n".join(
@@ -104,10 +102,10 @@ def c_light(program: Program, table: np.ndarray, prefix: str) -> str:
             *(f"    out[{c}] = {render(component(program.result, c), prefix)};" for c in range(3)),
         ]
     )
-    texels = f"const float *{prefix}_texture_1"
+    cubes = ", ".join(f"const float *{prefix}_texture_{k}" for k in range(1, len(program.shapes)))
     return (
         f"{title}#include <math.h>\n\n{texels_in_c(prefix, 0, table)}{LOOKUP.format(prefix=prefix, channels=4)}"
-        f"{_CUBE.format(prefix=prefix, side=side, last=levels - 1)}\n"
-        f"/* {prefix}_texture_1: the cube map's texels, four floats each, largest level first. */\n"
-        f"void {prefix}_{program.function}({texels}, {given}, float out[3])\n{{\n{body}\n}}\n"
+        f"{_CUBE.format(prefix=prefix)}\n"
+        "/* The cube maps' texels, four floats each, largest level first. */\n"
+        f"void {prefix}_{program.function}({cubes}, {given}, float out[3])\n{{\n{body}\n}}\n"
     )

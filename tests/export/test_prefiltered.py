@@ -28,14 +28,18 @@ def test_the_sky_and_the_table_are_what_the_shader_reads(form: str, read, tmp_pa
     made = export(form, table)
     made.put(tmp_path, 3)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(made.files)
-    stored, sky = made.names
+    stored, sky, lit = made.names
+    np.testing.assert_array_equal(read(tmp_path / lit)[0][..., :3].astype(np.float64), SKY.irradiance.numpy())
     assert Path(sky).suffix == (".dds" if form == "dds" else ".ktx2")
     for level, texels in zip(read(tmp_path / sky), SKY.levels, strict=True):
         np.testing.assert_array_equal(level[..., :3].astype(np.float64), texels.numpy())
         assert (level[..., 3] == 1).all()
     np.testing.assert_array_equal(FORMATS[form].read(tmp_path / stored, 4).astype(np.float64), table.numpy())
     text = (tmp_path / "prefiltered.glsl").read_text()
-    assert f"Texture 0: {stored}, 64 x 4. Texture 1: {sky}, a cube map of 32 texels a side, 3 levels" in text
+    assert (
+        f"Texture 0: {stored}, 64 x 4. Texture 1: {sky}, a cube map of 32 texels a side, 3 levels. Texture 2: {lit}"
+        in text
+    )
     assert made.nbytes == 64 * 4 * (16 if form == "exr" else 8)
 
 

@@ -43,7 +43,7 @@ def test_every_level_of_a_gradient_is_known() -> None:
     """Of 1 + s·ω the mean over cosᵖ is 1 + (p + 1)/(p + 2) s·m, on the last level E/π = 1 + ⅔ s·n."""
     slope = (0.3, 0.4, -0.2)
     chain = chain_of(gradient(slope), 64)
-    for level, alpha in zip(chain.levels, alphas_of(64), strict=True):
+    for level, alpha in zip((*chain.levels, chain.irradiance), (*alphas_of(64), 1.0), strict=True):
         power = alpha**-2
         m = directions_of(level.shape[1])
         expected = (1 + (power + 1) / (power + 2) * m @ m.new_tensor(slope))[..., None] * m.new_tensor((1, 2, 3))
@@ -79,7 +79,7 @@ def averaged(light: EnvironmentMap, towards: Tensor, alpha: float) -> Tensor:
 def test_lamps_are_averaged_as_by_brute_force() -> None:
     light = lamps(rows=128)
     chain = chain_of(light, 32)
-    for level, alpha in zip(chain.levels, alphas_of(32), strict=True):
+    for level, alpha in zip((*chain.levels, chain.irradiance), (*alphas_of(32), 1.0), strict=True):
         every = max(level[..., 0].numel() // 150, 1)
         d, found = directions_of(level.shape[1]).reshape(-1, 3)[::every], level.reshape(-1, 3)[::every]
         expected = averaged(light, d, alpha)
@@ -104,6 +104,6 @@ def test_bright_light_is_scaled_into_half_floats() -> None:
 
 def test_bytes_are_those_of_half_floats() -> None:
     chain = chain_of(EnvironmentMap.constant(2.0), 32)
-    assert chain.nbytes == 8 * 6 * (32**2 + 16**2 + 8**2)
-    for level in chain.levels:
+    assert chain.nbytes == 8 * 6 * (32**2 + 16**2 + 8**2 + 32**2)
+    for level in (*chain.levels, chain.irradiance):
         assert level.flatten().tolist() == pytest.approx([2.0] * level.numel(), rel=1e-5)
