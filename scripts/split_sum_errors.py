@@ -1,9 +1,9 @@
-"""How far the split sum of a prefiltered environment is from the exact integration: a table, and pictures of spheres.
+"""How far the split sum of a sky's chain is from the exact integration: a table, and pictures of spheres.
 
     python scripts/split_sum_errors.py [--data FOLDER] [--effort quick] [--picture PLACE.png] [--short]
 
-Relative RMS of a sphere's picture of 96² pixels against `render_filtered` of the same fit. "8 lobes" is what `homofact
-export --prefilter` writes; "1 lobe" has the lobe at normal incidence for every angle, as split sums have (Karis 2013).
+Relative RMS of a sphere's picture of 96² pixels against `render_filtered` of the same fit. "2 lobes" under a sky of 256
+texels a side is what `homofact export --prefilter` writes; beside it one lobe, and a sky of 128 texels.
 """
 
 import sys
@@ -17,19 +17,22 @@ from matplotlib.figure import Figure
 
 from homofact.brdf.source import open_source
 from homofact.evaluate.machine import machine
-from homofact.export.prefiltered import SIZE, compared, picture
+from homofact.export.prefiltered import SIZE, compared, in_halves, picture
 from homofact.files.atomic import replace_file
 from homofact.methods.search import Search
 from homofact.render.environment import read_environment
 from homofact.render.filtered import render_filtered
 from homofact.render.light import EnvironmentMap
 from homofact.render.prefilter import prefiltered
+from homofact.render.sky_chain import SIDE, chain_of
 from homofact.render.sphere import SphereImage
 from homofact.render.split_sum import response_of
 from homofact.render.tonemap import choose_exposure, tonemap
 
 NAMED = ("lafortune-blue-paint", "phong-30", "ward-brushed")
-RGL = ("vch_golden_yellow", "aurora_white")
+RGL = ("vch_golden_yellow", "aurora_white", "chm_light_blue")
+# Texels of the sky, and lobes.
+WAYS = ((SIDE, 2), (SIDE, 1), (SIDE // 2, 2))
 SKIES = ("grace_probe_latlong", "stpeters_probe_latlong", "studio_small_03_1k")
 
 
@@ -42,7 +45,7 @@ def made_up() -> EnvironmentMap:
 
 def drawn(path: Path, rows: list[tuple[str, SphereImage, SphereImage]]) -> None:
     """Each material's exact sphere, the split sum's, and the difference, in one exposure."""
-    page = Figure(figsize=(6.6, 2.2 * len(rows)), dpi=110, facecolor="white")
+    page = Figure(figsize=(6.6, 2.3 * len(rows)), dpi=110, facecolor="white")
     axes = page.subplots(len(rows), 3, squeeze=False)
     for line, (name, exact, found) in zip(axes, rows, strict=True):
         exposure = choose_exposure(exact)
@@ -76,23 +79,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.short:
         places, lights = {NAMED[1]: places[NAMED[1]]}, [made_up()]
     effort = 1.0 if options.short else options.effort
+    sides = {side for side, _ in WAYS} if not options.short else {SIDE // 4}
+    ways = [(side if side in sides else SIDE // 4, lobes) for side, lobes in WAYS]
+    skies_of = {(side, light.name): in_halves(chain_of(light, side)) for side in sides for light in lights}
     rows, spheres = [], []
     for name, place in places.items():
         source = open_source(place)
         method = Search(textures=2, size=16, epsilon=source.default_epsilon, effort=effort)
         fitted = method.fit(source.samples).factorization
-        responses = (response_of(fitted), response_of(fitted, levels=1))
+        responses = [response_of(fitted, side, lobes) for side, lobes in ways]
         seen = []
         for k, light in enumerate(lights):
             exact = render_filtered(fitted, light, SIZE)
-            found = [picture(prefiltered(response, light), SIZE) for response in responses]
+            found = [picture(prefiltered(each, skies_of[each.side, light.name]), SIZE) for each in responses]
             rows.append((name if k == 0 else "", light.name, *(figure(compared(each, exact)) for each in found)))
             seen.append((name, exact, found[0]))
         spheres.append(seen[-1])
+    sizes = ", ".join(
+        f"{skies_of[side, lights[0].name].nbytes / 2**20:.2f} MiB of {side}²" for side in sorted(sides, reverse=True)
+    )
     text = "\n\n".join(
         [
-            markdown(("material", "environment", "8 lobes", "1 lobe"), rows, 2),
-            f"Fits of two textures of 16², searched with effort {effort}."
+            markdown(
+                ("material", "environment", *(f"{side}², {lobes} lobe{'s' * (lobes > 1)}" for side, lobes in ways)),
+                rows,
+                2,
+            ),
+            f"A sky for all materials: {sizes}. Fits of two textures of 16², searched with effort {effort}."
             + (" --short: a smoke test." if options.short else "")
             + f" {machine()}",
         ]

@@ -62,7 +62,8 @@ class Image:
     """Bytes of one texture's texels or blocks, rows from the top, and WebGPU's name of their format.
 
     Formats: rgba8unorm, rgba16float, rgba32float, for BC6H bc6h-rgb-float, for labels r8uint. Of a texture array the
-    layers stand one under another, `rows` counts those of all.
+    layers stand one under another, `rows` counts those of all. A cube map has `levels`, largest first, each with its
+    six faces one under another; `rows` counts those of the first.
     """
 
     format: str
@@ -70,6 +71,14 @@ class Image:
     columns: int
     data: bytes
     layers: int = 0
+    levels: int = 0
+
+    @classmethod
+    def cube(cls, levels: Sequence[np.ndarray]) -> "Image":
+        """Levels (6, N, N, 3) of a cube map as float32."""
+        wide = [np.concatenate((level, np.ones_like(level[..., :1])), -1).astype(np.float32) for level in levels]
+        side = levels[0].shape[1]
+        return cls("rgba32float", 6 * side, side, b"".join(each.tobytes() for each in wide), 6, len(levels))
 
     @classmethod
     def of(cls, texels: np.ndarray) -> "Image":
@@ -111,7 +120,7 @@ class Gpu:
         module = self.compiled(code)
         pipeline = self.device.create_compute_pipeline(layout="auto", compute={"module": module, "entry_point": "main"})
         own = [{"binding": k, "resource": self._uploaded(image)} for k, image in enumerate(images)]
-        sampler = self.device.create_sampler(mag_filter="linear", min_filter="linear")
+        sampler = self.device.create_sampler(mag_filter="linear", min_filter="linear", mipmap_filter="linear")
         if sampler_at is not None:
             own.append({"binding": sampler_at, "resource": sampler})
         count = len(wi)
@@ -138,16 +147,23 @@ class Gpu:
         return self.device.create_buffer_with_data(data=wide, usage=self.wgpu.BufferUsage.STORAGE)
 
     def _uploaded(self, image: Image):
-        count = max(image.layers, 1)
+        count, levels = max(image.layers, 1), max(image.levels, 1)
         size = (image.columns, image.rows // count, count)
         usage = self.wgpu.TextureUsage.TEXTURE_BINDING | self.wgpu.TextureUsage.COPY_DST
-        texture = self.device.create_texture(size=size, format=image.format, usage=usage)
-        # A row of blocks is 16 bytes for 4 columns.
-        pitch = image.columns * _BYTES.get(image.format, 4)
-        rows = (image.rows if image.format in _BYTES else image.rows // 4) // count
-        layout = {"bytes_per_row": pitch, "rows_per_image": rows}
-        self.device.queue.write_texture({"texture": texture}, image.data, layout, size)
-        return texture.create_view(dimension="2d-array" if image.layers else "2d")
+        texture = self.device.create_texture(size=size, format=image.format, usage=usage, mip_level_count=levels)
+        at = 0
+        for level in range(levels):
+            columns, rows = size[0] >> level, size[1] >> level
+            # A row of blocks is 16 bytes for 4 columns.
+            pitch = columns * _BYTES.get(image.format, 4)
+            rows_stored = rows if image.format in _BYTES else rows // 4
+            layout = {"bytes_per_row": pitch, "rows_per_image": rows_stored}
+            whole = pitch * rows_stored * count
+            place = {"texture": texture, "mip_level": level}
+            self.device.queue.write_texture(place, image.data[at : at + whole], layout, (columns, rows, count))
+            at += whole
+        assert at == len(image.data)
+        return texture.create_view(dimension="cube" if image.levels else "2d-array" if image.layers else "2d")
 
 
 def glslang(code: str, folder: Path, stage: str, *options: str) -> bytes:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from homofact.factor.fitted import Fitted
 
 HTML = "html"
+SKY_SIDE = 256  # as `render.sky_chain.SIDE`, which help must not load
 
 
 def export(
@@ -61,7 +62,17 @@ def export(
         Path | None,
         typer.Option(
             metavar="SKY",
-            help="Filter this lat-long .hdr or .exr for the material too: textures and shaders of a split sum.",
+            help="Filter this lat-long .hdr or .exr too: a cube map with levels for all materials, this one's table and"
+            " shaders of a split sum.",
+            show_default=False,
+        ),
+    ] = None,
+    prefilter_side: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help=f"Texels a side of the filtered sky's faces, a power of two, {SKY_SIDE} unless given: how sharp"
+            " reflections get.",
             show_default=False,
         ),
     ] = None,
@@ -76,8 +87,9 @@ def export(
     brdf.c, each with homofact_evaluate(wi, wo), homofact_sample(wo, u) and
     homofact_density(wi, wo), and manifest.json with all that a loader
     needs. The error is that of the stored texels.
-    With --prefilter there are prefiltered.glsl, .hlsl and .wgsl as well,
-    each with homofact_light_reflected(n, wo), and their two textures.
+    With --prefilter there are prefiltered.glsl, .hlsl, .wgsl and .c as
+    well, each with homofact_light_reflected(n, wo), the material's table
+    and the sky, which is the same for every material.
     """
     if engine is not None and form == HTML:
         raise BadInput(f"format: found {HTML} with --engine {engine}, expected a format of textures")
@@ -86,6 +98,8 @@ def export(
         raise BadInput(f"quantize: found {quantize!r}, expected png8 or png16")
     if quantize is not None and quantize != name:
         raise BadInput(f"format: found {name!r} with --quantize {quantize}, expected {quantize}")
+    if prefilter_side is not None and prefilter is None:
+        raise BadInput("prefilter-side: found it without --prefilter, expected a sky to filter")
     if name == HTML and prefilter is not None:
         raise BadInput("prefilter: found --format html, expected a format of textures")
     if name == HTML:
@@ -106,6 +120,7 @@ def export(
     from homofact.export.result import open_result
     from homofact.factor.quantize import is_solved
     from homofact.render.environment import read_environment
+    from homofact.render.sky_chain import check_side
     from homofact.shading.mixture_fit import fitted_mixture
 
     of_engine = None
@@ -115,6 +130,8 @@ def export(
         of_engine, name = engine_named(engine, form or quantize)
     chosen = format_named(name)
     check_export_folder(to, force)
+    side = SKY_SIDE if prefilter_side is None else prefilter_side
+    check_side(side)
     light = None if prefilter is None else read_environment(prefilter)
     screen = Screen(as_json, quiet)
     with claimed(to), screen.bar() as bar:
@@ -140,7 +157,7 @@ def export(
         made = replace(made, sampling=fitted_mixture(made.stored))
         if light is not None:
             bar.stage("filtering the environment")
-            made = replace(made, prefiltered=prefiltered_export(made.stored, light, chosen))
+            made = replace(made, prefiltered=prefiltered_export(made.stored, light, chosen, side))
         bar.stage("measuring and writing")
         errors = {label: _errors(each, fitted, samples) for label, each in rows.items()}
         more: dict[str, str | bytes] = {}

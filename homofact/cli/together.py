@@ -25,9 +25,9 @@ def svbrdf_of(file: Path, out: Path, screen: Screen) -> None:
     with claimed(out), screen.bar() as bar:
         opened = read_asked(asked, lambda words: bar.stage(f"reading {words}"))
         fit = fit_clusters(opened, bar, bar.run)
-        bar.stage("writing")
+        bar.stage("fitting lobes to draw from, and writing")
         record = write_clusters(out, fit)
-    screen.show(cluster_table(record), total_line(record))
+    screen.show(cluster_table(record), total_line(record), noise_table(record))
     screen.show(
         f"{out}: svbrdf.npz, texture arrays, brdf.glsl, brdf.hlsl, brdf.wgsl, brdf.c, labels.png, manifest.json"
     )
@@ -60,6 +60,15 @@ def total_line(record: dict[str, Any]) -> str:
         f"Together {shared['bytes']} bytes in one program, mean log mse {figure(shared['log_mse'])};"
         f" alone {alone['bytes']} bytes in {alone['programs']} programs, {figure(alone['log_mse'])}"
     )
+
+
+def noise_table(record: dict[str, Any]) -> Table:
+    """The noise of directions drawn by homofact_sample for each label, by the viewer's angle."""
+    table = plain_table("Relative variance of one direction drawn by homofact_sample (by the cosine), viewer at")
+    add_figures(table, "label", *(f"{each['angle']:.0f}°" for each in record["clusters"][0]["noise"]))
+    for label, cluster in enumerate(record["clusters"]):
+        table.add_row(str(label), *(f"{each['variance']:.2g} ({each['cosine']:.2g})" for each in cluster["noise"]))
+    return table
 
 
 def basis_of(file: Path, count: int, out: Path, screen: Screen) -> None:

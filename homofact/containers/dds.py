@@ -1,19 +1,21 @@
-"""DDS files with the DX10 header: RGBA16F and BC6H textures and texture arrays, one 2D level.
+"""DDS files with the DX10 header: RGBA16F and BC6H textures and texture arrays, one 2D level; RGBA16F cube maps.
 
 Laid out as Microsoft's "Programming Guide for DDS" has it, all little-endian: the magic "DDS ", DDS_HEADER (124
 bytes, of which DDS_PIXELFORMAT 32), DDS_HEADER_DXT10 (20 bytes), then the rows, top one first, without padding; those
 of an array's layers follow each other, and height and pitch are of one. The format is the DXGI_FORMAT of the DX10
 header, which the four-character code DX10 announces. Its miscFlags2 stays 0, since D3DX refuses any alpha mode; the
-alpha of a texture here is no transparency.
+alpha of a texture here is no transparency. A cube map has its faces +x, −x, +y, −y, +z, −z one after another, each with
+all its levels, largest first.
 """
 
 import os
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 
 from homofact.containers.bc6h import decode_bc6h, encode_bc6h
-from homofact.containers.pixels import finite_pixels, layer_rows, whole_shape
+from homofact.containers.pixels import finite_levels, finite_pixels, layer_rows, whole_shape
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.files.reading import read_bytes
@@ -25,6 +27,8 @@ DXGI_FORMAT_BC6H_SF16 = 96
 _FLAGS = 0x1 | 0x2 | 0x4 | 0x1000
 _PITCH, _LINEAR_SIZE = 0x8, 0x80000
 _DDPF_FOURCC, _DDSCAPS_TEXTURE, _TEXTURE_2D = 0x4, 0x1000, 3
+# Of a cube map: DDSD_MIPMAPCOUNT; DDSCAPS_COMPLEX and MIPMAP; DDSCAPS2_CUBEMAP with all faces; the DX10 header's flag.
+_MIPMAP_COUNT, _COMPLEX, _CUBE, _TEXTURECUBE, _FACES = 0x20000, 0x8 | 0x400000, 0x200 | 0xFC00, 0x4, 6
 # Magic; size, flags, height, width, pitch, depth, mipmaps, 11 reserved; pixel format: size, flags, code, bits and
 # 4 masks; 4 caps, 1 reserved; DX10: format, dimension, flags, array size, flags 2.
 _HEADER = struct.Struct("<4s 7I 44x 2I 4s 20x 5I 5I")
@@ -55,6 +59,49 @@ def write_dds_bc6h(path: str | os.PathLike[str], pixels: np.ndarray, layers: int
     blocks = [encode_bc6h(part, str(path)) for part in parts]
     header = _header(rows, columns, layers, _LINEAR_SIZE, len(blocks[0]), DXGI_FORMAT_BC6H_SF16)
     write_bytes(path, header + b"".join(blocks))
+
+
+def write_dds_cube(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -> None:
+    """Write floating levels (6, N, N, 4), largest first, as a cube map of DXGI_FORMAT_R16G16B16A16_FLOAT.
+
+    Raises BadInput as `write_dds`, and where levels do not have half the side of the one before.
+    """
+    parts = finite_levels(path, levels)
+    texels = b"".join(part[face].tobytes() for face in range(_FACES) for part in parts)
+    write_bytes(path, _cube_header(parts[0].shape[1], len(parts)) + texels)
+
+
+def read_dds_cube(path: str | os.PathLike[str]) -> list[np.ndarray]:
+    """The levels (6, N, N, 4) float16, largest first, of a cube map that this module wrote.
+
+    Raises BadInput for a file that cannot be read, is no such DDS, or is truncated or padded.
+    """
+    data = read_bytes(path, "a DDS texture")
+    if data[:4] != b"DDS " or len(data) < _HEADER.size:
+        raise BadInput(f"{path}: {len(data)} bytes that start with {data[:4]!r}, expected a DDS cube map")
+    fields = _HEADER.unpack_from(data)
+    side, count = fields[3], fields[7]
+    if not 1 <= count <= max(side, 1).bit_length() or data[: _HEADER.size] != _cube_header(side, count):
+        raise BadInput(
+            f"{path}: a header of {fields[4]} x {side} texels that is not of a cube map of halves, expected one"
+        )
+    sides = [side >> k for k in range(count)]
+    size = _FACES * sum(own * own * 8 for own in sides)
+    if len(data) != _HEADER.size + size:
+        raise BadInput(f"{path}: found {len(data) - _HEADER.size} bytes of texels, expected {size}")
+    faces = np.frombuffer(data, "<f2", offset=_HEADER.size).reshape(_FACES, -1).astype(np.float16)
+    levels, at = [], 0
+    for own in sides:
+        levels.append(np.ascontiguousarray(faces[:, at : at + own * own * 4]).reshape(_FACES, own, own, 4))
+        at += own * own * 4
+    return levels
+
+
+def _cube_header(side: int, levels: int) -> bytes:
+    surface = (124, _FLAGS | _PITCH | _MIPMAP_COUNT, side, side, side * 8, 0, levels)
+    caps = (_DDSCAPS_TEXTURE | _COMPLEX, _CUBE, 0, 0, 0)
+    last = (DXGI_FORMAT_R16G16B16A16_FLOAT, _TEXTURE_2D, _TEXTURECUBE, 1, 0)
+    return _HEADER.pack(b"DDS ", *surface, 32, _DDPF_FOURCC, b"DX10", *caps, *last)
 
 
 def read_dds(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""KTX2 files: RGBA16F and BC6H textures and texture arrays, one 2D level, uncompressed as a file.
+"""KTX2 files, not compressed as files: RGBA16F and BC6H textures and arrays, one level; RGBA16F cube maps with levels.
 
 Laid out as the Khronos KTX File Format Specification 2.0 has it, all little-endian:
 
@@ -7,29 +7,30 @@ Laid out as the Khronos KTX File Format Specification 2.0 has it, all little-end
 | 12 | identifier |
 | 36 | vkFormat, typeSize, pixelWidth, pixelHeight, pixelDepth, layerCount, faceCount, levelCount, supercompression |
 | 32 | offset and length of the data format descriptor, the key/value data, the (absent) global data |
-| 24 | level index: offset, length, uncompressed length |
+| 24 a level | level index, largest first: offset, length, uncompressed length |
 | 92 or 44 | data format descriptor: its total size and one basic block of version 2 with 4 samples or 1 |
 | … | key/value data sorted by key, each entry padded to 4 bytes |
-| … | zeros up to a multiple of lcm(texel block size, 4), then the rows, top one first, without padding |
+| … | level by level, smallest first: zeros up to a multiple of lcm(texel block size, 4), then the rows, top one first |
 
 The descriptor (Khronos Data Format Specification, chapter 5) says what a loader without a table of formats needs: per
 channel the bit offset and length − 1, the channel's number with the float and signed bits, and as lower and upper the
 floats −1 and 1. The transfer function is linear and the colour primaries unspecified: a logarithm is no colour, and a
 loader must neither decode nor convert it. `pixelDepth` is 0, `faceCount` and `levelCount` 1; `layerCount` is 0 of a
 texture and the number of layers of an array, which follow each other. A one-dimensional texture is a 2D texture of
-one row.
+one row. A cube map has 6 faces, in every level +x, −x, +y, −y, +z, −z (laid out as `render.cube` has it), and as many
+levels as are given, each of half the side of the one before.
 """
 
 import os
 import re
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from homofact.containers.bc6h import decode_bc6h, encode_bc6h
-from homofact.containers.pixels import finite_pixels, layer_rows, whole_shape
+from homofact.containers.pixels import finite_levels, finite_pixels, layer_rows, whole_shape
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.files.reading import read_bytes
@@ -38,8 +39,9 @@ IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 VK_FORMAT_R16G16B16A16_SFLOAT = 97
 VK_FORMAT_BC6H_SFLOAT_BLOCK = 144
 
-# Identifier; 9 header fields; 4 index fields and 2 long ones; one level.
-_HEADER = struct.Struct("<12s 9I 4I 2Q 3Q")
+# Identifier; 9 header fields; 4 index fields and 2 long ones. And of every level.
+_HEADER, _LEVEL = struct.Struct("<12s 9I 4I 2Q"), struct.Struct("<3Q")
+_FACES = 6
 _MODEL_RGBSDA, _MODEL_BC6H, _TRANSFER_LINEAR, _PRIMARIES_UNSPECIFIED = 1, 133, 1, 0
 _FLOAT, _SIGNED, _ALPHA = 0x80, 0x40, 15
 # Keys that begin with KTX are reserved; these two have a meaning for a plain 2D texture.
@@ -92,7 +94,20 @@ def write_ktx2(
     """
     whole_shape(path, pixels, (4,))
     stored = finite_pixels(path, pixels, np.float16)
-    _write(path, _RGBA16F, stored, layers, stored.tobytes(), key_values or {})
+    rows, columns = layer_rows(path, len(pixels), layers), pixels.shape[1]
+    _write(path, _RGBA16F, (columns, rows, 0, _layer_count(layers), 1), [stored.tobytes()], key_values or {})
+
+
+def write_ktx2_cube(
+    path: str | os.PathLike[str], levels: Sequence[np.ndarray], key_values: Mapping[str, str] | None = None
+) -> None:
+    """Write floating levels (6, N, N, 4), largest first, as a cube map of RGBA16F, rounded to float16.
+
+    Raises BadInput as `write_ktx2`, and where levels do not have half the side of the one before.
+    """
+    parts = [part.tobytes() for part in finite_levels(path, levels)]
+    side = levels[0].shape[1]
+    _write(path, _RGBA16F, (side, side, 0, 0, _FACES), parts, key_values or {})
 
 
 def write_ktx2_bc6h(
@@ -104,7 +119,7 @@ def write_ktx2_bc6h(
     """
     whole_shape(path, pixels, (3,))
     blocks = encode_bc6h(finite_pixels(path, pixels, np.float16), str(path))
-    _write(path, _BC6H, pixels, 1, blocks, key_values or {})
+    _write(path, _BC6H, (pixels.shape[1], len(pixels), 0, 0, 1), [blocks], key_values or {})
 
 
 def read_ktx2(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
@@ -113,10 +128,22 @@ def read_ktx2(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no
     such KTX2, has another number of layers, or is truncated or padded.
     """
-    layout, rows, columns, _, texels = _read(path, layers)
+    layout, rows, columns, _, (texels,) = _read(path, layers)
     if layout is _BC6H:
         return decode_bc6h(texels, rows, columns, str(path))
     return np.frombuffer(texels, "<f2").reshape(rows, columns, 4).astype(np.float16)
+
+
+def read_ktx2_cube(path: str | os.PathLike[str]) -> list[np.ndarray]:
+    """The levels (6, N, N, 4) float16, largest first, of a cube map that this module wrote.
+
+    Raises BadInput as `read_ktx2`.
+    """
+    _, side, _, _, texels = _read(path, faces=_FACES)
+    return [
+        np.frombuffer(part, "<f2").reshape(_FACES, side >> k, side >> k, 4).astype(np.float16)
+        for k, part in enumerate(texels)
+    ]
 
 
 def read_ktx2_key_values(path: str | os.PathLike[str]) -> dict[str, str]:
@@ -127,22 +154,33 @@ def read_ktx2_key_values(path: str | os.PathLike[str]) -> dict[str, str]:
 def _write(
     path: str | os.PathLike[str],
     layout: _Layout,
-    pixels: np.ndarray,
-    layers: int,
-    texels: bytes,
+    size: tuple[int, int, int, int, int],
+    levels: Sequence[bytes],
     key_values: Mapping[str, str],
 ) -> None:
-    rows, columns = layer_rows(path, len(pixels), layers), pixels.shape[1]
+    """Of `size` (columns, rows, depth, layers, faces) the levels' texels, largest first."""
     descriptor = layout.descriptor()
     pairs = _packed(path, key_values)
-    start = _HEADER.size + len(descriptor) + len(pairs)
-    # Both block sizes are multiples of 4 already.
-    padding = -start % layout.block_bytes
-    level = (start + padding, len(texels), len(texels))
-    index = (_HEADER.size, len(descriptor), _HEADER.size + len(descriptor) if pairs else 0, len(pairs), 0, 0)
-    header = (layout.vk_format, layout.type_size, columns, rows, 0, _layer_count(layers), 1, 1, 0)
-    data = _HEADER.pack(IDENTIFIER, *header, *index, *level) + descriptor + pairs + bytes(padding) + texels
-    write_bytes(path, data)
+    before = _HEADER.size + _LEVEL.size * len(levels)
+    places, texels = _placed(layout, before + len(descriptor) + len(pairs), [len(each) for each in levels]), b""
+    for k in reversed(range(len(levels))):
+        padding = places[k] - before - len(descriptor) - len(pairs) - len(texels)
+        texels += bytes(padding) + levels[k]
+    index = (before, len(descriptor), before + len(descriptor) if pairs else 0, len(pairs), 0, 0)
+    header = (layout.vk_format, layout.type_size, *size, len(levels), 0)
+    data = _HEADER.pack(IDENTIFIER, *header, *index)
+    data += b"".join(_LEVEL.pack(at, len(each), len(each)) for at, each in zip(places, levels, strict=True))
+    write_bytes(path, data + descriptor + pairs + texels)
+
+
+def _placed(layout: _Layout, start: int, lengths: Sequence[int]) -> list[int]:
+    """Where each level begins: the last one first, behind `start`, each at a multiple of the block's size."""
+    places = [0] * len(lengths)
+    for k in reversed(range(len(lengths))):
+        # Both block sizes are multiples of 4 already.
+        places[k] = start + -start % layout.block_bytes
+        start = places[k] + lengths[k]
+    return places
 
 
 def _packed(path: str | os.PathLike[str], key_values: Mapping[str, str]) -> bytes:
@@ -164,35 +202,46 @@ def _layer_count(layers: int) -> int:
     return layers if layers > 1 else 0
 
 
-def _read(path: str | os.PathLike[str], layers: int = 1) -> tuple[_Layout, int, int, dict[str, str], bytes]:
+def _read(
+    path: str | os.PathLike[str], layers: int = 1, faces: int = 1
+) -> tuple[_Layout, int, int, dict[str, str], list[bytes]]:
     data = read_bytes(path, "a KTX2 texture")
     if data[:12] != IDENTIFIER:
         raise BadInput(f"{path}: starts with {data[:12]!r}, expected a KTX2 texture ({IDENTIFIER!r})")
-    if len(data) < _HEADER.size:
-        raise BadInput(f"{path}: ends after {len(data)} bytes, expected a header of {_HEADER.size}")
+    if len(data) < _HEADER.size + _LEVEL.size:
+        wanted = _HEADER.size + _LEVEL.size
+        raise BadInput(f"{path}: ends after {len(data)} bytes, expected a header of {wanted}")
     fields = _HEADER.unpack_from(data)
     vk_format, type_size, columns, rows, *plain = fields[1:10]
-    d0, dn, k0, kn, g0, gn, start, length, whole = fields[10:]
+    d0, dn, k0, kn, g0, gn = fields[10:]
     layout = {each.vk_format: each for each in (_RGBA16F, _BC6H)}.get(vk_format)
     if layout is None:
         wanted = f"{_RGBA16F.vk_format} (R16G16B16A16_SFLOAT) or {_BC6H.vk_format} (BC6H_SFLOAT_BLOCK)"
         raise BadInput(f"{path}: vkFormat {vk_format}, expected {wanted}")
-    expected = [0, _layer_count(layers), 1, 1, 0]
-    if plain != expected or 0 in (rows, columns):
+    count = plain[3] if faces > 1 else 1
+    expected = [0, _layer_count(layers), faces, count, 0]
+    square = layout is _RGBA16F and rows == columns and 1 <= count <= columns.bit_length()
+    if plain != expected or 0 in (rows, columns) or (faces > 1 and not square):
         found = f"{columns} x {rows} texels, depth, layers, faces, levels, supercompression {plain}"
-        raise BadInput(f"{path}: {found}, expected one plain 2D level {expected}")
-    descriptor = layout.descriptor()
-    if type_size != layout.type_size or (d0, dn) != (_HEADER.size, len(descriptor)) or data[d0 : d0 + dn] != descriptor:
-        where = f"expected it at byte {_HEADER.size}"
+        kind = "one plain 2D level" if faces == 1 else "a square cube map of halves and its levels"
+        raise BadInput(f"{path}: {found}, expected {kind} {expected}")
+    before, descriptor = _HEADER.size + _LEVEL.size * count, layout.descriptor()
+    if type_size != layout.type_size or (d0, dn) != (before, len(descriptor)) or data[d0 : d0 + dn] != descriptor:
+        where = f"expected it at byte {before}"
         raise BadInput(f"{path}: the data format descriptor is not that of vkFormat {vk_format}, {where}")
     after = d0 + dn
-    size = layers * layout.nbytes(rows, columns)
-    if (k0, g0, gn) != (after if kn else 0, 0, 0) or start != after + kn + -(after + kn) % layout.block_bytes:
-        raise BadInput(f"{path}: key/value data at {k0}, texels at {start}, expected them to follow the descriptor")
-    if length != size or whole != size or len(data) != start + size:
-        found = f"{max(0, len(data) - start)} bytes of texels for {columns} x {rows}, indexed as {length}"
-        raise BadInput(f"{path}: found {found}, expected {size}")
-    return layout, layers * rows, columns, _unpacked(path, data[after : after + kn]), data[start:]
+    sizes = [layers * faces * layout.nbytes(rows >> k, columns >> k) for k in range(count)]
+    places = _placed(layout, after + kn, sizes)
+    index = [_LEVEL.unpack_from(data, _HEADER.size + _LEVEL.size * k) for k in range(count)]
+    if (k0, g0, gn) != (after if kn else 0, 0, 0) or [each[0] for each in index] != places:
+        at = ", ".join(str(each[0]) for each in index)
+        raise BadInput(f"{path}: key/value data at {k0}, texels at {at}, expected them to follow the descriptor")
+    for size, (start, length, whole) in zip(sizes, index, strict=True):
+        if length != size or whole != size or (start == places[0] and len(data) != start + size):
+            found = f"{max(0, len(data) - start)} bytes of texels for {columns} x {rows}, indexed as {length}"
+            raise BadInput(f"{path}: found {found}, expected {size}")
+    texels = [data[start : start + size] for start, size in zip(places, sizes, strict=True)]
+    return layout, layers * rows, columns, _unpacked(path, data[after : after + kn]), texels
 
 
 def _unpacked(path: str | os.PathLike[str], packed: bytes) -> dict[str, str]:

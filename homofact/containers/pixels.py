@@ -1,6 +1,7 @@
 """What every container shares: the check that pixels are whole and finite as stored."""
 
 import os
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -38,3 +39,22 @@ def layer_rows(path: str | os.PathLike[str], rows: int, layers: int) -> int:
     if layers < 1 or rows % layers:
         raise BadInput(f"{path}: found {rows} rows, expected as many in each of {layers} layers")
     return rows // layers
+
+
+def finite_levels(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Levels (6, N, N, 4) of a cube map, largest first, as float16.
+
+    Raises BadInput as `finite_pixels`, and where a level is not made of six squares or has not half the side of the
+    one before.
+    """
+    if not levels:
+        raise BadInput(f"{path}: found no levels of a cube map, expected at least one")
+    found = []
+    for k, level in enumerate(levels):
+        side = levels[0].shape[1] >> k if levels[0].ndim == 4 else 0
+        if level.shape != (6, side, side, 4) or not side:
+            wanted = "(6, N, N, 4), N half of that of the level before"
+            raise BadInput(f"{path}: found level {k} of shape {level.shape}, expected {wanted}")
+        stored = finite_pixels(path, level.reshape(6 * side, side, 4), np.float16)
+        found.append(stored.reshape(6, side, side, 4))
+    return found

@@ -47,6 +47,7 @@ SAMPLER = (
     "bilinear, clamped to the edge, no mipmaps; the first row of the file is row 0 at v = 0, a texel's centre is at"
     " ((column + 1/2)/columns, (row + 1/2)/rows)"
 )
+SAMPLING = ["homofact_sample", "homofact_density"]
 # How engines call the stored texels.
 _WORDS = {
     "float32": "32-bit float", "float16": "16-bit float", "unorm8": "8-bit UNORM, not sRGB",
@@ -179,15 +180,17 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _sampling_code(made: Exported) -> dict[str, Any]:
-    return {} if made.sampling is None else {"sampling": ["homofact_sample", "homofact_density"]}
+    return {} if made.sampling is None else {"sampling": SAMPLING}
 
 
 def _sampling(made: Exported) -> dict[str, Any]:
-    """The mixture, and how well it does."""
-    if made.sampling is None:
-        return {}
-    found = [each.record() for each in noise_at_angles(made.stored, made.sampling)]
-    return {"sampling": made.sampling.describe() | {"measured": found, "meaning": MEANING}}
+    return {} if made.sampling is None else {"sampling": sampling_record(made.stored, made.sampling)}
+
+
+def sampling_record(stored: Reflectance, mixture: LobeMixture) -> dict[str, Any]:
+    """The mixture, and how well it does; JSON-able."""
+    found = [each.record() for each in noise_at_angles(stored, mixture)]
+    return mixture.describe() | {"measured": found, "meaning": MEANING}
 
 
 def _codes(made: Exported) -> dict[str, str]:

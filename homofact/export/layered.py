@@ -17,15 +17,18 @@ from homofact.containers.formats import Format
 from homofact.containers.png import write_png
 from homofact.errors import BadInput
 from homofact.evaluate.split import without_places
-from homofact.export.exported import MANIFEST, SAMPLER, STORAGE
+from homofact.export.exported import MANIFEST, SAMPLER, SAMPLING, STORAGE, sampling_record
 from homofact.export.manifest import conventions, write_json
 from homofact.factor.layered import Layered
 from homofact.files.atomic import write_text
 from homofact.shading.c_code import c_source
 from homofact.shading.cost import Cost, cost_of
 from homofact.shading.encoding import Encoded, as_floats, encode
+from homofact.shading.functions import functions_in_c, functions_text, sampling_of_layers
 from homofact.shading.labels import label_lookup, label_lookup_in_c
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
+from homofact.shading.lobe_mixture import LobeMixture
+from homofact.shading.mixture_fit import fitted_mixture
 from homofact.shading.program import Program, program_of
 from homofact.version import __version__
 
@@ -38,13 +41,17 @@ LABEL = "8-bit whole numbers, the layer at each texel; read the texel that (u, v
 
 @dataclass(frozen=True)
 class LayeredExport:
-    """Layers as they will be stored: `stored` with the texels that a sampler finds, `textures` the arrays."""
+    """Layers as they will be stored: `stored` with the texels that a sampler finds, `textures` the arrays.
+
+    With `sampling`, a mixture for each layer, the shaders have its functions too.
+    """
 
     stored: Layered
     textures: tuple[Encoded, ...]
     program: Program
     cost: Cost
     format: Format
+    sampling: tuple[LobeMixture, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -71,23 +78,35 @@ def exported_layers(fit: Layered, form: Format) -> LayeredExport:
     return LayeredExport(stored, tuple(textures), program, cost_of(program, nbytes), form)
 
 
+def with_sampling(made: LayeredExport) -> LayeredExport:
+    """With a mixture fitted to each layer's stored texels."""
+    return replace(made, sampling=tuple(fitted_mixture(layer) for layer in made.stored.layers))
+
+
 def codes(made: LayeredExport) -> dict[str, str]:
-    """The text of each program by file name: `homofact_evaluate(wi, wo, layer)` and `homofact_layer(uv)`."""
+    """The text of each program by file name.
+
+    `homofact_evaluate(wi, wo, layer)`, `homofact_layer(uv)` and, of what has a sampling, `homofact_sample(wo, u,
+    layer)` and `homofact_density(wi, wo, layer)`.
+    """
     lines = (f"Labels: {LABELS}, 8-bit whole numbers, not normalised; no sampler.",)
     program = replace(made.program, title=(*made.program.title, *lines))
     count = len(made.textures)
+    more = sampling_of_layers(made.sampling) if made.sampling else ()
     texts = {
-        f"brdf{language.suffix}": shader(program, language) + label_lookup(language, count)
+        f"brdf{language.suffix}": shader(program, language)
+        + label_lookup(language, count)
+        + functions_text(more, language)
         for language in (GLSL, HLSL, WGSL)
     }
     plain = [as_floats(texture.decoded()) for texture in made.textures]
     decoded = program_of(made.stored.layers[0], plain, layers=made.stored.transforms)
     code = c_source(decoded, [texture.stored for texture in plain])
-    return texts | {"brdf.c": code + label_lookup_in_c()}
+    return texts | {"brdf.c": code + label_lookup_in_c() + functions_in_c(more)}
 
 
-def put_layers(place: Path, made: LayeredExport, labels: np.ndarray) -> None:
-    """Write arrays, shaders, labels (rows, columns) and manifest into a folder that is being filled."""
+def put_layers(place: Path, made: LayeredExport, labels: np.ndarray) -> dict[str, Any]:
+    """Write arrays, shaders, labels (rows, columns) and manifest into a folder that is being filled; the manifest."""
     for name, texture in zip(made.names, made.textures, strict=True):
         made.format.write(
             place / name,
@@ -99,7 +118,9 @@ def put_layers(place: Path, made: LayeredExport, labels: np.ndarray) -> None:
     for name, text in texts.items():
         write_text(place / name, text)
     write_png(place / LABELS, labels.astype(np.uint8)[..., None])
-    write_json(place / MANIFEST, _manifest(made, labels, list(texts)))
+    description = _manifest(made, labels, list(texts))
+    write_json(place / MANIFEST, description)
+    return description
 
 
 def _manifest(made: LayeredExport, labels: np.ndarray, files: list[str]) -> dict[str, Any]:
@@ -132,11 +153,13 @@ def _manifest(made: LayeredExport, labels: np.ndarray, files: list[str]) -> dict
                 "A": layer.transform.mean.tolist(),
                 "masks": [term["mask"] for term in own["terms"]],
                 "provenance": without_places(layer.provenance),
+                **({"sampling": sampling_record(layer, made.sampling[k])} if made.sampling else {}),
             }
-            for layer, own in zip(layers, described, strict=True)
+            for k, (layer, own) in enumerate(zip(layers, described, strict=True))
         ],
         "labels": {"file": LABELS, "rows": int(labels.shape[0]), "columns": int(labels.shape[1]), "meaning": LABEL},
-        "code": {"functions": ["homofact_evaluate", "homofact_layer"], "files": files},
+        "code": {"functions": ["homofact_evaluate", "homofact_layer"], "files": files}
+        | ({"sampling": SAMPLING} if made.sampling else {}),
         "cost": made.cost.record(),
         "conventions": conventions(described[0]) | {"storage": STORAGE, "sampler": SAMPLER, "arrays": ARRAY},
     }

@@ -28,7 +28,7 @@ BASIS = FolderKind("shared basis", "basis.npz")
 PREPARED = FolderKind("prepared scene", "edit.npz")
 _OURS = re.compile(
     r"factorization\.npz|manifest\.json|report\.json|compare\.png|view\.html|brdf\.(glsl|hlsl|wgsl|c)"
-    r"|(relight|edit|svbrdf|basis)\.(npz|json)|labels\.png|picture_\d+\.png"
+    r"|prefiltered(_table|_irradiance)?\.[a-z0-9]+|(relight|edit|svbrdf|basis)\.(npz|json)|labels\.png|picture_\d+\.png"
     r"|(texture_\d+|term_\d+_(first|second))(_deviation)?(\.[a-z0-9]+)+"
 )
 # Of an export for an engine: names that a person may have given to files of other folders.

@@ -15,15 +15,18 @@ FUNCTIONS = (
     "sqrt", "abs", "exp", "log", "asinh", "cos", "sin", "atan2", "floor", "fract", "dot", "max", "min", "step",
 )  # fmt: skip
 _AXES = "xyzw"
+# By name, the rows of tables of constants: one for each layer.
+Tables = tuple[tuple[str, tuple[tuple[float, ...], ...]], ...]
 
 
 @dataclass(frozen=True)
 class Expression:
-    """A node: `kind` is "constant", "name", "swizzle", "vector", "fetch", "table", an infix operator or a function.
+    """A node: `kind` is "constant", "name", "swizzle", "vector", "fetch", "cube", "table", an operator or a function.
 
     `dimension` is 1 for a scalar, else the number of components. `values` are a constant's, `text` a name, the letters
-    of a swizzle, the number of the texture that a fetch reads at its one operand, or the name of a table that is read
-    at the layer (its component `values[0]` where it was taken apart).
+    of a swizzle, the number of the texture that a fetch reads at its one operand and a cube in the direction and at the
+    level that its two are, or the name of a table that is read at the layer (its component `values[0]` where it was
+    taken apart).
     """
 
     kind: str
@@ -108,6 +111,11 @@ def fetch(texture: int, uv: Expression, channels: int) -> Expression:
     return Expression("fetch", channels, (uv,), text=str(texture))
 
 
+def cube(texture: int, direction: Expression, level: Expression, channels: int) -> Expression:
+    """The cube map's value in a direction (3,) of any length above 0, linear also between its levels."""
+    return Expression("cube", channels, (direction, level), text=str(texture))
+
+
 def table(name: str, dimension: int) -> Expression:
     """The row of a program's table that belongs to the layer."""
     return Expression("table", dimension, text=name)
@@ -124,7 +132,7 @@ def _infix(operator: str, left: Expression, right: Expression) -> Expression:
 def component(expression: Expression, k: int) -> Expression:
     """The scalar expression of component k: names become swizzles, everything else is taken apart.
 
-    A fetch has no components: its statement is printed whole.
+    A fetch or cube has no components: its statement is printed whole.
     """
     kind, operands = expression.kind, expression.operands
     if expression.dimension == 1 and kind != "dot":
@@ -174,10 +182,11 @@ def needed(statements: Sequence[Let], result: Expression) -> tuple[Let, ...]:
     return tuple(reversed(kept))
 
 
-def substituted(expression: Expression, values: Mapping[str, tuple[float, ...]]) -> Expression:
-    """The expression with these names replaced by constants; a component of one is a constant too."""
+def substituted(expression: Expression, values: Mapping[str, tuple[float, ...] | Expression]) -> Expression:
+    """The expression with these names replaced by constants or expressions; a component of a constant is one too."""
     if expression.kind == "name" and expression.text in values:
-        return constant(*values[expression.text])
+        value = values[expression.text]
+        return value if isinstance(value, Expression) else constant(*value)
     operands = tuple(substituted(operand, values) for operand in expression.operands)
     if expression.kind == "swizzle" and operands[0].kind == "constant":
         return constant(*(operands[0].values[_AXES.index(letter)] for letter in expression.text))

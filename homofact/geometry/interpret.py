@@ -31,7 +31,8 @@ def interpret(
     """`values`, of the parameters by name, with those of the statements added.
 
     `functions` is a table for all of `FUNCTIONS` that the statements use, on single components; dot needs none.
-    `fetch` gives the channels of a texture, by its number, at a place.
+    `fetch` gives the channels of a texture, by its number, at a place; of a cube map the place is the direction with
+    the level behind it.
     """
     for statement in statements:
         values[statement.name] = value_of(statement.expression, values, functions, fetch)
@@ -55,9 +56,9 @@ def value_of(
         return [parts[0]["xyzw".index(letter)] for letter in expression.text]
     if kind == "vector":
         return [component for part in parts for component in part]
-    if kind == "fetch":
+    if kind in ("fetch", "cube"):
         assert fetch is not None, "a program with textures needs a way to read them"
-        return fetch(int(expression.text), parts[0])
+        return fetch(int(expression.text), [component for part in parts for component in part])
     if kind == "dot":
         total, *products = (a * b for a, b in zip(*parts, strict=True))
         for product in products:

@@ -1,119 +1,153 @@
-"""What a material reflects, as engines split it: a table over the viewer's angle, and lobes round one direction.
+"""What a material reflects, put on the levels of a sky's chain: its table over the viewer's angle.
 
-    ∫ f cosθi L dωi ≈ D(θo) E(n)/π + S(θo) P(m, θo),    m = norm(r + t(θo) n),    r = 2 (n·ωo) n − ωo,
+    ∫ f cosθi L dωi ≈ Σk Sk(θo) P(mk, ℓk) + D(θo) E(n)/π,    mk = norm(r + tk(θo) n),    r = 2 (n·ωo) n − ωo,
 
-per channel: E is the irradiance, P the light averaged over a lobe round m, whose shape the channels share (Karis 2013
-has one lobe, that at normal incidence, round r). D is π times a low quantile of f over the hemisphere, weighted by
-cosθi: what stands under the lobe. S takes all the rest, so that the albedo of every θo and channel is kept: where light
-is the same from everywhere, the sum is exact. m is the mean direction of the rest, weighted by its square so that tails
-do not pull it off a peak. The lobe is the rest's flux in rings round m, channels added, of some
-θo = acos(k/(levels − 1)).
+P(m, ℓ) the chain at the fractional level ℓk(θo) (`render.sky_chain`); S and D are the shares of the channels, ℓk and tk
+are common to them. S and D are ≥ 0 and add up to the albedo of every θo and channel: where light is the same from
+everywhere, the sum is exact. Engines have one such lobe, round r, of a level that no angle changes (Karis 2013).
 
-What is lost: lobes that are not round, as all are at grazing angles, those of brushed metals most; differences between
-the channels' lobes; the horizon, which cuts the true lobe and not a ring.
+Levels, leans and shares make E of `render.lobe_levels` least, the mean square error under skies as they are: for given
+ℓ and t the shares are known, ℓ and t are searched by Nelder and Mead's simplex at every θo from those of its neighbour,
+once downwards from the normal and once upwards from the horizon; kept is what is better on the whole. A small price on
+change keeps lobes that have no share from straying.
+
+What is lost: lobes that are not round, as all are at grazing angles, those of brushed metals most, whose azimuth the
+table does not know; what is narrower than the chain's first level; the horizon, which cuts the true lobe.
 """
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
+import numpy as np
 import torch
+from scipy.optimize import minimize
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.symmetry import find_symmetry
 from homofact.geometry.directions import from_spherical
 from homofact.geometry.quadrature import hemisphere_nodes
+from homofact.render.lobe_levels import Potentials, energy, potentials, pull_of
+from homofact.render.sky_chain import SIDE, check_side
 from homofact.render.surface import ToRgb, shader
 
-LEVELS, COLUMNS, RINGS = 8, 64, 40
+COLUMNS, LOBES = 64, 2
 GRAZING = math.radians(89.0)  # what stands for θo = 90°, where nothing is seen
-_QUANTILE = 0.3
 _NODES = (64, 32)
 _AZIMUTHS = 8
+_LEAST_TILT, _MOST_TILT = -0.5, 2.0
+# Levels of the lobes at first, as parts of the last level.
+_STARTS = {1: ((0.1,), (0.4,), (0.7,)), 2: ((0.1, 0.4), (0.4, 0.7), (0.2, 0.8), (0.6, 0.9))}
+_SMOOTH = 1e-3
+_FIRST_STEPS, _STEPS = 250, 90
+_SIMPLEX = (0.15, 0.03)  # first steps of level and tilt
+_CLOSE = 1e-3
 
 
 class Response(NamedTuple):
-    """A material split: `diffuse` D and `scale` S (COLUMNS, C), `tilt` t (COLUMNS,) at even steps of cosθo from 0 to 1.
+    """A material's table at even steps of cosθo from 0 to 1, for the chain whose first faces have `side` texels.
 
-    `lobes` (levels, RINGS) are the shares of flux, of sum 1, in the rings of `ring_edges` at even steps of cosθo.
+    `lobes` (COLUMNS, K, 2) are ℓk and tk, `shares` (COLUMNS, K + 1, C) Sk and last D.
     """
 
-    diffuse: Tensor
-    scale: Tensor
-    tilt: Tensor
     lobes: Tensor
+    shares: Tensor
+    side: int
 
 
-def ring_edges(rings: int = RINGS) -> Tensor:
-    """Angles (rings + 1,) in radians from 0 to π, fine at 0."""
-    return math.pi * (torch.arange(rings + 1, dtype=torch.float64) / rings) ** 3
+class _Seen(NamedTuple):
+    """What one viewer sees, as `energy` wants it: r (3,), ωi (M, 3), f cosθi dω (M, C), albedo and matte pull (C,)."""
+
+    mirror: np.ndarray
+    wi: np.ndarray
+    flux: np.ndarray
+    albedo: np.ndarray
+    matte: np.ndarray
 
 
 def response_of(
-    reflectance: Reflectance, to_rgb: ToRgb | None = None, levels: int = LEVELS, columns: int = COLUMNS
+    reflectance: Reflectance,
+    side: int = SIDE,
+    lobes: int = LOBES,
+    to_rgb: ToRgb | None = None,
 ) -> Response:
-    """A material split; of an anisotropic one, the mean over the viewer's azimuths.
+    """The table of a material, of an anisotropic one the mean over the viewer's azimuths; `lobes` 1 or 2.
 
-    Raises BadInput for channels that do not fit and values that are not finite.
+    Raises BadInput for channels that do not fit, values that are not finite and a side that no chain has.
     """
+    check_side(side)
     shade = shader(reflectance, to_rgb)
     turns = 1 if find_symmetry(reflectance).isotropic else _AZIMUTHS
-    steps = sorted({k / (columns - 1) for k in range(columns)} | {k / max(levels - 1, 1) for k in range(levels)})
-    found = {step: _at(shade, min(math.acos(step), GRAZING), turns) for step in steps}
-    table = [found[k / (columns - 1)] for k in range(columns)]
-    lobes = [found[k / (levels - 1)][3] for k in range(levels)] if levels > 1 else [found[1.0][3]]
-    diffuse, scale, tilt = (torch.stack([each[k] for each in table]) for k in range(3))
-    return Response(diffuse, scale, tilt, torch.stack(lobes))
+    known = potentials(side)
+    seen = [_seen(shade, min(math.acos(k / (COLUMNS - 1)), GRAZING), turns, known) for k in range(COLUMNS)]
+    tracks = [_tracked(seen, order, lobes, known) for order in (range(COLUMNS)[::-1], range(COLUMNS))]
+    _, places, shares = min(tracks, key=lambda track: track[0])
+    return Response(torch.from_numpy(places), torch.from_numpy(shares), side)
 
 
-def _at(shade, theta: float, turns: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """(D (C,), S (C,), t (), shares (RINGS,)) for viewers at θo."""
+def _seen(shade, theta: float, turns: int, known: Potentials) -> _Seen:
+    """What viewers at θo see: the mean of all azimuths, in the frame where the viewer is at azimuth 0."""
     turn = torch.arange(turns, dtype=torch.float64) * (2 * math.pi / turns)
     wo = from_spherical(torch.full_like(turn, theta), turn)
     wi, angles = hemisphere_nodes(wo, *_NODES)
-    seen = wo[:, None].expand_as(wi)
-    f = shade(wi.reshape(-1, 3), seen.reshape(-1, 3)).reshape(*angles.shape, -1)
-    # Side by side in one frame, the viewer at azimuth 0.
-    cos, sin = turn.cos()[:, None], turn.sin()[:, None]
-    wi = torch.stack((cos * wi[..., 0] + sin * wi[..., 1], cos * wi[..., 1] - sin * wi[..., 0], wi[..., 2]), -1)
-    wi, f = wi.reshape(-1, 3), f.reshape(-1, f.shape[-1])
-    weight = angles.reshape(-1) * wi[:, 2].clamp_min(0) / turns
-    low = _quantile(f, weight)
-    albedo = (f * weight[:, None]).sum(0)
-    scale = (albedo - math.pi * low).clamp_min(0)
-    diffuse = albedo - scale
-    rest = ((f - low).mean(1).clamp_min(0)) * weight
-    mirror = from_spherical(torch.tensor(theta), torch.tensor(math.pi)).to(wi)
-    tilt = _tilt(wi, rest * (f - low).mean(1).clamp_min(0), mirror)
-    towards = mirror + wi.new_tensor((0, 0, 1)) * tilt
-    gamma = torch.acos((wi @ (towards / towards.norm())).clamp(-1, 1))
-    ring = torch.bucketize(gamma, ring_edges()[1:-1])
-    flux = torch.zeros(RINGS, dtype=torch.float64).index_add(0, ring, rest)
-    total = float(flux.sum())
-    if not total > 0:
-        flux, total = torch.eye(RINGS, dtype=torch.float64)[0], 1.0
-    return diffuse, scale, tilt, flux / total
+    f = shade(wi.reshape(-1, 3), wo[:, None].expand_as(wi).reshape(-1, 3)).clamp_min(0)
+    weight = angles * wi[..., 2].clamp_min(0)
+    # Nodes turn with the viewer, and all that is asked of one is its angle to a direction in the plane of incidence:
+    # flux of all azimuths and of both sides of the plane is added.
+    flux = (f.reshape(*angles.shape, -1) * weight[..., None]).mean(0).reshape(-1, _NODES[1], f.shape[-1])
+    side = _NODES[1] // 2
+    flux = (flux[:, :side] + flux[:, side:].flip(1)).reshape(-1, f.shape[-1]).contiguous().numpy()
+    towards = wi[0].reshape(-1, _NODES[1], 3)[:, :side].reshape(-1, 3).contiguous().numpy()
+    mirror = np.array([-math.sin(theta), 0.0, math.cos(theta)])
+    matte = pull_of(np.array([0.0, 0.0, 1.0]), len(known.potential) - 1.0, towards, flux, known.potential)
+    return _Seen(mirror, towards, flux, flux.sum(0), matte)
 
 
-def _quantile(f: Tensor, weight: Tensor) -> Tensor:
-    """The quantile (C,) of values (N, C) by weights (N,), never negative."""
+def _tracked(
+    seen: list[_Seen], order: Iterable[int], lobes: int, known: Potentials
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """(the sum of E over albedo², lobes (COLUMNS, K, 2), shares (COLUMNS, K + 1, C)), one viewer after another."""
+    # The last level's few texels are too coarse for its kernel: of that the irradiance is left.
+    last = len(known.potential) - 2
+    places = np.empty((len(seen), lobes, 2))
+    shares = np.empty((len(seen), lobes + 1, seen[0].flux.shape[1]))
+    total, x = 0.0, None
+    for k in order:
+        # Of a black material nothing depends on it.
+        scale = float((seen[k].albedo ** 2).sum()) * known.overlap[-1, -1, 0] or 1.0
+
+        def value(tried: np.ndarray, k: int = k, scale: float = scale, x: np.ndarray | None = x) -> float:
+            found = energy(tried.reshape(-1, 2), *seen[k], *known)[0] / scale
+            level, tilt = tried[::2], tried[1::2]
+            beyond = np.abs(level - level.clip(0, last)).sum()
+            beyond += np.abs(tilt - tilt.clip(_LEAST_TILT, _MOST_TILT)).sum()
+            moved = 0.0 if x is None else ((level - x[::2]) ** 2 + 100 * (tilt - x[1::2]) ** 2).sum()
+            return float(found + beyond + _SMOOTH * moved)
+
+        x = _first(value, lobes, last) if x is None else _next(value, x)
+        x = x.reshape(-1, 2).clip((0, _LEAST_TILT), (last, _MOST_TILT)).reshape(-1)
+        places[k] = x.reshape(-1, 2)
+        found, shares[k] = energy(places[k], *seen[k], *known)
+        total += found / scale
+    return total, places, shares
+
+
+def _first(value, lobes: int, last: int) -> np.ndarray:
+    """Levels and tilts (2 K,) from the best of some starts."""
     found = []
-    for channel in f.T:
-        order = channel.argsort()
-        running = weight[order].cumsum(0)
-        found.append(channel[order][int(torch.searchsorted(running, _QUANTILE * running[-1]))])
-    return torch.stack(found).clamp_min(0)
+    for start in _STARTS[lobes]:
+        x = np.array([number for part in start for number in (part * last, 0.0)])
+        found.append(_simplex(value, x, _FIRST_STEPS))
+    return min(found, key=value)
 
 
-def _tilt(wi: Tensor, weight: Tensor, mirror: Tensor) -> Tensor:
-    """t of the direction mirror + t n, in the plane of incidence, that is the mean of `wi` by `weight`."""
-    mean = (wi * weight[:, None]).sum(0)
-    if not float(mean.norm()) > 0 or not float(-mirror[0]) > 1e-3:
-        return wi.new_zeros(())
-    # Along the mirror's own horizontal part: (x, z) of the mean scaled to its x.
-    across = float(mean[0] / mirror[0])
-    return (
-        wi.new_tensor(min(max(float(mean[2]) / across - float(mirror[2]), -0.5), 2.0))
-        if across > 0
-        else wi.new_zeros(())
-    )
+def _next(value, x: np.ndarray) -> np.ndarray:
+    """Levels and tilts from those of the neighbour."""
+    return _simplex(value, x, _STEPS)
+
+
+def _simplex(value, x: np.ndarray, steps: int) -> np.ndarray:
+    corners = np.vstack([x, x + np.diag(np.tile(_SIMPLEX, len(x) // 2))])
+    options = {"maxfev": steps, "initial_simplex": corners, "xatol": _CLOSE, "fatol": 1e-7}
+    return minimize(value, x, method="Nelder-Mead", options=options).x

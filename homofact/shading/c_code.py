@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from homofact.geometry.expression import INFIX, Expression, Let, component
+from homofact.geometry.expression import INFIX, Expression, Let, Tables, component
 from homofact.shading.languages import infix, number, remark
 from homofact.shading.program import Program
 
@@ -17,7 +17,7 @@ _FUNCTIONS = {
     "sqrt": "sqrtf", "abs": "fabsf", "exp": "expf", "log": "logf", "asinh": "asinhf",
     "cos": "cosf", "sin": "sinf", "atan2": "atan2f", "max": "fmaxf", "min": "fminf", "floor": "floorf",
 }  # fmt: skip
-_LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int columns, const float uv[2], float *value)
+LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int columns, const float uv[2], float *value)
 {{
     const float x = fminf(fmaxf(uv[0] * (float)columns - 0.5f, 0.0f), (float)(columns - 1));
     const float y = fminf(fmaxf(uv[1] * (float)rows - 0.5f, 0.0f), (float)(rows - 1));
@@ -42,14 +42,14 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
     """
     channels = len(program.channels)
     title = "".join(f"/* {remark(line)} */\n" for line in program.title)
-    data = "".join(_texels(prefix, k, texels) for k, texels in enumerate(textures))
-    data += "".join(_table(prefix, name, rows) for name, rows in program.tables)
+    data = "".join(texels_in_c(prefix, k, texels) for k, texels in enumerate(textures))
+    data += tables_in_c(program.tables, prefix)
     layer = ", int layer" * (program.layers > 0)
     lines = statement_lines(program.statements, prefix, program)
     lines += [f"    f_out[{c}] = {render(component(program.result, c), prefix)};" for c in range(channels)]
     body = "\n".join(lines)
     return (
-        f"{title}#include <math.h>\n\n{data}{_LOOKUP.format(prefix=prefix, channels=channels)}\n"
+        f"{title}#include <math.h>\n\n{data}{LOOKUP.format(prefix=prefix, channels=channels)}\n"
         f"/* f_out[{channels}]: {remark(', '.join(program.channels))} */\n"
         f"void {prefix}_evaluate(const float wi[3], const float wo[3]{layer}, float f_out[{channels}])\n"
         f"{{\n{body}\n}}\n"
@@ -58,7 +58,7 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
 
 def statement_lines(statements: Sequence[Let], prefix: str, program: Program | None = None) -> list[str]:
     """The lines of a function's statements; fetches are those of `program`."""
-    channels, layer = (len(program.channels), program.layers > 0) if program else (0, False)
+    layer = program is not None and program.layers > 0
     lines = []
     for statement in statements:
         if statement.comment:
@@ -67,11 +67,19 @@ def statement_lines(statements: Sequence[Let], prefix: str, program: Program | N
         if expression.kind == "fetch":
             assert program is not None, "a function with textures needs their sizes"
             rows, columns = program.shapes[int(expression.text)]
+            channels = expression.dimension
             uv = render(expression.operands[0])
             texture = f"{prefix}_texture_{expression.text}" + f" + layer * {rows * columns * channels}" * layer
             lines.append(f"    float {name}{'' if channels == 1 else f'[{channels}]'};")
             address = f"&{name}" if channels == 1 else name
             lines.append(f"    {prefix}_lookup({texture}, {rows}, {columns}, {uv}, {address});")
+        elif expression.kind == "cube":
+            direction, level = (render(operand, prefix) for operand in expression.operands)
+            lines.append(f"    float {name}[{expression.dimension}];")
+            assert program is not None, "a function with textures needs their sizes"
+            levels, _, side, _ = program.shapes[int(expression.text)]
+            texture = f"{prefix}_texture_{expression.text}"
+            lines.append(f"    {prefix}_cube({texture}, {side}, {levels - 1}, {direction}, {level}, {name});")
         else:
             parts = ", ".join(render(component(expression, k), prefix) for k in range(expression.dimension))
             lines.append(
@@ -103,7 +111,8 @@ def render(expression: Expression, prefix: str = "homofact") -> str:
     return f"{_FUNCTIONS[kind]}({', '.join(parts)})"
 
 
-def _texels(prefix: str, number_of: int, texels: np.ndarray) -> str:
+def texels_in_c(prefix: str, number_of: int, texels: np.ndarray) -> str:
+    """Texels (rows, columns, C) as the array PREFIX_texture_NUMBER."""
     rows, columns, channels = texels.shape
     flat = [f"{number(value)}f" for value in texels.reshape(-1)]
     lines = [", ".join(flat[k : k + 3 * 3]) for k in range(0, len(flat), 9)]
@@ -114,6 +123,11 @@ def _texels(prefix: str, number_of: int, texels: np.ndarray) -> str:
     )
 
 
-def _table(prefix: str, name: str, rows: tuple[tuple[float, ...], ...]) -> str:
-    inner = ",\n    ".join(f"{{{', '.join(f'{number(value)}f' for value in row)}}}" for row in rows)
-    return f"static const float {prefix}_{name}[{len(rows)}][{len(rows[0])}] = {{\n    {inner}\n}};\n\n"
+def tables_in_c(tables: Tables, prefix: str) -> str:
+    """The tables of the layers' constants, defined."""
+    texts = []
+    for name, rows in tables:
+        inner = ",\n    ".join(f"{{{', '.join(f'{number(value)}f' for value in row)}}}" for row in rows)
+        head = f"static const float {prefix}_{name}[{len(rows)}][{len(rows[0])}]"
+        texts.append(f"{head} = {{\n    {inner}\n}};\n\n")
+    return "".join(texts)

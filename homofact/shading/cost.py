@@ -16,7 +16,7 @@ from typing import Any
 from homofact.geometry.expression import Expression, Let, nodes
 from homofact.shading.program import Program
 
-_FREE = {"constant", "name", "swizzle", "vector", "fetch", "table"}
+_FREE = {"constant", "name", "swizzle", "vector", "fetch", "cube", "table"}
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def operations_of(statements: Sequence[Let], result: Expression) -> tuple[dict[s
     operations: Counter[str] = Counter()
     fetches = scalar = 0
     for node in chain.from_iterable(map(nodes, expressions)):
-        if node.kind == "fetch":
+        if node.kind in ("fetch", "cube"):
             fetches += 1
         elif node.kind not in _FREE:
             operations[node.kind] += 1

@@ -1,38 +1,64 @@
 """Functions of vectors that need no texture, printed in the four languages behind the evaluation of a fit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from homofact.geometry.expression import Expression, Let, component, variable
-from homofact.shading.c_code import render, statement_lines
-from homofact.shading.languages import GLSL, HLSL, WGSL, Language, body_text, remark
-from homofact.shading.lobe_mixture import LobeMixture, density_statements, printed, sample_statements
+from homofact.geometry.expression import Expression, Let, Tables, component, nodes, variable
+from homofact.shading.c_code import render, statement_lines, tables_in_c
+from homofact.shading.languages import GLSL, HLSL, WGSL, Language, body_text, remark, tables_text
+from homofact.shading.lobe_mixture import (
+    LobeMixture,
+    density_statements,
+    parameter_tables,
+    printed,
+    sample_statements,
+)
 
 _HEADS = {
     GLSL.name: ("{kind} {name}({parameters}) {{\n", "{kind} {name}"),
     HLSL.name: ("{kind} {name}({parameters})\n{{\n", "{kind} {name}"),
     WGSL.name: ("fn {name}({parameters}) -> {kind} {{\n", "{name}: {kind}"),
 }
+_LAYERS = {GLSL.name: "int layer", HLSL.name: "int layer", WGSL.name: "layer: i32"}
 
 
 @dataclass(frozen=True)
 class Function:
-    """PREFIX_`name` of vectors (3,) called `parameters`, its value `result`; `comment` are lines above it."""
+    """PREFIX_`name` of vectors (3,) called `parameters`, its value `result`; `comment` are lines above it.
+
+    With `tables`, whose rows are those of layers, the layer is its last parameter.
+    """
 
     name: str
     parameters: tuple[str, ...]
     statements: tuple[Let, ...]
     result: Expression
     comment: tuple[str, ...]
+    tables: Tables = ()
 
 
 def sampling_functions(mixture: LobeMixture) -> tuple[Function, Function]:
     """`PREFIX_sample(wo, u)`, a direction (3,), and `PREFIX_density(wi, wo)`, in sr⁻¹."""
-    lobes, turned, numbers = len(mixture.alphas), bool(mixture.turn), mixture.constants()
+    return _sampling(len(mixture.alphas), bool(mixture.turn), mixture.constants(), ())
+
+
+def sampling_of_layers(mixtures: Sequence[LobeMixture]) -> tuple[Function, Function]:
+    """`PREFIX_sample(wo, u, layer)` and `PREFIX_density(wi, wo, layer)`: layer k has the mixture number k.
+
+    The mixtures have the same number of lobes.
+    """
+    turned = any(mixture.turn for mixture in mixtures)
+    reading, tables = parameter_tables(mixtures)
+    return _sampling(len(mixtures[0].alphas), turned, reading, tables)
+
+
+def _sampling(lobes: int, turned: bool, values: Mapping[str, Any], tables: Tables) -> tuple[Function, Function]:
     sample, density = (
-        printed(statements, numbers)
+        printed(statements, values)
         for statements in (sample_statements(lobes, turned), density_statements(lobes, turned))
     )
+    of_layer = " of the layer" * bool(tables)
     return (
         Function(
             "sample",
@@ -40,9 +66,11 @@ def sampling_functions(mixture: LobeMixture) -> tuple[Function, Function]:
             sample,
             variable("wi", 3),
             (
-                "Importance sampling: wi for the viewer wo and three numbers u in [0, 1), independent and uniform.",
+                f"Importance sampling{of_layer}: wi for the viewer wo and three numbers u in [0, 1), independent"
+                " and uniform.",
                 "wi.z <= 0: nothing was found, its value and its density are 0.",
             ),
+            _read(tables, sample),
         ),
         Function(
             "density",
@@ -50,16 +78,30 @@ def sampling_functions(mixture: LobeMixture) -> tuple[Function, Function]:
             density,
             variable("density", 1),
             ("The density of wi, as it is drawn for wo: in 1/sr, 0 where either is under the horizon.",),
+            _read(tables, density),
         ),
     )
 
 
+def _read(tables: Tables, statements: Sequence[Let]) -> Tables:
+    """The tables that the statements read."""
+    read = {node.text for each in statements for node in nodes(each.expression) if node.kind == "table"}
+    return tuple(each for each in tables if each[0] in read)
+
+
+def _tables_of(functions: Sequence[Function]) -> Tables:
+    """Those of all functions, each once."""
+    return tuple({name: (name, rows) for each in functions for name, rows in each.tables}.values())
+
+
 def functions_text(functions: Sequence[Function], language: Language, prefix: str = "homofact") -> str:
     """The functions' text, to stand behind that of a shader."""
-    texts = []
+    tables = tables_text(_tables_of(functions), language, prefix)
+    texts = [f"\n{tables}"] if tables else []
     for each in functions:
         head, parameter = _HEADS[language.name]
         given = ", ".join(parameter.format(kind=language.types[2], name=name) for name in each.parameters)
+        given += f", {_LAYERS[language.name]}" if each.tables else ""
         kind = language.types[each.result.dimension - 1]
         begin = head.format(kind=kind, name=f"{prefix}_{each.name}", parameters=given)
         comment = "".join(f"// {remark(line)}\n" for line in each.comment)
@@ -69,10 +111,12 @@ def functions_text(functions: Sequence[Function], language: Language, prefix: st
 
 def functions_in_c(functions: Sequence[Function], prefix: str = "homofact") -> str:
     """The functions in C99: a number is returned, a vector written to the last argument."""
-    texts = []
+    tables = tables_in_c(_tables_of(functions), prefix).rstrip("\n")
+    texts = [f"\n{tables}\n"] if tables else []
     for each in functions:
         comment = "".join(f"/* {remark(line)} */\n" for line in each.comment)
         given = ", ".join(f"const float {name}[3]" for name in each.parameters)
+        given += ", int layer" if each.tables else ""
         body = statement_lines(each.statements, prefix)
         if each.result.dimension == 1:
             head = f"float {prefix}_{each.name}({given})"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from homofact.files.words import harmless
-from homofact.geometry.expression import INFIX, Expression, Let
+from homofact.geometry.expression import INFIX, Expression, Let, Tables
 from homofact.shading.program import Program
 
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
@@ -22,7 +22,8 @@ class Language:
     """How a language writes types, constants, names of functions, statements, fetches and the whole.
 
     `widen` says that a function of a vector and a scalar wants both as vectors (WGSL). `layered` is the fetch of a
-    texture array, `table` how a table of vectors of a layer's constants is declared.
+    texture array, `cube` that of a cube map at a level, `table` how a table of vectors of a layer's constants is
+    declared.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Language:
     let: str
     fetch: str
     layered: str
+    cube: str
     table: str
     swizzles: tuple[str, str, str, str]
     widen: bool
@@ -93,6 +95,11 @@ def render(expression: Expression, language: Language, prefix: str, layered: boo
         way = language.layered if layered else language.fetch
         read = way.format(texture=texture, sampler=f"{prefix}_sampler", uv=uv)
         return read + language.swizzles[expression.dimension - 1]
+    if kind == "cube":
+        direction, level = (render(operand, language, prefix, layered) for operand in operands)
+        texture, sampler = f"{prefix}_texture_{expression.text}", f"{prefix}_sampler"
+        read = language.cube.format(texture=texture, sampler=sampler, direction=direction, level=level)
+        return read + language.swizzles[expression.dimension - 1]
     if kind == "table":
         return f"{prefix}_{expression.text}[layer]"
     if kind in INFIX:
@@ -114,7 +121,7 @@ def shader(program: Program, language: Language, prefix: str = "homofact") -> st
     """The program's text: declarations, one function, comments. `prefix` begins every global name."""
     body = body_text(program.statements, program.result, language, prefix, program.layers > 0)
     title = "\n".join(f"// {remark(line)}" for line in program.title)
-    return f"{title}\n{_tables(program, language, prefix)}" + language.frame(program, body, prefix)
+    return f"{title}\n{tables_text(program.tables, language, prefix)}" + language.frame(program, body, prefix)
 
 
 def body_text(
@@ -132,10 +139,10 @@ def body_text(
     return "\n".join(lines)
 
 
-def _tables(program: Program, language: Language, prefix: str) -> str:
+def tables_text(tables: Tables, language: Language, prefix: str) -> str:
     """The tables of the layers' constants, declared."""
     lines = []
-    for name, rows in program.tables:
+    for name, rows in tables:
         kind = language.types[len(rows[0]) - 1]
         values = ", ".join(f"{kind}({', '.join(map(number, row))})" for row in rows)
         lines.append(language.table.format(type=kind, name=f"{prefix}_{name}", count=len(rows), values=values) + "\n")
@@ -143,14 +150,23 @@ def _tables(program: Program, language: Language, prefix: str) -> str:
 
 
 def _size(program: Program, shape: tuple[int, ...]) -> str:
-    """A texture's size in a comment, columns first; layers last."""
+    """A texture's size in a comment, columns first; layers last. Of a cube map its faces and levels."""
+    if _is_cube(shape):
+        levels, faces, rows, columns = shape
+        return f"{faces} faces of {columns} x {rows}, {levels} levels"
     return " x ".join(map(str, shape[::-1])) + f", {program.layers} layers" * (program.layers > 0)
+
+
+def _is_cube(shape: tuple[int, ...]) -> bool:
+    return len(shape) == 4
 
 
 def _glsl(program: Program, body: str, prefix: str) -> str:
     kind, layered = GLSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"uniform highp sampler{len(shape)}D{'Array' * layered} {prefix}_texture_{k};  // {_size(program, shape)}\n"
+        f"uniform highp sampler{'Cube' if _is_cube(shape) else f'{len(shape)}D' + 'Array' * layered}"
+        f" {prefix}_texture_{k};"
+        f"  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
     given = ", ".join(f"vec3 {name}" for name in program.parameters) + ", int layer" * layered
@@ -160,7 +176,8 @@ def _glsl(program: Program, body: str, prefix: str) -> str:
 def _hlsl(program: Program, body: str, prefix: str) -> str:
     kind, layered = HLSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"Texture2D{'Array' * layered}<float4> {prefix}_texture_{k} : register(t{program.first + k});"
+        f"Texture{'Cube' if _is_cube(shape) else '2D' + 'Array' * layered}<float4> {prefix}_texture_{k}"
+        f" : register(t{program.first + k});"
         f"  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
@@ -174,12 +191,14 @@ def _hlsl(program: Program, body: str, prefix: str) -> str:
 def _wgsl(program: Program, body: str, prefix: str) -> str:
     kind, layered = WGSL.types[program.result.dimension - 1], program.layers > 0
     textures = "".join(
-        f"@group(0) @binding({program.first + k}) var {prefix}_texture_{k}: texture_2d{'_array' * layered}<f32>;"
+        f"@group(0) @binding({program.first + k}) var {prefix}_texture_{k}:"
+        f" texture_{'cube' if _is_cube(shape) else '2d' + '_array' * layered}<f32>;"
         f"  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
     last = program.first + len(program.shapes)
-    sampler = f"@group(0) @binding({last}) var {prefix}_sampler: sampler;  // linear, clamp-to-edge\n"
+    between = ", also between levels" * any(map(_is_cube, program.shapes))
+    sampler = f"@group(0) @binding({last}) var {prefix}_sampler: sampler;  // linear{between}, clamp-to-edge\n"
     given = ", ".join(f"{name}: vec3<f32>" for name in program.parameters) + ", layer: i32" * layered
     return f"{textures}{sampler}\nfn {prefix}_{program.function}({given}) -> {kind} {{\n{body}\n}}\n"
 
@@ -210,6 +229,7 @@ GLSL = Language(
     "{type} {name}",
     "textureLod({texture}, {uv}, 0.0)",
     "textureLod({texture}, vec3({uv}, float(layer)), 0.0)",
+    "textureLod({texture}, {direction}, {level})",
     "const {type} {name}[{count}] = {type}[{count}]({values});",
     (".r", ".rg", ".rgb", ""),
     False,
@@ -223,6 +243,7 @@ HLSL = Language(
     "{type} {name}",
     "{texture}.SampleLevel({sampler}, {uv}, 0.0)",
     "{texture}.SampleLevel({sampler}, float3({uv}, float(layer)), 0.0)",
+    "{texture}.SampleLevel({sampler}, {direction}, {level})",
     "static const {type} {name}[{count}] = {{ {values} }};",
     (".r", ".rg", ".rgb", ""),
     False,
@@ -236,6 +257,7 @@ WGSL = Language(
     "let {name}: {type}",
     "textureSampleLevel({texture}, {sampler}, {uv}, 0.0)",
     "textureSampleLevel({texture}, {sampler}, {uv}, layer, 0.0)",
+    "textureSampleLevel({texture}, {sampler}, {direction}, {level})",
     "var<private> {name}: array<{type}, {count}> = array<{type}, {count}>({values});",
     (".r", ".rg", ".rgb", ""),
     True,

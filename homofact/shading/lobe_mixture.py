@@ -20,14 +20,14 @@ of the tests.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from homofact.geometry.expression import Expression, Let, call, constant, substituted, variable, vector
+from homofact.geometry.expression import Expression, Let, Tables, call, constant, substituted, table, variable, vector
 from homofact.geometry.interpret import interpret
 from homofact.geometry.torch_functions import TORCH
 
@@ -239,6 +239,32 @@ def _sum(parts: list[Expression]) -> Expression:
 
 
 def printed(statements: list[Let], values: Mapping[str, Any]) -> tuple[Let, ...]:
-    """The statements with the parameters as constants."""
-    numbers = {name: tuple(map(float, value)) for name, value in values.items()}
-    return tuple(Let(each.name, substituted(each.expression, numbers), each.comment) for each in statements)
+    """The statements with the parameters as constants, or as the expressions that `values` has for them."""
+    given = {
+        name: value if isinstance(value, Expression) else tuple(map(float, value)) for name, value in values.items()
+    }
+    return tuple(Let(each.name, substituted(each.expression, given), each.comment) for each in statements)
+
+
+def parameter_tables(mixtures: Sequence[LobeMixture]) -> tuple[dict[str, Expression], Tables]:
+    """(each parameter as what reads it from tables at the layer, the tables): a row for each of `mixtures`.
+
+    Of a lobe (αx, αy, 1, a²), (1/αx, 1/αy, 1, 1/(2π αx αy)) and the weights are rows of four numbers; the turn is one
+    of two. The mixtures have the same number of lobes.
+    """
+    constants = [mixture.constants() for mixture in mixtures]
+    reading: dict[str, Expression] = {"turn": table("lobes_turn", 2)}
+    names: dict[str, tuple[str, ...]] = {"lobes_turn": ("turn",)}
+    for k in range(len(mixtures[0].alphas)):
+        for vectors, scalar in ((f"alpha_{k}", f"narrow_{k}"), (f"stretch_{k}", f"gain_{k}")):
+            row = table(f"lobes_{vectors}", 4)
+            reading |= {vectors: row.xyz, scalar: row.w}
+            names[f"lobes_{vectors}"] = (vectors, scalar)
+        for part in range(NODES // 4):
+            reading[f"weights_{k}_{part}"] = table(f"lobes_weights_{k}_{part}", 4)
+            names[f"lobes_weights_{k}_{part}"] = (f"weights_{k}_{part}",)
+    tables = tuple(
+        (name, tuple(tuple(float(number) for one in own for number in each[one]) for each in constants))
+        for name, own in names.items()
+    )
+    return reading, tables

@@ -27,7 +27,18 @@ from homofact.errors import BadInput
 from homofact.factor.evaluation import Evaluated, Evaluation, Exponential, Lookup
 from homofact.geometry.axes import Coordinates, coordinates_of, gathered
 from homofact.geometry.coordinates import Scales, warped
-from homofact.geometry.expression import Expression, Let, call, constant, fetch, needed, table, variable, vector
+from homofact.geometry.expression import (
+    Expression,
+    Let,
+    Tables,
+    call,
+    constant,
+    fetch,
+    needed,
+    table,
+    variable,
+    vector,
+)
 from homofact.shading.encoded import Encoded
 
 TEXTURES = (
@@ -42,10 +53,10 @@ class Program:
     """Statements over wi and wo (3,), and the BRDF (C,) in sr⁻¹ without the cosine as `result`.
 
     `shapes` are the (rows, columns) of the textures that fetches number, (depth, rows, columns) of one in three
-    dimensions, which GLSL alone prints; `title` are lines on what it evaluates. Of texture arrays `layers` is how many
-    there are, else 0; `shapes` are those of one layer, and `tables` have a row (C,) for each, by name. `function` is
-    what it is called behind the prefix, of vectors (3,) called `parameters`; `first` is the number of its first
-    texture's place in a shader.
+    dimensions, which GLSL alone prints, (levels, 6, rows, columns) of a cube map; `title` are lines on what it
+    evaluates. Of texture arrays `layers` is how many there are, else 0; `shapes` are those of one layer, and `tables`
+    have a row (C,) for each, by name. `function` is what it is called behind the prefix, of vectors (3,) called
+    `parameters`; `first` is the number of its first texture's place in a shader.
     """
 
     statements: tuple[Let, ...]
@@ -54,7 +65,7 @@ class Program:
     channels: tuple[str, ...]
     title: tuple[str, ...]
     layers: int = 0
-    tables: tuple[tuple[str, tuple[tuple[float, ...], ...]], ...] = ()
+    tables: Tables = ()
     function: str = "evaluate"
     parameters: tuple[str, str] = ("wi", "wo")
     first: int = 0
@@ -81,7 +92,7 @@ def program_of(
     fetched = _fetches(evaluation, shapes, count, coordinates, statements)
     total, bias = _sum(evaluation, fetched, textures, count)
     transform = evaluation.transform
-    tables: tuple[tuple[str, tuple[tuple[float, ...], ...]], ...] = ()
+    tables: Tables = ()
     if layers:
         total, tables = _of_layers(total, bias, layers, cut or _runs_away(evaluation, textures), statements)
         comment = "epsilon A was added before the logarithm"
@@ -107,7 +118,7 @@ def program_of(
 
 def _of_layers(
     total: Expression, bias: np.ndarray, layers: Sequence[Exponential], cut: bool, statements: list[Let]
-) -> tuple[Expression, tuple[tuple[str, tuple[tuple[float, ...], ...]], ...]]:
+) -> tuple[Expression, Tables]:
     """(f before it is cut at zero, the tables): as for one material, log A and εA those of the layer."""
     total = total if not np.any(bias) else total + _constant(bias)
     total = call("min", total, MOST) if cut else total

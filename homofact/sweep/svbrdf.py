@@ -17,7 +17,7 @@ from homofact.containers.formats import Format, format_named
 from homofact.errors import BadInput
 from homofact.evaluate.metrics import SixErrors, measure
 from homofact.evaluate.split import Split
-from homofact.export.layered import exported_layers, put_layers
+from homofact.export.layered import exported_layers, put_layers, with_sampling
 from homofact.export.manifest import write_json
 from homofact.factor.factorization import Factorization
 from homofact.factor.layered import Layered
@@ -168,13 +168,18 @@ def check_place(folder: Path) -> None:
 
 
 def write_clusters(folder: Path, fit: SpatialFit) -> dict[str, Any]:
-    """Write fit, report, arrays, shaders and labels into a new folder, whole or not at all; the report."""
-    made = exported_layers(fit.layers, fit.asked.format)
+    """Write fit, report, arrays, shaders and labels into a new folder, whole or not at all; the report.
+
+    The shaders can draw from every layer; the report has its noise, cluster by cluster.
+    """
+    made = with_sampling(exported_layers(fit.layers, fit.asked.format))
     record = fit.record()
 
     def fill(place: Path) -> None:
         fit.layers.save(place / SVBRDF.mark)
-        put_layers(place, made, fit.asked.labels)
+        described = put_layers(place, made, fit.asked.labels)
+        for cluster, layer in zip(record["clusters"], described["layers"], strict=True):
+            cluster["noise"] = layer["sampling"]["measured"]
         write_json(place / REPORT, record)
 
     write_folder(folder, SVBRDF, fill)

@@ -14,12 +14,14 @@ from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.cli.main import main
 from homofact.containers.exr import write_exr
 from homofact.containers.formats import FORMATS
+from homofact.containers.ktx2 import read_ktx2_cube
 from homofact.export.engines import gltf, three
-from homofact.export.prefiltered import relative_rms
+from homofact.export.prefiltered import relative_rms, write_sky
 from homofact.factor.factorization import Factorization
 from homofact.files.archive import write_arrays
 from homofact.render.environment import read_environment
 from homofact.render.prefilter import Prefiltered
+from homofact.render.sky_chain import SkyChain, chain_of
 
 MODEL = ["material:lafortune-blue-paint", "--count", "3000"]
 
@@ -60,31 +62,43 @@ def sky(path: Path) -> Path:
     return path
 
 
-def test_a_sky_is_filtered_for_the_material(result: Path, tmp_path: Path, capsys) -> None:
+def test_a_sky_is_filtered_beside_the_material(result: Path, tmp_path: Path, capsys) -> None:
     place, out = sky(tmp_path / "sky.exr"), tmp_path / "out"
     command = ["export", str(result), "--to", str(out), "--format", "png8", "--prefilter", str(place)]
-    assert main(command) == 0
+    assert main([*command, "--prefilter-side", "32"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert "Split sum under sky.exr: 9 squares of 32 x 32 texels; the sphere is off by" in shown
-    assert "prefiltered.wgsl" in shown
+    assert "Split sum under sky.exr: a cube map of 32 texels a side with 3 levels, 0.11 MiB for all materials" in shown
+    assert "and 2048 bytes for this one; the sphere is off by" in shown
+    assert "prefiltered.c" in shown
     manifest = json.loads((out / "manifest.json").read_text())
     said = manifest["prefiltered"]
     assert 0 < said["relative_rms"] < 0.1
     assert set(said["files"]) <= {path.name for path in out.iterdir()}
     # PNG holds no light: half floats do.
-    form = FORMATS["exr16"]
-    table = form.read(out / said["table"]["file"], 4).astype(np.float64)
-    light = form.read(out / said["map"]["file"], 3).astype(np.float64)
-    assert (table.shape, light.shape) == ((2, 64, 4), (9 * 32, 32, 3))
-    texels = torch.from_numpy(table), torch.from_numpy(light)
-    data = Prefiltered(texels[0], texels[1], torch.zeros(9, 3), said["map"]["factor"], 8, "sky")
+    table = torch.from_numpy(FORMATS["exr16"].read(out / said["table"]["file"], 4).astype(np.float64))
+    levels = read_ktx2_cube(out / said["sky"]["file"])
+    assert [each["side"] for each in said["sky"]["levels"]] == [len(level[0]) for level in levels] == [32, 16, 8]
+    assert said["sky"]["levels"][-1]["power"] == 1
+    assert tuple(table.shape) == (len(said["table"]["rows"]), 64, 4)
+    light = tuple(torch.from_numpy(level[..., :3].astype(np.float64)) for level in levels)
+    (irradiance,) = read_ktx2_cube(out / said["irradiance_over_pi"]["file"])
+    lit = torch.from_numpy(irradiance[..., :3].astype(np.float64))
+    data = Prefiltered(table.reshape(4, 64, 4), SkyChain(light, lit, torch.zeros(9, 3), said["sky"]["factor"], "sky"))
     again = relative_rms(data, homofact.load(str(out)), read_environment(place))
     assert again == pytest.approx(said["relative_rms"], rel=1e-6)
     assert isinstance(homofact.load(str(out)), Factorization)
-    for language, place_of_table in (("hlsl", "register(t3)"), ("wgsl", "@binding(3)")):
+    for language, place_of_table in (("hlsl", "register(t3)"), ("wgsl", "@binding(3)"), ("c", "[1024] = {")):
         text = (out / f"prefiltered.{language}").read_text()
         assert "homofact_light_reflected(" in text
         assert place_of_table in text
+    # The sky knows nothing of the material: it is the same for all, bit for bit.
+    write_sky(tmp_path / "again.ktx2", chain_of(read_environment(place), 32).levels)
+    assert (tmp_path / "again.ktx2").read_bytes() == (out / "prefiltered.ktx2").read_bytes()
+    # A new export takes away what the old one left, and no sky of its owner's.
+    shutil.copy(place, out / "sky.exr")
+    assert main(["export", str(result), "--to", str(out), "--force", "-q"]) == 0
+    assert not list(out.glob("prefiltered*"))
+    assert (out / "sky.exr").exists()
 
 
 def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path, capsys) -> None:
@@ -152,6 +166,8 @@ def test_sums_of_products_go_the_same_way(tmp_path: Path, capsys) -> None:
         (["--prefilter", "none.hdr"], "none.hdr: no such file, expected a .hdr or .exr picture"),
         (["--prefilter", __file__], "expected a Radiance .hdr or an OpenEXR file"),
         (["--prefilter", "x.hdr", "--format", "html"], "prefilter: found --format html, expected a format of textures"),
+        (["--prefilter-side", "64"], "prefilter-side: found it without --prefilter, expected a sky to filter"),
+        (["--prefilter", "x.hdr", "--prefilter-side", "100"], "found 100 texels a side, expected a power of two from"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_and_leaves_nothing(result, tmp_path, capsys, more, message) -> None:

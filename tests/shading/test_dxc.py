@@ -13,6 +13,7 @@ import torch
 from dxc import dxc
 from layered_cases import COUNT, layered, places
 from shading_cases import BELOW, CASES, MIXTURES, NAMES, factorization, pairs, program, random_term, searched
+from skies import normals
 from webgpu import SAMPLER, WIDENED, Gpu, Image, hlsl_main
 
 from homofact.containers.formats import FORMATS
@@ -20,7 +21,9 @@ from homofact.export.exported import exported, write_exported
 from homofact.export.layered import codes, exported_layers
 from homofact.export.prefiltered import PrefilteredExport
 from homofact.factor.projection import Warp, fixed_projection
+from homofact.render.cube import directions_of
 from homofact.render.prefilter import Prefiltered, program_of_light
+from homofact.render.sky_chain import SkyChain
 from homofact.shading.functions import functions_text, sampling_functions
 from homofact.shading.languages import HLSL, shader
 from homofact.shading.mixture_fit import fitted_mixture
@@ -133,22 +136,27 @@ def test_sampling_and_density(name: str, gpu: Gpu) -> None:
 
 @pytest.fixture(scope="module")
 def light() -> Prefiltered:
-    """Random numbers in place of a filtered sky."""
+    """A material's table of random numbers beside cube maps of random, smooth light."""
     generator = torch.Generator().manual_seed(0)
-    table, light = (torch.rand(size, generator=generator).double() for size in ((2, 17, 4), (4 * 32, 32, 3)))
-    return Prefiltered(table, light + 0.1, torch.zeros(9, 3), 1.0, 3, "random")
+
+    def smooth(side: int) -> torch.Tensor:
+        slope = torch.rand(3, 3, generator=generator).double() - 0.5
+        return 1 + 0.5 * directions_of(side) @ slope
+
+    sky = SkyChain(tuple(smooth(side) for side in (16, 8)), smooth(8), torch.zeros(9, 3), 1.0, "random")
+    return Prefiltered(torch.rand(4, 17, 4, generator=generator).double(), sky)
 
 
 def test_prefiltered_light(light: Prefiltered, gpu: Gpu) -> None:
     text = shader(program_of_light(light, ("light",), 0), HLSL, "sky")
     main = hlsl_main("values[id.x] = float4(sky_reflected(lights[id.x].xyz, viewers[id.x].xyz), 0.0);")
-    n, wo = pairs()
-    n = n.abs()
-    images = [Image.of(each.numpy().astype(np.float32)) for each in (light.table, light.map)]
+    n, wo = normals(2000)
+    cubes = [level.numpy() for level in light.sky.levels], [light.sky.irradiance.numpy()]
+    images = [Image.of(light.table.numpy().astype(np.float32)), *map(Image.cube, cubes)]
     found = gpu.run(spirv(text + main), images, n, wo, SAMPLER)[:, :3]
     apart = np.abs(found / light.radiance(n, wo).numpy() - 1)
-    assert np.median(apart) < 1e-4
-    # A sampler has 256 steps between two texels.
+    assert np.median(apart) < 1e-3
+    # A sampler has 256 steps between two texels, and between two levels.
     assert np.quantile(apart, 0.99) < 2e-2
 
 
@@ -157,7 +165,7 @@ def test_all_of_an_export_stands_in_one_shader(form: str, light: Prefiltered, tm
     """DXC refuses two resources in one register."""
     terms = [random_term(each, 3, 3, (8, 12)) for each in (fixed_projection("h", True), searched("half-diff", 2))]
     made = exported(replace(CASES["fixed h"], terms=tuple(terms)), FORMATS[form])
-    PrefilteredExport(light, FORMATS["exr16"], 0.1).put(tmp_path, len(made.textures) + 1)
+    PrefilteredExport(light, FORMATS["exr16"], False, 0.1).put(tmp_path, len(made.textures) + 1)
     text = shader(made.program, HLSL) + functions_text(sampling_functions(MIXTURES["isotropic"]), HLSL)
     text += (tmp_path / "prefiltered.hlsl").read_text()
     value = (

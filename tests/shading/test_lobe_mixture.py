@@ -1,9 +1,6 @@
 """Importance sampling: what is drawn has its density, in Python, C, WGSL, HLSL and GLSL, and lowers the variance."""
 
-import ctypes
 import math
-import shutil
-import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -11,9 +8,10 @@ import numpy as np
 import pytest
 import torch
 from chi_square import p_value
+from mixture_code import GLSL_HEAD, GLSL_MAIN, HLSL_MAIN, WGSL_MAIN, called, compiled_c, points
 from shading_cases import MIXTURES, factorization, searched
 from torch import Tensor
-from webgpu import GLSL_BUFFERS, Gpu, glsl_main, glslang, hlsl_main, wgsl_main
+from webgpu import Gpu, glslang
 
 from homofact.brdf.materials import material
 from homofact.factor.factorization import Factorization
@@ -29,14 +27,8 @@ from homofact.shading.mixture_fit import fitted_mixture
 from homofact.shading.noise import cosine_density, noise_at_angles, noise_of, viewer_at
 from homofact.shading.program import program_of
 
-COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 ANGLES = (0.0, 35.0, 70.0, 86.0)
 COUNT = 100_000
-
-
-def points(count: int, seed: int = 0) -> Tensor:
-    """Of the unit cube, as float32 holds them."""
-    return torch.rand(count, 3, generator=torch.Generator().manual_seed(seed)).double()
 
 
 def one(alpha: tuple[float, float]) -> LobeMixture:
@@ -115,37 +107,6 @@ def test_the_chi_square_test_sees_another_density() -> None:
     assert p_value(mixture.draw(viewer_at(36.0).expand(COUNT, 3), points(COUNT)), wo, mixture.density) < 1e-4
 
 
-def compiled_c(source: str, folder: Path) -> ctypes.CDLL:
-    """The functions of the C text, each of many triples of numbers."""
-    if COMPILER is None:
-        pytest.skip("no C compiler (cc, gcc or clang) on the PATH")
-    source += """
-void many_sample(int n, const float *wo, const float *u, float *out)
-{
-    for (int k = 0; k < n; k++)
-        homofact_sample(wo + 3 * k, u + 3 * k, out + 3 * k);
-}
-void many_density(int n, const float *wi, const float *wo, float *out)
-{
-    for (int k = 0; k < n; k++)
-        out[k] = homofact_density(wi + 3 * k, wo + 3 * k);
-}
-"""
-    (folder / "mixture.c").write_text(source, encoding="utf-8")
-    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-shared", "-fPIC"]
-    subprocess.run([COMPILER, *strict, "-o", folder / "m.so", folder / "mixture.c", "-lm"], check=True)
-    return ctypes.CDLL(str(folder / "m.so"))
-
-
-def called(function, a: Tensor, b: Tensor, width: int) -> Tensor:
-    """(N, width) of a compiled function of pairs."""
-    one, two = (each.float().contiguous().numpy().copy() for each in (a, b))
-    out = np.empty((len(one), width), np.float32)
-    pointer = ctypes.POINTER(ctypes.c_float)
-    function(len(one), *(array.ctypes.data_as(pointer) for array in (one, two, out)))
-    return torch.from_numpy(out).double()
-
-
 @pytest.mark.parametrize("name", MIXTURES)
 def test_c_draws_from_the_density_that_it_gives(name: str, tmp_path: Path) -> None:
     mixture = MIXTURES[name]
@@ -220,21 +181,6 @@ def test_the_estimator_in_c_is_the_albedo(tmp_path: Path) -> None:
         noise = weight.std(0) / math.sqrt(COUNT)
         assert ((weight.mean(0) - expected).abs() < 4.5 * noise + 1e-4 * expected).all(), angle
         assert (weight <= math.pi / LEAST * called(library.many_evaluate, wi, seen, 3) * 1.001).all()
-
-
-WGSL_MAIN = wgsl_main(
-    "let wi = fit_sample(lights[id.x].xyz, viewers[id.x].xyz);",
-    "values[id.x] = vec4<f32>(wi, fit_density(wi, lights[id.x].xyz));",
-)
-HLSL_MAIN = hlsl_main(
-    "float3 wi = fit_sample(lights[id.x].xyz, viewers[id.x].xyz);",
-    "values[id.x] = float4(wi, fit_density(wi, lights[id.x].xyz));",
-)
-GLSL_HEAD = f"#version 450\n{GLSL_BUFFERS}"
-GLSL_MAIN = glsl_main(
-    "vec3 wi = fit_sample(lights[k].xyz, viewers[k].xyz);",
-    "values[k] = vec4(wi, fit_density(wi, lights[k].xyz));",
-)
 
 
 def runnable(mixture: LobeMixture, language: Language, folder: Path) -> str | bytes:

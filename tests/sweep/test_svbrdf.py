@@ -65,6 +65,10 @@ def test_the_folder_holds_the_fit_its_arrays_and_the_labels(made: Path) -> None:
     assert str(made.parent) not in (made / "manifest.json").read_text()
     assert [cluster["texels"] for cluster in record["clusters"]] == [2, 4]
     assert record["shared"]["bytes"] == sum(layer.nbytes for layer in layers)
+    for cluster, entry in zip(record["clusters"], manifest["layers"], strict=True):
+        assert cluster["noise"] == entry["sampling"]["measured"]
+        assert cluster["noise"][3]["variance"] < cluster["noise"][3]["cosine"] / 2
+    assert "homofact_density(const float wi[3], const float wo[3], int layer)" in (made / "brdf.c").read_text()
     assert {*manifest["code"]["files"], "texture_0.exr", "texture_1.exr"} < {each.name for each in made.iterdir()}
 
 
