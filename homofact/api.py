@@ -7,6 +7,7 @@ fitted.save("paint.npz")
 same = homofact.load("paint.npz")
 """
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -48,9 +49,15 @@ def read(
 
 
 def fit(
-    source: Source | Samples, method: Method | None = None, *, progress: ProgressCallback | None = None, **settings: Any
+    source: Source | Samples | str | os.PathLike[str],
+    method: Method | None = None,
+    *,
+    progress: ProgressCallback | None = None,
+    **settings: Any,
 ) -> Fit:
     """Factor all samples of a source by a method (`Search`, `Cole`, `McCool`, `Svd`, `Nmf`), or `Search(**settings)`.
+
+    A file's name, or "material:NAME", is read as `read` does it.
 
     Nothing is held out, as the fit's split says: the verdict judges the fit on the samples that it was made from,
     turned at random where they are isotropic, and cannot see what is learnt by heart.
@@ -67,8 +74,12 @@ def fit(
         )
     elif not hasattr(method, "fit"):
         raise BadInput(f"method: found {method!r}, expected one such as homofact.McCool(size=16)")
+    if isinstance(source, str | os.PathLike):
+        source = read(os.fspath(source))
     if isinstance(source, Samples):
         samples = source
+    elif not isinstance(source, Source):
+        raise BadInput(f"source: found {type(source).__name__}, expected what homofact.read gives, or a file's name")
     else:
         method = method if method.epsilon is not None else replace(method, epsilon=source.default_epsilon)
         samples, _ = Split.of(source, 0.0, method.seed).parts(source)

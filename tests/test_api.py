@@ -200,3 +200,29 @@ def test_help_loads_no_torch() -> None:
 
 def test_a_sum_of_products_is_a_fit_too(source: Source) -> None:
     assert isinstance(homofact.fit(source, quick("nmf")).factorization, Separable)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_what_is_printed_is_a_line_without_numbers(name: str, source: Source) -> None:
+    found = homofact.fit(source, quick(name))
+    for shown in (found, found.factorization, source, source.samples):
+        text = repr(shown)
+        assert "tensor" not in text
+        assert len(text) < 300
+        assert "Y" in text or "R, G, B" in text
+    assert found.verdict is not None
+    assert found.verdict.summary in repr(found)
+    assert repr(found.factorization) in repr(found)
+    assert source.name in repr(source)
+    assert "400 pairs" in repr(source)
+
+
+def test_a_files_name_is_read() -> None:
+    place = Path(__file__).resolve().parent.parent / "data_synthetic" / "synthetic_cornell.brdf"
+    by_name, read = (homofact.fit(each, homofact.McCool(size=4)) for each in (place, homofact.read(str(place))))
+    up = [[0.0, 0.6, 0.8]]
+    assert by_name.evaluate(up, up) == read.evaluate(up, up)
+    with pytest.raises(BadInput, match=r"source: found int, expected what homofact\.read gives, or a file's name"):
+        homofact.fit(3, homofact.McCool(size=4))  # type: ignore[arg-type]
+    with pytest.raises(BadInput, match=r"none\.brdf"):
+        homofact.fit("none.brdf")

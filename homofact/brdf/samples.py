@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.files.words import listed
 
 MOST_COPIES = 1_500_000
 # Squares and sums of weights between these stay numbers.
@@ -46,6 +47,11 @@ class Samples:
     provenance: dict[str, Any] = field(default_factory=dict)
     all_azimuths: bool = False
     clipped: Tensor | None = None
+
+    def __repr__(self) -> str:
+        """In a line, without the values."""
+        turned = "isotropic" if self.isotropic else "anisotropic"
+        return f"<Samples: {len(self)} pairs of directions, {listed(self.channels)}, {turned}>"
 
     def __post_init__(self) -> None:
         """Refuse shapes that disagree, values that are not finite or negative, directions under the horizon."""

@@ -76,6 +76,10 @@ class Source:
     seconds_read: float
     opening: Opening | None = None
 
+    def __repr__(self) -> str:
+        """In a line, without the values."""
+        return f"<Source {self.name}, {self.kind}: {self.samples}>"
+
 
 def open_source(
     text: str,

@@ -21,6 +21,7 @@ from homofact.factor.fitted import Grid, Texture, bits
 from homofact.factor.projection import Projection, Warp, describe_projection, layout_of
 from homofact.factor.stored import FORMAT, FORMAT_VERSION, StoredProduct, StoredTerm, names_of_axes
 from homofact.files.archive import write_archive
+from homofact.files.words import listed
 from homofact.geometry.directions import above_horizon
 from homofact.geometry.rotation import Rotation
 from homofact.linear.bilinear import lookup
@@ -108,6 +109,11 @@ class Factorization:
     transform: LogTransform
     channels: tuple[str, ...]
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """In a line, without the texels."""
+        sizes = ", ".join(f"{rows} × {columns}" for rows, columns in (term.size for term in self.terms))
+        return f"<Factorization: textures of {sizes} texels, {listed(self.channels)}>"
 
     @property
     def nbytes(self) -> int:

@@ -5,6 +5,7 @@ surrogate cannot be written at all. Each is shown by its number, as JSON writes 
 """
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 _SPACES = frozenset("\u00a0\u2007\u2009\u200a\u202f")
@@ -26,6 +27,12 @@ def harmless_words(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [harmless_words(each) for each in value]
     return value
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names with commas; of more than eight the first, the last and how many they are."""
+    shown = names if len(names) <= 8 else (names[0], "…", f"{names[-1]} ({len(names)})")
+    return ", ".join(harmless(each) for each in shown)
 
 
 def in_markdown(text: str) -> str:

@@ -47,6 +47,11 @@ class Judgement(Protocol):
         """What was, the worst first."""
         ...
 
+    @property
+    def summary(self) -> str:
+        """In a line."""
+        ...
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -58,6 +63,11 @@ class Fit:
     factorization: Fitted
     report: Report
     verdict: Judgement | None = None
+
+    def __repr__(self) -> str:
+        """In a line or two: what was fitted, how the search ended, and the verdict."""
+        judged = "" if self.verdict is None else f": {self.verdict.summary}"
+        return f"<Fit of {self.factorization}, {self.report.status.value}{judged}>"
 
     @property
     def channels(self) -> tuple[str, ...]:

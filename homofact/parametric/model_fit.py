@@ -22,6 +22,7 @@ from homofact.brdf.reflectance import Directions, answering_in_kind
 from homofact.errors import BadInput
 from homofact.factor.fitted import Evaluation, Grid, Texture
 from homofact.files.archive import write_archive
+from homofact.files.words import listed
 from homofact.parametric.stored import FORMAT, FORMAT_VERSION, StoredModel
 
 
@@ -32,6 +33,10 @@ class ModelFit:
     model: AnalyticModel
     transform: LogTransform
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """In a line, without the numbers."""
+        return f"<ModelFit: {type(self.model).__name__}, bytes {self.nbytes}, {listed(self.channels)}>"
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from homofact.brdf.reflectance import answering_in_kind
 from homofact.factor.evaluation import Evaluation
 from homofact.factor.fitted import Grid, Texture, bits
 from homofact.files.archive import write_archive
+from homofact.files.words import listed
 from homofact.geometry.axes import map_axes
 from homofact.geometry.coordinates import axes_of
 from homofact.geometry.directions import above_horizon
@@ -67,6 +68,10 @@ class Separable:
     transform: LogTransform
     channels: tuple[str, ...]
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """In a line, without the texels."""
+        return f"<Separable: terms {len(self.terms)}, bytes {self.nbytes}, {listed(self.channels)}>"
 
     @property
     def nbytes(self) -> int:

@@ -130,6 +130,9 @@ def test_light_that_is_not_the_sources(name: str, ratio: float, grade: str | Non
 
 def test_a_verdict_is_summed_up_in_a_sentence() -> None:
     assert verdict(seen=seen()).summary == "its light is right to 3% at every angle"
+    assert replace(verdict(seen=seen()), unmeasured=0.13).summary == (
+        "its light is right to 3% wherever it was measured; 13% of its light is where nothing was measured"
+    )
     assert verdict(seen=seen(albedo=0.92, highlight=0.8)).summary == (
         "good for diffuse light, off by at most 8%; highlight 20% too dark"
     )

@@ -132,6 +132,7 @@ def test_a_copy_moves_what_an_evaluation_must(script) -> None:
     assert np.array_equal(moved.numpy(), wi + wo)
 
 
+@pytest.mark.slow
 def test_errors_of_the_split_sum(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "spheres.png"
     arguments = ["--short", "--data", str(tmp_path), "--picture", str(picture), "--out", str(tmp_path / "e.md")]

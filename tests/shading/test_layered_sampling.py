@@ -100,6 +100,7 @@ def test_layers_alike_draw_what_one_material_draws() -> None:
     assert "lobes_turn" in functions_text(LAYERED, GLSL)
 
 
+@pytest.mark.slow
 def test_an_export_of_layers_draws_from_each_and_says_how_noisily(tmp_path: Path) -> None:
     made = with_sampling(exported_layers(layered(), FORMATS["exr"]))
     assert len({each.alphas for each in made.sampling}) == len(made.stored.layers) == len(made.sampling)

@@ -106,7 +106,8 @@ class Verdict:
         misses = abs(self.off - 1) if self.off is not None else self.misplaced
         said = []
         if misses <= CLOSE:
-            said.append("its light is right to 3% at every angle")
+            known = "wherever it was measured" if self.unmeasured > CLOSE else "at every angle"
+            said.append(f"its light is right to 3% {known}")
         elif misses <= DIFFUSE:
             said.append(f"good for diffuse light, off by at most {misses:.0%}")
         else:
