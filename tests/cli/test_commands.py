@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from ran import Ran
+from rgl_files import rough, write_tensors
 
 import homofact
 import homofact.evaluate.compare
@@ -142,6 +143,15 @@ def test_info_says_what_is_there(run: Callable[..., Ran]) -> None:
     assert "600" in ran.out
     facts = json.loads(run("info", *SMALL, "--json").out)
     assert (facts["samples"], facts["channels"], facts["kind"]) == (600, ["R", "G", "B"], "material")
+
+
+def test_nothing_is_suspected_of_pairs_drawn_of_a_table(run: Callable[..., Ran], tmp_path: Path) -> None:
+    """A table that is cut at zero, an instrument's fault in a measurement; a fit of it says nothing of it either."""
+    table = rough((0.0,))
+    table["rgb"] = np.where(np.arange(table["rgb"].shape[-1]) % 3, table["rgb"], -1).astype("f4")
+    facts = json.loads(run("info", write_tensors(tmp_path / "cut.bsdf", table), "--count", 2000, "--json").out)
+    assert (facts["kind"], "suspected" in facts) == ("drawn", False)
+    assert facts["faults"]["negative_values"] > 200
 
 
 @pytest.mark.parametrize(("wanted", "names"), [("luminance", ["Y"]), ("G", ["G"]), ("rgb", ["R", "G", "B"])])
