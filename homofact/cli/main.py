@@ -93,6 +93,19 @@ def homofact(
     """Measured BRDFs as a few small textures and the projections that index them."""
 
 
+# What the validation behind the options calls a word that is no number.
+_THEIR_WORDS = {
+    "Input should be a valid integer, unable to parse string as an integer": "expected a whole number",
+    "Input should be a valid number, unable to parse string as a number": "expected a number",
+}
+
+
+def _in_our_words(message: str) -> str:
+    for theirs, ours in _THEIR_WORDS.items():
+        message = message.replace(theirs, ours)
+    return message
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line (`sys.argv` unless given) and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
@@ -116,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _refuse(str(error))
     except typer.TyperException as error:
         path = getattr(getattr(error, "ctx", None), "command_path", "homofact")
-        return _refuse(f"{error.format_message().rstrip('.')} (see {path} --help)")
+        return _refuse(f"{_in_our_words(error.format_message().rstrip('.'))} (see {path} --help)")
     except (KeyboardInterrupt, typer.Abort):
         print("homofact: interrupted, nothing was written", file=sys.stderr)
         return 130

@@ -58,6 +58,8 @@ CASES = {
     ),
     "nothing is clipped": (["info", "{paint}", "--clipped", "found"], r"clipped: no channel has its largest value 3 t"),
     "a level too high": (["factorize", "{paint}", "--clipped", "9e9", *OUT], r"clipped: no value is 9e\+09 or"),
+    "a word for a whole number": ([*FIT, "--textures", "x", *OUT], r"'--textures': expected a whole number \(see"),
+    "a word for a number": ([*FIT, "--smoothing", "x", *OUT], r"'--smoothing': expected a number \(see"),
     "no restarts": ([*COMPARE, "--restarts", "0"], r"restarts: found 0, expected"),
     "no samples": ([*COMPARE, "--count", "0"], r"count: found 0, expected a whole number from 1 to 10000000"),
     "too many samples": ([*COMPARE, "--count", "1000000000"], r"count: found 1000000000, expected a whole number"),
