@@ -119,8 +119,14 @@ BAD = {
         HEAD + "1,0,1,0,1\n1,0,1,0,1\n1,0,10,0,1\n10,180,0,0,1\n",
         "line 4: theta_o is 10, expected radians from 0 to pi/2; for degrees name the columns theta_i_deg, phi_i_deg",
     ),
-    "degrees in an azimuth": (HEAD + "0,0,0,180,1\n2,0,0,0,1\n", "line 2: phi_o is 180, expected radians, .*degrees"),
-    "more than a turn": (HEAD.replace(",", "_deg,") + "0,0,0,400,1\n", "phi_o_deg is 400, .*at most a turn, 360$"),
+    "degrees in an azimuth": (
+        HEAD + "0,0,0,180,1\n2,0,0,0,1\n",
+        "line 2: phi_o is 180, expected at most a turn, 2 pi radians; for degrees",
+    ),
+    "more than a turn": (
+        HEAD.replace(",", "_deg,") + "0,0,0,400,1\n",
+        "phi_o_deg is 400, expected at most a turn, 360 degrees$",
+    ),
     "two vectors": (VECTORS + "0,0,1,0,0,2,1\n0,0,2,0,0,1,1\n", r"line 2: wo \[0.0, 0.0, 2.0\]"),
     "the first negative": (
         "R,G," + HEAD + "1,1,0,0,0,0,1\n1,1,0,0,0,0,-3\n1,-2,0,0,0,0,1\n-1,1,9,0,0,0,1\n",

@@ -181,7 +181,7 @@ def _angle_fault(name: str, angle: Tensor, form: tuple[str, ...]) -> _Fault:
         expected = f"{unit} from 0 to {'90' if form == _DEGREES else 'pi/2'}"
     else:
         wrong = angle.abs() > turn * (1 + 1e-3)
-        expected = f"{unit}, at most a turn, {'360' if form == _DEGREES else '2 pi'}"
+        expected = f"at most a turn, {'360' if form == _DEGREES else '2 pi'} {unit}"
 
     def said(row: int) -> str:
         # A negative angle is no less wrong in degrees.
