@@ -34,6 +34,7 @@ _ALIKE = 1e-3
 _PAIRS = 512
 _NEAR = math.radians(1.0)
 _MOST_SAMPLES = 20_000
+_ONE_AZIMUTH = 1e-4  # radians: directions written with five digits stray as far
 RING_WIDTH = 1e-3  # radians: angles this close are one ring
 SAMPLES_ON_A_RING = 8
 
@@ -141,9 +142,16 @@ def light_azimuths(isotropic: bool) -> tuple[float, ...]:
     return (0.0,) if isotropic else (0.0, math.pi / 2)
 
 
-def lit_from_one_azimuth(phi_i: Tensor) -> bool:
-    """Whether all light of a measurement, azimuths (N,), came from one: how files without a word say isotropic."""
-    return bool((phi_i == phi_i[0]).all())
+def lit_from_one_azimuth(wi: Tensor) -> bool:
+    """Whether all light of a measurement, (N, 3), came from one azimuth: how files without a word say isotropic.
+
+    Light along the normal has any azimuth.
+    """
+    across = wi[:, :2]
+    length = across.norm(dim=1)
+    # The one that is farthest from the normal knows its azimuth best.
+    ahead = across[length.argmax()] / length.max().clamp_min(1e-300)
+    return bool(((across - length[:, None] * ahead).norm(dim=1) <= _ONE_AZIMUTH * length + 1e-12).all())
 
 
 def ring_numbers(directions: Tensor) -> tuple[Tensor, int] | None:

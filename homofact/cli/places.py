@@ -30,6 +30,8 @@ def check_result(place: Path) -> None:
     """Refuse a result that is not there, before what opens it is loaded. Raises BadInput."""
     from homofact.files.archive import saved_file
 
+    if str(place).startswith(MATERIAL_PREFIX):
+        raise BadInput(f"{place}: is a material; fit it first: homofact factorize {place} --out FOLDER")
     if not saved_file(place, "manifest.json").exists():
         raise BadInput(f"{place}: no such file, expected a saved factorization")
 

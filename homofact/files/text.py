@@ -6,11 +6,27 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from homofact.errors import BadInput
+from homofact.files.words import harmless
+
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_SHOWN = 24
+
+
+def text_of(raw: bytes) -> str:
+    """A text file's bytes as latin-1, which takes every byte; without the mark that Excel puts before UTF-8."""
+    return raw.removeprefix(_BYTE_ORDER_MARK).decode("latin-1")
+
+
+def beginning(raw: bytes) -> str:
+    """How a file begins, in quotes and harmless to show: its first line that is not blank, cut where it is long."""
+    text = raw[:4096].removeprefix(_BYTE_ORDER_MARK).decode("utf-8", "replace")
+    line = next((line.strip() for line in text.split("\n") if line.strip()), "")
+    return f"'{harmless(line if len(line) <= _SHOWN else line[:_SHOWN] + '…')}'"
 
 
 def numbered_lines(raw: bytes) -> Iterator[tuple[int, str]]:
     """(line number from 1, text without surrounding blanks) of every line that is not blank."""
-    for number, line in enumerate(raw.decode("latin-1").split("\n"), 1):
+    for number, line in enumerate(text_of(raw).split("\n"), 1):
         stripped = line.strip()
         if stripped:
             yield number, stripped

@@ -2,6 +2,8 @@
 
 import os
 
+from homofact.brdf.formats import format_of, npz
+from homofact.errors import BadInput
 from homofact.factor.factorization import FORMAT as PRODUCT
 from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
@@ -16,7 +18,17 @@ _READERS = {PRODUCT: Factorization.load, SEPARABLE: Separable.load, MODEL: Model
 
 
 def open_saved(place: str | os.PathLike[str]) -> Fitted:
-    """The fit of a saved file, or of a folder with one. Raises BadInput where there is none or it is damaged."""
+    """The fit of a saved file, or of a folder with one.
+
+    Raises BadInput where there is none or it is damaged, and for a measurement, which is to be fitted first.
+    """
     target = saved_file(place)
-    form = Fields(f"{target}: ", read_archive(target)[1]).text("format", _READERS)
+    try:
+        header = read_archive(target)[1]
+    except BadInput as error:
+        # A damaged fit is an archive of arrays as well.
+        if not target.is_file() or format_of(target) in (None, npz.NAME):
+            raise
+        raise BadInput(f"{target}: is a measurement; fit it first: homofact factorize {target} --out FOLDER") from error
+    form = Fields(f"{target}: ", header).text("format", _READERS)
     return _READERS[form](target)

@@ -10,6 +10,7 @@ from homofact.containers.exr import decode_exr
 from homofact.containers.hdr import decode_hdr
 from homofact.errors import BadInput
 from homofact.files.reading import read_bytes
+from homofact.files.text import beginning
 from homofact.render.light import EnvironmentMap
 
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
@@ -33,5 +34,5 @@ def read_environment(path: str | os.PathLike[str], turn: float = 0.0) -> Environ
     elif data.startswith(b"#?"):
         pixels = decode_hdr(data, str(target))
     else:
-        raise BadInput(f"{target}: starts with {data[:4]!r}, expected a Radiance .hdr or an OpenEXR file")
+        raise BadInput(f"{target}: begins with {beginning(data)}, expected a Radiance .hdr or an OpenEXR file")
     return EnvironmentMap(torch.from_numpy(pixels), turn, target.name)

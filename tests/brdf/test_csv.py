@@ -42,7 +42,6 @@ def test_angles_in_radians(tmp_path: Path) -> None:
 def test_angles_in_degrees_columns_in_any_order_and_windows_line_ends(tmp_path: Path) -> None:
     text = "Y , phi_o_deg,theta_o_deg,phi_i_deg,theta_i_deg\r\n0.5,180,30,0,90\r\n"
     samples = csv.read(file_of(tmp_path, text))
-    assert not samples.isotropic
     assert samples.channels == ("Y",)
     assert torch.allclose(samples.wi, torch.tensor([[1.0, 0, 0]]).double(), atol=1e-15)
     assert torch.allclose(samples.wo, torch.tensor([[-0.5, 0, math.sqrt(0.75)]]).double(), atol=1e-15)
@@ -104,12 +103,35 @@ BAD = {
     "infinite": (HEAD + "0,0,0,0,inf\n", "line 2: found 'inf'"),
     "negative": (HEAD + "0,0,0,0,1\n\n0,0,0,0,-1\n", "line 4: Y is -1, expected >= 0"),
     "negative weight": ("weight," + HEAD + "-1,0,0,0,0,1\n", "line 2: weight is -1, expected >= 0"),
-    "under the horizon": (HEAD + "0,0,1.6,0,1\n", r"line 2: theta_o 1.6, .* \(0 to pi/2 radians\)"),
-    "negative angle": (HEAD + "-0.1,0,0,0,1\n", "line 2: theta_i -0.1"),
-    "beyond 90 degrees": (HEAD.replace(",", "_deg,").replace("Y", "Y") + "91,0,0,0,1\n", r"theta_i_deg 91, .*0 to 90"),
+    "under the horizon": (
+        HEAD + "0,0,1.6,0,1\n",
+        r"line 2: theta_o is 1.6, expected radians from 0 to pi/2; for degrees",
+    ),
+    "negative angle": (HEAD + "-0.1,0,0,0,1\n", "line 2: theta_i is -0.1, expected radians from 0 to pi/2$"),
+    "beyond 90 degrees": (
+        HEAD.replace(",", "_deg,").replace("Y", "Y") + "91,0,0,0,1\n",
+        "theta_i_deg is 91, expected degrees from 0 to 90$",
+    ),
     "long vector": (VECTORS + "0,0,2,0,0,1,1\n", r"line 2: wi \[0.0, 0.0, 2.0\], expected a unit vector"),
     "vector under the horizon": (VECTORS + "0,0,1,0,0.6,-0.8,1\n", r"line 2: wo \[0.0, 0.6, -0.8\]"),
     "cut": ((HEAD + "0,0,0,0,1\n0,0,0,0,0.1")[:-1], "line 3 has no line end"),
+    "degrees without saying so": (
+        HEAD + "1,0,1,0,1\n1,0,1,0,1\n1,0,10,0,1\n10,180,0,0,1\n",
+        "line 4: theta_o is 10, expected radians from 0 to pi/2; for degrees name the columns theta_i_deg, phi_i_deg",
+    ),
+    "degrees in an azimuth": (
+        HEAD + "0,0,0,180,1\n2,0,0,0,1\n",
+        "line 2: phi_o is 180, expected at most a turn, 2 pi radians; for degrees",
+    ),
+    "more than a turn": (
+        HEAD.replace(",", "_deg,") + "0,0,0,400,1\n",
+        "phi_o_deg is 400, expected at most a turn, 360 degrees$",
+    ),
+    "two vectors": (VECTORS + "0,0,1,0,0,2,1\n0,0,2,0,0,1,1\n", r"line 2: wo \[0.0, 0.0, 2.0\]"),
+    "the first negative": (
+        "R,G," + HEAD + "1,1,0,0,0,0,1\n1,1,0,0,0,0,-3\n1,-2,0,0,0,0,1\n-1,1,9,0,0,0,1\n",
+        "line 3: Y",
+    ),
     "isotropic maybe": ("# isotropic: maybe\n" + HEAD, "line 1: isotropic is 'maybe', expected true or false"),
     "weights of nothing": ("theta_i,phi_i,theta_o,phi_o,weight\n0,0,0,0,1\n", "no channel beside"),
 }
@@ -135,6 +157,59 @@ def test_writer_refuses_names_that_it_cannot_hold(tmp_path: Path, name: str) -> 
     with pytest.raises(BadInput, match="expected a name without commas"):
         writer.write(tmp_path / "x", samples)
     assert list(tmp_path.iterdir()) == []
+
+
+ROWS = {
+    "one azimuth": "10,30,40,0,0.5\n20,30,50,90,0.4\n",
+    "an azimuth and the normal": "10,30,40,0,0.5\n0,77,50,90,0.4\n",
+    "two azimuths": "10,30,40,0,0.5\n20,31,50,90,0.4\n",
+}
+DEGREES = "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,Y\n"
+
+
+@pytest.mark.parametrize(("rows", "isotropic"), [(ROWS[k], k != "two azimuths") for k in ROWS], ids=list(ROWS))
+def test_without_a_word_light_from_one_azimuth_means_isotropic(tmp_path: Path, rows: str, isotropic: bool) -> None:
+    path = file_of(tmp_path, DEGREES + rows)
+    samples = csv.read(path)
+    assert samples.isotropic is isotropic
+    said = [line for line in samples.provenance["comments"] if "taken as isotropic" in line]
+    assert len(said) == isotropic
+    for word, stated in (("false", False), ("true", True)):
+        samples = csv.read(file_of(tmp_path, f"# isotropic: {word}\n{DEGREES}{rows}"))
+        assert samples.isotropic is stated
+        assert samples.provenance["comments"] == []
+
+
+def test_vectors_from_one_azimuth(tmp_path: Path) -> None:
+    rows = "0.3,0.4,0.866025,0,0,1,0.5\n0.48,0.64,0.6,0,0,1,0.5\n"
+    assert csv.read(file_of(tmp_path, VECTORS + rows)).isotropic
+    assert not csv.read(file_of(tmp_path, VECTORS + rows + "0.64,0.48,0.6,0,0,1,0.5\n")).isotropic
+
+
+@pytest.mark.parametrize("stated", ["# Isotropic: yes", "#ISOTROPIC : True", "# isotropic: YES,,,,"])
+@pytest.mark.parametrize("other", ["# Noise_Free: no", "# noise_free: yes"])
+def test_keys_in_any_case_and_yes_and_no(tmp_path: Path, stated: str, other: str) -> None:
+    text = f"{stated}\n{other}\n{DEGREES}{ROWS['two azimuths']}"
+    samples = csv.read(file_of(tmp_path, text))
+    assert samples.isotropic
+    assert samples.provenance.get("noise_free", False) is other.endswith("yes")
+    assert not csv.read(file_of(tmp_path, f"# Isotropic: No\n{DEGREES}{ROWS['one azimuth']}")).isotropic
+
+
+def test_columns_may_say_that_they_are_radians(tmp_path: Path) -> None:
+    plain = read_samples(file_of(tmp_path, GOOD))
+    named = read_samples(file_of(tmp_path, GOOD.replace("_i,", "_i_rad,").replace("_o,", "_o_rad,")))
+    assert torch.equal(named.wi, plain.wi)
+    assert torch.equal(named.wo, plain.wo)
+    assert named.channels == plain.channels
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
+    path = tmp_path / "excel.csv"
+    for text in (GOOD, GOOD[GOOD.index("theta_i") :]):
+        path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+        assert read_samples(path).channels == ("R", "G", "B")
+        assert len(read_samples(path)) == 2
 
 
 def test_sniff() -> None:

@@ -4,6 +4,8 @@ import os
 from pathlib import Path
 
 import pytest
+import torch
+from brdf_files import WHOLE_FILES
 
 from homofact.brdf.formats import READERS, npz, read_samples
 from homofact.brdf.materials import material
@@ -31,6 +33,61 @@ def test_unknown_content_lists_the_formats(tmp_path: Path, content: bytes) -> No
         read_samples(path)
     assert all(f"{reader.NAME}: " in str(caught.value) for reader in READERS)
     assert "\n" not in str(caught.value)
+
+
+ROW = "0.1,0,0.2,3,0.5\n"
+NAMES = "theta_i,phi_i,theta_o,phi_o,Y\n"
+TABLES = {
+    "semicolons": (
+        NAMES.replace(",", ";") + ROW.replace(",", ";"),
+        "looks like a CSV separated by ';', expected commas",
+    ),
+    "few columns": ("theta_i_deg; theta_o_deg ; Y\n", "looks like a CSV separated by ';', expected commas"),
+    "decimal commas": ("0,1;0;0,2;3;0,5\n", "looks like a table separated by ';', expected commas and a header line"),
+    "tabs": (NAMES.replace(",", "\t"), "looks like a CSV separated by tabs"),
+    "blanks": ("# mine\n" + ROW.replace(",", " "), "looks like a table separated by blanks, .*theta_i,phi_i,theta_o"),
+    "no header": ("# theta_i,…\n" + ROW, "it has no header line, expected theta_i,phi_i,theta_o,phi_o"),
+    "quotes": (
+        NAMES.replace("theta_i", '"theta_i"').replace("phi", '"PHI"').replace("theta_o", "Theta_o"),
+        "in quotes",
+    ),
+    "other names": ("a,b,c,d,Y\n" + ROW, "its header names no directions, expected theta_i"),
+}
+
+
+@pytest.mark.parametrize(("text", "hint"), TABLES.values(), ids=list(TABLES))
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_a_table_that_is_nearly_a_csv_is_told_what_it_lacks(tmp_path: Path, text: str, hint: str, mark: str) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(mark + text, "utf-8")
+    with pytest.raises(BadInput, match=f"of no known format .*{hint}") as caught:
+        read_samples(path)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) - len(str(path)) < 350
+
+
+def test_how_an_unknown_file_begins_is_shown_as_text(tmp_path: Path) -> None:
+    path = tmp_path / "thing"
+    for content, shown in (
+        ("hällo you\nthere".encode(), r"'hällo you'"),
+        (b"\x1b[31m" + b"red" * 20, r"'\\u001b\[31mredredredredredredr…'"),
+        (b"\n\n", "''"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(BadInput, match=rf"\(begins with {shown}\), expected one of: nbrdf: "):
+            read_samples(path)
+
+
+def test_a_byte_order_mark_hides_no_text_format(tmp_path: Path) -> None:
+    for name in ("cornell", "alta", "astm", "csv"):
+        folder = tmp_path / name
+        folder.mkdir()
+        path = WHOLE_FILES[name].make(folder)
+        plain = read_samples(path)
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+        marked = read_samples(path)
+        assert marked.provenance == plain.provenance
+        assert torch.equal(marked.values, plain.values)
 
 
 def test_missing_file(tmp_path: Path) -> None:

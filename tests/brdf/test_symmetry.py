@@ -92,8 +92,15 @@ def test_only_pairs_within_the_limit_count() -> None:
 
 
 def test_light_from_one_azimuth() -> None:
-    assert lit_from_one_azimuth(torch.full((5,), 0.3))
-    assert not lit_from_one_azimuth(torch.tensor([0.3, 0.3, 0.31]))
+    def lit(theta: list[float], phi: list[float]) -> bool:
+        return lit_from_one_azimuth(from_spherical(*(torch.tensor(each, dtype=torch.float64) for each in (theta, phi))))
+
+    assert lit([0.1, 0.7, 1.5], [0.3, 0.3, 0.3])
+    assert lit([0.1, 0.7], [0.0, 2 * math.pi])
+    assert lit([0.0, 0.7, 0.0], [2.0, 0.3, 0.0])
+    assert lit([0.0], [2.0])
+    assert not lit([0.1, 0.7, 1.5], [0.3, 0.3, 0.31])
+    assert not lit([0.5, 0.5], [0.0, math.pi])
     assert light_azimuths(True) == (0.0,)
     assert light_azimuths(False) == (0.0, math.pi / 2)
 

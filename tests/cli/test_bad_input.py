@@ -113,6 +113,18 @@ CASES = {
     "result in a closed place": ([*FIT, "--out", "/proc/homofact/o"], r"/proc.*cannot be written"),
     "result that is a file": ([*FIT, "--out", "{file}"], r"expected a folder"),
     "no such format": (["export", "{here}", "--to", "{here}/o", "--format", "jpg"], r"texture format 'jpg', expected"),
+    "a measurement to export": (
+        ["export", "{paint}", "--to", "{here}/x"],
+        r"paint\.csv: is a measurement; fit it first: homofact factorize \S+csv --out",
+    ),
+    "a measurement to view": (
+        ["view", "{paint}", "--out", "{here}/a.html"],
+        r"paint\.csv: is a measurement; fit it first",
+    ),
+    "a material to view": (
+        ["view", "material:phong-10", "--out", "{here}/a.html"],
+        r"material:phong-10: is a material; fit it first: homofact factorize material:phong-10 --out FOLDER",
+    ),
     "no result to draw": (["render", "{here}/none", *PNG], r"none: no such file"),
     "a folder without a result": ([*DRAW, *PNG], r"found no factorization\.npz"),
     "no picture": ([*DRAW], r"out: none given, expected a picture's file"),

@@ -99,6 +99,12 @@ def test_exr_of_three_and_of_one_channel(tmp_path):
         read_environment(tmp_path / "e.exr")
 
 
+def test_another_file_is_shown_as_text(tmp_path):
+    (tmp_path / "sky.hdr").write_bytes(b"# num wls\n3\n\x1b")
+    with pytest.raises(BadInput, match=r"sky\.hdr: begins with '# num wls', expected a Radiance \.hdr or an OpenEXR"):
+        read_environment(tmp_path / "sky.hdr")
+
+
 GOOD = HEAD + b"-Y 2 +X 16\n" + new_runs(pixels(2, 16))
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import torch
+from brdf_files import WHOLE_FILES
 from shading_cases import CASES, SEPARABLE
 from torch import Tensor
 
@@ -117,3 +118,21 @@ def test_a_sum_is_quantised_as_part_of_the_fit(method: Any) -> None:
     wi, wo = pairs()
     off = (eight.evaluate(wi, wo) - plain.evaluate(wi, wo)).abs()
     assert 0 < float(off.mean()) < 0.02 * float(plain.evaluate(wi, wo).mean())
+
+
+@pytest.mark.parametrize("form", ["rgl", "csv", "cornell", "nbrdf", "utia"])
+def test_a_measurement_is_to_be_fitted_first(form: str, tmp_path: Path) -> None:
+    path = WHOLE_FILES[form].make(tmp_path)
+    with pytest.raises(BadInput) as caught:
+        open_saved(path)
+    assert str(caught.value) == f"{path}: is a measurement; fit it first: homofact factorize {path} --out FOLDER"
+
+
+def test_a_damaged_fit_is_no_measurement(tmp_path: Path) -> None:
+    path = tmp_path / "fit.npz"
+    next(iter(EVERY.values())).save(path)
+    whole = path.read_bytes()
+    for damaged in (whole[:-1], whole[: len(whole) // 2], b"no"):
+        path.write_bytes(damaged)
+        with pytest.raises(BadInput, match="not a saved factorization"):
+            open_saved(path)

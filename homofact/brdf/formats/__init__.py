@@ -7,10 +7,12 @@ from types import ModuleType
 
 from homofact.brdf.channels import check_channels
 from homofact.brdf.formats import alta, astm, cornell, csv, curet, mdl, merl, nbrdf, npz, rgl, utia
+from homofact.brdf.formats.hints import hint_of
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.files.reading import read_bytes, split_member
+from homofact.files.text import beginning
 
 # Every reader is a module with NAME, DESCRIPTION, sniff(head) and read(path, channels), and open_file(path,
 # channels, drawing) where the file is a reflectance by itself. The first that knows the head has the file; a
@@ -23,8 +25,8 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     """What a file of any known format holds, as "rgb", "spectral" or "luminance"; FILE#NAME picks one of many.
 
     `drawing` is how a file that is a model is sampled. Raises BadInput for a missing, unreadable or empty
-    file, a folder, and content that no reader knows (listing the formats), besides what the format's reader
-    raises.
+    file, a folder, and content that no reader knows (saying what a table of text lacks, else listing the formats),
+    besides what the format's reader raises.
     """
     check_channels(channels)
     file, member = split_member(path)
@@ -32,15 +34,31 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     raw = read_bytes(file if os.path.exists(file) else path, "a BRDF file or material:NAME")
     head, size = raw[:_HEAD], len(raw)
     del raw
-    known_heads = [reader for reader in READERS if reader.sniff(head)]
-    for reader in known_heads or [reader for reader in READERS if size in getattr(reader, "SIZES", ())]:
+    for reader in _readers_of(head, size):
         if member is not None and not hasattr(reader, "material_names"):
             raise BadInput(f"{path}: {reader.NAME} files hold one material, expected no #{member}")
         if hasattr(reader, "open_file"):
             return reader.open_file(path, channels, drawing)
         return Reading(reader.read(path, channels))
+    if hint := hint_of(head):
+        others = ", ".join(reader.NAME for reader in READERS if reader is not csv)
+        raise BadInput(
+            f"{file}: content of no known format (begins with {beginning(head)}): {hint}; other formats: {others}"
+        )
     known = "; ".join(f"{reader.NAME}: {reader.DESCRIPTION}" for reader in READERS)
-    raise BadInput(f"{file}: content of no known format (begins with {head[:16]!r}), expected one of: {known}")
+    raise BadInput(f"{file}: content of no known format (begins with {beginning(head)}), expected one of: {known}")
+
+
+def format_of(path: str | os.PathLike[str]) -> str | None:
+    """The name of the format that a file's head is known as, None for any other. Raises BadInput as `read_bytes`."""
+    raw = read_bytes(path, "a BRDF file", may_be_empty=True)
+    return next((reader.NAME for reader in _readers_of(raw[:_HEAD], len(raw))), None)
+
+
+def _readers_of(head: bytes, size: int) -> list[ModuleType]:
+    """The readers that know a file by its head, or, where none does, by its size."""
+    known_heads = [reader for reader in READERS if reader.sniff(head)]
+    return known_heads or [reader for reader in READERS if size in getattr(reader, "SIZES", ())]
 
 
 def read_samples(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:

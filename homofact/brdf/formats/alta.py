@@ -48,10 +48,10 @@ _MOST_COLUMNS = 4096
 
 def sniff(head: bytes) -> bool:
     """Whether a file that begins with `head` is of this format: #DIM among its first lines with #."""
-    for line in head.split(b"\n"):
-        if line.startswith(b"#DIM"):
+    for _, line in numbered_lines(head):
+        if line.startswith("#DIM"):
             return True
-        if line.strip() and not line.startswith(b"#"):
+        if not line.startswith("#"):
             return False
     return False
 

@@ -82,12 +82,13 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         values, colours = values @ torch.tensor(FROM_XYZ, dtype=torch.float64).T, ("R", "G", "B")
     negative = values < 0
     across = torch.where(theta_s < 0, math.pi, 0.0)
+    wi = from_spherical((theta_i * scale).clamp_max(math.pi / 2), phi_i * scale)
     samples = Samples.make(
-        from_spherical((theta_i * scale).clamp_max(math.pi / 2), phi_i * scale),
+        wi,
         from_spherical((theta_s.abs() * scale).clamp_max(math.pi / 2), phi_s * scale + across),
         values.clamp_min(0),
         channels=colours,
-        isotropic=lit_from_one_azimuth(phi_i),
+        isotropic=lit_from_one_azimuth(wi),
         provenance={
             "format": NAME,
             "comments": comments,

@@ -22,7 +22,7 @@ from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
-from homofact.files.text import short
+from homofact.files.text import short, text_of
 from homofact.geometry.directions import from_spherical
 
 NAME = "cornell"
@@ -69,7 +69,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         check_azimuths(path, [number for number, _ in lines[start:]], name, table[:, column], False)
     values = table[:, 4:]
     zeros = values == 0
-    comments = [line.lstrip("# ").rstrip() for line in raw.decode("latin-1").splitlines() if line.startswith("#")]
+    comments = [line.lstrip("# ").rstrip() for line in text_of(raw).splitlines() if line.startswith("#")]
     samples = Samples.make(
         from_spherical(theta_i, table[:, 1]),
         from_spherical(theta_s, table[:, 3]),
@@ -112,7 +112,7 @@ def write(
 
 def _content(raw: bytes) -> Iterator[tuple[int, str]]:
     """(line number from 1, text) of every line that is neither blank nor a comment."""
-    for number, line in enumerate(raw.decode("latin-1").split("\n"), 1):
+    for number, line in enumerate(text_of(raw).split("\n"), 1):
         stripped = line.strip()
         if stripped and not stripped.startswith("#"):
             yield number, stripped

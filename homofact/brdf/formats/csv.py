@@ -4,11 +4,11 @@
     theta_i,phi_i,theta_o,phi_o,R,G,B
     0.1,0,0.2,3.14,0.5,0.4,0.3
 
-Lines with # come before the header: `isotropic` and `noise_free` take true or false (both false unless
-stated), others are comments. The header names the columns, in any order: both directions as theta_i, phi_i,
-theta_o, phi_o in radians, the same with _deg in degrees, or wi_x … wo_z; `weight` if there is one; every other
-column is a channel of f in sr⁻¹ without the cosine, "550nm" being a wavelength. φ is absolute: the mirror
-direction of φi = 0 is φo = π.
+Lines with # come before the header: `isotropic` and `noise_free` take true or false, yes or no, others are comments.
+Unless stated, `noise_free` is false, and light from one azimuth only means isotropic; a comment then says so. The
+header names the columns, in any order: both directions as theta_i, phi_i, theta_o, phi_o in radians (or with _rad), the
+same with _deg in degrees, or wi_x … wo_z; `weight` if there is one; every other column is a channel of f in sr⁻¹
+without the cosine, "550nm" being a wavelength. φ is absolute: the mirror direction of φi = 0 is φo = π.
 
 `write` gives every number with all its digits and directions as vectors, so that samples come back bit for bit; there
 is a column `weight` where weights differ from 1.
@@ -16,13 +16,14 @@ is a column `weight` where weights differ from 1.
 
 import math
 import os
+from collections.abc import Callable, Iterator
 
 import torch
 from torch import Tensor
 
 from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
-from homofact.brdf.formats.reading import check_azimuths
 from homofact.brdf.samples import Samples
+from homofact.brdf.symmetry import lit_from_one_azimuth
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
@@ -34,10 +35,16 @@ DESCRIPTION = "CSV with a header (theta_i,phi_i,theta_o,phi_o or wi_x … wo_z; 
 ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o")
 VECTORS = ("wi_x", "wi_y", "wi_z", "wo_x", "wo_y", "wo_z")
 _DEGREES = tuple(f"{name}_deg" for name in ANGLES)
-_FORMS = (ANGLES, _DEGREES, VECTORS)
+_RADIANS = tuple(f"{name}_rad" for name in ANGLES)
+_FORMS = (ANGLES, _RADIANS, _DEGREES, VECTORS)
+_WORDS = {"true": True, "yes": True, "false": False, "no": False}
 _MOST_COLUMNS = 4096
 _SLACK = 1e-6
 _LENGTH_TOLERANCE = 1e-3
+_ASSUMED = "taken as isotropic, as all light has one azimuth (a line # isotropic: false says otherwise)"
+
+# Which rows of a column are wrong (N,), and what is said of one.
+_Fault = tuple[Tensor, Callable[[int], str]]
 
 
 def sniff(head: bytes) -> bool:
@@ -72,11 +79,11 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     numbers, places = number_table(path, rows, len(names), "as the header names", ",")
     check_last_line(path, raw, lines[-1][0])
     table = {name: torch.from_numpy(numbers[:, k].copy()) for k, name in enumerate(names)}
-    for name in (*values, "weight"):
-        if name in table and bool((table[name] < 0).any()):
-            row = int((table[name] < 0).nonzero()[0])
-            raise BadInput(f"{path}: line {places[row]}: {name} is {float(table[name][row]):g}, expected >= 0")
-    wi, wo = (_directions(path, places, table, form, which) for which in "io")
+    _check(path, places, table, form)
+    wi, wo = (_directions(table, form, which) for which in "io")
+    isotropic = facts["isotropic"]
+    if isotropic is None and (isotropic := lit_from_one_azimuth(wi)):
+        comments.append(_ASSUMED)
     stacked = torch.stack([table[name] for name in values], 1)
     zeros = stacked == 0
     samples = Samples.make(
@@ -84,7 +91,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         wo,
         stacked,
         channels=tuple(values),
-        isotropic=facts["isotropic"],
+        isotropic=bool(isotropic),
         weights=table.get("weight"),
         provenance={
             "format": NAME,
@@ -101,20 +108,21 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         raise BadInput(f"{path}: {error}") from error
 
 
-def _stated(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, bool], list[str], int]:
-    """What the comments state, the other comments, and the index of the header."""
-    facts = {"isotropic": False, "noise_free": False}
+def _stated(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, bool | None], list[str], int]:
+    """What the comments state (None: nothing), the other comments, and the index of the header."""
+    facts: dict[str, bool | None] = {"isotropic": None, "noise_free": None}
     comments: list[str] = []
     for index, (number, line) in enumerate(lines):
         if not line.startswith("#"):
             return facts, comments, index
         key, mark, value = line.lstrip("# ").partition(":")
-        if mark and key.strip() in facts:
-            if value.strip().lower() not in ("true", "false"):
-                raise BadInput(
-                    f"{path}: line {number}: {key.strip()} is {short(value.strip())}, expected true or false"
-                )
-            facts[key.strip()] = value.strip().lower() == "true"
+        key = key.strip().lower()
+        if mark and key in facts:
+            # A table saved by a spreadsheet has a comma for each of its columns.
+            value = value.strip().rstrip(",").strip()
+            if value.lower() not in _WORDS:
+                raise BadInput(f"{path}: line {number}: {key} is {short(value)}, expected true or false (or yes or no)")
+            facts[key] = _WORDS[value.lower()]
         elif len(comments) < 64 and line.lstrip("# "):
             comments.append(line.lstrip("# ")[:200])
     raise BadInput(f"{path}: only comments, expected a header that names the columns")
@@ -131,40 +139,75 @@ def _form(path: object, number: int, names: list[str]) -> tuple[str, ...]:
         found = ", ".join(name for form in given for name in form if name in names)
         raise BadInput(
             f"{path}: line {number}: directions by {found or 'nothing'};"
-            f" expected all of {', '.join(ANGLES)}, the same with _deg, or all of {', '.join(VECTORS)}"
+            f" expected all of {', '.join(ANGLES)}, the same with _deg in degrees, or all of {', '.join(VECTORS)}"
         )
     return given[0]
 
 
-def _directions(path: object, places: list[int], table: dict[str, Tensor], form: tuple[str, ...], which: str) -> Tensor:
+def _check(path: object, places: list[int], table: dict[str, Tensor], form: tuple[str, ...]) -> None:
+    """Raise BadInput for the first line with a value, a weight or a direction that cannot be; places are the lines."""
+    found = [(int(wrong.nonzero()[0]), said) for wrong, said in _faults(table, form) if bool(wrong.any())]
+    if found:
+        row, said = min(found, key=lambda each: each[0])
+        raise BadInput(f"{path}: line {places[row]}: {said(row)}")
+
+
+def _faults(table: dict[str, Tensor], form: tuple[str, ...]) -> Iterator[_Fault]:
+    """Of every column, those of directions first, which rows are wrong."""
+    if form == VECTORS:
+        for which in "io":
+            yield _vector_fault(f"w{which}", torch.stack([table[f"w{which}_{axis}"] for axis in "xyz"], 1))
+    else:
+        for name in form:
+            yield _angle_fault(name, table[name], form)
+    for name, column in table.items():
+        if name not in form:
+            yield column < 0, lambda row, name=name, column=column: f"{name} is {float(column[row]):g}, expected >= 0"
+
+
+def _vector_fault(name: str, w: Tensor) -> _Fault:
+    def said(row: int) -> str:
+        found = [round(x, 6) for x in w[row].tolist()]
+        return f"{name} {found}, expected a unit vector on or above the horizon"
+
+    return ((w.norm(dim=1) - 1).abs() > _LENGTH_TOLERANCE) | (w[:, 2] < -_SLACK), said
+
+
+def _angle_fault(name: str, angle: Tensor, form: tuple[str, ...]) -> _Fault:
+    unit, turn = ("degrees", 360.0) if form == _DEGREES else ("radians", 2 * math.pi)
+    polar = name.startswith("theta")
+    if polar:
+        wrong = (angle < 0) | (angle > turn / 4 + _SLACK * turn / (2 * math.pi))
+        expected = f"{unit} from 0 to {'90' if form == _DEGREES else 'pi/2'}"
+    else:
+        wrong = angle.abs() > turn * (1 + 1e-3)
+        expected = f"at most a turn, {'360' if form == _DEGREES else '2 pi'} {unit}"
+
+    def said(row: int) -> str:
+        # A negative angle is no less wrong in degrees.
+        degrees = form != _DEGREES and (float(angle[row]) > 0 or not polar)
+        hint = f"; for degrees name the columns {', '.join(_DEGREES)}" if degrees else ""
+        return f"{name} is {float(angle[row]):g}, expected {expected}{hint}"
+
+    return wrong, said
+
+
+def _directions(table: dict[str, Tensor], form: tuple[str, ...], which: str) -> Tensor:
+    """The directions (N, 3) towards the light ("i") or the viewer ("o")."""
     if form == VECTORS:
         w = torch.stack([table[f"w{which}_{axis}"] for axis in "xyz"], 1)
         length = w.norm(dim=1)
-        wrong = ((length - 1).abs() > _LENGTH_TOLERANCE) | (w[:, 2] < -_SLACK)
-        said = [f"w{which} {[round(x, 6) for x in row]}" for row in w[wrong][:1].tolist()]
         # Vectors of length 1 to the last digits stay bit for bit what they were.
         w = torch.where(((length - 1).abs() <= 1e-15)[:, None], w, w / length.clamp_min(1e-300)[:, None])
-        w = torch.cat((w[:, :2], w[:, 2:].clamp_min(0)), 1)
-    else:
-        scale = math.pi / 180 if form == _DEGREES else 1.0
-        suffix = "_deg" if form == _DEGREES else ""
-        theta, phi = (table[f"{kind}_{which}{suffix}"] for kind in ("theta", "phi"))
-        check_azimuths(path, places, f"phi_{which}{suffix}", phi, form == _DEGREES)
-        wrong = (theta < 0) | (theta * scale > math.pi / 2 + _SLACK)
-        said = [f"theta_{which}{suffix} {x:g}" for x in theta[wrong][:1].tolist()]
-        w = from_spherical((theta * scale).clamp_max(math.pi / 2), phi * scale)
-    if said:
-        row = int(wrong.nonzero()[0])
-        raise BadInput(
-            f"{path}: line {places[row]}: {said[0]}, expected a unit vector on or above the horizon"
-            + ("" if form == VECTORS else f" ({'0 to 90 degrees' if form == _DEGREES else '0 to pi/2 radians'})")
-        )
-    return w
+        return torch.cat((w[:, :2], w[:, 2:].clamp_min(0)), 1)
+    scale = math.pi / 180 if form == _DEGREES else 1.0
+    theta, phi = (table[name] for name in form if name.split("_")[1] == which)
+    return from_spherical((theta * scale).clamp_max(math.pi / 2), phi * scale)
 
 
 def write(path: str | os.PathLike[str], samples: Samples, comments: tuple[str, ...] = ()) -> None:
     """Write samples. Raises BadInput for channel names that the format cannot hold, and an unwritable place."""
-    reserved = {*ANGLES, *VECTORS, *(f"{name}_deg" for name in ANGLES), "weight"}
+    reserved = {"weight", *(name for form in _FORMS for name in form)}
     for name in samples.channels:
         if name in reserved or name != name.strip() or not name or set(name) & set(",\n\r#"):
             raise BadInput(

@@ -79,12 +79,13 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     theta_v, phi_v, theta_i, phi_i = torch.from_numpy(_directions(place.with_name(TABLE))).T
     negative = int((values < 0).sum())
     names = ("R", "G", "B") if coloured else ("luminance" if place.name not in COLOURS else place.name[0].upper(),)
+    wi = from_spherical(theta_i, phi_i)
     samples = Samples.make(
-        from_spherical(theta_i, phi_i),
+        wi,
         from_spherical(theta_v, phi_v),
         values.clamp_min(0),
         channels=names,
-        isotropic=lit_from_one_azimuth(phi_i),
+        isotropic=lit_from_one_azimuth(wi),
         provenance={
             "format": NAME,
             "material": f"sample {number}",

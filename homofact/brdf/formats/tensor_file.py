@@ -70,14 +70,16 @@ def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         if code not in _TYPES:
             raise BadInput(f"{path}: field {short(name)} is of type {code}, expected 1 to {len(_TYPES)}")
         layouts[name] = (_TYPES[code], offset, take(f"{rank}Q", f"field {short(name)}"))
+    # Python's integers: no product of sizes overflows.
+    ends = [offset + math.prod(shape) * np.dtype(kind).itemsize for kind, offset, shape in layouts.values()]
     fields = {}
     for name, (kind, offset, shape) in layouts.items():
         dtype = np.dtype(kind).newbyteorder("<")
-        # Python's integers: no product of sizes overflows.
         size, numbers = math.prod(shape) * dtype.itemsize, math.prod(shape)
         if offset < place or offset + size > len(raw):
+            cut = f"cut off: {len(raw)} bytes, its header asks for {max(ends)}; " if offset >= place else ""
             raise BadInput(
-                f"{path}: field {short(name)} {shape} takes {size} bytes from byte {offset}, expected it"
+                f"{path}: {cut}field {short(name)} {shape} takes {size} bytes from byte {offset}, expected it"
                 f" between the header's end, {place}, and the file's, {len(raw)}"
             )
         if numbers == 0:

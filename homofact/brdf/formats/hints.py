@@ -1,0 +1,46 @@
+"""What a table of text lacks to be a CSV that is read: said instead of a list of all formats."""
+
+from homofact.brdf.formats.csv import ANGLES, VECTORS
+from homofact.files.text import numbered_lines
+
+_EXPECTED = f"{','.join(ANGLES)} (in degrees with _deg) or {','.join(VECTORS)}, and the channels"
+_SEPARATORS = ((";", "';'"), ("\t", "tabs"), (None, "blanks"))
+_LEAST_COLUMNS = 5
+
+
+def hint_of(head: bytes) -> str | None:
+    """What to mend in a file that begins with `head`; None where it is no text or looks like no table."""
+    if b"\0" in head:
+        return None
+    lines = [line for _, line in numbered_lines(head) if not line.startswith("#")][:2]
+    if not lines:
+        return None
+    if "," in lines[0]:
+        words = lines[0].split(",")
+        if len(words) >= _LEAST_COLUMNS and _numbers(words):
+            return f"it has no header line, expected {_EXPECTED}"
+        if any(map(_direction, words)):
+            return f"its header's names are in quotes or capitals, expected {_EXPECTED}"
+    for separator, shown in _SEPARATORS:
+        words = lines[0].split(separator)
+        if len(words) > 1 and any(map(_direction, words)):
+            return f"it looks like a CSV separated by {shown}, expected commas"
+        if len(words) >= _LEAST_COLUMNS and _numbers(words):
+            return f"it looks like a table separated by {shown}, expected commas and a header line: {_EXPECTED}"
+    words = lines[0].split(",")
+    if len(words) >= _LEAST_COLUMNS and _numbers(lines[-1].split(",")):
+        return f"its header names no directions, expected {_EXPECTED}"
+    return None
+
+
+def _direction(word: str) -> bool:
+    name = word.strip().strip('"').lower().removesuffix("_deg").removesuffix("_rad")
+    return name in ANGLES or name in VECTORS
+
+
+def _numbers(words: list[str]) -> bool:
+    """Whether all words are numbers, be it with a comma for the decimal point."""
+    try:
+        return bool([float(word.strip().replace(",", ".")) for word in words])
+    except ValueError:
+        return False
