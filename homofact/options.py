@@ -8,8 +8,9 @@ numpy: help and refusals must not wait for them.
 import re
 import types
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import Field, dataclass, field, fields
+from difflib import get_close_matches
 from functools import cache
 from typing import Any
 
@@ -45,6 +46,12 @@ class Option:
     metavar: str | None = None
     panel: str | None = None
     everyday: bool = False
+
+
+def nearest(found: str, names: Iterable[str]) -> str:
+    """The name that a word misspells, to follow it in a message: " (nearest: mccool)"; "" where it is near none."""
+    near = get_close_matches(found, tuple(names), n=1, cutoff=0.6)
+    return f" (nearest: {near[0]})" if near else ""
 
 
 def option(default: Any, help: str, **more: Any) -> Any:

@@ -24,6 +24,8 @@ _EXTRAS = {
     "relight": "relight and edit: shadows, glTF meshes",
     "metrics": "compare --metrics: SSIM, FLIP",
     "mitsuba": "fits as Mitsuba's materials",
+    "materialx": "tests: compiles what export --engine materialx writes",
+    "blender": "tests: draws what export --engine blender writes",
     "cluster": "sweep --scheduler: Dask",
     "report": "report: Parquet",
     "nmf": "a second opinion on nmf",

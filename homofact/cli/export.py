@@ -14,6 +14,7 @@ from homofact.cli.screen import Screen
 from homofact.cli.tables import appearance_tables, stored_table
 from homofact.containers.names import FORMAT_NAMES
 from homofact.errors import BadInput
+from homofact.files.kinds import ENGINE_MARK
 from homofact.files.lock import claimed
 
 if TYPE_CHECKING:
@@ -174,7 +175,8 @@ def export(
     elif not found.held_out:
         screen.note("homofact: the fit has, or may have, seen the samples that its errors are on")
     if not quiet:
-        files = [*made.names, *description["code"]["files"], *_light_files(made), "manifest.json", *more]
+        beside = [*more, ENGINE_MARK] if more else []
+        files = [*made.names, *description["code"]["files"], *_light_files(made), "manifest.json", *beside]
         cost = made.cost
         screen.show(
             stored_table(errors, "held_out" if isinstance(found, str) else found.part),

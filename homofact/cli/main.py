@@ -10,9 +10,10 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 from typer.main import get_command
 
 from homofact.cli import (
@@ -49,7 +50,7 @@ app = typer.Typer(
 _BEGIN, _DATA, _JUDGE, _SCENES, _MANY = (
     "First steps", "Data", "How good is a fit", "Scenes", "Whole databases",
 )  # fmt: skip
-_COMMANDS = (
+COMMANDS = (
     (_BEGIN, factorize.factorize),
     (_BEGIN, view.view),
     (_BEGIN, export.export),
@@ -68,8 +69,19 @@ _COMMANDS = (
     (_MANY, report.report),
     ("This installation", doctor.doctor),
 )
-for _panel, _command in _COMMANDS:
-    app.command(_command.__name__, rich_help_panel=_panel)(_command)
+
+
+class _Command(TyperCommand):
+    """A command whose --help-all is its --help, unless it hides options and has a --help-all of its own."""
+
+    def get_help_option_names(self, ctx: Any) -> list[str]:
+        """The words that ask for help, always in the same order."""
+        own = {word for each in self.params for word in each.opts}
+        return [word for word in ("--help", "-h", "--help-all") if word not in own]
+
+
+for _panel, _command in COMMANDS:
+    app.command(_command.__name__, cls=_Command, rich_help_panel=_panel)(_command)
 
 # Options before a file that is read.
 _READ = {"-c", "--config", "--environment", "--mesh", "--source", "--svbrdf"}

@@ -4,11 +4,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich import box
-from rich.table import Table
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.layout import add_names, plain_table
 from homofact.cli.places import check_file
 from homofact.cli.screen import Screen
 
@@ -34,8 +33,9 @@ def materials(
             bar.stage("drawing")
             drawing.parent.mkdir(parents=True, exist_ok=True)
             material_sheet(drawing, [(each.name, each.model) for each in MATERIALS.values()])
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for heading in ("material:", "model", "numbers from"):
+    table = plain_table()
+    add_names(table, "material:", longest=max(map(len, MATERIALS)))
+    for heading in ("model", "numbers from"):
         table.add_column(heading, overflow="fold")
     for each in MATERIALS.values():
         table.add_row(Text(each.name), Text(type(each.model).__name__), Text(each.source))

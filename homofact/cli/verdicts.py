@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from homofact.errors import BadInput
-from homofact.evaluate.wording import figure
+from homofact.evaluate.wording import figure, findings_named
 
 if TYPE_CHECKING:
     from homofact.evaluate.verdict.finding import Finding
@@ -36,7 +36,7 @@ def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
     width = max(map(len, verdicts))
     return [
         f"Verdict on {label:{width}}  {verdict.summary}"
-        + "".join(f", {each.name}" for each in verdict.findings if each.matters)
+        + findings_named([each.name for each in verdict.findings if each.matters])
         for label, verdict in verdicts.items()
     ]
 

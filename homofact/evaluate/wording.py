@@ -25,6 +25,11 @@ def figure(value: float | None) -> str:
     return f"{value:.3g}" if value == 0 or 1e-4 <= abs(value) < 1e5 else f"{value:.1e}"
 
 
+def findings_named(names: Sequence[str]) -> str:
+    """Findings by name, as they follow a verdict's sentence: " (findings: coverage, light)"; "" where there is none."""
+    return f" (findings: {', '.join(names)})" if names else ""
+
+
 def counted(number: int, noun: str) -> str:
     """The number with its noun, in the plural where it is not 1."""
     plural = f"{noun}es" if noun.endswith("ch") else f"{noun}s"

@@ -7,7 +7,7 @@ from homofact.errors import BadInput
 from homofact.factor.names import KINDS
 from homofact.factor.search.names import expected_search
 from homofact.methods import shared
-from homofact.options import check_options, option
+from homofact.options import check_options, nearest, option
 
 if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
@@ -22,7 +22,8 @@ EFFORTS = ("quick", "normal", "thorough")
 def _expected_effort(value: Any) -> str | None:
     if value in EFFORTS or (not isinstance(value, str) and value > 0):
         return None
-    return f"{', '.join(EFFORTS)}, or a number above 0"
+    near = nearest(value, EFFORTS) if isinstance(value, str) else ""
+    return f"{', '.join(EFFORTS)}, or a number above 0{near}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from homofact.methods.models import MODELS
 from homofact.methods.nmf import Nmf
 from homofact.methods.search import Search
 from homofact.methods.svd import Svd
+from homofact.options import nearest
 
 if TYPE_CHECKING:
     from homofact.methods.fitting import Method
@@ -28,7 +29,7 @@ ALL_METHODS = METHODS | MODELS_BY_NAME
 def method_class(name: str) -> type[Any]:
     """The class of the method called `name`. Raises BadInput that lists the names."""
     if name not in ALL_METHODS:
-        raise BadInput(f"method: found {name!r}, expected one of {', '.join(ALL_METHODS)}")
+        raise BadInput(f"method: found {name!r}{nearest(name, ALL_METHODS)}, expected one of {', '.join(ALL_METHODS)}")
     return ALL_METHODS[name]
 
 

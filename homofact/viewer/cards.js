@@ -108,10 +108,10 @@ function textureFigure(texture) {
   const number = (value) => value.toFixed(2).replace("-", "−");
   const range = !(least <= largest) ? "no texel is reached"
     : `${texture.quantity} ${number(least)} to ${number(largest)}`;
-  const words = [`${texture.caption}: ${columns} × ${rows} texels, ${type}, ${size} as RGBA, ${range}`,
+  const words = [`${texture.caption}: ${rows} × ${columns} texels, ${type}, ${size} as RGBA, ${range}`,
     ...(missing ? [`${missing} texels are reached by no pair of directions`] : [])].join("; ");
   return element("figure", { title: words }, canvas, element("figcaption", {}, element("b", {}, texture.caption),
-    `${columns} × ${rows}`, element("br"), range));
+    `${rows} × ${columns}`, element("br"), range));
 }
 
 /** The layers' values at one pair of directions, with angles, or a hint. */

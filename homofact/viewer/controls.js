@@ -28,7 +28,7 @@ class Controls {
       layers: makeChoice(by("layers"), layers.map((layer, k) => ({ value: layer.key, title: layer.title, hint: `Key ${k + 1}` })), (key) => this.toggle(key)),
       surface: makeChoice(by("surface"), [{ value: "sphere", title: "Sphere" }, { value: "mesh", title: view.mesh ? view.mesh.name : "Mesh" }], set("surface")),
       light: makeChoice(by("light"), [["sky", "Sky"], ["directional", "Point"], ["overcast", "Overcast"], ["studio", "Studio"]].map(([value, title]) => ({ value, title })), (value) => view.relight(value)),
-      drag: makeChoice(by("drag"), [{ value: "camera", title: "turns camera" }, { value: "lightFrom", title: "moves light" }], (value) => { state.drag = value; this.show(); }),
+      drag: makeChoice(by("drag"), [{ value: "camera", title: "Turns camera" }, { value: "lightFrom", title: "Moves light" }], (value) => { state.drag = value; this.show(); }),
       difference: makeChoice(by("difference"), [["off", "Off"], ["signed", "Signed"], ["absolute", "Abs."], ["ratio", "Ratio"]].map(([value, title]) => ({ value, title })), set("difference")),
     };
     by("surface-field").hidden = !view.mesh;

@@ -80,7 +80,7 @@ def _costs(program: Program, encoded: Sequence[Encoded]) -> Facts:
     """Textures, their bytes without the fourth channel, fetches, operations beyond the change of frame."""
     cost = cost_of(program, sum(each.stored.nbytes for each in encoded))
     kinds = Counter(
-        f"{columns} × {rows}{', 8 bit' if each.stored.dtype == np.uint8 else ''}"
+        f"{rows} × {columns}{', 8 bit' if each.stored.dtype == np.uint8 else ''}"
         for (rows, columns), each in zip(program.shapes, encoded, strict=True)
     )
     return (

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.source import Source
 from homofact.evaluate.reopening import NotReopened, Reopened, reopen, settings_of
-from homofact.evaluate.wording import figure
+from homofact.evaluate.wording import figure, findings_named
 
 if TYPE_CHECKING:
     from homofact.errors import Report
@@ -195,7 +195,7 @@ def _verdict(report: Mapping[str, Any]) -> "Facts":
     names = [str(each.get("name")) for each in listed if each.get("grade") != "slight"]
     said = verdict.get("summary")
     words = said if isinstance(said, str) else "no fault found" if verdict["trusted"] else "not to be trusted"
-    return (("Verdict", f"{words} ({', '.join(names)})" if names else words),)
+    return (("Verdict", words + findings_named(names)),)
 
 
 def _reported_errors(report: Mapping[str, Any]) -> dict[str, Any]:

@@ -195,7 +195,7 @@ def _knot() -> Mesh:
     order = corners[np.sort(np.unique(corners, return_index=True)[1])]
     place = np.empty(len(made.positions), np.int64)
     place[order] = np.arange(len(order))
-    return Mesh(made.positions[order], made.normals[order], place[made.triangles], "knot")
+    return Mesh(made.positions[order], made.normals[order], place[made.triangles], "Knot")
 
 
 def _mesh(mesh: Mesh) -> dict[str, Any]:

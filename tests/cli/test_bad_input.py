@@ -88,11 +88,12 @@ CASES = {
     "no algorithm of nlopt's": ([*FIT, "--search", "nlopt-FOO", *OUT], r"search: found 'nlopt-FOO', expected behind"),
     "no effort": ([*FIT, "--effort", "0", *OUT], r"effort: found 0\.0, expected quick, normal, thorough, or a number"),
     "an effort by no name": ([*FIT, "--effort", "some", *OUT], r"effort: found 'some', expected quick, normal"),
+    "a misspelt effort": ([*FIT, "--effort", "quik", *OUT], r"effort: found 'quik', expected .* \(nearest: quick\)"),
     "unknown scheme": ([*INFO, "--scheme", "x"], r"scheme: found 'x', expected .*discs"),
     "unknown channels": ([*INFO, "--channels", "x"], r"channels: found 'x', expected rgb.*luminance"),
     "no such spectrum": ([*INFO, "--channels", "spectral"], r"spectral.*expected"),
     "negative seed": ([*COMPARE, "--seed", "-1"], r"seed: found -1, expected"),
-    "unknown method": ([*COMPARE, "--methods", "mccool,col"], r"method: found 'col', expected .*cole"),
+    "unknown method": ([*COMPARE, "--methods", "mccool,col"], r"method: found 'col' \(nearest: cole\), expected .*"),
     "unknown method to fit": (
         [*FIT, "--method", "magic", *OUT],
         r"method: found 'magic', expected one of .*cole, mccool",

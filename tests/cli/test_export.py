@@ -236,6 +236,9 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     assert "environment: baseColor (0.300, 0.400, 0.700), metallic 0.000, roughness 0.650; log_mse" in shown
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"index.js", "package.json", "notes.txt"} <= names
+    # What is said to be in the folder is all that was written to it.
+    listed = {word.strip(",") for word in shown.split() if word.strip(",") in names}
+    assert listed == names - {"notes.txt"}
     assert "lookalike.glb" not in names
 
 

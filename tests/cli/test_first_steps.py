@@ -1,6 +1,7 @@
 """What a newcomer meets: greeting, help in sections, named materials, the nearest name, the state of things."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from PIL import Image
 from homofact.brdf.materials import MATERIALS
 from homofact.brdf.names import MATERIAL_NAMES
 from homofact.cli import doctor
-from homofact.cli.main import main
+from homofact.cli.main import COMMANDS, main
 
 
 def test_alone_it_greets_with_commands_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
@@ -39,6 +40,18 @@ def test_a_long_help_shows_ten_options_and_all_when_asked(capsys: pytest.Capture
     assert "--calibrate" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("command", [command.__name__ for _, command in COMMANDS])
+def test_every_command_takes_help_all(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "--help-all"]) == 0
+    whole = capsys.readouterr().out
+    assert f"Usage: homofact {command} " in whole
+    assert main([command, "-h"]) == 0
+    short = capsys.readouterr().out
+    if command not in ("factorize", "compare", "chart", "stability"):
+        assert whole == short
+        assert "--help,--help-all" in short
+
+
 def test_hidden_options_work_as_before(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["factorize", "material:phong-10", "--smoothing", "-1", "--out", "x"]) == 2
     assert "smoothing: found -1" in capsys.readouterr().err
@@ -65,6 +78,16 @@ def test_named_materials_are_listed_and_drawn(
     assert "ends in '.jpg', expected .png" in capsys.readouterr().err
 
 
+def test_a_narrow_terminal_breaks_no_name_that_one_has_to_type(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    assert main(["materials"]) == 0
+    said = capsys.readouterr().out
+    assert all(len(line) <= 60 for line in said.splitlines())
+    assert set(MATERIAL_NAMES) <= {word for line in said.splitlines() for word in line.split()[:1]}
+
+
 @pytest.mark.parametrize("given", ["lafortune-blue-paint", "lafortune-bluepaint"])
 def test_a_material_without_its_prefix_is_told(given: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", given]) == 2
@@ -88,6 +111,8 @@ def test_the_doctor_tries_what_is_there(capsys: pytest.CaptureFixture[str]) -> N
     states = {each["name"]: each["state"] for each in json.loads(capsys.readouterr().out)["findings"]}
     assert states["torch"] == states["nlopt"] == "installed"
     assert states["a fit"] == states["compiled kernels"] == "works"
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert set(project["optional-dependencies"]) - set(states) <= {"all", "docs"}
 
 
 def test_the_doctor_names_what_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -127,7 +127,7 @@ def test_a_folder_is_told_by_its_files_and_their_names(tmp_path: Path) -> None:
         ('sources = ["material:*"]\n[[method]]\nsize = 8\n', "method[0].method: found none, expected a method's name"),
         (
             'sources = ["material:*"]\n[[method]]\nmethod = "serch"\n',
-            "method[0].method: found 'serch', expected one of search, ",
+            "method[0].method: found 'serch' (nearest: search), expected one of search, ",
         ),
         (f'sources = ["material:*"]\n{METHOD}siz = 8\n', "method[0].siz: mccool has no such setting, expected one of"),
         (f'sources = ["material:*"]\n{METHOD}seed = 8\n', "method[0].seed: found 8, expected seeds = [...] above all"),

@@ -127,3 +127,22 @@ def test_the_numbers_and_the_textures_are_shown(show: Open, record_property: Cal
     assert captions[0].startswith("searched in θh, θd, φd, warped")
     assert "A note & <more>." in driver.execute_script("return document.getElementById('notes').innerText")
     assert driver.title == "A test"
+
+
+@pytest.mark.parametrize("width", [420, 800, 1000, 1400])
+def test_no_word_on_a_button_is_cut_off(show: Open, width: int) -> None:
+    layers = [
+        fit_layer(CASES["fixed h"], key, title)
+        for key, title in (("fit", "Searched fit"), ("mccool", "McCool"), ("source", "Source"))
+    ]
+    driver = show(*layers, side=32)
+    headless.resize(driver, (width, 900))
+    cut = (
+        "return Array.from(document.querySelectorAll('button'))"
+        ".filter(b => b.offsetParent && (b.scrollWidth > b.clientWidth || b.scrollHeight > b.clientHeight + 1))"
+        ".map(b => b.innerText)"
+    )
+    words = driver.execute_script("return Array.from(document.querySelectorAll('.choice button'), b => b.innerText)")
+    assert {"Searched fit", "Sphere", "Knot", "Overcast", "Turns camera", "Moves light"} <= set(words)
+    assert driver.execute_script(cut) == []
+    assert driver.execute_script("return document.documentElement.scrollWidth") <= width

@@ -150,7 +150,7 @@ def test_captions_say_what_a_texture_is_indexed_by() -> None:
     assert captions("searched in-out") == ["searched in ωi, ωo"]
     assert captions("five of all kinds")[:2] == ["searched in θh, θd, φd, warped", "searched in θi, θo, Δφ"]
     assert captions("McCool, one channel") == ["ωi", "h"]
-    assert dict(fit_layer(CASES["five of all kinds"], "a", "").facts)["Textures"] == "4 of 12 × 9; 1 of 12 × 1"
+    assert dict(fit_layer(CASES["five of all kinds"], "a", "").facts)["Textures"] == "4 of 9 × 12; 1 of 1 × 12"
 
 
 def test_one_channel_is_grey() -> None:
@@ -183,7 +183,7 @@ def test_eight_bits_stay_eight_bits_and_sixteen_become_floats() -> None:
         assert np.abs(pixels - whole.textures[0].texels.numpy()).max() < 1e-6
     facts = dict(fit_layer(rounded(fitted, "png8"), "fit", "Fit").facts)
     assert facts["Bytes"] == f"{fitted.nbytes // 4:,}"
-    assert facts["Textures"] == "1 of 12 × 9, 8 bit"
+    assert facts["Textures"] == "1 of 9 × 12, 8 bit"
 
 
 def test_a_name_with_a_line_break_does_not_end_its_comment() -> None:

@@ -8,6 +8,7 @@ from homofact.export.engines.godot import GODOT_ENGINE
 from homofact.export.engines.materialx import MATERIALX_ENGINE
 from homofact.export.engines.pbrt import PBRT
 from homofact.export.engines.three import THREE
+from homofact.options import nearest
 
 ENGINES = {engine.name: engine for engine in (THREE, GLTF, MATERIALX_ENGINE, GODOT_ENGINE, BLENDER, PBRT)}
 
@@ -15,7 +16,10 @@ ENGINES = {engine.name: engine for engine in (THREE, GLTF, MATERIALX_ENGINE, GOD
 def engine_named(name: str, form: str | None) -> tuple[Engine, str]:
     """The engine, and the texture format asked for or its own. Raises BadInput for what it is not or does not take."""
     if name not in ENGINES:
-        raise BadInput(f"engine: found {name!r}, expected one of {', '.join(ENGINES)}")
+        raise BadInput(
+            f"engine: found {name!r}{nearest(name, ENGINES)}, expected one of {', '.join(ENGINES)};"
+            " other engines read brdf.hlsl or brdf.glsl of a plain export"
+        )
     engine = ENGINES[name]
     if form is not None and form not in engine.formats:
         raise BadInput(f"format: found {form!r} with --engine {name}, expected one of {', '.join(engine.formats)}")

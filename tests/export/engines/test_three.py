@@ -148,8 +148,10 @@ def test_names_are_npms_and_texts_are_harmless() -> None:
 
 
 def test_what_three_does_not_take_is_refused() -> None:
-    with pytest.raises(BadInput, match="engine: found 'unreal', expected one of three, gltf"):
+    with pytest.raises(BadInput, match=r"found 'unreal', expected one of three, gltf, .*; other engines read brdf"):
         engine_named("unreal", None)
+    with pytest.raises(BadInput, match=r"engine: found 'godo' \(nearest: godot\), expected"):
+        engine_named("godo", None)
     with pytest.raises(BadInput, match="format: found 'bc6h' with --engine three, expected one of exr16, exr, png8"):
         engine_named("three", "bc6h")
     assert engine_named("three", None)[1] == "exr16"
