@@ -153,7 +153,7 @@ def _steps(
     for step in range(MOST_STEPS):
         wanted = size > TOLERANCE**2 * first
         settled = step >= WINDOW and values[-WINDOW - 1] - values[-1] < GAIN * values[-1]
-        if not np.any(wanted[:-1] & ~settled):
+        if not np.any(wanted[:-1] & np.logical_not(settled)):
             return x, step, True
         product = system.times(direction)
         along = (direction * product).sum(0)

@@ -16,7 +16,7 @@ def test_what_cannot_be_read_is_named_with_what_was_expected(tmp_path: Path) -> 
         (tmp_path, "a folder"),
         (tmp_path / "empty", "the file is empty"),
         (tmp_path / ("x" * 300), r"cannot be read \(File name too long\)"),
-        ("a\0b", r"cannot be read \(embedded null byte\)"),
+        ("a\0b", r"cannot be read \(.*embedded null .*\)"),
         (tmp_path / "empty" / "below", r"cannot be read \(Not a directory\)"),
     ):
         with pytest.raises(BadInput, match=f"{found}, expected a PNG file$"):
