@@ -163,7 +163,10 @@ CASES = {
     "no source": (OUT, r"SOURCE: none given, expected files or material:NAME"),
     "no folder": ([PHONG], r"out: none given, expected a folder"),
     "two of one name": (["a/x.brdf", "b/x.brdf", *OUT], r"SOURCE: found two named x, expected names that differ"),
-    "unknown method": ([PHONG, "--methods", "mccool,col", *OUT], r"method: found 'col' \(nearest: cole\), expected one of .*cole"),
+    "unknown method": (
+        [PHONG, "--methods", "mccool,col", *OUT],
+        r"method: found 'col' \(nearest: cole\), expected one of .*cole",
+    ),
     "unknown search": ([PHONG, "--searches", "gradient,magic", *OUT], r"search: found 'magic', expected gradient"),
     "unknown algorithm": (
         [PHONG, "--searches", "nlopt-MAGIC", *OUT],
