@@ -24,7 +24,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from conditions import figure, markdown, parser_of, write
+from conditions import figure, markdown, parser_of, print_measured
 from headless import chromium, first_frame, open_page, processor_seconds, settled
 
 from homofact.errors import BadInput
@@ -192,28 +192,23 @@ def main(arguments: list[str] | None = None) -> int:
     parser = parser_of(__doc__)
     parser.add_argument("source", type=Path, help="a folder that homofact edit wrote, or a page that is there already")
     parser.add_argument("--window", default="1400x900", metavar="WxH", help="pixels of the window (%(default)s)")
-    parser.add_argument("--out", type=Path, help="write the text too")
-    chosen = parser.parse_args(arguments)
-    try:
-        window = re.fullmatch(r"(\d+)x(\d+)", chosen.window)
-        if window is None:
-            raise BadInput(f"--window: found {chosen.window!r}, expected its width and height as 1400x900")
-        with tempfile.TemporaryDirectory() as folder:
-            page = chosen.source
-            if not re.fullmatch(r"\.html?", page.suffix):
-                page = Path(folder) / f"{page.name}.html"
-                made(chosen.source, page)
-            found = measured(page, 6 if chosen.short else FRAMES, (int(window[1]), int(window[2])))
-            if found["said"]:
-                raise BadInput(f"{page}: the page complained ({found['said'][0]}), expected it silent")
-            text = text_of(page, found)
-    except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
-    print(text)
-    if chosen.out is not None:
-        write(chosen.out, text)
-    return 0
+    return print_measured(parser, arguments, asked)
+
+
+def asked(chosen: Any) -> str:
+    """The text of what was asked for. Raises BadInput for what is wrong with it, or missing."""
+    window = re.fullmatch(r"(\d+)x(\d+)", chosen.window)
+    if window is None:
+        raise BadInput(f"--window: found {chosen.window!r}, expected its width and height as 1400x900")
+    with tempfile.TemporaryDirectory() as folder:
+        page = chosen.source
+        if not re.fullmatch(r"\.html?", page.suffix):
+            page = Path(folder) / f"{page.name}.html"
+            made(chosen.source, page)
+        found = measured(page, 6 if chosen.short else FRAMES, (int(window[1]), int(window[2])))
+        if found["said"]:
+            raise BadInput(f"{page}: the page complained ({found['said'][0]}), expected it silent")
+        return text_of(page, found)
 
 
 if __name__ == "__main__":

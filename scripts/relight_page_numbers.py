@@ -22,7 +22,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from conditions import figure, markdown, parser_of, write
+from conditions import figure, markdown, parser_of, print_measured
 from headless import chromium, first_frame, open_page, processor_seconds, settled
 
 from homofact.errors import BadInput
@@ -169,25 +169,20 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("source", type=Path, help="SCENE.toml, or a page that is there already")
     parser.add_argument("--sky", type=Path, action="append", default=[], help="another sky of the page (.hdr, .exr)")
     parser.add_argument("--page", type=Path, help="keep the page in this file")
-    parser.add_argument("--out", type=Path, help="write the text too")
-    chosen = parser.parse_args(arguments)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            page = chosen.source
-            if not re.fullmatch(r"\.html?", page.suffix):
-                page = chosen.page or Path(folder) / f"{page.stem}.html"
-                made(chosen.source, chosen.sky, page)
-            found = measured(page, 4 if chosen.short else FRAMES)
-            if found["said"]:
-                raise BadInput(f"{page}: the page complained ({found['said'][0]}), expected it silent")
-            text = text_of(page, found)
-    except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
-    print(text)
-    if chosen.out is not None:
-        write(chosen.out, text)
-    return 0
+    return print_measured(parser, arguments, asked)
+
+
+def asked(chosen: Any) -> str:
+    """The text of what was asked for. Raises BadInput for what is wrong with it, or missing."""
+    with tempfile.TemporaryDirectory() as folder:
+        page = chosen.source
+        if not re.fullmatch(r"\.html?", page.suffix):
+            page = chosen.page or Path(folder) / f"{page.stem}.html"
+            made(chosen.source, chosen.sky, page)
+        found = measured(page, 4 if chosen.short else FRAMES)
+        if found["said"]:
+            raise BadInput(f"{page}: the page complained ({found['said'][0]}), expected it silent")
+        return text_of(page, found)
 
 
 if __name__ == "__main__":

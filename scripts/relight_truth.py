@@ -23,16 +23,14 @@ import math
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from conditions import data_folder, figure, markdown, parser_of, write
-from torch import Tensor
 
 from homofact.brdf.formats.rgl import load
 from homofact.brdf.materials import material
-from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.reflectance import Exchanged, Reflectance
 from homofact.brdf.source import open_source
 from homofact.errors import HomofactError
 from homofact.evaluate.machine import machine
@@ -63,35 +61,13 @@ HEADER = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Exchanged:
-    """A reflectance with light and viewer exchanged. A `Reflectance`."""
-
-    inner: Reflectance
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Those of the inner one."""
-        return self.inner.channels
-
-    @property
-    def nbytes(self) -> int:
-        """Those of the inner one."""
-        return self.inner.nbytes
-
-    @property
-    def fetches(self) -> int:
-        """Those of the inner one."""
-        return self.inner.fetches
+class ExchangedPaint(Exchanged):
+    """A measured paint as Mitsuba takes it."""
 
     @property
     def isotropic(self) -> bool:
-        """As the inner one."""
-        return bool(getattr(self.inner, "isotropic", False))
-
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """f(ωo, ωi)."""
-        return self.inner.evaluate(wo, wi)
+        """As the paint."""
+        return bool(getattr(self.base, "isotropic", False))
 
 
 def materials(folder: Path, short: bool) -> tuple[dict[str, tuple[Reflectance, Material]], list[str]]:
@@ -112,7 +88,7 @@ def materials(folder: Path, short: bool) -> tuple[dict[str, tuple[Reflectance, M
         assert network is not None
         found[f"surrogate of MERL {SURROGATE[1]}"] = (network, network)
     if paint.is_file():
-        found[f"RGL {paint.stem.removesuffix('_rgb')}"] = (Exchanged(load(paint)), paint)
+        found[f"RGL {paint.stem.removesuffix('_rgb')}"] = (ExchangedPaint(load(paint)), paint)
     return found, missing
 
 

@@ -73,6 +73,14 @@ class Derived:
         return self.base.evaluate(wi, wo)
 
 
+class Exchanged(Derived):
+    """A reflectance with light and viewer exchanged: renderers take the viewer for the incidence of a table."""
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """The base's values (N, C) in sr⁻¹ without the cosine for light from ωo and a viewer at ωi."""
+        return self.base.evaluate(wo, wi)
+
+
 def answering_in_kind(evaluate: _Evaluate) -> _Evaluate:
     """An `evaluate(self, wi, wo)` of tensors that takes NumPy arrays and lists of (N, 3) directions too.
 

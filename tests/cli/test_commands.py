@@ -15,8 +15,6 @@ from ran import Ran
 from rgl_files import rough, write_tensors
 
 import homofact
-import homofact.evaluate.compare
-import homofact.evaluate.seeds
 from homofact.cli.main import main
 from homofact.containers.exr import write_exr
 

@@ -14,18 +14,9 @@ import homofact.evaluate.compare
 import homofact.evaluate.seeds
 from homofact.errors import SolverFailure, Status
 
-ROOT = Path(__file__).resolve().parents[2]
-METRICS = {"log_mse", "log_mae", "log_max", "mse", "mae", "max"}
-RECORD = {
-    "source", "method", "textures", "size", "bytes", "fetches", "samples", "status", "evaluations", "seed",
-    "seconds", "error",
-}  # fmt: skip
 # A source and a fit of well under a second.
 SMALL = ["material:blinn-phong-50", "--count", "600"]
 SIZE = ["--size", "6"]
-FAST = [
-    "--size", "6", "--textures", "1", "--restarts", "1", "--search-size", "4", "--search-samples", "200",
-]  # fmt: skip
 
 
 def test_an_interrupt_ends_with_130_and_leaves_nothing(

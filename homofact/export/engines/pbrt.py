@@ -6,14 +6,12 @@ and pictures in sRGB.
 """
 
 import re
-from dataclasses import dataclass, replace
-
-from torch import Tensor
+from dataclasses import replace
 
 from homofact.brdf.adaptive import relative_differences, tabulated
 from homofact.brdf.channels import spectral_names, wavelengths_of
 from homofact.brdf.formats import rgl
-from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.reflectance import Exchanged
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.upsampling import NODES, to_spectra
 from homofact.export.as_source import knows_no_azimuth
@@ -31,9 +29,9 @@ def _files(made: Exported) -> Added:
     spectral = wavelengths_of(made.stored.channels) is not None and len(made.stored.channels) > 1
     if not spectral:
         check_colour(made, "pbrt")
-    turned = Turned(made.stored)
-    table = tabulated(turned, knows_no_azimuth(made.stored), whole_turn=True)
-    middle, most = relative_differences(turned, table, _PAIRS)
+    exchanged = Exchanged(made.stored)
+    table = tabulated(exchanged, knows_no_azimuth(made.stored), whole_turn=True)
+    middle, most = relative_differences(exchanged, table, _PAIRS)
     called = remark(name_of(made.stored.provenance))
     off = f"{middle:.2%} in the median, {most:.2%} at the 99th percentile"
     names = {
@@ -48,34 +46,8 @@ def _files(made: Exported) -> Added:
             MATERIAL: template("pbrt_material.pbrt", **names, OFF=off),
             TABLE: rgl.packed(table if spectral else with_spectra(table), comments),
         },
-        {} if spectral else {TABLE: Turned(table)},
+        {} if spectral else {TABLE: Exchanged(table)},
     )
-
-
-@dataclass(frozen=True)
-class Turned:
-    """A reflectance with light and viewer exchanged: renderers take the viewer for the incidence of a table."""
-
-    base: Reflectance
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Those of the reflectance."""
-        return self.base.channels
-
-    @property
-    def nbytes(self) -> int:
-        """Those of the reflectance."""
-        return self.base.nbytes
-
-    @property
-    def fetches(self) -> int:
-        """Those of the reflectance."""
-        return self.base.fetches
-
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """The reflectance's values (N, C) in sr⁻¹ without the cosine for light from ωo and a viewer at ωi."""
-        return self.base.evaluate(wo, wi)
 
 
 def with_spectra(table: AdaptiveTable) -> AdaptiveTable:

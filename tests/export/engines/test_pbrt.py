@@ -21,11 +21,11 @@ from shading_cases import CASES, factorization
 from homofact.brdf import adaptive
 from homofact.brdf.formats import rgl
 from homofact.brdf.formats.tensor_file import read_tensors
-from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.reflectance import Exchanged, Reflectance
 from homofact.brdf.upsampling import NODES, to_spectra
 from homofact.containers.formats import format_named
 from homofact.errors import BadInput
-from homofact.export.engines.pbrt import MATERIAL, PBRT, SCENE, TABLE, Turned
+from homofact.export.engines.pbrt import MATERIAL, PBRT, SCENE, TABLE
 from homofact.export.exported import exported
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import fixed_projection
@@ -242,7 +242,7 @@ def test_mitsuba_has_the_table_s_rgb_under_d65(fit: Factorization, tmp_path: Pat
     assert np.quantile(found, 0.99) < 0.01
     if fit is ONE_WAY:
         # However few its nodes, the table is nearer to the fit than to the exchange of light and viewer.
-        here, there = (np.median(off(tmp_path / "fit" / TABLE, each, 500)) for each in (fit, Turned(fit)))
+        here, there = (np.median(off(tmp_path / "fit" / TABLE, each, 500)) for each in (fit, Exchanged(fit)))
         assert here < there / 2
 
 
