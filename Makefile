@@ -27,22 +27,23 @@ test: $(READY)
 
 # Properties on 2000 random problems each instead of 100; tests that are too slow for every run; 20,000 damaged files of
 # every kind that is read; a kill at every system call of a write (Debian's strace); everything 200 times in one process,
-# whose memory stays flat.
+# whose memory stays flat; 60 small faults that the tests have to notice.
 nightly: $(READY)
 	HYPOTHESIS_PROFILE=nightly OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 tests/factor/test_properties.py
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -m slow
-	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/fuzz_readers.py
-	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/fuzz_results.py
-	$(BIN)/python scripts/kill_writes.py
-	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/soak.py
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/fuzz_readers.py
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/fuzz_results.py
+	$(BIN)/python scripts/checks/kill_writes.py
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/soak.py
+	$(BIN)/python scripts/checks/planted_faults.py
 
 # The atlas of failures, remade with its document: minutes. Real measurements are looked for in HOMOFACT_DATA.
 stability: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/homofact stability --out docs/pictures/stability --document docs/stability.md
 
-# Wheel and sdist in dist/. What they take when installed: python scripts/clean_install.py.
+# Wheel and sdist in dist/. What they take when installed: python scripts/checks/clean_install.py.
 wheel: $(READY)
-	$(BIN)/python scripts/clean_install.py --build dist
+	$(BIN)/python scripts/checks/clean_install.py --build dist
 
 # The documentation site in build/site, without a network; warnings and broken links are errors.
 docs: $(READY)
@@ -50,7 +51,7 @@ docs: $(READY)
 
 # The fits of the site's gallery with their viewers in build/gallery; measurements are looked for in HOMOFACT_DATA. Minutes.
 gallery: $(READY)
-	$(BIN)/python scripts/site_gallery.py --out build/gallery
+	$(BIN)/python scripts/pictures/site_gallery.py --out build/gallery
 
 install: $(READY)
 

@@ -8,10 +8,10 @@ EMBEDDED = {
     "homofact.embedded.configs.scenes": "configs/scenes",
 }
 PAGES = (
-    "homofact.viewer",
-    "homofact.sweep.report",
-    "homofact.scene.transport.page",
-    "homofact.scene.editing.page",
+    "homofact.web",
+    "homofact.sweeps.report",
+    "homofact.relighting.page",
+    "homofact.editing.page",
 )
 
 setup(
@@ -19,5 +19,5 @@ setup(
     package_dir=EMBEDDED,
     package_data={each: ["*.*"] for each in EMBEDDED}
     | {each: ["*.html", "*.css", "*.js"] for each in PAGES}
-    | {"homofact.export.engines": ["*.gdshader", "*.glsl", "*.html", "*.js", "*.md", "*.pbrt", "*.txt"]},
+    | {"homofact.exporting.engines": ["*.gdshader", "*.glsl", "*.html", "*.js", "*.md", "*.pbrt", "*.txt"]},
 )

@@ -6,15 +6,70 @@ ended and what to do about it; `Report` carries it with the cost.
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Any, Self
 
 
 class HomofactError(Exception):
     """Base of every error that homofact raises on purpose."""
 
 
-class BadInput(HomofactError):
-    """A file, argument or setting that cannot be used: one line saying which, what was found, what is expected."""
+class BadInput(HomofactError, ValueError):
+    """A file, argument or setting that cannot be used: which, what was found, what is expected, what to do.
+
+    Attributes
+    ----------
+    where
+        The file, argument or setting, with the place in it: "scene.toml: camera[0].eye", "size".
+    found
+        The value, or a clause on what is wrong with it: "0", "no such file".
+    expected
+        What would do.
+    hint
+        What to try. A setting in it is an `Advice`, so that the command line can show its option.
+
+    Each is "" where it is not known. The message is made of them:
+    "size: found 0, expected a whole number of at least 1 (nearest: 1)".
+    """
+
+    def __init__(
+        self,
+        problem: object = "",
+        *,
+        where: object = "",
+        found: object = None,
+        expected: object = "",
+        hint: object = "",
+    ) -> None:
+        """Take `found` for a value and `problem` for a clause, before which the message does not say "found"."""
+        self.where, self.expected, self.hint = str(where), str(expected), str(hint)
+        self.found = str(problem) if found is None else str(found)
+        self._is_value = found is not None
+        super().__init__(self._message())
+
+    def at(self, place: object, joint: str = ": ") -> Self:
+        """Return this error with a place before its own."""
+        return self.moved_to(f"{place}{joint}{self.where}" if self.where else str(place))
+
+    def moved_to(self, where: object) -> Self:
+        """Return this error with another place."""
+        return self._with(where=str(where))
+
+    def with_hint(self, hint: object) -> Self:
+        """Return this error with one hint more."""
+        return self._with(hint=f"{self.hint}; {hint}" if self.hint else str(hint))
+
+    def _with(self, **attributes: str) -> Self:
+        # Not by copy(): libraries that pickle tracebacks register a way of their own, which shares the attributes.
+        changed = type(self).__new__(type(self))
+        vars(changed).update(vars(self) | attributes)
+        changed.args = (changed._message(),)
+        return changed
+
+    def _message(self) -> str:
+        where = f"{self.where}: " if self.where else ""
+        expected = f", expected {self.expected}" if self.expected else ""
+        hint = f" ({self.hint})" if self.hint else ""
+        return f"{where}{'found ' if self._is_value else ''}{self.found}{expected}{hint}"
 
 
 class MissingDependency(BadInput):
@@ -23,6 +78,28 @@ class MissingDependency(BadInput):
 
 class SolverFailure(HomofactError):
     """A linear system could not be solved, or its solution is not finite."""
+
+
+@dataclass(frozen=True)
+class Advice:
+    """A setting and the value to try for it; `of` is the function that takes it, where it is not the fit's.
+
+    In a text it is written as Python has it, in backticks: "`robust=True`", "`convert(undo='cosine-o')`". The command
+    line shows its option instead (`cli.flags`).
+    """
+
+    setting: str
+    value: bool | float | str
+    of: str = ""
+
+    def __str__(self) -> str:
+        """The words for a message."""
+        given = f"{self.setting}={self.value!r}"
+        return f"`{self.of}({given})`" if self.of else f"`{given}`"
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        return {"setting": self.setting, "value": self.value}
 
 
 class Status(Enum):
@@ -44,7 +121,7 @@ class Status(Enum):
 _REMEDIES = {
     Status.CONVERGED: "nothing: the search stopped by its own tolerance",
     Status.BUDGET: "the effort was used up: give it more for a better fit",
-    Status.GUARD: "the clock ended the search: another run may end elsewhere; give it a larger --budget, or none",
+    Status.GUARD: "the clock ended the search: another run may end elsewhere; give it a larger budget, or none",
     Status.INTERRUPTED: "the search was interrupted: the best so far was kept; run again for the whole search",
     Status.DIRECT: "nothing: the projections are fixed, one linear solve",
     Status.FALLBACK: "the system was singular to working precision: more smoothing, fewer textures or more samples",

@@ -6,14 +6,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from homofact.brdf.names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, GAINS, MOST_COUNT, SCHEMES
+from homofact.brdf.source_names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, GAINS, MOST_COUNT, SCHEMES
 from homofact.errors import BadInput
 from homofact.methods.search import Search
 from homofact.methods.table import METHODS, MODELS_BY_NAME, made, made_each
-from homofact.options import check_options, option
+from homofact.settings.options import check_options, none_twice, option
 
 if TYPE_CHECKING:
-    from homofact.methods.fitting import Method
+    from homofact.brdf.source import Opening
+    from homofact.methods.method import Method
 
 SOURCE, FIT, OUTPUT = "The source", "The fit", "Output"
 COMPARED = ("mccool", "cole", "search")
@@ -33,17 +34,13 @@ def _several(value: tuple[Any, ...]) -> str | None:
     return None if value and len(set(value)) == len(value) else "at least one, none twice"
 
 
-def _none_twice(value: tuple[Any, ...]) -> str | None:
-    return None if len(set(value)) == len(value) else "none twice"
-
-
 @dataclass(frozen=True)
 class SourceSettings:
     """What is read: a file's path or `material:NAME`, its channels, and how a model is sampled.
 
     `count` (pairs of directions) and `scheme` count for analytic models only. `subset` above 0 is the most samples
     that a fit is given, drawn by cells (`brdf.stratified`). `calibrate` and `clipped` mend a measurement
-    (`brdf.mending`).
+    (`brdf.quality.mending`).
     """
 
     path: str | None = option(
@@ -60,7 +57,7 @@ class SourceSettings:
     scheme: str = option(DEFAULT_SCHEME, "How they are drawn", choices=SCHEMES, panel=SOURCE)
     calibrate: tuple[str, ...] = option(
         (), "Gains of the instrument to estimate and divide out", choices=GAINS, separators="+,", metavar="A+B",
-        expected_instead=_none_twice, panel=SOURCE,
+        expected_instead=none_twice, panel=SOURCE,
     )  # fmt: skip
     clipped: float | str | None = option(
         None, "The level in sr⁻¹ from which on values are clipped, known only not to be less; found looks for it",
@@ -71,6 +68,13 @@ class SourceSettings:
     def __post_init__(self) -> None:
         """Refuse what cannot be meant. Raises BadInput."""
         check_options(self)
+
+    def opening(self, seed: int, path: str | None = None) -> "Opening":
+        """How the source is opened, a model drawn by `seed`; the source at another `path` where one is given."""
+        from homofact.brdf.source import Opening
+
+        text = str(self.path) if path is None else path
+        return Opening(text, self.channels, self.count, self.scheme, seed, "", self.calibrate, self.clipped)
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,7 @@ class CompareSettings:
         "Measurements' files, or material:NAME",
         argument=True,
         metavar="SOURCE...",
-        expected_instead=_none_twice,
+        expected_instead=none_twice,
     )
     methods: tuple[str, ...] = option(
         COMPARED,
@@ -130,7 +134,7 @@ class ChartSettings:
         "Measurements' files, or material:NAME",
         argument=True,
         metavar="SOURCE...",
-        expected_instead=_none_twice,
+        expected_instead=none_twice,
     )
     methods: tuple[str, ...] = option(
         COMPARED,
@@ -168,7 +172,7 @@ class RenderSettings:
 
     `light` points to a directional light (any length), None is the light of the comparison pictures; `environment` is
     a lat-long .hdr or .exr file that takes its place, `exposure` stops brighter than the automatic one, `tonemap` the
-    curve (`render.tonemap`), `size` the picture's pixels per side, `file` where it goes.
+    curve (`rendering.tonemap`), `size` the picture's pixels per side, `file` where it goes.
     """
 
     light: tuple[float, float, float] | None = option(
@@ -186,9 +190,9 @@ class RenderSettings:
         """Refuse a light without direction and a picture too small to hold a sphere. Raises BadInput."""
         check_options(self)
         if self.light is not None and not 0 < math.hypot(*self.light) < math.inf:
-            raise BadInput(f"light: found {self.light}, expected a direction x,y,z that is not zero")
+            raise BadInput(where="light", found=self.light, expected="a direction x,y,z that is not zero")
         if self.light is not None and self.environment is not None:
-            raise BadInput("light: found beside an environment, expected one of the two")
+            raise BadInput(where="light", found="beside an environment", expected="one of the two")
 
 
 @dataclass(frozen=True)
@@ -200,7 +204,7 @@ class FitSection:
     """
 
     method: str = option(
-        Search.name, "How it is fitted (cole is the thesis's way)", choices=tuple(METHODS), panel=FIT, everyday=True
+        Search.name, f"How it is fitted (cole is the thesis's way): {', '.join(METHODS)}", panel=FIT, everyday=True
     )
     settings: Mapping[str, Any] = field(default_factory=dict)
     places: Mapping[str, str] = field(default_factory=dict)
@@ -209,7 +213,7 @@ class FitSection:
         """The method with all of the settings. Raises BadInput for one that gives no textures too."""
         if self.method in MODELS_BY_NAME:
             expected = f"one of {', '.join(METHODS)}; models without textures are for homofact compare"
-            raise BadInput(f"{self.places.get('method', 'method')}: found {self.method!r}, expected {expected}")
+            raise BadInput(where=self.places.get("method", "method"), found=repr(self.method), expected=expected)
         return self._placed(lambda: made(self.method, self.settings))
 
     def methods(self, labels: Iterable[str]) -> "dict[str, Method]":
@@ -229,7 +233,6 @@ class FitSection:
         try:
             return make()
         except BadInput as error:
-            name, colon, rest = str(error).partition(":")
-            if name in self.places:
-                raise BadInput(f"{self.places[name]}{colon}{rest}") from error
+            if error.where in self.places:
+                raise error.moved_to(self.places[error.where]) from error
             raise

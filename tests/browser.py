@@ -1,29 +1,14 @@
 """A headless Chromium for tests of pages, one a module; they are skipped with a message where there is none."""
 
-import importlib.util
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
 from homofact.errors import MissingDependency
-
-
-def _headless() -> ModuleType:
-    """`scripts/headless.py`, which the programs of figures use too."""
-    path = Path(__file__).resolve().parent.parent / "scripts" / "headless.py"
-    spec = importlib.util.spec_from_file_location("headless_chromium", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-headless = _headless()
+from scripts.shared import headless
 
 
 @contextmanager

@@ -1,10 +1,14 @@
 """Fixtures that every test may use."""
 
 import os
+import subprocess
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+pytest.register_assert_rewrite("refusals")
+import refusals  # noqa: E402
 
 # Examples a property; no deadline, since a machine may be busy. HYPOTHESIS_PROFILE=nightly for the long run.
 settings.register_profile("ci", max_examples=100, deadline=None)
@@ -12,12 +16,55 @@ settings.register_profile("nightly", max_examples=2000, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 ROOT = Path(__file__).resolve().parent.parent
+# Seconds that an experiment (marked slow) may take; of other tests pyproject.toml says it.
+SLOW = 3600
+BEFORE = pytest.StashKey[set[str]]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--write-messages", action="store_true", help="add messages of bad input to tests/messages")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--write-messages"):
+        refusals.seen = set()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.get_closest_marker("slow") is not None and item.get_closest_marker("timeout") is None:
+            item.add_marker(pytest.mark.timeout(SLOW))
+
+
+def left_in_the_tree() -> set[str]:
+    """Files in the checkout that git neither tracks nor ignores; none where this is no checkout."""
+    command = ["git", "-C", str(ROOT), "ls-files", "--others", "--exclude-standard"]
+    try:
+        return set(subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines())
+    except (OSError, subprocess.CalledProcessError):
+        return set()
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    session.config.stash[BEFORE] = left_in_the_tree()
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Name the files that the run left in the tree: an error in continuous integration, where nobody edits."""
+    if refusals.seen:
+        refusals.write(refusals.seen)
+    if hasattr(session.config, "workerinput"):
+        return
+    if left := sorted(left_in_the_tree() - session.config.stash[BEFORE]):
+        print(f"\nnew in the tree since the run began: {', '.join(left)}")
+        if os.environ.get("CI"):
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
     """The folder of real measurements; skips where it is absent."""
-    place = Path(os.environ.get("HOMOFACT_DATA", ROOT.parent / "shared" / "data"))
+    place = refusals.DATA
     if not place.is_dir():
         pytest.skip(f"real measurements not found at {place}: set HOMOFACT_DATA to their folder")
     return place

@@ -1,6 +1,5 @@
 """What the tests of exports for engines share: exported fits, packages of npm, the scripts that draw."""
 
-import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -11,23 +10,20 @@ from mitsuba_cases import factorization, random_texture
 
 from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.containers.formats import format_named
-from homofact.export.engines import godot, materialx, three
-from homofact.export.engines.table import ENGINES
-from homofact.export.exported import Exported, exported, write_exported
+from homofact.exporting.engines import godot, materialx, three
+from homofact.exporting.engines.table import ENGINES
+from homofact.exporting.exported import Exported, exported, write_exported
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
 
 served = headless.served
 NODE = Path(__file__).parent / "containers" / "node"
 LOOK = MetallicRoughness((0.4, 0.3, 0.2), 0.25, 0.5)
-SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 
 
 def script(name: str) -> Any:
     """A module of scripts/, which programs of figures use too."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(SCRIPTS))
-        return sys.modules.get(name) or import_module(name)
+    return import_module(f"scripts.{name}")
 
 
 def fit_no_looks(patch: pytest.MonkeyPatch) -> None:

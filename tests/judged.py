@@ -12,11 +12,11 @@ from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import Report, Status
-from homofact.evaluate.appearance import Appearance
-from homofact.evaluate.energy import EnergyErrors
-from homofact.evaluate.metrics import SixErrors
-from homofact.evaluate.verdict.judge import judge
-from homofact.evaluate.verdict.verdict import Verdict
+from homofact.evaluation.appearance import Appearance
+from homofact.evaluation.energy import EnergyErrors
+from homofact.evaluation.metrics import SixErrors
+from homofact.evaluation.verdict.judge import judge
+from homofact.evaluation.verdict.verdict import Verdict
 from homofact.methods.search import Search
 
 MODEL = material("phong-10").model

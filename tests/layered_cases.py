@@ -27,7 +27,9 @@ def layered(channels: int = 3) -> Layered:
     for k in range(COUNT):
         generator = torch.Generator().manual_seed(k)
         terms = tuple(
-            replace(term, texture=torch.rand(term.texture.shape, generator=generator, dtype=torch.float64) * 2 - 1)
+            replace(
+                term, texture=(torch.rand(term.texture.shape, generator=generator, dtype=torch.float64) * 2 - 1).numpy()
+            )
             for term in base.terms
         )
         transform = LogTransform(10.0 ** -(k + 1), base.transform.mean * (k + 1))

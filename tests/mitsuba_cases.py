@@ -18,7 +18,7 @@ from homofact.brdf.source import open_source
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform, from_spherical
-from homofact.render import mitsuba_bsdf
+from homofact.rendering import mitsuba_bsdf
 
 RGB = ("R", "G", "B")
 COORDINATES = {

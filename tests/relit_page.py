@@ -9,8 +9,8 @@ import relit_scene
 from browser import headless
 from relit_scene import CAMERA, tuples, whole
 
-from homofact.scene.transport.page.build import PageObject
-from homofact.scene.transport.relight import shaded
+from homofact.relighting.page.build import PageObject
+from homofact.relighting.relight import shaded
 
 ANGLE = 37.0
 

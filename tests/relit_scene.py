@@ -11,14 +11,14 @@ from homofact.geometry.parabolic import from_disc
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground, torus_knot
-from homofact.render.light import EnvironmentMap
-from homofact.scene.placed import Camera
-from homofact.scene.transport.clusters import Clustered, clustered
-from homofact.scene.transport.factors import InOutFactors, texel_points
-from homofact.scene.transport.page.build import PageObject
-from homofact.scene.transport.page.skies import PageSky, page_sky
-from homofact.scene.transport.precompute import Transport, TransportSettings, transport
-from homofact.scene.transport.relight import Relit
+from homofact.relighting.clusters import Clustered, clustered
+from homofact.relighting.factors import InOutFactors, texel_points
+from homofact.relighting.page.build import PageObject
+from homofact.relighting.page.skies import PageSky, page_sky
+from homofact.relighting.precompute import TransportSettings, WaveletTransport, transport
+from homofact.relighting.relight import Relit
+from homofact.rendering.light import EnvironmentMap
+from homofact.scene.cameras import Camera
 
 SIZE = 16
 CAMERA = Camera((0.9, 0.8, 3.2), (0.0, -0.1, 0.0), 36.0)
@@ -91,7 +91,7 @@ def plain(given: Scene) -> Scene:
     return replace(given, objects=given.objects[1:])
 
 
-def largest(basis: Transport, kept: int) -> Transport:
+def largest(basis: WaveletTransport, kept: int) -> WaveletTransport:
     """The vectors with their largest numbers alone, of equals those of lower places."""
     counts, places = [], []
     for first, last in zip(basis.start[:-1], basis.start[1:], strict=True):

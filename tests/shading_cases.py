@@ -5,7 +5,7 @@ import torch
 from homofact.brdf.log_transform import LogTransform
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
-from homofact.factor.names import FIXED_PROJECTIONS
+from homofact.factor.fixed_projections import FIXED_PROJECTIONS
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import draw_uniform

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from homofact.geometry.directions import normalize
-from homofact.render.light import EnvironmentMap
+from homofact.rendering.light import EnvironmentMap
 
 
 class Planted:

@@ -4,10 +4,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from homofact.sweep.ledger import Ledger
-from homofact.sweep.local import Ending, Local
-from homofact.sweep.run import State, sweep_tasks
-from homofact.sweep.task import Task
+from homofact.sweeps.ledger import SweepLedger
+from homofact.sweeps.local import Local, TaskEnding
+from homofact.sweeps.run import State, sweep_tasks
+from homofact.sweeps.task import Task
 
 STUB = (sys.executable, str(Path(__file__).parent / "sweep_stub_worker.py"))
 
@@ -22,13 +22,18 @@ def stub_tasks(labels: Sequence[str]) -> list[Task]:
     return [stub_task(label, number) for number, label in enumerate(labels)]
 
 
-def run(folder: Path, tasks: list[Task], workers: int = 2, retry: bool = False) -> tuple[State, list[Ending]]:
-    """Sweep them by stub workers: the state at the end, and every ending on the way."""
-    endings: list[Ending] = []
+def run(folder: Path, tasks: list[Task], workers: int = 2, retry: bool = False) -> tuple[State, list[TaskEnding]]:
+    """Sweep them by stub workers: the state at the end, and every ending on the way.
 
-    def told(_: State, ending: Ending | None) -> None:
+    Fails where a task is tried more than twice, which would otherwise go on for ever.
+    """
+    endings: list[TaskEnding] = []
+
+    def told(_: State, ending: TaskEnding | None) -> None:
         if ending is not None:
             endings.append(ending)
+            tries = sum(earlier.task is ending.task for earlier in endings)
+            assert tries <= 2, f"{ending.task.label}: tried {tries} times, expected at most two"
 
     state = sweep_tasks("stub", tasks, folder, Local(folder, workers, STUB), told, retry)
     return state, endings
@@ -42,5 +47,5 @@ def log(folder: Path) -> list[tuple[int, int]]:
 
 def done(folder: Path, tasks: list[Task]) -> list[int]:
     """Numbers of the tasks whose results are there."""
-    ledger = Ledger(folder)
+    ledger = SweepLedger(folder)
     return [int(task.settings["number"]) for task in tasks if ledger.is_done(task)]

@@ -12,15 +12,16 @@ from typing import Any
 from PIL import Image
 
 from homofact.brdf.source import open_source
-from homofact.evaluate.compare import fit_and_measure
+from homofact.evaluation.compare import fit_and_measure
+from homofact.evaluation.metric_table import REPORTED
 from homofact.files.plain import plain
 from homofact.methods.mccool_fit import McCool
 from homofact.sections import SourceSettings
-from homofact.sweep.ledger import Ledger, sealed
-from homofact.sweep.report.reading import Finding, Fit, ReadSweep
-from homofact.sweep.summary import METRICS, FitRow
-from homofact.sweep.sweep_file import settings_record
-from homofact.sweep.task import Task
+from homofact.sweeps.ledger import SweepLedger, sealed
+from homofact.sweeps.report.reading import ReadSweep, ReportedFinding, ReportedFit
+from homofact.sweeps.summary import FitRow
+from homofact.sweeps.sweep_file import settings_record
+from homofact.sweeps.task import Task
 from homofact.version import __version__
 
 SOURCE, COUNT, LABELS = "material:phong-10", 400, ("ours", "ggx")
@@ -61,7 +62,7 @@ def make_sweep(
     """
     saved, report = small_fit()
     tasks = [task(source, label, seed, version) for source in sources for label in labels for seed in seeds]
-    ledger = Ledger(folder)
+    ledger = SweepLedger(folder)
     ledger.begin(name, tasks)
     for number, each in enumerate(tasks):
         if each.label in refused:
@@ -85,9 +86,11 @@ def read_of(values: Sequence[dict[str, float | None]], labels: Sequence[str] = (
     fits = []
     for number, given in enumerate(values):
         each = task(f"folder/material {number // 3}.npz", labels[number % len(labels)], number)
-        metrics = {metric.name: given.get(metric.name) for metric in METRICS}
+        metrics = {metric.name: given.get(metric.name) for metric in REPORTED}
         seconds, trusted = 0.5 + number / 7, number % 2 == 0
         known = (f"{number:032x}", each.source, each.name, each.label, number, 100 + number, 2, 2)
         row = FitRow(*known, seconds, "direct", trusted, metrics)
-        fits.append(Fit(each, row, "right", (Finding("light", "visible", "found", "remedy"),), Path("none")))
+        fits.append(
+            ReportedFit(each, row, "right", (ReportedFinding("light", "visible", "found", "remedy"),), Path("none"))
+        )
     return ReadSweep("many", Path("none"), tuple(fits), (), 0)

@@ -79,42 +79,76 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_the_default(
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"),
+    ("text", "where", "found"),
     [
-        ("[fit]\ntexturs = 2\n", "unknown key fit.texturs, the nearest known one is fit.textures"),
-        ("[source]\ntextures = 2\n", "unknown key source.textures, the nearest known one is fit.textures"),
-        ("[fit]\nseed = 2\n", "unknown key fit.seed, the nearest known one is seed"),
-        ("sed = 2\n", "unknown key sed, the nearest known one is seed"),
-        ("textures = 2\n", "unknown key textures, the nearest known one is fit.textures"),
-        ("[fitt]\nsize = 2\n", "unknown section [fitt], the nearest known one is [fit]"),
-        ("fit = 3\n", "fit: found 3, expected a section [fit]"),
-        ('[fit]\nsize = "16"\n', "fit.size: found the string '16', expected a whole number"),
-        ("[fit]\nsize = 16.0\n", "fit.size: found 16.0, expected a whole number"),
-        ("[fit]\nsize = true\n", "fit.size: found true, expected a whole number"),
-        ("[fit]\nreciprocal = 1\n", "fit.reciprocal: found 1, expected true or false"),
-        ("[fit]\nsmoothing = true\n", "fit.smoothing: found true, expected a number"),
-        ("[fit]\nprojections = [1]\n", "fit.projections[0]: found 1, expected a string"),
-        ("[fit]\nprojections = 3\n", "fit.projections: found 3, expected an array"),
-        ("[fit]\nprojections = 'wi+hh'\n", "fit.projections: found 'hh', expected one of wi, wo"),
-        ("[render]\nlight = [1, 2]\n", "render.light: found an array of 2, expected an array of 3"),
-        ("[render]\nlight = [0, 0, 0]\n", "render.light: found (0.0, 0.0, 0.0), expected a direction"),
-        ("[fit]\nsize = 1\n", "fit.size: found 1, expected"),
-        ("[fit]\ntextures = 0\n", "fit.textures: found 0, expected"),
-        ("seed = -1\n", "seed: found -1, expected"),
-        ("[evaluate]\nheld_out = 1\n", "evaluate.held_out: found 1.0, expected between 0 and 1"),
-        ("[compare]\nmethods = []\n", "compare.methods: found none, expected at least one"),
-        ("[compare]\nmethods = ['cole', 'cole']\n", "compare.methods: found cole, cole, expected"),
-        ("[source]\ncount = 0\n", "source.count: found 0, expected a whole number from 1 to 10000000"),
-        ("[fit\n", "not TOML: "),
-        ("[fit]\nsize = 2\nsize = 3\n", "not TOML: "),
+        ("fit = 3\n", "fit", "3"),
+        ('[fit]\nsize = "16"\n', "fit.size", "the string '16'"),
+        ("[fit]\nsize = 16.0\n", "fit.size", "16.0"),
+        ("[fit]\nsize = true\n", "fit.size", "true"),
+        ("[fit]\nreciprocal = 1\n", "fit.reciprocal", "1"),
+        ("[fit]\nsmoothing = true\n", "fit.smoothing", "true"),
+        ("[fit]\nprojections = [1]\n", "fit.projections[0]", "1"),
+        ("[fit]\nprojections = 3\n", "fit.projections", "3"),
+        ("[fit]\nprojections = 'wi+hh'\n", "fit.projections", "'hh'"),
+        ("[render]\nlight = [1, 2]\n", "render.light", "an array of 2"),
+        ("[render]\nlight = [0, 0, 0]\n", "render.light", "(0.0, 0.0, 0.0)"),
+        ("[fit]\nsize = 1\n", "fit.size", "1"),
+        ("[fit]\ntextures = 0\n", "fit.textures", "0"),
+        ("seed = -1\n", "seed", "-1"),
+        ("[evaluate]\nheld_out = 1\n", "evaluate.held_out", "1"),
+        ("[compare]\nmethods = []\n", "compare.methods", "none"),
+        ("[compare]\nmethods = ['cole', 'cole']\n", "compare.methods", "cole, cole"),
+        ("[source]\ncount = 0\n", "source.count", "0"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named_in_one_line(write, text: str, expected: str) -> None:
+def test_what_is_wrong_in_a_file_is_named_with_its_place(write, text: str, where: str, found: str) -> None:
     path = write(text)
     with pytest.raises(BadInput) as caught:
         load_config(path)
-    assert str(caught.value).startswith(f"{path}: {expected}")
+    assert (caught.value.where, caught.value.found) == (f"{path}: {where}", found)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "nearest"),
+    [
+        ("[fit]\ntexturs = 2\n", "fit.texturs", "fit.textures"),
+        ("[source]\ntextures = 2\n", "source.textures", "fit.textures"),
+        ("[fit]\nseed = 2\n", "fit.seed", "seed"),
+        ("sed = 2\n", "sed", "seed"),
+        ("textures = 2\n", "textures", "fit.textures"),
+        ("[fitt]\nsize = 2\n", "fitt", "fit"),
+    ],
+)
+def test_an_unknown_key_is_named_with_the_nearest(write, text: str, where: str, nearest: str) -> None:
+    path = write(text)
+    with pytest.raises(BadInput) as caught:
+        load_config(path)
+    assert (caught.value.where, caught.value.hint) == (f"{path}: {where}", f"nearest: {nearest}")
+
+
+@pytest.mark.parametrize("text", ["[fit\n", "[fit]\nsize = 2\nsize = 3\n"])
+def test_a_file_that_is_no_toml_is_named(write, text: str) -> None:
+    path = write(text)
+    with pytest.raises(BadInput) as caught:
+        load_config(path)
+    assert caught.value.where == str(path)
+    assert caught.value.found.startswith("not TOML: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("sources = ['a']\n", "a sweep"),
+        ("[[material]]\nshare = 1\n", "a scene for planning"),
+        ("[[object]]\nterms = 1\n", "a scene for relighting"),
+        ("[[object]]\nbands = [32]\n", "a scene for editing"),
+    ],
+)
+def test_a_file_of_another_kind_is_named_as_what_it_is(write, text: str, kind: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        load_config(write(text))
+    assert (caught.value.found, caught.value.expected) == (kind, "a configuration")
 
 
 def test_a_bad_option_is_not_blamed_on_the_file(write) -> None:
@@ -130,7 +164,7 @@ def test_a_missing_file_a_folder_and_bytes_are_refused(tmp_path: Path) -> None:
             load_config(tmp_path / name)
 
 
-# Sweeps are files of another kind: tests/sweep reads them.
+# Sweeps are files of another kind: tests/sweeps reads them.
 SWEEPS = {ROOT / "configs" / name for name in ("sweep.toml", "svbrdf.toml")}
 SHIPPED = sorted(set((ROOT / "configs").glob("*.toml")) - SWEEPS)
 

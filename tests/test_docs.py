@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from homofact.factor.names import FIXED_AXES, KINDS
+from homofact.factor.fixed_projections import FIXED_AXES, KINDS
 from homofact.geometry.coordinates import COORDINATES
 from sitemaker.runnable import blocks_of, run
 
@@ -47,11 +47,9 @@ def test_the_relighting_that_its_document_shows_runs(tmp_path: Path, monkeypatch
     names, _ = run(Path("docs/relighting.md"), blocks)
     assert names["colours"].shape == names["knot"].mesh.positions.shape
     assert names["colours"].max() > 0.1
-    assert names["tuples"].shape == (
-        len(names["objects"][0].mesh.positions),
-        names["objects"][0].transport.factors.terms,
-        3,
-    )
+    objects = names["scene"].objects
+    assert [colours.shape for colours in names["shown"]] == [relit.mesh.positions.shape for relit in objects]
+    assert (tmp_path / "out" / "relight_from_python" / "relight.npz").is_file()
 
 
 def test_the_table_of_projections_is_that_of_the_code() -> None:

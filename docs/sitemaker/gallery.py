@@ -1,4 +1,4 @@
-"""The pages of the gallery's fits: of what `scripts/site_gallery.py` left in build/gallery, none without."""
+"""The pages of the gallery's fits: of what `scripts/pictures/site_gallery.py` left in build/gallery, none without."""
 
 import html
 import json
@@ -55,8 +55,8 @@ def _index(found: list[Fit]) -> str:
     lines = [
         "# Fits to turn and light",
         "",
-        "The default fit of three 32² textures of each material, made by `python scripts/site_gallery.py`. Every page",
-        "has the verdict, the textures and a viewer, one HTML file that works without a network.",
+        "The default fit of three 32² textures of each material, made by `python scripts/pictures/site_gallery.py`.",
+        "Every page has the verdict, the textures and a viewer, one HTML file that works without a network.",
         "",
     ]
     for group in dict.fromkeys(fit.record["group"] for fit in found):

@@ -25,7 +25,7 @@ SECTIONS = (
         "Learn",
         (
             "tutorials/index", "tutorials/paint", "tutorials/own_data", "tutorials/trust", "tutorials/plan",
-            "tutorials/relight", "tutorials/edit", "tutorials/sweep",
+            "tutorials/relight", "tutorials/edit", "tutorials/sweep", "tutorials/inverse_rendering",
         ),
         nested=True,
     ),
@@ -45,12 +45,15 @@ SECTIONS = (
         ),
     ),
     Section("Gallery", ("gallery", "editing_gallery")),
-    Section("Evidence", ("light", "measured", "thesis", "trials", "compression", "stability", "source/index")),
+    Section("Evidence", ("light", "measured", "thesis", "trials", "compression", "stability", "scripts")),
     Section(
         "Contribute",
-        ("contributing/reader", "contributing/metric", "contributing/method", "contributing/shader-language"),
+        (
+            "contributing/setting", "contributing/reader", "contributing/metric", "contributing/method",
+            "contributing/shader-language",
+        ),
     ),
-    Section("Reference", ("commands/index", "api/index", "references", "changes")),
+    Section("Reference", ("glossary", "commands/index", "api/index", "references", "changes")),
 )  # fmt: skip
 
 

@@ -18,16 +18,25 @@ from sitemaker.uses import front_door, scripts_using, used_by_page
 
 # What users touch, by what it is for; a module that is not here is shown by none of these pages.
 MODULES = {
-    "The front door": ("homofact", "homofact.api", "homofact.errors"),
+    "The front door": (
+        "homofact", "homofact.api.reading", "homofact.api.fitting", "homofact.api.result", "homofact.api.comparing",
+        "homofact.api.charting", "homofact.api.planning", "homofact.api.evaluating", "homofact.api.factorizing",
+        "homofact.api.exporting", "homofact.api.viewing", "homofact.api.rendering", "homofact.api.converting",
+        "homofact.api.sweeping", "homofact.api.reporting", "homofact.api.describing", "homofact.api.terms",
+        "homofact.api.progress", "homofact.errors",
+    ),
     "Methods": (
         "homofact.methods.search", "homofact.methods.cole", "homofact.methods.mccool", "homofact.methods.svd",
-        "homofact.methods.nmf", "homofact.methods.models", "homofact.methods.fitting", "homofact.methods.table",
+        "homofact.methods.nmf", "homofact.methods.models", "homofact.methods.method", "homofact.methods.fitting",
+        "homofact.methods.table",
     ),
     "Data": (
         "homofact.brdf.samples", "homofact.brdf.source", "homofact.brdf.reflectance", "homofact.brdf.materials",
         "homofact.brdf.sampling", "homofact.brdf.table", "homofact.brdf.scattered", "homofact.brdf.log_transform",
-        "homofact.brdf.symmetry", "homofact.brdf.noise_floor", "homofact.brdf.outliers", "homofact.brdf.gains",
-        "homofact.brdf.clipping", "homofact.brdf.suspicion.suspects", "homofact.brdf.suspicion.undo",
+        "homofact.brdf.symmetry", "homofact.brdf.quality.noise_floor",
+        "homofact.brdf.quality.outliers", "homofact.brdf.quality.gains",
+        "homofact.brdf.quality.clipping", "homofact.brdf.quality.suspicion.suspects",
+        "homofact.brdf.quality.suspicion.undo",
         "homofact.brdf.formats.csv", "homofact.brdf.formats.npz", "homofact.brdf.formats.merl",
         "homofact.brdf.formats.alta",
     ),
@@ -37,28 +46,31 @@ MODULES = {
         "homofact.separable.separable",
     ),
     "How good is a fit": (
-        "homofact.evaluate.compare", "homofact.evaluate.metrics", "homofact.evaluate.brdf_metrics",
-        "homofact.evaluate.image_metrics", "homofact.evaluate.appearance", "homofact.evaluate.energy",
-        "homofact.evaluate.split", "homofact.evaluate.seeds", "homofact.evaluate.reopening",
-        "homofact.evaluate.judging", "homofact.evaluate.verdict.verdict", "homofact.evaluate.verdict.finding",
-        "homofact.evaluate.chart",
+        "homofact.evaluation.compare", "homofact.evaluation.metric_table", "homofact.evaluation.metrics",
+        "homofact.evaluation.brdf_metrics",
+        "homofact.evaluation.image_metrics", "homofact.evaluation.appearance", "homofact.evaluation.energy",
+        "homofact.evaluation.split", "homofact.evaluation.seeds", "homofact.evaluation.reopening",
+        "homofact.evaluation.judging", "homofact.evaluation.verdict.verdict", "homofact.evaluation.verdict.finding",
+        "homofact.evaluation.chart",
     ),
     "Pictures, pages, exports": (
-        "homofact.render.sphere", "homofact.render.light", "homofact.render.environment", "homofact.render.tonemap",
-        "homofact.render.mitsuba_bsdf", "homofact.export.exported", "homofact.export.exported_reader",
-        "homofact.export.result", "homofact.viewer.page", "homofact.shading.program", "homofact.shading.languages",
+        "homofact.rendering.sphere", "homofact.rendering.light",
+        "homofact.rendering.environment", "homofact.rendering.tonemap",
+        "homofact.rendering.mitsuba_bsdf", "homofact.exporting.exported", "homofact.exporting.exported_reader",
+        "homofact.exporting.result", "homofact.web.page", "homofact.shading.program", "homofact.shading.languages",
     ),
     "Scenes": (
-        "homofact.scene.terms", "homofact.scene.lighting", "homofact.scene.harmonics", "homofact.scene.reflection",
-        "homofact.scene.light_field", "homofact.scene.sphere_field", "homofact.scene.plan.scene",
-        "homofact.scene.plan.plan", "homofact.scene.transport.front", "homofact.scene.transport.scene",
-        "homofact.scene.transport.build", "homofact.scene.transport.relight", "homofact.scene.editing.scene_file",
-        "homofact.scene.editing.curves", "homofact.scene.editing.session", "homofact.scene.editing.to_textures",
+        "homofact.theory.terms", "homofact.scene.lighting", "homofact.theory.harmonics", "homofact.theory.reflection",
+        "homofact.theory.light_field", "homofact.theory.sphere_field", "homofact.planning.scene",
+        "homofact.planning.plan", "homofact.api.relighting", "homofact.api.editing",
+        "homofact.relighting.scene_file",
+        "homofact.relighting.build", "homofact.relighting.relight", "homofact.editing.scene_file",
+        "homofact.editing.curves", "homofact.editing.session", "homofact.editing.to_textures",
     ),
-    "Without torch": ("homofact.runtime.load", "homofact.runtime.evaluate"),
+    "Without torch": ("homofact.runtime", "homofact.shading.on_arrays"),
     "Whole databases": (
-        "homofact.sweep.sweep_file", "homofact.sweep.run", "homofact.sweep.ledger", "homofact.sweep.svbrdf",
-        "homofact.sweep.shared_basis", "homofact.sweep.report.site",
+        "homofact.sweeps.sweep_file", "homofact.sweeps.run", "homofact.sweeps.ledger", "homofact.sweeps.svbrdf",
+        "homofact.sweeps.shared_basis", "homofact.sweeps.report.site",
     ),
 }  # fmt: skip
 
@@ -211,7 +223,7 @@ def _declared(module: str, name: str) -> dict[str, tuple[str, str]]:
     if "option" not in (ROOT / Module(module).path).read_text(encoding="utf-8"):
         return {}  # not loaded for nothing
     from homofact.cli.options import shown_default
-    from homofact.options import options_of
+    from homofact.settings.options import options_of
 
     settings = getattr(import_module(module), name)
     if not any("option" in each.metadata for each in dataclasses.fields(settings)):
@@ -280,20 +292,30 @@ def _tree(path: str) -> ast.Module:
 
 
 def markdown(text: str) -> str:
-    """A docstring as Markdown: numpy's underlined headings as bold words, their entries as a list, stars kept."""
+    """A docstring as Markdown: numpy's underlined headings as bold words, their entries as a list, examples as code.
+
+    Stars are kept.
+    """
     lines = text.split("\n")
     found: list[str] = []
-    listing = False
+    listing = example = False
     for number, line in enumerate(lines):
         following = lines[number + 1] if number + 1 < len(lines) else ""
-        if re.fullmatch(r"-{3,}", line) and number and lines[number - 1].strip():
+        if example or line.startswith(">>> "):
+            # An example and what it prints, up to the next empty line.
+            found += [] if example else ["", "```pycon"]
+            found.append(line if line.strip() else "```\n")
+            example = bool(line.strip())
+            if example and number + 1 == len(lines):
+                found.append("```")
+        elif re.fullmatch(r"-{3,}", line) and number and lines[number - 1].strip():
             listing = True
             found.append("")
         elif re.fullmatch(r"-{3,}", following) and line.strip():
             found.append(f"**{line.strip()}**")
         elif listing and line.strip() and not line.startswith(" "):
             head, colon, rest = line.partition(" : ")
-            found.append(f"- `{head}`: {rest}" if colon else f"- {line}")
+            found.append(f"- `{head}`: {rest}" if colon else f"- `{line}`" if line.startswith("**") else f"- {line}")
         elif listing and line.strip():
             found.append(f"  {line.strip()}")
         else:

@@ -1,8 +1,8 @@
 """Pages that show a file of the repository: the script behind a number, the configuration of a run, a module.
 
-Pages name such files in code, `python scripts/seeds.py --size 8`, or link to them, `[...](../configs/chart.toml)`. Each
-file that is named so gets a page with its text and with the pages that name it, so that the site leads from every
-number to what made it without a network.
+Pages name such files in code, `python scripts/accuracy/seeds.py --size 8`, or link to them,
+`[...](../configs/chart.toml)`. Each file that is named so gets a page with its text and with the pages that name it, so
+that the site leads from every number to what made it without a network.
 """
 
 import ast
@@ -27,16 +27,20 @@ def page_of(path: str) -> str:
     return f"source/{path}"
 
 
+def script_paths() -> list[str]:
+    """The files of scripts/, sorted by topic and name."""
+    found = sorted((ROOT / "scripts").glob("*/*.py"))
+    return [path.relative_to(ROOT).as_posix() for path in found if path.name != "__init__.py"]
+
+
 def source_pages(pages: Mapping[str, str], also: Iterable[str] = ()) -> dict[str, str]:
     """A page for each file that the texts of `pages` (by name) name, and for those in `also`."""
     naming: dict[str, list[str]] = defaultdict(list)
     for name, text in sorted(pages.items()):
         for path in named_files(text):
             naming[path].append(name)
-    every = {*naming, *also, *(path.relative_to(ROOT).as_posix() for path in (ROOT / "scripts").glob("*.py"))}
-    found = {page_of(path): _page(path, naming.get(path, []), pages) for path in sorted(every)}
-    found["source/index"] = _index(sorted(every), naming, pages)
-    return found
+    every = {*naming, *also, *script_paths()}
+    return {page_of(path): _page(path, naming.get(path, []), pages) for path in sorted(every)}
 
 
 def title_of(text: str) -> str:
@@ -56,23 +60,6 @@ def _page(path: str, naming: list[str], pages: Mapping[str, str]) -> str:
     named = f"Named on {links_to(naming, pages)}.\n\n" if naming else ""
     language = _LANGUAGE[PurePosixPath(path).suffix]
     return f"---\norphan: true\n---\n# {path}\n\n{named}{fence}{language}\n{text.rstrip()}\n{fence}\n"
-
-
-def _index(paths: list[str], naming: Mapping[str, list[str]], pages: Mapping[str, str]) -> str:
-    lines = [
-        "# Programs behind the numbers",
-        "",
-        "Every figure and table on this site comes out of a program of the repository. Here they are with the pages",
-        "that publish what they measure; each page names the command, the settings and the machine.",
-        "",
-        "| program | what it does | where its numbers stand |",
-        "| --- | --- | --- |",
-    ]
-    for path in paths:
-        if path.startswith("scripts/") and path.endswith(".py"):
-            linked = links_to(naming.get(path, []), pages)
-            lines.append(f"| [`{PurePosixPath(path).name}`](/{page_of(path)}.md) | {summary(path)} | {linked} |")
-    return "\n".join([*lines, ""])
 
 
 def summary(path: str) -> str:

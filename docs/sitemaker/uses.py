@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 
 from sitemaker.navigation import ROOT
+from sitemaker.sources import script_paths
 
 _BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
@@ -19,10 +20,7 @@ def used_by_page(module: str, pages: Mapping[str, str]) -> list[str]:
 @cache
 def scripts_using(module: str) -> list[str]:
     """The programs of scripts/ that use a module."""
-    paths = sorted((ROOT / "scripts").glob("*.py"))
-    return [
-        path.relative_to(ROOT).as_posix() for path in paths if module in modules_of((path.read_text(encoding="utf-8"),))
-    ]
+    return [path for path in script_paths() if module in modules_of(((ROOT / path).read_text(encoding="utf-8"),))]
 
 
 @cache
@@ -52,4 +50,4 @@ def front_door() -> dict[str, str]:
     """The names that the package itself hands out, each with the module that it is of; none of them is loaded."""
     import homofact
 
-    return {name: homofact._HOMES[name] for name in homofact.__all__ if name in homofact._HOMES}
+    return {name: f"homofact.{homofact._HOMES[name]}" for name in homofact.__all__ if name in homofact._HOMES}

@@ -58,7 +58,7 @@ def tabulated(
     """
     side, thetas = side or SIDE[isotropic], thetas or THETAS[isotropic]
     if min(side, thetas) < 2:
-        raise BadInput(f"adaptive table: found {thetas} slices of {side} nodes a side, expected at least 2")
+        raise BadInput(where="adaptive table", found=f"{thetas} slices of {side} nodes a side", expected="at least 2")
     phi = torch.zeros(1, dtype=torch.float64) if isotropic else azimuths(reflectance, whole_turn)
     theta = torch.linspace(0, _FLATTEST, thetas, dtype=torch.float64)
     ndf = _facets(reflectance, isotropic)
@@ -98,7 +98,7 @@ def importance(table: AdaptiveTable) -> Tensor:
     inset = torch.tensor([1 / (columns - 1), 1 / (rows - 1)], dtype=torch.float64) / 4
     nodes = _grid(rows, columns).clamp(inset, 1 - inset)
     warp = MarginalConditional.of(table.vndf.flatten(0, 1))
-    found = []
+    ratios = []
     slices = [(f, t) for f in table.phi_i.double().tolist() for t in table.theta_i.double().tolist()]
     for number, (f, t) in enumerate(slices):
         u = warp.sample(nodes, number)
@@ -110,8 +110,8 @@ def importance(table: AdaptiveTable) -> Tensor:
         value = table.table.flatten(0, 1)[number].double().mean(-1).reshape(-1)
         if table.jacobian:
             value = value * bilinear(table.ndf, u) / (4 * bilinear(table.sigma, _of_angles(t, f))).clamp_min(1e-12)
-        found.append(torch.where(density > 0, value.clamp_min(0) * area / density.clamp_min(1e-300), 0.0))
-    weights = torch.stack(found)
+        ratios.append(torch.where(density > 0, value.clamp_min(0) * area / density.clamp_min(1e-300), 0.0))
+    weights = torch.stack(ratios)
     mean = weights.mean(1, keepdim=True)
     weights = torch.where(mean > 0, weights.maximum(mean * _DIMMEST), 1.0)
     return (weights / weights.mean()).reshape(*table.table.shape[:4])
@@ -123,11 +123,11 @@ def relative_differences(source: Reflectance, table: Reflectance, pairs: int, se
     Values under a thousandth of their mean count as that much, so that zeros do. 0 where the source reflects nothing.
     """
     wi, wo = draw_cosine_weighted(pairs, torch.Generator().manual_seed(seed))
-    wanted, found = (each.evaluate(wi, wo).double().mean(1) for each in (source, table))
+    wanted, tabled = (reflectance.evaluate(wi, wo).double().mean(1) for reflectance in (source, table))
     mean = float(wanted.mean())
     if mean <= 0:
         return 0.0, 0.0
-    apart = (found - wanted).abs() / wanted.clamp_min(1e-3 * mean)
+    apart = (tabled - wanted).abs() / wanted.clamp_min(1e-3 * mean)
     return float(apart.median()), float(apart.quantile(0.99))
 
 
@@ -202,11 +202,11 @@ def _facets(reflectance: Reflectance, isotropic: bool) -> Tensor:
             if albedo > 0:
                 total += share / albedo
                 count += seen
-    total, count = (each.reshape(rows, _FACETS) for each in (total, count))
+    total, count = (sums.reshape(rows, _FACETS) for sums in (total, count))
     if isotropic:
         weights = torch.ones(rows, 1, dtype=torch.float64)
         weights[[0, -1]] = 0.5
-        total, count = ((each * weights).sum(0).expand(2, -1) for each in (total, count))
+        total, count = ((sums * weights).sum(0).expand(2, -1) for sums in (total, count))
     mean = torch.where(count > 0, total / count.clamp_min(1e-9), 0.0)
     if not isotropic:
         # The first and the last row are one azimuth; at the normal all azimuths are one.
@@ -230,8 +230,8 @@ def _solid_angles(rows: int, columns: int) -> Tensor:
     u = _grid(rows, columns)
     theta = _angles(u)[0]
     ends = [torch.ones(n, dtype=torch.float64) for n in (rows, columns)]
-    for each in ends:
-        each[[0, -1]] = 0.5
+    for line in ends:
+        line[[0, -1]] = 0.5
     weights = (ends[0][:, None] * ends[1]).reshape(-1) / ((rows - 1) * (columns - 1))
     return weights * (2 * math.pi**2) * u[:, 0] * torch.sin(theta)
 

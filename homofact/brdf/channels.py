@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from homofact.brdf.names import CHANNELS
+from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.reflectance import Derived
 from homofact.brdf.samples import Samples
+from homofact.brdf.source_names import CHANNELS
 from homofact.brdf.spectral import LUMINANCE, to_luminance, to_rgb
 from homofact.errors import BadInput
 
@@ -18,7 +19,7 @@ _RGB = ("R", "G", "B")
 def check_channels(wanted: str) -> None:
     """Raise BadInput where `wanted` is no name of `CHANNELS`."""
     if wanted not in CHANNELS:
-        raise BadInput(f"channels: found {wanted!r}, expected one of {', '.join(CHANNELS)}")
+        raise BadInput(where="channels", found=repr(wanted), expected=f"one of {', '.join(CHANNELS)}")
 
 
 def reading_of(wanted: str) -> tuple[str, str]:
@@ -34,7 +35,9 @@ def reading_of(wanted: str) -> tuple[str, str]:
         return "luminance", ""
     if wavelengths_of((wanted,)) is not None:
         return "spectral", wanted
-    raise BadInput(f"channels: found {wanted!r}, expected {', '.join(CHANNELS)}, or one channel such as G or 550nm")
+    raise BadInput(
+        where="channels", found=repr(wanted), expected=f"{', '.join(CHANNELS)}, or one channel such as G or 550nm"
+    )
 
 
 def spectral_names(wavelengths: Sequence[float]) -> tuple[str, ...]:
@@ -63,7 +66,7 @@ def as_channels(samples: Samples, wanted: str) -> Samples:
     wavelengths = wavelengths_of(samples.channels)
     if wavelengths is None:
         if wanted == "spectral":
-            raise BadInput(f"channels: the samples have {', '.join(samples.channels)}, expected a spectrum")
+            raise BadInput(f"the samples have {', '.join(samples.channels)}", where="channels", expected="a spectrum")
         if wanted == "luminance" and samples.channels == _RGB:
             return replace(
                 samples,
@@ -92,6 +95,7 @@ class LuminanceOf(Derived):
         """("Y",)."""
         return ("Y",)
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """CIE Y (N, 1) in sr⁻¹, without the cosine."""
         return _luminance(self.base.evaluate(wi, wo))
@@ -108,6 +112,7 @@ class OneChannel(Derived):
         """The name alone."""
         return (self.name,)
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, 1) in sr⁻¹, without the cosine."""
         column = self.base.channels.index(self.name)

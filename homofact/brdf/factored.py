@@ -32,13 +32,15 @@ class FactoredBrdf(AnalyticModel):
     Raises BadInput for other shapes and numbers that are not finite.
     """
 
-    table: "Tensor"
+    table: "Tensor | np.ndarray"
 
     def __post_init__(self) -> None:
         """Refuse other shapes and numbers that are not finite."""
         expected = (2 + 3 * BINS, len(self.channels))
         if tuple(self.table.shape) != expected or not bool(namespace(self.table).isfinite(self.table).all()):
-            raise BadInput(f"table: found the shape {tuple(self.table.shape)}, expected {expected} of finite numbers")
+            raise BadInput(
+                where="table", found=f"the shape {tuple(self.table.shape)}", expected=f"{expected} of finite numbers"
+            )
 
     @property
     def nbytes(self) -> int:
@@ -79,10 +81,10 @@ def _parts(table: Any) -> Any:
 def factored_values(parts: "tuple[Tensor, ...]", low: "Tensor", share: "Tensor") -> "Tensor":
     """D F G G (N, C) of tables (BINS, C) d, s, D, G, F at places of `bins_of`."""
     tables = (parts[2], parts[4], parts[3], parts[3])
-    found = None
+    product = None
     for k, table in enumerate(tables):
         s = share[:, k : k + 1]
         value = (1 - s) * table[low[:, k]] + s * table[low[:, k] + 1]
-        found = value if found is None else found * value
-    assert found is not None
-    return found
+        product = value if product is None else product * value
+    assert product is not None
+    return product

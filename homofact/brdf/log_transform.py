@@ -6,52 +6,73 @@ exponential exceeds ε, and the cut keeps the result non-negative all the same.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import torch
-from torch import Tensor
-
-from homofact.brdf.names import MOST
-from homofact.brdf.pair_density import over_discs
-from homofact.brdf.samples import Samples
+from homofact.brdf.source_names import MOST
 from homofact.errors import BadInput
+from homofact.linear.arrays import Held, as_arrays
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from homofact.brdf.samples import Samples
 
 
 @dataclass(frozen=True)
 class LogTransform:
-    """ε (dimensionless) and A (C,) in sr⁻¹ of one fit; never recomputed on test data."""
+    """ε (dimensionless) and A (C,) in sr⁻¹ of one fit, `mean`; never recomputed on test data.
+
+    A is a NumPy array, made of a tensor where one is given.
+    """
 
     epsilon: float
-    mean: Tensor
+    mean: Held
+
+    def __post_init__(self) -> None:
+        """Keep A as an array."""
+        as_arrays(self, "mean")
+
+    def mean_like(self, values: "Tensor") -> "Tensor":
+        """A (C,) as a tensor of the type and on the device of `values`."""
+        import torch
+
+        return torch.from_numpy(self.mean).to(values)
+
+    def of_channels(self, own: slice) -> "LogTransform":
+        """The transform of some of the channels alone."""
+        return LogTransform(self.epsilon, self.mean[own])
 
     @classmethod
-    def of(cls, samples: Samples, epsilon: float) -> "LogTransform":
+    def of(cls, samples: "Samples", epsilon: float) -> "LogTransform":
         """A as the mean of `samples` over the discs (`brdf.pair_density`), whatever scheme they were drawn by.
 
         Raises BadInput where ε ≤ 0 or a channel is zero throughout.
         """
         if not epsilon > 0:
-            raise BadInput(f"epsilon: found {epsilon}, expected above 0")
+            raise BadInput(where="epsilon", found=epsilon, expected="above 0")
+        from homofact.brdf.pair_density import over_discs
+
         weights = over_discs(samples)[:, None]
         mean = (samples.values * weights).sum(0) / weights.sum()
         if bool((mean <= 0).any()):
             name = samples.channels[int((mean <= 0).nonzero()[0])]
-            raise BadInput(f"samples: channel {name} is zero everywhere, expected some reflectance")
+            raise BadInput(f"channel {name} is zero everywhere", where="samples", expected="some reflectance")
         return cls(float(epsilon), mean)
 
     @classmethod
-    def of_values(cls, values: Tensor, epsilon: float) -> "LogTransform":
+    def of_values(cls, values: "Tensor", epsilon: float) -> "LogTransform":
         """A as the plain mean of values (N, C) in sr⁻¹, for interpolating them; a channel of zeros alone stays zero."""
         mean = values.mean(0)
-        return cls(epsilon, torch.where(mean > 0, mean, torch.ones_like(mean)))
+        return cls(epsilon, mean.where(mean > 0, mean.new_ones(())))
 
-    def forward(self, values: Tensor) -> Tensor:
+    def forward(self, values: "Tensor") -> "Tensor":
         """f̃ (N, C) of values (N, C) in sr⁻¹."""
-        return torch.log(values / self.mean.to(values) + self.epsilon)
+        return (values / self.mean_like(values) + self.epsilon).log()
 
-    def inverse(self, logs: Tensor) -> Tensor:
+    def inverse(self, logs: "Tensor") -> "Tensor":
         """Values (N, C) in sr⁻¹, ≥ 0, of logs (N, C).
 
         Logs above `MOST` count as that, so that texels which ran away (few samples, no smoothing) give absurd
         values, which the verdict sees, and not infinite ones, which poison every mean.
         """
-        return self.mean.to(logs) * (torch.exp(logs.clamp_max(MOST)) - self.epsilon).clamp_min(0)
+        return self.mean_like(logs) * (logs.clamp_max(MOST).exp() - self.epsilon).clamp_min(0)

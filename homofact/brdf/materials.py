@@ -21,7 +21,7 @@ from homofact.errors import BadInput
 
 
 @dataclass(frozen=True)
-class Material:
+class NamedMaterial:
     """A model under a name; `source` says where its numbers are from and which of them we chose."""
 
     name: str
@@ -36,7 +36,7 @@ def _grey(value: float) -> tuple[float, float, float]:
 _LAFORTUNE = "Lafortune et al. 1997: three lobes fitted to a measurement, coefficients for R, G and B"
 
 _MATERIALS = (
-    Material(
+    NamedMaterial(
         "lafortune-blue-paint",
         Lafortune(
             (0.3094, 0.39667, 0.70837),
@@ -60,7 +60,7 @@ _MATERIALS = (
         ),
         _LAFORTUNE,
     ),
-    Material(
+    NamedMaterial(
         "lafortune-clay",
         Lafortune(
             (0.383626, 0.260749, 0.274207),
@@ -84,7 +84,7 @@ _MATERIALS = (
         ),
         _LAFORTUNE,
     ),
-    Material(
+    NamedMaterial(
         "lafortune-skin",
         Lafortune(
             (0.428425, 0.301341, 0.331054),
@@ -108,39 +108,39 @@ _MATERIALS = (
         ),
         _LAFORTUNE,
     ),
-    Material(
+    NamedMaterial(
         "cook-torrance-plastic",
         CookTorrance(tuple(0.9 * x for x in (0.45, 0.22, 0.13)), _grey(1.0), roughness=0.15, reflectance=0.1),
         "Cook and Torrance 1982, plastic: specular .1, diffuse .9, m .15. The .1 is taken as the Fresnel"
         " reflectance at normal incidence, since times a plastic's own .04 the highlight would vanish; the"
         " diffuse colour (.45, .22, .13), a copper-coloured pigment, is our choice",
     ),
-    Material(
+    NamedMaterial(
         "ashikhmin-shirley-wang",
         AshikhminShirley(_grey(0.5), _grey(0.75), nu=10, nv=100),
         "Wang, Tran and Luebke 2004: kd .5, ks .75, nu 10, nv 100; the same in R, G and B",
     ),
-    Material(
+    NamedMaterial(
         "phong-10",
         Phong((0.40, 0.20, 0.10), _grey(0.4), exponent=10),
         "Mahajan et al. 2008: exponent 10; the weights and the diffuse colour are our choice",
     ),
-    Material(
+    NamedMaterial(
         "phong-30",
         Phong((0.10, 0.20, 0.40), _grey(0.4), exponent=30),
         "Mahajan et al. 2008: exponent 30; the weights and the diffuse colour are our choice",
     ),
-    Material(
+    NamedMaterial(
         "blinn-phong-50",
         BlinnPhong((0.15, 0.35, 0.15), _grey(0.4), exponent=50),
         "Blinn 1977 with exponent 50; the weights and the diffuse colour are our choice",
     ),
-    Material(
+    NamedMaterial(
         "torrance-sparrow-20",
         TorranceSparrow((0.30, 0.20, 0.10), _grey(0.4), sigma=0.2),
         "Mahajan et al. 2008, eq. 14 with sigma 0.2; the weights and the diffuse colour are our choice",
     ),
-    Material(
+    NamedMaterial(
         "ward-brushed",
         Ward(_grey(0.15), _grey(0.19), alpha_x=0.088, alpha_y=0.13),
         "Ward 1992, table 1, lightly brushed aluminum: .15, .19, .088, .13; the same in R, G and B",
@@ -149,10 +149,10 @@ _MATERIALS = (
 MATERIALS = {item.name: item for item in _MATERIALS}
 
 
-def material(name: str) -> Material:
+def material(name: str) -> NamedMaterial:
     """The material called `name`. Raises BadInput naming the nearest one and listing all."""
     if name not in MATERIALS:
         near = get_close_matches(name, MATERIALS, n=1, cutoff=0.4)
         nearest = f" (nearest: {near[0]})" if near else ""
-        raise BadInput(f"material: found {name!r}{nearest}, expected one of {', '.join(MATERIALS)}")
+        raise BadInput(where="material", found=f"{name!r}{nearest}", expected=f"one of {', '.join(MATERIALS)}")
     return MATERIALS[name]

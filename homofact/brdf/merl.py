@@ -28,6 +28,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
+from homofact.brdf.in_kind import answering_in_kind
 from homofact.errors import BadInput
 from homofact.geometry.directions import normalize
 
@@ -122,9 +123,9 @@ class MerlTable:
     def __post_init__(self) -> None:
         """Refuse other shapes and lookups."""
         if self.raw.ndim != 4 or self.raw.shape[0] != 3 or 0 in self.raw.shape:
-            raise BadInput(f"MERL table: raw has shape {tuple(self.raw.shape)}, expected (3, θh, θd, φd)")
+            raise BadInput(f"raw has shape {tuple(self.raw.shape)}", where="MERL table", expected="(3, θh, θd, φd)")
         if self.lookup not in ("linear", "nearest"):
-            raise BadInput(f"MERL table: lookup is {self.lookup!r}, expected linear or nearest")
+            raise BadInput(f"lookup is {self.lookup!r}", where="MERL table", expected="linear or nearest")
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -157,11 +158,12 @@ class MerlTable:
         """Bins (θh·θd·φd,) none of whose channels is negative."""
         return (self.raw >= 0).all(0).reshape(-1)
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, 3) in sr⁻¹ without the cosine; 0 under the horizon and where nothing was measured."""
         above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
-        found = self._nearest(wi, wo) if self.lookup == "nearest" else self._linear(wi, wo)
-        return torch.where(above, found * torch.tensor(SCALES, dtype=torch.float64), 0.0).to(wi)
+        values = self._nearest(wi, wo) if self.lookup == "nearest" else self._linear(wi, wo)
+        return torch.where(above, values * torch.tensor(SCALES, dtype=torch.float64), 0.0).to(wi)
 
     def _nearest(self, wi: Tensor, wo: Tensor) -> Tensor:
         bins = self.grid.bins(wi.double(), wo.double())

@@ -34,17 +34,17 @@ class NeuralBrdf(AnalyticModel):
     BadInput for other sizes and numbers that are not finite.
     """
 
-    weights: "tuple[Tensor, Tensor, Tensor]"
-    biases: "tuple[Tensor, Tensor, Tensor]"
+    weights: "tuple[Tensor | np.ndarray, ...]"
+    biases: "tuple[Tensor | np.ndarray, ...]"
 
     def __post_init__(self) -> None:
         """Refuse other sizes and numbers that are not finite."""
         for k, (weight, bias, shape) in enumerate(zip(self.weights, self.biases, LAYERS, strict=True)):
             for name, tensor, expected in ((f"w{k}", weight, shape), (f"b{k}", bias, shape[1:])):
                 if tuple(tensor.shape) != expected:
-                    raise BadInput(f"network: {name} has shape {tuple(tensor.shape)}, expected {expected}")
+                    raise BadInput(f"{name} has shape {tuple(tensor.shape)}", where="network", expected=expected)
                 if not bool(namespace(tensor).isfinite(tensor).all()):
-                    raise BadInput(f"network: {name} is not finite, expected finite numbers")
+                    raise BadInput(f"{name} is not finite", where="network", expected="finite numbers")
 
     @property
     def nbytes(self) -> int:

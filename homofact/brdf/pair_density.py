@@ -74,9 +74,9 @@ def solid_angles(samples: Samples) -> Tensor:
     """
     scheme = scheme_of(samples)
     if scheme is not None:
-        found = density(scheme, samples.wi, samples.wo)
+        densities = density(scheme, samples.wi, samples.wo)
         # By cosine the density is 0 at the horizon, and a pair there of no account for what carries a cosine.
-        return torch.where(found > 0, samples.weights / found, 0.0)
+        return torch.where(densities > 0, samples.weights / densities, 0.0)
     # Dense tables weigh their nodes by solid angle themselves.
     return samples.weights * (1.0 if "weights" in samples.provenance else _shares_of_cells(samples))
 
@@ -132,7 +132,7 @@ def _shares_of_cells(samples: Samples) -> Tensor:
     """The solid angle of each sample's cell over the number of samples in it (N,)."""
     theta_h, theta_d, phi_d = rusinkiewicz_angles(samples.wi, samples.wo)
     place = ((theta_h / _RIGHT).sqrt(), theta_d / _RIGHT, (phi_d / math.pi).remainder(1.0))
-    index = [(each * steps).long().clamp(0, steps - 1) for each, steps in zip(place, CELLS, strict=True)]
+    index = [(coordinate * steps).long().clamp(0, steps - 1) for coordinate, steps in zip(place, CELLS, strict=True)]
     cell = (index[0] * CELLS[1] + index[1]) * CELLS[2] + index[2]
     _, inverse, counts = torch.unique(cell, return_inverse=True, return_counts=True)
     low_h, high_h = (_RIGHT * ((index[0].to(theta_h) + edge) / CELLS[0]) ** 2 for edge in (0, 1))

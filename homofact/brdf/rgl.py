@@ -27,9 +27,10 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.analytic.common import grazing, half_vector
-from homofact.brdf.names import DEFAULT_COUNT
+from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.source_names import DEFAULT_COUNT
 from homofact.brdf.warp import MarginalConditional, bilinear
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
@@ -83,7 +84,7 @@ class AdaptiveTable:
             inner = shape[len(before) : len(shape) - len(after)]
             if shape != (*before, *inner, *after) or len(inner) != 2 or min(inner) < 2:
                 wanted = ", ".join(map(str, (*before, "R", "C", *after)))
-                raise BadInput(f"{name} has shape {shape}, expected ({wanted}) with R, C >= 2")
+                raise BadInput(f"{name} has shape {shape}", expected=f"({wanted}) with R, C >= 2")
         for name, angles, low, high in (
             ("theta_i", self.theta_i, 0, math.pi / 2),
             ("phi_i", self.phi_i, -2 * math.pi, 2 * math.pi),
@@ -91,15 +92,16 @@ class AdaptiveTable:
             _check_angles(name, angles, low, high)
         for name in ("ndf", "sigma", "vndf"):
             if bool((getattr(self, name) < 0).any()):
-                raise BadInput(f"{name} has negative values, expected a density >= 0")
+                raise BadInput(f"{name} has negative values", expected="a density >= 0")
         if not bool((self.vndf.double().sum((2, 3)) > 0).all()):
-            raise BadInput("vndf has a slice that is 0 throughout, expected a density")
+            raise BadInput("vndf has a slice that is 0 throughout", expected="a density")
         if not self.isotropic:
             covered = 2 * math.pi / float(self.phi_i[-1] - self.phi_i[0])
             if self._cover not in _COVERS or abs(covered - self._cover) > _SLACK * self._cover:
                 raise BadInput(
-                    f"phi_i covers {360 / covered:.4g} degrees, expected 360, 180 or 90 (or one or two angles where"
-                    " the material is isotropic)"
+                    f"phi_i covers {360 / covered:.4g} degrees",
+                    expected="360, 180 or 90",
+                    hint="or one or two angles where the material is isotropic",
                 )
 
     @property
@@ -117,6 +119,7 @@ class AdaptiveTable:
         """Table lookups of one value: D, σ, and the density and M of each slice blended (bilinear ones count one)."""
         return 2 * self._blended + (2 if self.jacobian else 0)
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon.
 
@@ -129,8 +132,8 @@ class AdaptiveTable:
         values = torch.zeros(len(wi), len(self.channels), dtype=wi.dtype, device=wi.device)
         above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0)).nonzero()[:, 0]
         for rows in above.split(max(1, _CHUNK // len(self.channels))):
-            found = self._with_cosine(*(w[rows].to(self.table.device, torch.float64) for w in (wi, wo)))
-            values[rows] = found.to(values) / grazing(wo[rows, 2:])
+            values_there = self._with_cosine(*(w[rows].to(self.table.device, torch.float64) for w in (wi, wo)))
+            values[rows] = values_there.to(values) / grazing(wo[rows, 2:])
         return values
 
     def sample(self, count: int = DEFAULT_COUNT, scheme: str = "discs", seed: int = 0) -> Samples:
@@ -223,7 +226,7 @@ def _square(theta: Tensor, phi: Tensor) -> Tensor:
 
 def _check_angles(name: str, angles: Tensor, low: float, high: float) -> None:
     if angles.dim() != 1 or len(angles) == 0 or not bool((angles.diff() > 0).all()):
-        raise BadInput(f"{name} has {tuple(angles.shape)} angles that do not rise, expected rising radians")
+        raise BadInput(f"{name} has {tuple(angles.shape)} angles that do not rise", expected="rising radians")
     least, most = float(angles[0]), float(angles[-1])
     if least < low - _SLACK or most > high + _SLACK:
-        raise BadInput(f"{name} is {least:.4g} to {most:.4g}, expected radians within {low:.4g} to {high:.4g}")
+        raise BadInput(f"{name} is {least:.4g} to {most:.4g}", expected=f"radians within {low:.4g} to {high:.4g}")

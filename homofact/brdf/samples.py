@@ -7,35 +7,55 @@ the whole configuration about the normal (and mirrors it, where the material is 
 held-out samples are in the training set under another azimuth.
 """
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import ArrayLike
 from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.files.words import listed
 
 MOST_COPIES = 1_500_000
+_ONE_AZIMUTH = 1e-4  # radians: directions written with five digits stray as far
+# What columns of values are called where nobody says so.
+_CHANNELS = {3: ("R", "G", "B"), 1: ("Y",)}
 # Squares and sums of weights between these stay numbers.
 LEAST_WEIGHT, MOST_WEIGHT = 1e-40, 1e40
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False)
 class Samples:
     """N samples of a BRDF.
 
-    Attributes
+    They are made of NumPy arrays, torch tensors of one device, or nested lists, and hold tensors of float64.
+
+    Parameters
     ----------
-    wi, wo : (N, 3) float64 unit vectors in the surface frame, away from the surface.
-    values : (N, C) float64 in sr⁻¹, linear, without the cosine.
-    weights : (N,) float64, 0 or from `LEAST_WEIGHT` to `MOST_WEIGHT` and more than one of several
-        above 0; 1 where nothing else is known.
-    channels : C names.
-    isotropic : whether the material may be turned about its normal (and mirrored) freely.
-    all_azimuths : whether the samples lie at all azimuths as they are, so that a fit needs no copies of them.
-    clipped : (N, C) bool, where a value is only known not to be less (`brdf.clipping`); None where there is none.
+    wi, wo : (N, 3) unit vectors to the light and to the viewer in the surface frame, away from the surface.
+    values : (N, C), or (N,) of one channel, in sr⁻¹, linear, without the cosine.
+    weights : (N,), 0 or from `LEAST_WEIGHT` to `MOST_WEIGHT` and more than one of several above 0; by default 1.
+    channels : C names; by default "R", "G", "B" for three columns of values and "Y" for one.
+    isotropic : whether the material may be turned about its normal (and mirrored) freely; by default whether all
+        light comes from one azimuth, as the light of a measurement of an isotropic material does.
     provenance : where the samples come from and what was done to them (JSON-able).
+    all_azimuths : whether the samples lie at all azimuths as they are, so that a fit needs no copies of them.
+    clipped : (N, C) bool, where a value is only known not to be less (`brdf.quality.clipping`); None where there is
+        none.
+
+    Raises
+    ------
+    BadInput : for other shapes, what is no finite number, directions that are no unit vectors or lie below the
+        horizon, negative values and weights, and tensors on several devices.
+
+    Examples
+    --------
+    >>> from homofact import Samples
+    >>> Samples([[0, 0, 1]], [[0.6, 0, 0.8]], [[0.1, 0.2, 0.3]])
+    <Samples: 1 pairs of directions, R, G, B, isotropic>
     """
 
     wi: Tensor
@@ -44,16 +64,61 @@ class Samples:
     weights: Tensor
     channels: tuple[str, ...]
     isotropic: bool
-    provenance: dict[str, Any] = field(default_factory=dict)
-    all_azimuths: bool = False
-    clipped: Tensor | None = None
+    provenance: dict[str, Any]
+    all_azimuths: bool
+    clipped: Tensor | None
+
+    def __init__(
+        self,
+        wi: ArrayLike | Tensor,
+        wo: ArrayLike | Tensor,
+        values: ArrayLike | Tensor,
+        weights: ArrayLike | Tensor | None = None,
+        channels: Sequence[str] | None = None,
+        isotropic: bool | None = None,
+        *,
+        provenance: dict[str, Any] | None = None,
+        all_azimuths: bool = False,
+        clipped: ArrayLike | Tensor | None = None,
+    ) -> None:
+        given = {"wi": wi, "wo": wo, "values": values}
+        tensors: dict[str, Any] = {name: _as_tensor(name, value) for name, value in given.items()}
+        first = tensors["wi"]
+        if first.ndim != 2 or first.shape[1] != 3:
+            hint = "transpose it" if first.ndim == 2 and first.shape[0] == 3 else ""
+            raise BadInput(f"wi has shape {tuple(first.shape)}", where="samples", expected="(N, 3)", hint=hint)
+        if tensors["values"].ndim == 1 and (channels is None or len(channels) == 1):
+            tensors["values"] = tensors["values"][:, None]
+        count = first.shape[0]
+        if weights is None:
+            tensors["weights"] = torch.ones(count, dtype=torch.float64, device=first.device)
+        else:
+            tensors["weights"] = _as_tensor("weights", weights)
+        tensors["clipped"] = None if clipped is None else torch.as_tensor(clipped)
+        if channels is None:
+            channels = _default_channels(tensors["values"])
+        elif isinstance(channels, str):
+            raise BadInput(where="samples: channels", found=f"the text {channels!r}", expected="a list of names")
+        for name, tensor in tensors.items():
+            if tensor is not None and tensor.device != first.device:
+                raise BadInput(
+                    f"{name} is on {tensor.device}", where="samples", expected=f"{first.device}, where wi is"
+                )
+        self._set(**tensors, channels=tuple(channels))
+        self._set(provenance={} if provenance is None else provenance, all_azimuths=all_azimuths)
+        self._check()
+        self._set(isotropic=lit_from_one_azimuth(first) if isotropic is None else bool(isotropic))
+
+    def _set(self, **attributes: Any) -> None:
+        for name, value in attributes.items():
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         """In a line, without the values."""
         turned = "isotropic" if self.isotropic else "anisotropic"
         return f"<Samples: {len(self)} pairs of directions, {listed(self.channels)}, {turned}>"
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         """Refuse shapes that disagree, values that are not finite or negative, directions under the horizon."""
         count = self.wi.shape[0]
         expected = {
@@ -66,62 +131,47 @@ class Samples:
             expected["clipped"] = (self.clipped, (count, len(self.channels)))
         for name, (tensor, shape) in expected.items():
             if tuple(tensor.shape) != shape:
-                raise BadInput(f"samples: {name} has shape {tuple(tensor.shape)}, expected {shape}")
+                raise BadInput(f"{name} has shape {tuple(tensor.shape)}", where="samples", expected=shape)
             if not bool(torch.isfinite(tensor).all()):
                 row = int((~torch.isfinite(tensor.reshape(count, -1))).any(1).nonzero()[0])
-                raise BadInput(f"samples: {name} at row {row} is not finite, expected finite numbers")
+                raise BadInput(f"{name} at row {row} is not finite", where="samples", expected="finite numbers")
         if count == 0:
-            raise BadInput("samples: no samples are left, expected at least one")
+            raise BadInput("no samples are left", where="samples", expected="at least one")
         for name, direction in (("wi", self.wi), ("wo", self.wo)):
             below = direction[:, 2] < 0
             if bool(below.any()):
                 row = int(below.nonzero()[0])
                 raise BadInput(
-                    f"samples: {name} at row {row} has z = {float(direction[row, 2]):.4g}, under the horizon;"
-                    " expected z >= 0"
+                    f"{name} at row {row} has z = {float(direction[row, 2]):.4g}, under the horizon",
+                    where="samples",
+                    expected="z >= 0",
                 )
             length = direction.norm(dim=1)
             off = (length - 1).abs() > 1e-6
             if bool(off.any()):
                 row = int(off.nonzero()[0])
                 raise BadInput(
-                    f"samples: {name} at row {row} has length {float(length[row]):.6g}, expected a unit vector"
+                    f"{name} at row {row} has length {float(length[row]):.6g}",
+                    where="samples",
+                    expected="a unit vector",
                 )
         given = self.weights[self.weights > 0]
         if len(given) == 0 or bool((given < LEAST_WEIGHT).any()) or bool((given > MOST_WEIGHT).any()):
             odd = given[(given < LEAST_WEIGHT) | (given > MOST_WEIGHT)]
             found = f"{float(odd[0]):g} among the weights" if len(odd) else "weights that are all 0"
-            raise BadInput(f"samples: found {found}, expected some from {LEAST_WEIGHT:g} to {MOST_WEIGHT:g}, or 0")
+            raise BadInput(
+                where="samples", found=found, expected=f"some from {LEAST_WEIGHT:g} to {MOST_WEIGHT:g}, or 0"
+            )
         if count > 1 and len(given) == 1:
-            raise BadInput("samples: found a single one with a weight above 0, expected at least 2")
+            raise BadInput(where="samples", found="a single one with a weight above 0", expected="at least 2")
         for name, tensor in (("values", self.values), ("weights", self.weights)):
             if bool((tensor < 0).any()):
                 row = int((tensor.reshape(count, -1) < 0).any(1).nonzero()[0])
-                raise BadInput(f"samples: {name} at row {row} is negative, expected >= 0")
+                raise BadInput(f"{name} at row {row} is negative", where="samples", expected=">= 0")
 
     def __len__(self) -> int:
         """N, the number of samples."""
         return int(self.wi.shape[0])
-
-    @classmethod
-    def make(
-        cls,
-        wi: Tensor,
-        wo: Tensor,
-        values: Tensor,
-        *,
-        channels: tuple[str, ...],
-        isotropic: bool,
-        weights: Tensor | None = None,
-        provenance: dict[str, Any] | None = None,
-        all_azimuths: bool = False,
-    ) -> "Samples":
-        """Samples in float64 with unit weights unless given; same errors as the constructor."""
-        wi, wo, values = (torch.as_tensor(x).to(torch.float64) for x in (wi, wo, values))
-        if weights is None:
-            weights = torch.ones(wi.shape[0], dtype=torch.float64, device=wi.device)
-        weights = weights.to(torch.float64)
-        return cls(wi, wo, values, weights, tuple(channels), isotropic, provenance or {}, all_azimuths)
 
     def select(self, index: Tensor) -> "Samples":
         """The samples at `index` (integer or boolean), in that order."""
@@ -132,7 +182,7 @@ class Samples:
     def channel(self, name: str) -> "Samples":
         """One channel alone. Raises BadInput naming the channels there are."""
         if name not in self.channels:
-            raise BadInput(f"channel: found {name!r}, expected one of {', '.join(self.channels)}")
+            raise BadInput(where="channel", found=repr(name), expected=f"one of {', '.join(self.channels)}")
         column = slice(self.channels.index(name), self.channels.index(name) + 1)
         clipped = None if self.clipped is None else self.clipped[:, column]
         return replace(self, values=self.values[:, column], channels=(name,), clipped=clipped)
@@ -140,11 +190,13 @@ class Samples:
     def split(self, fraction: float, seed: int) -> tuple["Samples", "Samples"]:
         """(training, held out): `fraction` of the samples, drawn by `seed`, are held out."""
         if not 0 < fraction < 1:
-            raise BadInput(f"held-out fraction: found {fraction}, expected between 0 and 1")
+            raise BadInput(where="held-out fraction", found=fraction, expected="between 0 and 1")
         order = torch.randperm(len(self), generator=torch.Generator().manual_seed(seed))
         held = round(fraction * len(self))
         if held == 0 or held == len(self):
-            raise BadInput(f"samples: {len(self)} are too few to hold out {fraction:.0%}, expected at least 5")
+            raise BadInput(
+                f"{len(self)} are too few to hold out {fraction:.0%}", where="samples", expected="at least 5"
+            )
         return self.select(order[held:].sort().values), self.select(order[:held].sort().values)
 
     def subset(self, count: int, seed: int) -> "Samples":
@@ -175,7 +227,7 @@ class Samples:
         BadInput for anisotropic samples, where a turned copy is a lie.
         """
         if not self.isotropic:
-            raise BadInput("azimuth copies: the samples are anisotropic, expected an isotropic material")
+            raise BadInput("the samples are anisotropic", where="azimuth copies", expected="an isotropic material")
         n, total = len(self), count * (2 if mirrored else 1)
         allowed = max(1, most // n)
         if allowed < 2 and mirrored:
@@ -199,3 +251,45 @@ class Samples:
         angles = torch.rand(len(self), dtype=torch.float64, generator=generator) * (2 * torch.pi)
         flip = torch.rand(len(self), dtype=torch.float64, generator=generator) < 0.5
         return replace(self.turned(angles.to(self.wi.device), flip.to(self.wi.device)), all_azimuths=True)
+
+
+def lit_from_one_azimuth(wi: Tensor) -> bool:
+    """Whether all light of a measurement, (N, 3), came from one azimuth: how files without a word say isotropic.
+
+    Light along the normal has any azimuth.
+    """
+    across = wi[:, :2]
+    length = across.norm(dim=1)
+    # The one that is farthest from the normal knows its azimuth best.
+    ahead = across[length.argmax()] / length.max().clamp_min(1e-300)
+    return bool(((across - length[:, None] * ahead).norm(dim=1) <= _ONE_AZIMUTH * length + 1e-12).all())
+
+
+def _as_tensor(name: str, given: Any) -> Tensor:
+    """A tensor of float64 on its own device, where it is one, or else a copy of arrays or lists."""
+    if isinstance(given, Tensor):
+        if given.is_complex() or given.dtype is torch.bool:
+            raise BadInput(f"{name} is of {given.dtype}", where="samples", expected="real numbers")
+        return given.to(torch.float64)
+    try:
+        array = np.array(given)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"{name} is no table of numbers ({error})", where="samples", expected="an array") from error
+    if array.dtype.kind not in "fiu":
+        raise BadInput(f"{name} is {_kind_of(given, array)}", where="samples", expected="an array of real numbers")
+    return torch.from_numpy(array.astype(np.float64))
+
+
+def _kind_of(given: Any, array: np.ndarray) -> str:
+    return f"an array of {array.dtype}" if isinstance(given, np.ndarray | list | tuple) else type(given).__name__
+
+
+def _default_channels(values: Tensor) -> tuple[str, ...]:
+    width = values.shape[1] if values.ndim == 2 else 0
+    if width not in _CHANNELS:
+        raise BadInput(
+            f"values has shape {tuple(values.shape)}",
+            where="samples",
+            expected="(N, 3), (N, 1) or (N,), or channels with it",
+        )
+    return _CHANNELS[width]

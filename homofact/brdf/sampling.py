@@ -9,10 +9,10 @@ from typing import Protocol
 
 import torch
 
-from homofact.brdf.names import DEFAULT_COUNT, SCHEMES
 from homofact.brdf.pair_density import RIM, draw_lobe
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
+from homofact.brdf.source_names import DEFAULT_COUNT, SCHEMES
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_cosine_weighted, draw_in_discs, grid_of_pairs
 
@@ -43,11 +43,11 @@ def sample_model(
     Raises BadInput for an unknown scheme, a count below 1 or a radius outside (0, 1].
     """
     if scheme not in SCHEMES:
-        raise BadInput(f"sampling scheme: found {scheme!r}, expected one of {', '.join(SCHEMES)}")
+        raise BadInput(where="sampling scheme", found=repr(scheme), expected=f"one of {', '.join(SCHEMES)}")
     if count < 1:
-        raise BadInput(f"sample count: found {count}, expected at least 1")
+        raise BadInput(where="sample count", found=count, expected="at least 1")
     if not 0 < radius_squared <= 1:
-        raise BadInput(f"sampling radius squared: found {radius_squared}, expected above 0 and at most 1")
+        raise BadInput(where="sampling radius squared", found=radius_squared, expected="above 0 and at most 1")
     generator = torch.Generator().manual_seed(seed)
     facts: dict[str, object] = {"scheme": scheme, "noise_free": noise_free}
     if scheme == "discs":
@@ -68,7 +68,7 @@ def sample_model(
     wo[:, 2].clamp_min_(0)
     values = model.evaluate(wi, wo)
     provenance = {"sampling": facts}
-    return Samples.make(
+    return Samples(
         wi,
         wo,
         values,

@@ -16,6 +16,7 @@ import torch
 from scipy.interpolate import RBFInterpolator
 from torch import Tensor
 
+from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
@@ -43,13 +44,15 @@ class Scattered:
     def __post_init__(self) -> None:
         """Refuse numbers out of range."""
         if not self.smoothing >= 0:
-            raise BadInput(f"smoothing: found {self.smoothing}, expected 0 or more")
+            raise BadInput(where="smoothing", found=self.smoothing, expected="0 or more")
         if not self.epsilon > 0:
-            raise BadInput(f"epsilon: found {self.epsilon}, expected above 0")
+            raise BadInput(where="epsilon", found=self.epsilon, expected="above 0")
         least = self._dimension + 2
         if min(self.neighbours, len(self.samples)) < least:
             raise BadInput(
-                f"interpolation: {len(self.samples)} samples, {self.neighbours} neighbours; expected at least {least}"
+                f"{len(self.samples)} samples, {self.neighbours} neighbours",
+                where="interpolation",
+                expected=f"at least {least}",
             )
 
     @property
@@ -72,6 +75,7 @@ class Scattered:
         """Samples read for one value: all of them, or the neighbours."""
         return len(self.samples) if self._whole else self.neighbours
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)

@@ -9,18 +9,21 @@ from pathlib import Path
 from typing import Any, Literal
 
 from homofact.brdf.channels import LuminanceOf, OneChannel, as_channels, reading_of
-from homofact.brdf.coverage import holes, spread
-from homofact.brdf.faults import evaluated_faults
 from homofact.brdf.formats import open_file
 from homofact.brdf.formats.reading import Drawing
+from homofact.brdf.function import FunctionReflectance
+from homofact.brdf.in_kind import Pairs
 from homofact.brdf.materials import material
-from homofact.brdf.mending import mended
-from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME, MATERIAL_PREFIX
-from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.quality.coverage import holes, spread
+from homofact.brdf.quality.faults import evaluated_faults
+from homofact.brdf.quality.mending import mended
+from homofact.brdf.quality.scatter import local_scatter
+from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.brdf.scatter import local_scatter
 from homofact.brdf.scattered import Scattered
+from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME, MATERIAL_PREFIX
+from homofact.brdf.symmetry import find_symmetry
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
 
@@ -31,16 +34,17 @@ MEASURED_EPSILON = 1e-2
 
 @dataclass(frozen=True)
 class Opening:
-    """How a source was opened: what `open_source` was given, and the working folder that a relative path was of.
+    """How a source is opened: what `open_source` is given, and the working folder that a relative path was of.
 
-    `folder` is empty for a material and for an absolute path. `calibrate` and `clipped` are how samples were mended.
+    Whatever opens a source does so by one of these, and the source keeps it: a fit's split names it, so that the same
+    samples can be had again. `folder` is empty for a material, for an absolute path, and before it was opened.
     """
 
     path: str
-    channels: str
-    count: int
-    scheme: str
-    seed: int
+    channels: str = "rgb"
+    count: int = DEFAULT_COUNT
+    scheme: str = DEFAULT_SCHEME
+    seed: int = 0
     folder: str = ""
     calibrate: tuple[str, ...] = ()
     clipped: float | str | None = None
@@ -51,10 +55,17 @@ class Opening:
         return self.path.startswith(MATERIAL_PREFIX)
 
     def open(self, path: str | None = None) -> "Source":
-        """The source again, opened alike; from another `path` where one is given. Raises as `open_source`."""
-        given = self.path if path is None else path
-        drawing = {"count": self.count, "scheme": self.scheme, "seed": self.seed}
-        return open_source(given, channels=self.channels, calibrate=self.calibrate, clipped=self.clipped, **drawing)
+        """The source; from another `path` where one is given. Raises as `open_source`."""
+        text = self.path if path is None else path
+        kind, single = reading_of(self.channels)
+        source = _opened(text, kind, self.count, self.scheme, self.seed)
+        if self.calibrate or self.clipped is not None:
+            source = _mended(source, text, self.calibrate, self.clipped)
+        if single:
+            reflectance = OneChannel(source.reflectance, single)
+            source = replace(source, samples=source.samples.channel(single), reflectance=reflectance)
+        relative = not text.startswith(MATERIAL_PREFIX) and not os.path.isabs(text)
+        return replace(source, opening=replace(self, path=text, folder=os.getcwd() if relative else ""))
 
 
 @dataclass(frozen=True)
@@ -80,6 +91,100 @@ class Source:
         """In a line, without the values."""
         return f"<Source {self.name}, {self.kind}: {self.samples}>"
 
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the C channels."""
+        return self.samples.channels
+
+    def evaluate(self, wi: Any, wo: Any) -> Any:
+        """BRDF values (..., C) in sr⁻¹ without the cosine, at directions (..., 3) of any kind (`brdf.in_kind`)."""
+        evaluate: Any = self.reflectance.evaluate
+        pairs = Pairs.of(wi, wo)
+        return pairs.answer(evaluate(*pairs.tensors()))
+
+
+def source_of(
+    given: Any,
+    *,
+    channels: str = "rgb",
+    count: int = DEFAULT_COUNT,
+    scheme: str = DEFAULT_SCHEME,
+    seed: int = 0,
+    calibrate: Sequence[str] = (),
+    clipped: float | str | None = None,
+) -> Source:
+    """The source that `given` is or names.
+
+    A path or "material:NAME" is opened as `open_source` does. `Samples`, or a tuple (wi, wo, values) of which they are
+    made, are a measurement. `count` pairs of a `Reflectance`, or of a function f(wi, wo) (`brdf.function`), are drawn
+    by a `scheme`. Raises BadInput for anything else, and as `open_source`.
+    """
+    if isinstance(given, str | os.PathLike):
+        drawing = {"count": count, "scheme": scheme, "seed": seed}
+        return open_source(os.fspath(given), channels=channels, calibrate=calibrate, clipped=clipped, **drawing)
+    if channels != "rgb":
+        raise BadInput(
+            where="channels", found=f"{channels!r} beside {_named(given)}", expected="them with a path or a material"
+        )
+    if isinstance(given, Source):
+        if calibrate or clipped is not None:
+            return _mended(given, given.name, calibrate, clipped)
+        return given
+    samples = given if isinstance(given, Samples) else samples_of(given)
+    if samples is not None:
+        return _measured("samples", mended(samples, calibrate, clipped))
+    if calibrate or clipped is not None:
+        raise BadInput(where="calibrate, clipped", found=_named(given), expected="a measurement's samples with them")
+    begun = time.perf_counter()
+    reflectance = reflectance_of(given)
+    name = getattr(given, "__name__", type(given).__name__)
+    isotropic = getattr(reflectance, "isotropic", None)
+    drawn: Any = reflectance if isotropic is not None else _Drawable(reflectance)
+    samples = sample_model(drawn, count, scheme, seed)
+    return Source(name, "drawn", samples, reflectance, NOISE_FREE_EPSILON, time.perf_counter() - begun)
+
+
+def samples_of(given: Any) -> Samples | None:
+    """The samples that a tuple (wi, wo, values) or (wi, wo, values, weights) holds; None for what is no tuple."""
+    if not isinstance(given, tuple):
+        return None
+    if len(given) not in (3, 4):
+        raise BadInput(
+            where="source", found=f"a tuple of {len(given)}", expected="(wi, wo, values) or (wi, wo, values, weights)"
+        )
+    return Samples(*given)
+
+
+def reflectance_of(given: Any) -> Reflectance:
+    """A `Reflectance` as it is, or that of a function f(wi, wo). Raises BadInput for anything else."""
+    if isinstance(given, type) or not (isinstance(given, Reflectance) or callable(given)):
+        raise BadInput(
+            where="source",
+            found=_named(given),
+            expected="a path, 'material:NAME', Samples, (wi, wo, values), a reflectance or a function f(wi, wo)",
+        )
+    return given if isinstance(given, Reflectance) else FunctionReflectance(given)
+
+
+def _named(given: Any) -> str:
+    """What a value is, in a word or two, for messages."""
+    return f"the class {given.__name__}" if isinstance(given, type) else type(given).__name__
+
+
+@dataclass(frozen=True)
+class _Drawable(Derived):
+    """A reflectance that does not say whether it is isotropic, which is then tried."""
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether values stay the same where both directions turn about the normal."""
+        return find_symmetry(self.base).isotropic
+
+
+def _measured(name: str, samples: Samples) -> Source:
+    epsilon = measured_epsilon(samples)
+    return Source(name, "measurement", samples, Scattered(samples, epsilon=epsilon), epsilon, 0.0)
+
 
 def open_source(
     text: str,
@@ -95,28 +200,19 @@ def open_source(
 
     `channels` are "rgb", "luminance", "spectral", or one channel's name ("G", "550nm"). `count`, `scheme` and `seed`
     are how a material, or a model in a file, is sampled; a measurement has the samples it has. FILE#NAME picks one
-    material of a file that holds several. `calibrate` and `clipped` mend a measurement (`brdf.mending`).
+    material of a file that holds several. `calibrate` and `clipped` mend a measurement (`brdf.quality.mending`).
 
     Raises BadInput for an unknown material, all that is wrong with a file, channels that the source cannot give, and
     mending of what is no list of samples.
     """
-    kind, single = reading_of(channels)
-    source = _opened(text, kind, count, scheme, seed)
-    if calibrate or clipped is not None:
-        source = _mended(source, text, calibrate, clipped)
-    if single:
-        reflectance = OneChannel(source.reflectance, single)
-        source = replace(source, samples=source.samples.channel(single), reflectance=reflectance)
-    relative = not text.startswith(MATERIAL_PREFIX) and not os.path.isabs(text)
-    folder = os.getcwd() if relative else ""
-    return replace(source, opening=Opening(text, channels, count, scheme, seed, folder, tuple(calibrate), clipped))
+    return Opening(text, channels, count, scheme, seed, "", tuple(calibrate), clipped).open()
 
 
 def _mended(source: Source, text: str, calibrate: Sequence[str], clipped: float | str | None) -> Source:
     """The source with mended samples, interpolated anew."""
     if not made_of_samples(source.reflectance):
         option = "calibrate" if calibrate else "clipped"
-        raise BadInput(f"{option}: {text} can be evaluated anywhere, expected a measurement's samples with it")
+        raise BadInput(f"{text} can be evaluated anywhere", where=option, expected="a measurement's samples with it")
     samples = mended(source.samples, calibrate, clipped)
     return replace(source, samples=samples, reflectance=Scattered(samples, epsilon=source.default_epsilon))
 
@@ -127,7 +223,9 @@ def _opened(text: str, channels: str, count: int, scheme: str, seed: int) -> Sou
     if text.startswith(MATERIAL_PREFIX):
         found = material(text.removeprefix(MATERIAL_PREFIX))
         if channels == "spectral":
-            raise BadInput(f"channels: found 'spectral' for {text}, which is an RGB model; expected rgb or luminance")
+            raise BadInput(
+                where="channels", found=f"'spectral' for {text}, which is an RGB model", expected="rgb or luminance"
+            )
         samples = sample_model(found.model, count, scheme, seed)
         facts = {
             "format": "analytic model",
@@ -150,7 +248,8 @@ def _opened(text: str, channels: str, count: int, scheme: str, seed: int) -> Sou
 
 
 def measured_epsilon(samples: Samples) -> float:
-    """ε for a measurement: 1e-2, or the scatter of its dark samples (`brdf.scatter`) where that is over twice as much.
+    """ε for a measurement: 1e-2, or the scatter of its dark samples (`brdf.quality.scatter`) where that is over twice
+    as much.
 
     At most 0.2: a larger scatter is no floor of dark samples any more.
     """

@@ -20,7 +20,7 @@ from torch import Tensor
 from homofact.errors import BadInput
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
-ILLUMINANT = "D65"
+_ILLUMINANT = "D65"
 # Y of linear sRGB: the middle row of RGB → XYZ (IEC 61966-2-1, derived from primaries and white).
 LUMINANCE = (0.21263901, 0.71516868, 0.07219232)
 # Linear sRGB from CIE XYZ with D65 white: the inverse of the primaries' matrix (IEC 61966-2-1).
@@ -35,7 +35,7 @@ _NEEDED = (450.0, 650.0)
 
 
 def to_rgb(
-    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT, clip: bool = True
+    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = _ILLUMINANT, clip: bool = True
 ) -> tuple[Tensor, dict[str, Any]]:
     """Linear sRGB (N, 3) in sr⁻¹ of spectra (N, W) in sr⁻¹ at `wavelengths` in nm, and the facts (JSON-able).
 
@@ -53,7 +53,7 @@ def to_rgb(
 
 
 def to_luminance(
-    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT
+    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = _ILLUMINANT
 ) -> tuple[Tensor, dict[str, Any]]:
     """CIE Y (N, 1) in sr⁻¹, 1 for a flat spectrum of 1, and the facts; same errors as `to_rgb`."""
     weights = _weights(_checked(spectra, wavelengths), illuminant)
@@ -66,15 +66,19 @@ def _checked(spectra: Tensor, wavelengths: Sequence[float]) -> tuple[float, ...]
     given = tuple(float(w) for w in wavelengths)
     if len(given) < 2 or spectra.shape[-1] != len(given):
         raise BadInput(
-            f"spectra: {spectra.shape[-1]} values for {len(given)} wavelengths, expected one each for at least 2"
+            f"{spectra.shape[-1]} values for {len(given)} wavelengths",
+            where="spectra",
+            expected="one each for at least 2",
         )
     for before, after in pairwise(given):
         if not after > before:
-            raise BadInput(f"wavelengths: {after:g} nm follows {before:g} nm, expected rising wavelengths")
+            raise BadInput(f"{after:g} nm follows {before:g} nm", where="wavelengths", expected="rising wavelengths")
     if given[0] > _NEEDED[0] or given[-1] < _NEEDED[1]:
         raise BadInput(
-            f"wavelengths: found {given[0]:g}-{given[-1]:g} nm, expected them to cover"
-            f" {_NEEDED[0]:g}-{_NEEDED[1]:g} nm for a colour (keep the spectra instead)"
+            where="wavelengths",
+            found=f"{given[0]:g}-{given[-1]:g} nm",
+            expected=f"them to cover {_NEEDED[0]:g}-{_NEEDED[1]:g} nm for a colour",
+            hint="keep the spectra instead",
         )
     return given
 
@@ -85,7 +89,7 @@ def _weights(wavelengths: tuple[float, ...], illuminant: str) -> tuple[np.ndarra
     import colour  # about a second to load, and only spectra need it
 
     if illuminant not in colour.SDS_ILLUMINANTS:
-        raise BadInput(f"illuminant: found {illuminant!r}, expected a CIE name, for instance D65, D50, A or E")
+        raise BadInput(where="illuminant", found=repr(illuminant), expected="a CIE name, for instance D65, D50, A or E")
     light = colour.SDS_ILLUMINANTS[illuminant]
     observer = colour.MSDS_CMFS[OBSERVER]
     power = np.interp(_RASTER, light.wavelengths, light.values)

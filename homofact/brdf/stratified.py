@@ -12,7 +12,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from homofact.brdf.coverage import occupied_cells
+from homofact.brdf.quality.coverage import occupied_cells
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import coordinate_system
@@ -27,7 +27,7 @@ def stratified_subset(samples: Samples, count: int, seed: int) -> Samples:
     are. Raises BadInput for a count below 1.
     """
     if count < 1:
-        raise BadInput(f"subset: found {count}, expected at least 1 sample")
+        raise BadInput(where="subset", found=count, expected="at least 1 sample")
     if count >= len(samples):
         return samples
     place = (coordinate_system("isotropic-half-diff").evaluate(samples.wi, samples.wo) + 1) / 2

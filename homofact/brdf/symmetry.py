@@ -34,9 +34,8 @@ _ALIKE = 1e-3
 _PAIRS = 512
 _NEAR = math.radians(1.0)
 _MOST_SAMPLES = 20_000
-_ONE_AZIMUTH = 1e-4  # radians: directions written with five digits stray as far
 RING_WIDTH = 1e-3  # radians: angles this close are one ring
-SAMPLES_ON_A_RING = 8
+_SAMPLES_ON_A_RING = 8
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def reciprocity_of(reflectance: Reflectance, count: int = 2000, seed: int = 0) -
 class Swapped:
     """N samples (`chosen`, their rows) and for each the one nearest to its swapped place.
 
-    `tree` holds the places of all N (`here` (N, k)), `nearest` (N,) are numbers among them, `found` (N,) says where
+    `tree` holds the places of all N (`here` (N, k)), `nearest` (N,) are numbers among them, `paired` (N,) says where
     one lies within the limit and the swapped place is another than the sample's own.
     """
 
@@ -106,7 +105,7 @@ class Swapped:
     tree: KDTree
     here: Tensor
     nearest: Tensor
-    found: Tensor
+    paired: Tensor
 
 
 def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
@@ -123,35 +122,23 @@ def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
         here, there = torch.cat((wi, wo), 1), torch.cat((wo, wi), 1)
     tree = KDTree(here.numpy())
     distance, nearest = tree.query(there.numpy(), distance_upper_bound=_NEAR)
-    found = torch.from_numpy(np.isfinite(distance)) & ((here - there).norm(dim=1) > 2 * _NEAR)
-    return Swapped(chosen, tree, here, torch.from_numpy(np.asarray(nearest)), found)
+    paired = torch.from_numpy(np.isfinite(distance)) & ((here - there).norm(dim=1) > 2 * _NEAR)
+    return Swapped(chosen, tree, here, torch.from_numpy(np.asarray(nearest)), paired)
 
 
 def reciprocity_of_samples(samples: Samples, seed: int = 0) -> dict[str, float] | None:
     """The same of samples against those near their swapped places; None where fewer than ten have one."""
     swapped = swapped_neighbours(samples, seed)
-    found = swapped.found
-    if int(found.sum()) < 10:
+    paired = swapped.paired
+    if int(paired.sum()) < 10:
         return None
     values = samples.values[swapped.chosen].mean(1)
-    return _spread(values[found], values[swapped.nearest[found]]) | {"pairs": int(found.sum())}
+    return _spread(values[paired], values[swapped.nearest[paired]]) | {"pairs": int(paired.sum())}
 
 
 def light_azimuths(isotropic: bool) -> tuple[float, ...]:
     """Azimuths in radians from which light tells of a material: one where it is isotropic, else along x and along y."""
     return (0.0,) if isotropic else (0.0, math.pi / 2)
-
-
-def lit_from_one_azimuth(wi: Tensor) -> bool:
-    """Whether all light of a measurement, (N, 3), came from one azimuth: how files without a word say isotropic.
-
-    Light along the normal has any azimuth.
-    """
-    across = wi[:, :2]
-    length = across.norm(dim=1)
-    # The one that is farthest from the normal knows its azimuth best.
-    ahead = across[length.argmax()] / length.max().clamp_min(1e-300)
-    return bool(((across - length[:, None] * ahead).norm(dim=1) <= _ONE_AZIMUTH * length + 1e-12).all())
 
 
 def ring_numbers(directions: Tensor) -> tuple[Tensor, int] | None:
@@ -161,7 +148,7 @@ def ring_numbers(directions: Tensor) -> tuple[Tensor, int] | None:
     """
     theta = to_spherical(directions)[0]
     angles, rank = torch.unique((theta / RING_WIDTH).round(), return_inverse=True)
-    if not 4 <= len(angles) <= len(theta) // SAMPLES_ON_A_RING:
+    if not 4 <= len(angles) <= len(theta) // _SAMPLES_ON_A_RING:
         return None
     return rank, len(angles)
 

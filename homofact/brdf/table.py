@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from homofact.brdf.in_kind import answering_in_kind
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
 
 
 @dataclass(frozen=True)
-class Axis:
+class TableAxis:
     """The nodes (n,) of one angle in radians, rising; `periodic` closes the circle at 2π, else ends are held."""
 
     nodes: Tensor
@@ -21,7 +22,7 @@ class Axis:
     def __post_init__(self) -> None:
         """Refuse no nodes, and nodes that do not rise."""
         if self.nodes.ndim != 1 or not len(self.nodes) or bool((self.nodes.diff() <= 0).any()):
-            raise BadInput("table: an axis has no nodes or they do not rise, expected rising angles")
+            raise BadInput("an axis has no nodes or they do not rise", where="table", expected="rising angles")
 
     def locate(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """(node below, node above, fraction in [0, 1]) of angles (N,)."""
@@ -46,7 +47,7 @@ class AngleTable:
     Raises BadInput for shapes that disagree.
     """
 
-    axes: tuple[Axis, ...]
+    axes: tuple[TableAxis, ...]
     values: Tensor
     channels: tuple[str, ...]
 
@@ -54,7 +55,9 @@ class AngleTable:
         """Refuse shapes that disagree."""
         expected = (*(len(axis.nodes) for axis in self.axes), len(self.channels))
         if len(self.axes) not in (3, 4) or tuple(self.values.shape) != expected:
-            raise BadInput(f"table: values have shape {tuple(self.values.shape)}, expected {expected} over 3 or 4 axes")
+            raise BadInput(
+                f"values have shape {tuple(self.values.shape)}", where="table", expected=f"{expected} over 3 or 4 axes"
+            )
 
     @property
     def isotropic(self) -> bool:
@@ -71,6 +74,7 @@ class AngleTable:
         """Nodes read for one value: 8 or 16."""
         return 1 << len(self.axes)
 
+    @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
         above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]

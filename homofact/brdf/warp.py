@@ -115,8 +115,8 @@ class MarginalConditional:
 
 def _last_not_above(rising: Tensor, value: Tensor) -> Tensor:
     """The last cell (N,) of rows (N, n) of rising numbers that begins at or below `value` (N,)."""
-    found = torch.searchsorted(rising.contiguous(), value[:, None].contiguous(), right=True)[:, 0] - 1
-    return found.clamp(0, rising.shape[1] - 2)
+    cell = torch.searchsorted(rising.contiguous(), value[:, None].contiguous(), right=True)[:, 0] - 1
+    return cell.clamp(0, rising.shape[1] - 2)
 
 
 def _part(left: Tensor, right: Tensor, area: Tensor) -> Tensor:

@@ -1,26 +1,21 @@
 """`homofact chart`: error against cost over methods, textures, sizes and searches."""
 
-import re
 import sys
-from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from homofact.cli import options as o
-from homofact.cli.places import check_measurement, check_place
-from homofact.cli.screen import Screen, say_estimate
-from homofact.cli.subject import open_subject
+from homofact.cli.screen import Screen
+from homofact.cli.subject import sources_of
 from homofact.cli.tables import chart_table
 from homofact.errors import BadInput
-from homofact.files.lock import claimed
 from homofact.methods.table import methods_with, parsed_label
 
 if TYPE_CHECKING:
     from homofact.config import Config
-    from homofact.methods.fitting import Method
+    from homofact.methods.method import Method
 
 
 @o.configured(
@@ -45,75 +40,38 @@ def chart(
     fitting time) and NAME_cost (error against bytes and fetches), as PNG
     and SVG. Runs that the CSV holds already are not fitted again.
     """
-    names = source_names(settings)
+    sources = sources_of(settings, settings.chart.sources)
     if settings.output.folder is None:
-        raise BadInput("out: none given, expected a folder for the charts (--out, or folder under [output])")
-    folder, wanted = Path(settings.output.folder), settings.chart
-
+        raise BadInput("none given", where="out", expected="a folder for the charts (--out, or folder under [output])")
+    folder, asked = Path(settings.output.folder), settings.chart
     methods = charted_methods(settings)
-    for text in names:
-        check_measurement(text)
 
-    from homofact.evaluate.chart import Run, estimate_charts, plan, run_chart
-    from homofact.evaluate.chart_ledger import ChartRow, Ledger
-    from homofact.evaluate.chart_points import points_of, reference
-    from homofact.evaluate.estimate import about
-    from homofact.figures.chart import write_charts
-
-    runs = plan(methods, wanted.textures, wanted.sizes, wanted.searches, seeds)
-    check_place(folder)
+    from homofact.api.charting import ChartInterrupted, chart
 
     screen = Screen(as_json, quiet)
-    answer, tables, files = [], [], []
-    kept, total = 0, len(runs) * len(names)
-    with ExitStack() as claims, screen.bar() as bar:
-        ledgers = {}
-        for text, name in names.items():
-            path = folder / f"{name}.csv"
-            claims.enter_context(claimed(path))
-            ledgers[text] = Ledger(path, settings.output.force)
-        try:
-            bar.stage("reading")
-            subjects = {
-                text: open_subject(replace(settings, source=replace(settings.source, path=text))) for text in names
-            }
-            held_out = settings.evaluate.held_out
-            estimate = estimate_charts([(subjects[text], ledgers[text]) for text in names], runs, held_out)
-            say_estimate(screen, estimate)
-            for text, subject in subjects.items():
-                before = kept
-
-                def started(place: int, run: Run, before: int = before, name: str = subject.name) -> None:
-                    nonlocal kept
-                    kept = before + place
-                    bar.run(f"{name}: {run.name}, {about(estimate.seconds_left)} left", kept, total)
-
-                def ended(place: int, row: ChartRow, before: int = before) -> None:
-                    estimate.finish(before + place, row.seconds_total - row.seconds_read)
-
-                rows = run_chart(subject, runs, ledgers[text], held_out, started, bar, ended)
-                kept = before + len(runs)
-                files += [ledgers[text].path, *write_charts(folder, names[text], rows)]
-                points = points_of(rows)
-                base = reference(points)
-                answer += [row.record() for row in rows]
-                title = f"{subject.name}: held-out Cole error, ε = {rows[0].epsilon:g}"
-                tables.append(
-                    chart_table(title, [point.record() for point in points], None if base is None else base.error.mean)
-                )
-                others = len(ledgers[text]) - len(rows)
-                if others > 0:
-                    screen.note(f"homofact: {ledgers[text].path}: {others} runs of other settings stay, not drawn")
-        except KeyboardInterrupt as error:
-            print(
-                f"homofact: interrupted, {kept} of {total} runs are kept in {folder}: the same command goes on there"
-                f"{', without --force' if settings.output.force else ''}",
-                file=sys.stderr,
-            )
-            raise typer.Exit(130) from error
+    try:
+        with screen.progress() as progress:
+            found = chart(
+                sources, folder, methods, textures=asked.textures, sizes=asked.sizes, searches=asked.searches,
+                seeds=seeds, held_out=settings.evaluate.held_out, seed=settings.seed, force=settings.output.force,
+                progress=progress,
+            )  # fmt: skip
+    except ChartInterrupted as ending:
+        print(
+            f"homofact: interrupted, {ending.kept} of {ending.total} runs are kept in {folder}: the same command goes"
+            f" on there{', without --force' if settings.output.force else ''}",
+            file=sys.stderr,
+        )
+        raise typer.Exit(130) from ending
+    for one in found.charts:
+        if one.others:
+            screen.note(f"homofact: {one.files[0]}: {one.others} runs of other settings stay, not drawn")
     if not quiet:
-        screen.show(*tables, *(f"{path}" for path in files))
-    screen.answer({"rows": answer, "files": [str(path) for path in files]})
+        for one in found.charts:
+            title = f"{one.source}: held-out Cole error, ε = {one.rows[0].epsilon:g}"
+            screen.show(chart_table(title, [point.record() for point in one.points()], one.reference()))
+        screen.show(*map(str, found.files))
+    screen.answer(found.record())
 
 
 def charted_methods(settings: "Config") -> "dict[str, Method]":
@@ -132,18 +90,3 @@ def charted_methods(settings: "Config") -> "dict[str, Method]":
         if keys[name] in settings.given or not names.isdisjoint(methods_with(name))
     }
     return settings.fit.without(*varied).with_settings(first).methods(wanted.methods)
-
-
-def source_names(settings: "Config") -> dict[str, str]:
-    """Each source's text and the name that its files get. Raises BadInput for none, and for two of one name."""
-    texts = settings.chart.sources or ((settings.source.path,) if settings.source.path is not None else ())
-    if not texts:
-        raise BadInput("SOURCE: none given, expected files or material:NAME (or sources under [chart])")
-    names: dict[str, str] = {}
-    for text in texts:
-        stem = text.removeprefix("material:") if text.startswith("material:") else Path(text).stem
-        name = re.sub(r"[^\w.+-]", "_", stem) or "_"
-        if name in names.values():
-            raise BadInput(f"SOURCE: found two named {name}, expected names that differ: their files would be the same")
-        names[text] = name
-    return names

@@ -45,7 +45,7 @@ _PROGRAMS = {
 _STYLES = {"works": "green", "installed": "green", "missing": "yellow", "fails": "bold red"}
 
 
-class Finding(NamedTuple):
+class Diagnosis(NamedTuple):
     """One line: what it is, its state (a key of `_STYLES`), and a word about it."""
 
     part: str
@@ -61,7 +61,7 @@ def doctor(as_json: o.AsJson = False, quiet: o.Quiet = False) -> None:
     with exit code 2 where something that is installed or needed fails.
     """
     screen = Screen(as_json, quiet)
-    findings: list[Finding] = []
+    findings: list[Diagnosis] = []
     with screen.bar() as bar:
         for finding in _findings():
             bar.stage(finding.name)
@@ -78,15 +78,17 @@ def doctor(as_json: o.AsJson = False, quiet: o.Quiet = False) -> None:
     screen.answer({"version": __version__, "findings": [each._asdict() for each in findings]})
     broken = [each.name for each in findings if each.state == "fails"]
     if broken:
-        raise BadInput(f"doctor: found {', '.join(broken)} not working, expected everything that is installed to work")
+        raise BadInput(
+            where="doctor", found=f"{', '.join(broken)} not working", expected="everything that is installed to work"
+        )
 
 
-def _findings() -> Iterator[Finding]:
-    yield Finding("needed", "Python", "installed", f"{platform.python_version()}, {sys.executable}")
+def _findings() -> Iterator[Diagnosis]:
+    yield Diagnosis("needed", "Python", "installed", f"{platform.python_version()}, {sys.executable}")
     for need, extra in _needs():
         if not extra:
             found = _version(need)
-            yield Finding("needed", need, "installed" if found else "fails", found or "not installed")
+            yield Diagnosis("needed", need, "installed" if found else "fails", found or "not installed")
     yield _tried("tried", "a fit", _fit)
     yield _tried("tried", "compiled kernels", _kernels)
     yield _tried("tried", "embedded files", _embedded)
@@ -103,9 +105,9 @@ def _findings() -> Iterator[Finding]:
             tried = _tried("extras", extra, _TRIED[extra])
             yield tried._replace(told=f"{purpose}: {tried.told}")
         else:
-            yield Finding("extras", extra, "installed" if here else "missing", f"{purpose}: {said}")
+            yield Diagnosis("extras", extra, "installed" if here else "missing", f"{purpose}: {said}")
     for program, purpose in _PROGRAMS.items():
-        yield Finding("programs", program, "installed" if shutil.which(program) else "missing", purpose)
+        yield Diagnosis("programs", program, "installed" if shutil.which(program) else "missing", purpose)
 
 
 def _needs() -> list[tuple[str, str]]:
@@ -128,11 +130,11 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _tried(part: str, name: str, check: Callable[[], str]) -> Finding:
+def _tried(part: str, name: str, check: Callable[[], str]) -> Diagnosis:
     try:
-        return Finding(part, name, "works", check())
+        return Diagnosis(part, name, "works", check())
     except Exception as error:  # whatever breaks is what is asked for
-        return Finding(part, name, "fails", f"{type(error).__name__}: {' '.join(str(error).split())}")
+        return Diagnosis(part, name, "fails", f"{type(error).__name__}: {' '.join(str(error).split())}")
 
 
 def _fit() -> str:
@@ -170,11 +172,11 @@ def _embedded() -> str:
     return f"{' and '.join(FOLDERS)} in {root()}"
 
 
-def _gpu() -> Finding:
+def _gpu() -> Diagnosis:
     import torch
 
     if not torch.cuda.is_available():
-        return Finding("tried", "GPU", "missing", "torch sees none; not needed")
+        return Diagnosis("tried", "GPU", "missing", "torch sees none; not needed")
     return _tried("tried", "GPU", _sum_on_gpu)
 
 

@@ -35,6 +35,7 @@ from homofact.cli import (
     terms,
     view,
 )
+from homofact.cli.flags import with_options
 from homofact.cli.greeting import GREETING
 from homofact.errors import BadInput, SolverFailure
 from homofact.files import extras
@@ -186,7 +187,7 @@ def _drop_stdout() -> None:
 
 
 def _refuse(message: str) -> int:
-    print(f"homofact: {harmless(' '.join(message.split()))}", file=sys.stderr)
+    print(f"homofact: {harmless(with_options(' '.join(message.split())))}", file=sys.stderr)
     return 2
 
 

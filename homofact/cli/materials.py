@@ -6,9 +6,9 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
+from homofact.api.places import check_file
 from homofact.cli import options as o
 from homofact.cli.layout import add_names, plain_table
-from homofact.cli.places import check_file
 from homofact.cli.screen import Screen
 
 

@@ -16,8 +16,8 @@ from typer.core import TyperOption
 
 from homofact.config import SEED, fit_options, load_config, section_options
 from homofact.methods.table import METHODS
-from homofact.options import Declared
 from homofact.sections import FIT, SOURCE
+from homofact.settings.options import Declared
 
 Result = Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")]
 MadeFrom = Annotated[
@@ -37,9 +37,7 @@ Seeds = Annotated[
         rich_help_panel=FIT,
     ),
 ]
-Strict = Annotated[
-    bool, typer.Option("--strict", help="Refuse a fit that does something wrong that a picture shows: exit 2.")
-]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 2 if the fit has a visible error.")]
 Refuse = Annotated[
     str,
     typer.Option(

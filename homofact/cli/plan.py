@@ -1,9 +1,8 @@
 """`homofact plan`: no more than a scene needs, by its lighting and a tolerance."""
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -11,22 +10,19 @@ from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.layout import add_figures, add_names, plain_table
-from homofact.cli.places import check_file, check_place
-from homofact.cli.plan_relight import plan_relight
+from homofact.cli.plan_relight import choice_table as transport_table
 from homofact.cli.screen import Screen
-from homofact.cli.verdicts import brief_lines, refuse_findings, refused_names
-from homofact.config import fit_options
-from homofact.errors import BadInput
-from homofact.evaluate.wording import figure
-from homofact.files.lock import claimed
-from homofact.methods.search import Search
+from homofact.cli.verdicts import brief_lines, names_of
+from homofact.evaluation.wording import figure
+from homofact.planning.settings import PlanSettings
+from homofact.settings.options import options_of
 
 if TYPE_CHECKING:
-    from homofact.evaluate.verdict.verdict import Verdict
-    from homofact.scene.plan.plan import MaterialPlan, ScenePlan
+    from homofact.api.planning import PlanResult, TransportPlan
+    from homofact.evaluation.verdict.verdict import Verdict
+    from homofact.planning.plan import MaterialPlan, ScenePlan
 
-
-_COUNT = 8000
+_SETTINGS = options_of(PlanSettings)
 
 
 def plan(
@@ -40,19 +36,19 @@ def plan(
     ] = None,
     effort: Annotated[
         str,
-        typer.Option(help="How much each search tries: quick, normal, thorough, or a number of inner evaluations."),
-    ] = "quick",
+        typer.Option(help=f"{_SETTINGS['effort'].option.help}."),
+    ] = str(_SETTINGS["effort"].default),
     budget: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="A guard: ends each search, and the plan is then not reproducible."),
+        typer.Option(metavar="SECONDS", help=f"{_SETTINGS['budget'].option.help}."),
     ] = None,
-    count: Annotated[int, typer.Option(help="Pairs drawn from an analytic model.")] = _COUNT,
+    count: Annotated[int, typer.Option(help=f"{_SETTINGS['count'].option.help}.")] = _SETTINGS["count"].default,
     force: Annotated[bool, typer.Option("--force", help="Replace a plan that is in the folder.")] = False,
     strict: Annotated[
         bool,
         typer.Option(
             "--strict",
-            help="Refuse a missed tolerance, and a fit that does something wrong that a picture shows: exit 2.",
+            help="Exit with code 2 if a tolerance is missed or a fit has a visible error.",
         ),
     ] = False,
     refuse: o.Refuse = "",
@@ -67,82 +63,41 @@ def plan(
     scene of relighting, it chooses how each object's transport is held:
     docs/relighting.md.
     """
-    if scene.is_file() and _of_relighting(scene):
-        given = {
-            "plot": plot, "write": write, "against": against, "effort": effort != "quick", "budget": budget,
-            "count": count != _COUNT, "force": force, "refuse": refuse,
-        }  # fmt: skip
-        plan_relight(scene, given, strict, Screen(as_json, quiet))
-        return
-    refused = refused_names(refuse)
-    if plot is not None:
-        check_file(plot, ".png", ".pdf", ".svg")
-    searched = Search(effort=fit_options()["effort"]["search"].from_text(effort), budget=budget)
-    if count < 100:
-        raise BadInput(f"count: found {count}, expected at least 100")
+    from homofact.api.planning import PlanResult, TransportPlan, plan
 
-    from homofact.files.atomic import replace_file
-    from homofact.linear.normal import warm_up
-    from homofact.scene.lighting import named_lighting
-    from homofact.scene.plan.bench import Bench
-    from homofact.scene.plan.export import check_plan_folder, write_plan
-    from homofact.scene.plan.figure import plot_plan
-    from homofact.scene.plan.ladder import FitOptions
-    from homofact.scene.plan.plan import plan_scene
-    from homofact.scene.plan.record import plan_record
-    from homofact.scene.plan.scene import read_scene
-
-    if write is not None:
-        check_plan_folder(write, force)
-        check_place(write)
-    asked = read_scene(scene)
-    other_lighting = None if against is None else named_lighting(against)
     screen = Screen(as_json, quiet)
-    with claimed(write) if write is not None else nullcontext(), screen.bar() as bar:
-        bar.stage("warming up")
-        warm_up()
-        options = FitOptions(effort=searched.effort, budget=budget, count=count, seed=asked.seed)
-        benches: dict[str, Bench] = {}
-        found = plan_scene(asked, options, benches, bar.stage)
-        other = None
-        if other_lighting is not None:
-            from dataclasses import replace
-
-            other = plan_scene(replace(asked, lightings=(other_lighting,)), options, benches, bar.stage)
-        if strict and found.warnings:
-            raise BadInput(found.warnings[0])
-        bar.stage("judging the choices")
-        verdicts = {
-            f"{each.name}, {each.walk.choice.label}": each.verdict for each in found.distinct if each.walk.choice
-        }
-        for label, verdict in verdicts.items():
-            if verdict is not None:
-                refuse_findings(verdict, label, strict, refused)
-        answer: dict[str, Any] = plan_record(found)
-        bar.stage("writing")
-        if plot is not None:
-            plot.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(plot, lambda beside: plot_plan(beside, found))
-        folders = None if write is None else write_plan(write, found, force)
+    with screen.progress() as progress:
+        found = plan(
+            scene, write, plot=plot, against=against, effort=_SETTINGS["effort"].from_text(effort),
+            budget=budget, count=count, strict=strict, refuse=names_of(refuse), force=force, progress=progress,
+        )  # fmt: skip
+    if isinstance(found, TransportPlan):
+        _show_transport(found, screen)
     # Without a folder they are all that there is to see, as of `compare`.
-    if not quiet or write is None:
-        screen.show(choice_table(found), evidence_table(found), *(Text(line) for line in _lines(found, other)))
-        screen.show(*(Text(line) for line in finding_lines(verdicts)))
-        for line in found.warnings:
-            screen.show(Text(f"Warning: {line}.", "bold red"))
-    if plot is not None:
-        screen.note(f"The figure: {plot}")
-    if write is not None:
-        screen.note(f"The choices: {write}")
-    if other is not None:
-        answer["against"] = plan_record(other)
-    screen.answer(answer | {"plot": None if plot is None else str(plot), "folders": folders})
+    elif not quiet or write is None:
+        _show(found, screen)
+    if isinstance(found, PlanResult):
+        if plot is not None:
+            screen.note(f"The figure: {plot}")
+        if write is not None:
+            screen.note(f"The choices: {write}")
+    screen.answer(found.record())
 
 
-def _of_relighting(scene: Path) -> bool:
-    from homofact.scene.transport.scene import is_relight_scene
+def _show(found: "PlanResult", screen: Screen) -> None:
+    plan = found.plan
+    screen.show(choice_table(plan), evidence_table(plan), *(Text(line) for line in _lines(plan, found.against)))
+    screen.show(*(Text(line) for line in finding_lines(found.verdicts)))
+    for line in found.warnings:
+        screen.show(Text(f"Warning: {line}.", "bold red"))
 
-    return is_relight_scene(scene)
+
+def _show_transport(found: "TransportPlan", screen: Screen) -> None:
+    for line in found.notes:
+        screen.note(f"homofact: {line}")
+    warnings = (Text(f"Warning: {line}.", "bold red") for line in found.warnings)
+    screen.show(transport_table(found.objects, found.reflected), *warnings)
+    screen.note(f"Of all objects: {found.nbytes / 1000:.0f} kB")
 
 
 def choice_table(found: "ScenePlan") -> Table:
@@ -164,7 +119,7 @@ def choice_table(found: "ScenePlan") -> Table:
 
 def evidence_table(found: "ScenePlan") -> Table:
     """Of each choice under each lighting: the order that its lobe is needed to, and all errors, without margins."""
-    from homofact.scene.plan.theory import terms_needed
+    from homofact.planning.theory import terms_needed
 
     table = plain_table("Evidence")
     add_names(table, longest=max(len(_name(each)) for each in found.materials))
@@ -189,7 +144,7 @@ def evidence_table(found: "ScenePlan") -> Table:
 
 def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
     """A line on each choice, and in full what is odd in its data or was not measured, where a picture shows it."""
-    from homofact.evaluate.verdict.finding import About
+    from homofact.evaluation.verdict.finding import About
 
     lines = []
     for label, verdict in verdicts.items():

@@ -30,20 +30,13 @@ def report(
     material with its pictures, textures, verdict and viewer; CSV and
     Parquet of everything. Open SITE/index.html.
     """
-    from homofact.files.folder import check_new_folder
-    from homofact.files.kinds import SITE
-
-    check_new_folder(out, SITE, force)
-
-    from homofact.sweep.report.site import write_site
-    from homofact.sweep.report.tables import NO_PARQUET, parquet_there
+    from homofact.api.reporting import report
 
     screen = Screen(as_json, quiet)
-    with screen.bar() as bar:
-        bar.stage("reading the results")
-        site = write_site(folder, out, against, viewers=viewers, force=force, told=bar.run)
-    if not parquet_there():
-        screen.note(f"homofact: {NO_PARQUET}")
+    with screen.progress() as progress:
+        site = report(folder, out, against=against, viewers=viewers, force=force, progress=progress)
+    if site.left_out:
+        screen.note(f"homofact: {site.left_out}")
     if not quiet:
-        screen.show(f"The report: {out / 'index.html'} ({site.files} files, {site.size / 1e6:.1f} MB)")
-    screen.answer({"folder": str(folder), "site": str(out), "files": site.files, "bytes": site.size, **site.record})
+        screen.show(f"The report: {site.index} ({site.files} files, {site.size / 1e6:.1f} MB)")
+    screen.answer(site.record())

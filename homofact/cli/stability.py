@@ -6,12 +6,12 @@ from typing import Annotated
 
 import typer
 
+from homofact.api.places import check_file, check_place
 from homofact.cli import options as o
-from homofact.cli.places import check_file, check_place
-from homofact.cli.screen import Screen, say_estimate
+from homofact.cli.screen import Screen
 from homofact.errors import BadInput
 from homofact.files.lock import claimed
-from homofact.options import MOST_SEED
+from homofact.settings.options import MOST_SEED
 
 
 def stability(
@@ -44,28 +44,28 @@ def stability(
     Measurements are looked for in $HOMOFACT_DATA.
     """
     if out is None:
-        raise BadInput("out: none given, expected a folder for the atlas (--out)")
+        raise BadInput("none given", where="out", expected="a folder for the atlas", hint="--out")
     check_place(out)
     if document is not None:
         check_file(document, ".md")
 
-    from homofact.evaluate.estimate import about
-    from homofact.evaluate.machine import machine
-    from homofact.evaluate.stability.atlas import Plan, estimate_atlas, run_atlas, write_csv
-    from homofact.evaluate.stability.cells import Outcome
-    from homofact.evaluate.stability.document import write_document
-    from homofact.evaluate.stability.solver_atlas import Answer, run_solvers
-    from homofact.evaluate.stability.stressors import STRESSORS
-    from homofact.figures.stability import draw_atlas, draw_solvers
+    from homofact.evaluation.estimate import about
+    from homofact.evaluation.machine import machine
     from homofact.methods.table import METHODS
+    from homofact.stability.atlas import Plan, estimate_atlas, run_atlas, write_csv
+    from homofact.stability.cells import CellOutcome
+    from homofact.stability.document import write_document
+    from homofact.stability.picture import draw_atlas, draw_solvers
+    from homofact.stability.solver_atlas import SolverOutcome, run_solvers
+    from homofact.stability.stressors import STRESSORS
 
     plan = Plan(
         _names("methods", methods, tuple(METHODS)), _names("stressors", stressors, tuple(STRESSORS)), short, seed
     )
     screen = Screen(as_json, quiet)
     estimate = estimate_atlas(plan)
-    say_estimate(screen, estimate)
     with claimed(out), screen.bar() as bar:
+        bar.estimate(estimate)
         began = time.perf_counter()
 
         def started(done: int, runs: int, name: str) -> None:
@@ -90,14 +90,14 @@ def stability(
     for note in atlas.notes:
         screen.note(f"homofact: {note}")
     counts = atlas.counts()
-    answers = {answer.value: sum(cell.answer is answer for cell in solvers) for answer in Answer}
-    bad = [cell for cell in atlas.cells if cell.outcome in (Outcome.SILENT, Outcome.CRASHED)]
+    answers = {answer.value: sum(cell.answer is answer for cell in solvers) for answer in SolverOutcome}
+    bad = [cell for cell in atlas.cells if cell.outcome in (CellOutcome.SILENT, CellOutcome.CRASHED)]
     worst = [
         *(f"{c.outcome.value}: {c.method} on {c.stressor} at {c.label} {c.message or f'×{c.factor:.3g}'}" for c in bad),
         *(
             f"{c.answer.value}: {c.solver} on {c.system} {c.message}"
             for c in solvers
-            if c.answer in (Answer.SILENT, Answer.CRASHED)
+            if c.answer in (SolverOutcome.SILENT, SolverOutcome.CRASHED)
         ),
     ]
     if not quiet:
@@ -114,5 +114,5 @@ def _names(option: str, text: str | None, every: tuple[str, ...]) -> tuple[str, 
         return every
     names = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
     if not names:
-        raise BadInput(f"{option}: found none, expected some of {', '.join(every)}")
+        raise BadInput(where=option, found="none", expected=f"some of {', '.join(every)}")
     return names

@@ -1,44 +1,39 @@
-"""What a command works on: the source of the configuration, checked, then opened."""
+"""What a command works on: the sources that the configuration names, with how they are read."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from homofact.cli.places import check_measurement
 from homofact.errors import BadInput
 
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
-    from homofact.cli.screen import Screen
     from homofact.config import Config
+    from homofact.sections import SourceSettings
+
+
+def source_of(settings: "Config") -> "SourceSettings":
+    """The configured source. Raises BadInput where there is none."""
+    if settings.source.path is None:
+        raise BadInput("none given", where="SOURCE", expected="a file or material:NAME (or path under [source])")
+    return settings.source
+
+
+def sources_of(settings: "Config", paths: Sequence[str]) -> "list[SourceSettings]":
+    """Several sources, read alike; the configured one where there are no paths. Raises BadInput where there is none."""
+    return [replace(settings.source, path=path) for path in paths] or [source_of(settings)]
 
 
 def check_source(settings: "Config") -> None:
     """Refuse a run without a source, or of a missing file, before anything else is done. Raises BadInput."""
-    if settings.source.path is None:
-        raise BadInput("SOURCE: none given, expected a file or material:NAME (or path under [source])")
-    check_measurement(settings.source.path)
+    from homofact.api.subjects import given_source
+
+    given_source(source_of(settings))
 
 
 def open_subject(settings: "Config") -> "Source":
     """The configured source, read or sampled, in all its channels or in one of them. Raises BadInput."""
-    from homofact.brdf.source import open_source
+    from homofact.api.subjects import open_given
 
     check_source(settings)
-    asked = settings.source
-    return open_source(
-        str(asked.path),
-        channels=asked.channels,
-        count=asked.count,
-        scheme=asked.scheme,
-        seed=settings.seed,
-        calibrate=asked.calibrate,
-        clipped=asked.clipped,
-    )
-
-
-def warmed_up(screen: "Screen") -> None:
-    """Make the compiled kernels ready before a fit is timed, and say so once on a terminal, where it took compiling."""
-    from homofact.linear.normal import warm_up
-
-    seconds = warm_up()
-    if seconds > 0 and screen.on_terminal:
-        screen.note(f"homofact: compiled its kernels in {seconds:.1f} s; from now on they are loaded")
+    return open_given(settings.source, settings.seed)

@@ -7,13 +7,10 @@ from rich.table import Table
 from rich.text import Text
 
 from homofact.cli.layout import add_figures, add_names, plain_table
-from homofact.evaluate.units import unit_of
-from homofact.evaluate.wording import counted, figure, shapes
+from homofact.evaluation.wording import counted, figure, shapes
 
 if TYPE_CHECKING:
-    from homofact.evaluate.means import MeanRow
-
-METRICS = ("log_mse", "log_mae", "log_max", "mse", "mae", "max")
+    from homofact.evaluation.means import MeanRow
 
 
 def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -21,20 +18,22 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
 
     A record of several seeds has its means, and under them the standard deviations.
     """
+    from homofact.evaluation.metric_table import SIX
+
     several = [len(record["seeds"]) for record in records.values() if "seeds" in record]
     seeds = f"; mean ± standard deviation of {max(several)} seeds" if several else ""
     table = plain_table(f"Error (mse, mae, max linear, in sr⁻¹{seeds})")
     add_names(table)
     add_names(table, "set")
-    add_figures(table, *(name.replace("_", " ") for name in METRICS))
+    add_figures(table, *(name.replace("_", " ") for name in SIX))
     for label, record in records.items():
         for key, words in (("held_out", "held out"), ("train", "training")):
-            figures = [figure(record["error"][key][name]) for name in METRICS]
+            figures = [figure(record["error"][key][name]) for name in SIX]
             style = "dim" if key == "train" else "bold"
             table.add_row("" if key == "train" else Text(label), words, *(Text(f, style) for f in figures))
             if "spread" in record:
                 spread = record["spread"]["error"][key]
-                table.add_row("", "", *(Text(_deviation(spread[name]), "dim") for name in METRICS))
+                table.add_row("", "", *(Text(_deviation(spread[name]), "dim") for name in SIX))
         table.add_section()
     return table
 
@@ -95,11 +94,19 @@ def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
 
 def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Table]:
     """A line a metric, a column a fit, held out; without the six, which have their own table. Five fits a table."""
-    names = [name for name in next(iter(values.values()), {}) if name not in METRICS]
+    from homofact.evaluation.metric_table import METRICS, SIX
+
+    names = [name for name in next(iter(values.values()), {}) if name not in SIX]
     labels = list(values) if names else []
+    notes = [
+        f"{', '.join(some)}: {words}"
+        for good, words in (("high", "more is better"), ("one", "1 is best"))
+        if (some := [name for name in names if METRICS[name].good == good])
+    ]
+    title = f"Held out, or of the fit ({'; '.join(notes)})" if notes else "Held out, or of the fit"
     tables = []
     for first in range(0, len(labels), 5):
-        table = plain_table("Held out, or of the fit (psnr, ssim: more is better)")
+        table = plain_table(title)
         table.add_column("", no_wrap=True)
         for label in labels[first : first + 5]:
             table.add_column(Text(label), justify="right", overflow="fold", min_width=8)
@@ -111,6 +118,8 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
 
 def mean_table(rows: "Sequence[MeanRow]") -> Table:
     """Means over sources and seeds by method and bytes: a line a metric, mean ± standard deviation."""
+    from homofact.evaluation.metric_table import METRICS
+
     fits = max(row.fits for row in rows)
     table = plain_table(
         f"Mean ± standard deviation by method and bytes, over {counted(fits, 'fit')} each where not fewer"
@@ -122,7 +131,7 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
     for row in rows:
         about = [Text(row.method), str(row.nbytes), str(row.fits)]
         for name, spread in row.spreads.items():
-            unit = unit_of(name)
+            unit = METRICS[name].unit
             numbers = (
                 ("–", "") if spread is None else (figure(spread.mean), _deviation(spread.record()).removeprefix("± "))
             )

@@ -1,20 +1,18 @@
 """`homofact terms`: how many in-out terms a material needs, and what a homomorphic fit costs instead."""
 
-import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from homofact.cli import options as o
 from homofact.cli.screen import Screen, say_ending
-from homofact.cli.subject import check_source, open_subject, warmed_up
+from homofact.cli.subject import source_of
 from homofact.cli.tables import facts_table
-from homofact.errors import BadInput
 
 if TYPE_CHECKING:
     from homofact.config import Config
-    from homofact.evaluate.compare import Row
-    from homofact.scene.term_costs import Comparison
+    from homofact.evaluation.compare import ComparisonRow
+    from homofact.theory.term_costs import TermCosts
 
 
 @o.configured("source.path", "source", "evaluate", "seed")
@@ -31,35 +29,18 @@ def terms(
     Predicted from the highest order l* of its half-angle curve as
     (l* + 1)²/4, counted in its singular values (Mahajan et al. 2008).
     """
-    check_source(settings)
+    source = source_of(settings)
     method = settings.fit.method_alone()
-    if not 0 < share < 1:
-        raise BadInput(f"share: found {share}, expected between 0 and 1")
-    if not 0 < limit <= 90:
-        raise BadInput(f"limit: found {limit:g} degrees, expected above 0 and at most 90")
 
-    from homofact.scene.term_costs import against_fit, map_bytes
-    from homofact.scene.terms import predicted_terms
+    from homofact.api.terms import terms
 
     screen = Screen(as_json, quiet)
-    with screen.bar() as bar:
-        bar.stage("reading")
-        subject = open_subject(settings)
-        bar.stage("counting terms")
-        found = predicted_terms(subject.reflectance, share, math.radians(limit))
-        stored = map_bytes(found.measured, len(subject.reflectance.channels))
-        answer: dict[str, Any] = {"source": subject.name} | found.record() | {"bytes": stored}
-        beside: tuple[Row, Comparison] | None = None
-        if fit:
-            from homofact.evaluate.compare import fit_and_measure
-
-            warmed_up(screen)
-            bar.stage("fitting")
-            row = fit_and_measure(subject, method, settings.evaluate.held_out, bar, settings.source.subset)
-            bar.stage("comparing")
-            beside = row, against_fit(subject, row, found, settings.evaluate.held_out)
-            answer["fit"] = row.record()
-            answer["within_limit"] = beside[1].record()
+    with screen.progress() as progress:
+        result = terms(
+            source, share=share, limit=limit, method=method if fit else None, held_out=settings.evaluate.held_out,
+            seed=settings.seed, progress=progress,
+        )  # fmt: skip
+    found, stored = result.count, result.nbytes
     if not found.settled:
         screen.note(
             f"homofact: {found.measured} terms are a rough count: the highlight is too sharp for the finest grid,"
@@ -72,14 +53,14 @@ def terms(
         "terms measured": f"{'' if found.settled else 'about '}{found.measured} by SVD",
         "as 32² maps": f"{stored} bytes, two a term ({stored // 2} where reciprocal), {2 * found.measured} fetches",
     }
-    if beside is not None:
-        facts |= _compared(*beside)
-        say_ending(screen, beside[0].report)
-    screen.show(facts_table(subject.name, facts))
-    screen.answer(answer)
+    if result.row is not None and result.costs is not None:
+        facts |= _compared(result.row, result.costs)
+        say_ending(screen, result.row.report)
+    screen.show(facts_table(result.source, facts))
+    screen.answer(result.record())
 
 
-def _compared(row: "Row", beside: "Comparison") -> dict[str, str]:
+def _compared(row: "ComparisonRow", beside: "TermCosts") -> dict[str, str]:
     """The lines of a fit beside those of the SVD, Cole errors held out and within the limit."""
     own, match, fitted = beside.counted, beside.matching, row.factorization
     return {

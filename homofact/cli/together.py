@@ -1,42 +1,33 @@
 """`homofact sweep --svbrdf` and `--basis`: the sources fitted together, under shared projections."""
 
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 from rich.text import Text
 
 from homofact.cli.layout import add_figures, plain_table
 from homofact.cli.screen import Screen
-from homofact.errors import BadInput
+
+if TYPE_CHECKING:
+    from homofact.api.sweeping import TogetherResult
 
 
-def svbrdf_of(file: Path, out: Path, screen: Screen) -> None:
-    """Fit, compare with fits of each cluster alone, and write fit, texture arrays and shaders into a new folder.
-
-    Raises BadInput for a sweep file, sources or label map that are none, and a place that cannot be written.
-    """
-    from homofact.files.lock import claimed
-    from homofact.sweep.svbrdf import check_place, fit_clusters, read_asked, write_clusters
-    from homofact.sweep.sweep_file import read_sweep
-
-    asked = read_sweep(file)
-    check_place(out)
-    with claimed(out), screen.bar() as bar:
-        opened = read_asked(asked, lambda words: bar.stage(f"reading {words}"))
-        fit = fit_clusters(opened, bar, bar.run)
-        bar.stage("fitting lobes to draw from, and writing")
-        record = write_clusters(out, fit)
-    screen.show(cluster_table(record), total_line(record), noise_table(record))
+def show_together(found: "TogetherResult", screen: Screen) -> None:
+    """The tables of a fit of all sources together, and its files."""
+    if found.kind == "basis":
+        screen.show(*basis_tables(found.facts["figures"]))
+        screen.show(f"{found.folder}: basis.npz, basis.json")
+        return
+    screen.show(cluster_table(found.facts), total_line(found.facts), noise_table(found.facts))
     screen.show(
-        f"{out}: svbrdf.npz, texture arrays, brdf.glsl, brdf.hlsl, brdf.wgsl, brdf.c, labels.png, manifest.json"
+        f"{found.folder}: svbrdf.npz, texture arrays, brdf.glsl, brdf.hlsl, brdf.wgsl, brdf.c, labels.png,"
+        " manifest.json"
     )
-    screen.answer({"folder": str(out)} | record)
 
 
 def cluster_table(record: dict[str, Any]) -> Table:
     """Bytes and held-out log errors of each cluster, under shared projections and alone."""
-    from homofact.evaluate.wording import figure
+    from homofact.evaluation.wording import figure
 
     table = plain_table("Held-out log mse and bytes (float32): shared projections, and alone")
     table.add_column("label", justify="right")
@@ -53,7 +44,7 @@ def cluster_table(record: dict[str, Any]) -> Table:
 
 def total_line(record: dict[str, Any]) -> str:
     """The sums, in one line."""
-    from homofact.evaluate.wording import figure
+    from homofact.evaluation.wording import figure
 
     shared, alone = record["shared"], record["alone"]
     return (
@@ -71,33 +62,9 @@ def noise_table(record: dict[str, Any]) -> Table:
     return table
 
 
-def basis_of(file: Path, count: int, out: Path, screen: Screen) -> None:
-    """Fit a common basis of `count` log textures, say when it pays, and write it into a new folder.
-
-    Raises BadInput for a sweep file or sources that are none, a count that they do not bear, an unwritable place.
-    """
-    from homofact.files.lock import claimed
-    from homofact.sweep.basis_folder import check_place, fit_asked, write_basis
-    from homofact.sweep.sweep_file import read_sweep
-
-    if count < 1:
-        raise BadInput(f"basis: found {count}, expected 1 or more")
-    asked = read_sweep(file)
-    if asked.svbrdf is not None:
-        raise BadInput(f"{file}: found a section [svbrdf], expected none beside --basis")
-    check_place(out)
-    with claimed(out), screen.bar() as bar:
-        fit = fit_asked(asked, count, bar, lambda words: bar.stage(f"reading {words}"), bar.run)
-        bar.stage("writing")
-        record = write_basis(out, fit)
-    screen.show(*basis_tables(record["figures"]))
-    screen.show(f"{out}: basis.npz, basis.json")
-    screen.answer({"folder": str(out)} | record)
-
-
 def basis_tables(figures: dict[str, Any]) -> list[Table]:
     """Errors and bytes a material by the number of directions, and those of textures of their own."""
-    from homofact.evaluate.wording import figure
+    from homofact.evaluation.wording import figure
 
     count = len(figures["materials"])
     table = plain_table(f"A basis for {count} materials: held-out log mse (median), bytes a material")

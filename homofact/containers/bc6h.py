@@ -44,14 +44,14 @@ def encode_bc6h(pixels: np.ndarray, name: str = "BC6H") -> bytes:
     """
     values = np.asarray(pixels, np.float64)
     if values.ndim != 3 or values.shape[2] != 3:
-        raise BadInput(f"{name}: found pixels of shape {values.shape}, expected (rows, columns, 3)")
+        raise BadInput(where=name, found=f"pixels of shape {values.shape}", expected="(rows, columns, 3)")
     rows, columns, _ = values.shape
     if rows % 4 or columns % 4 or not values.size:
-        raise BadInput(f"{name}: {columns} x {rows} texels, expected sides that are multiples of 4 (BC6H blocks)")
+        raise BadInput(f"{columns} x {rows} texels", where=name, expected="sides that are multiples of 4 (BC6H blocks)")
     if not (np.abs(values) <= 65504).all():
         row, column, channel = (int(place) for place in np.argwhere(~(np.abs(values) <= 65504))[0])
         where = f"row {row}, column {column}, channel {channel} is {values[row, column, channel]:g}"
-        raise BadInput(f"{name}: {where}, expected finite values of at most 65504 (float16)")
+        raise BadInput(where, where=name, expected="finite values of at most 65504 (float16)")
     blocks = values.reshape(rows // 4, 4, columns // 4, 4, 3).swapaxes(1, 2).reshape(-1, 16, 3)
     return b"".join(_encode(blocks[at : at + _BATCH]) for at in range(0, len(blocks), _BATCH))
 
@@ -63,9 +63,9 @@ def decode_bc6h(data: bytes, rows: int, columns: int, name: str = "BC6H") -> np.
     two regions, which `encode_bc6h` does not write.
     """
     if rows % 4 or columns % 4 or rows < 1 or columns < 1:
-        raise BadInput(f"{name}: {columns} x {rows} texels, expected sides that are multiples of 4 (BC6H blocks)")
+        raise BadInput(f"{columns} x {rows} texels", where=name, expected="sides that are multiples of 4 (BC6H blocks)")
     if len(data) != rows * columns:
-        raise BadInput(f"{name}: found {len(data)} bytes for {columns} x {rows} texels, expected {rows * columns}")
+        raise BadInput(where=name, found=f"{len(data)} bytes for {columns} x {rows} texels", expected=rows * columns)
     modes, first, second, indices = unpack(data, name)
     colours = palette(first, second, np.array([mode.bits for mode in MODES])[modes])
     texels = np.take_along_axis(colours, indices[..., None], 1)

@@ -78,17 +78,17 @@ def read_dds_cube(path: str | os.PathLike[str]) -> list[np.ndarray]:
     """
     data = read_bytes(path, "a DDS texture")
     if data[:4] != b"DDS " or len(data) < _HEADER.size:
-        raise BadInput(f"{path}: {len(data)} bytes that start with {data[:4]!r}, expected a DDS cube map")
+        raise BadInput(f"{len(data)} bytes that start with {data[:4]!r}", where=path, expected="a DDS cube map")
     fields = _HEADER.unpack_from(data)
     side, count = fields[3], fields[7]
     if not 1 <= count <= max(side, 1).bit_length() or data[: _HEADER.size] != _cube_header(side, count):
         raise BadInput(
-            f"{path}: a header of {fields[4]} x {side} texels that is not of a cube map of halves, expected one"
+            f"a header of {fields[4]} x {side} texels that is not of a cube map of halves", where=path, expected="one"
         )
     sides = [side >> k for k in range(count)]
     size = _FACES * sum(own * own * 8 for own in sides)
     if len(data) != _HEADER.size + size:
-        raise BadInput(f"{path}: found {len(data) - _HEADER.size} bytes of texels, expected {size}")
+        raise BadInput(where=path, found=f"{len(data) - _HEADER.size} bytes of texels", expected=size)
     faces = np.frombuffer(data, "<f2", offset=_HEADER.size).reshape(_FACES, -1).astype(np.float16)
     levels, at = [], 0
     for own in sides:
@@ -112,29 +112,31 @@ def read_dds(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     """
     data = read_bytes(path, "a DDS texture")
     if data[:4] != b"DDS ":
-        raise BadInput(f"{path}: starts with {data[:4]!r}, expected a DDS texture (b'DDS ')")
+        raise BadInput(f"starts with {data[:4]!r}", where=path, expected="a DDS texture (b'DDS ')")
     if len(data) < _HEADER.size:
-        raise BadInput(f"{path}: ends after {len(data)} bytes, expected a header of {_HEADER.size}")
+        raise BadInput(f"ends after {len(data)} bytes", where=path, expected=f"a header of {_HEADER.size}")
     fields = _HEADER.unpack_from(data)
     rows, columns, code, dxgi = fields[3], fields[4], fields[10], fields[16]
     if code != b"DX10":
-        raise BadInput(f"{path}: four-character code {code!r}, expected b'DX10'")
+        raise BadInput(f"four-character code {code!r}", where=path, expected="b'DX10'")
     if dxgi not in (DXGI_FORMAT_R16G16B16A16_FLOAT, DXGI_FORMAT_BC6H_SF16):
         wanted = f"{DXGI_FORMAT_R16G16B16A16_FLOAT} (R16G16B16A16_FLOAT) or {DXGI_FORMAT_BC6H_SF16} (BC6H_SF16)"
-        raise BadInput(f"{path}: DXGI format {dxgi}, expected {wanted}")
+        raise BadInput(f"DXGI format {dxgi}", where=path, expected=wanted)
     blocks = dxgi == DXGI_FORMAT_BC6H_SF16
     size = -(-rows // 4) * -(-columns // 4) * 16 if blocks else rows * columns * 8
     kind, pitch = (_LINEAR_SIZE, size) if blocks else (_PITCH, columns * 8)
     size *= layers
-    found = f"{len(data) - _HEADER.size} bytes of texels for {columns} x {rows}, expected {size}"
+    wrong_size = BadInput(
+        where=path, found=f"{len(data) - _HEADER.size} bytes of texels for {columns} x {rows}", expected=size
+    )
     if len(data) < _HEADER.size + size:
-        raise BadInput(f"{path}: found {found}")
+        raise wrong_size
     if 0 in (rows, columns) or data[: _HEADER.size] != _header(rows, columns, layers, kind, pitch, dxgi):
         what = f"a header of {columns} x {rows} texels that is not of one plain 2D level"
         wanted = "a texture without mipmaps, layers" if layers == 1 else f"{layers} layers without mipmaps"
-        raise BadInput(f"{path}: found {what}, expected {wanted} or faces")
+        raise BadInput(where=path, found=what, expected=f"{wanted} or faces")
     if len(data) != _HEADER.size + size:
-        raise BadInput(f"{path}: found {found}")
+        raise wrong_size
     if blocks:
         return decode_bc6h(data[_HEADER.size :], layers * rows, columns, str(path))
     return np.frombuffer(data, "<f2", offset=_HEADER.size).reshape(layers * rows, columns, 4).astype(np.float16)

@@ -42,10 +42,10 @@ def write_exr(path: str | os.PathLike[str], pixels: np.ndarray, names: Sequence[
         stored = np.asarray(pixels).astype(np.float32)
     if stored.ndim != 3 or stored.shape[2] != len(names) or len(set(names)) != len(names):
         wanted = f"(rows, columns, {len(names)}) and as many different names"
-        raise BadInput(f"{path}: found pixels of shape {stored.shape}, expected {wanted}")
+        raise BadInput(where=path, found=f"pixels of shape {stored.shape}", expected=wanted)
     if not np.isfinite(stored).all():
         row, column, _ = np.argwhere(~np.isfinite(stored))[0]
-        raise BadInput(f"{path}: row {row}, column {column} is not finite in float32, expected finite values")
+        raise BadInput(f"row {row}, column {column} is not finite in float32", where=path, expected="finite values")
     write_channels(path, stored, names, comment)
 
 
@@ -57,7 +57,7 @@ def write_half_exr(path: str | os.PathLike[str], pixels: np.ndarray, names: Sequ
     """
     whole_shape(path, pixels, (len(names),))
     if len(set(names)) != len(names):
-        raise BadInput(f"{path}: found channels {', '.join(names)}, expected different names")
+        raise BadInput(where=path, found=f"channels {', '.join(names)}", expected="different names")
     write_channels(path, finite_pixels(path, pixels, np.float16), names, comment)
 
 
@@ -78,7 +78,7 @@ def write_channels(path: str | os.PathLike[str], stored: np.ndarray, names: Sequ
 
     folder = Path(path).parent
     if not os.access(folder, os.W_OK):
-        raise BadInput(f"{path}: cannot be written, {folder} is not a writable folder, expected one")
+        raise BadInput(f"cannot be written, {folder} is not a writable folder", where=path, expected="one")
     replace_file(path, write)
 
 
@@ -99,4 +99,4 @@ def decode_exr(data: bytes, name: str) -> dict[str, np.ndarray]:
             file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
             return {key: np.asarray(channel.pixels) for key, channel in file.channels().items()}
     except (RuntimeError, ValueError, TypeError) as error:
-        raise BadInput(f"{name}: not a readable OpenEXR file ({error}), expected whole scanlines") from error
+        raise BadInput(f"not a readable OpenEXR file ({error})", where=name, expected="whole scanlines") from error

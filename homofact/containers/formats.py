@@ -26,8 +26,8 @@ import numpy as np
 
 from homofact.containers.dds import read_dds, write_dds, write_dds_bc6h
 from homofact.containers.exr import read_exr, write_exr, write_half_exr
+from homofact.containers.format_names import FORMAT_NAMES
 from homofact.containers.ktx2 import read_ktx2, write_ktx2
-from homofact.containers.names import FORMAT_NAMES
 from homofact.containers.pixels import finite_pixels, layer_rows
 from homofact.containers.png import read_png, write_png
 from homofact.errors import BadInput
@@ -70,11 +70,11 @@ class Format:
         size = f"{name}: {columns} x {rows} texels of {channels} channel{'s' if channels != 1 else ''}"
         if channels < 1 or (self.channels is not None and channels not in self.channels):
             held = "1 or more" if self.channels is None else " or ".join(map(str, self.channels))
-            raise BadInput(f"{size}, expected {held} channels for {self.name}")
+            raise BadInput(size, expected=f"{held} channels for {self.name}")
         if not 1 <= rows <= self.most_side or not 1 <= columns <= self.most_side:
-            raise BadInput(f"{size}, expected sides of 1 to {self.most_side} for {self.name}")
+            raise BadInput(size, expected=f"sides of 1 to {self.most_side} for {self.name}")
         if rows % self.multiple or columns % self.multiple:
-            raise BadInput(f"{size}, expected sides that are multiples of {self.multiple} for {self.name}")
+            raise BadInput(size, expected=f"sides that are multiples of {self.multiple} for {self.name}")
 
     def write(
         self,
@@ -92,13 +92,13 @@ class Format:
         not finite in the storage type, and an unwritable place.
         """
         if stored.ndim != 3:
-            raise BadInput(f"{path}: found pixels of shape {stored.shape}, expected (rows, columns, channels)")
+            raise BadInput(where=path, found=f"pixels of shape {stored.shape}", expected="(rows, columns, channels)")
         rows, columns, channels = stored.shape
         self.check(layer_rows(path, rows, layers), columns, channels, str(path))
         floating = np.issubdtype(self.dtype, np.floating)
         if floating != np.issubdtype(stored.dtype, np.floating) or (not floating and stored.dtype != self.dtype):
             wanted = "floating-point numbers" if floating else np.dtype(self.dtype).name
-            raise BadInput(f"{path}: found values of type {stored.dtype}, expected {wanted} for {self.name}")
+            raise BadInput(where=path, found=f"values of type {stored.dtype}", expected=f"{wanted} for {self.name}")
         held = stored if self._held is None else _widened(stored, self._held)
         self._write(path, held, names or _channel_names(channels), key_values or {}, layers)
 
@@ -113,14 +113,16 @@ class Format:
         """
         texels = self._read(path, names, layers)
         if texels.dtype != self.dtype:
-            raise BadInput(f"{path}: found {texels.dtype} texels, expected {np.dtype(self.dtype).name} for {self.name}")
+            raise BadInput(
+                where=path, found=f"{texels.dtype} texels", expected=f"{np.dtype(self.dtype).name} for {self.name}"
+            )
         found = texels.shape[2]
         if self._held not in (None, found):
-            raise BadInput(f"{path}: found {found} channels, expected {self._held} for {self.name}")
+            raise BadInput(where=path, found=f"{found} channels", expected=f"{self._held} for {self.name}")
         if channels is None or channels == found:
             return texels
         if self._held is None or channels not in (self.channels or ()):
-            raise BadInput(f"{path}: found {found} channels, expected {channels}")
+            raise BadInput(where=path, found=f"{found} channels", expected=channels)
         return np.ascontiguousarray(texels[..., :channels])
 
     def bytes_of(self, rows: int, columns: int, channels: int) -> int:
@@ -139,7 +141,7 @@ class Format:
 def format_named(name: str) -> Format:
     """The format of that name. Raises BadInput that lists the names."""
     if name not in FORMATS:
-        raise BadInput(f"texture format {name!r}, expected one of {', '.join(FORMATS)}")
+        raise BadInput(f"texture format {name!r}", expected=f"one of {', '.join(FORMATS)}")
     return FORMATS[name]
 
 
@@ -163,9 +165,9 @@ def _read_exr(path: _Place, names: Sequence[str] | None, layers: int) -> np.ndar
     if names is None and set(order) != set(planes):
         order = sorted(planes)
     if set(order) != set(planes) or len(order) != len(planes):
-        raise BadInput(f"{path}: found channels {', '.join(planes)}, expected {', '.join(order)}")
+        raise BadInput(where=path, found=f"channels {', '.join(planes)}", expected=", ".join(order))
     if len({(plane.dtype, plane.shape) for plane in planes.values()}) != 1:
-        raise BadInput(f"{path}: found channels of different types or sizes, expected them alike")
+        raise BadInput(where=path, found="channels of different types or sizes", expected="them alike")
     return np.stack([planes[name] for name in order], -1)
 
 

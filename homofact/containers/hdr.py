@@ -32,7 +32,7 @@ def decode_hdr(data: bytes, name: str) -> np.ndarray:
     """
     rows, columns, exposure, at = _header(data, name)
     if rows * columns > _MOST_PIXELS:
-        raise BadInput(f"{name}: the picture is {rows} x {columns}, expected at most {_MOST_PIXELS} pixels")
+        raise BadInput(f"the picture is {rows} x {columns}", where=name, expected=f"at most {_MOST_PIXELS} pixels")
     pixels = np.empty((rows, columns, 4), np.uint8)
     for row in range(rows):
         marker = data[at : at + 4]
@@ -42,7 +42,7 @@ def decode_hdr(data: bytes, name: str) -> np.ndarray:
             at = _flat(data, at, pixels[row:], name)
             break
     if at != len(data):
-        raise BadInput(f"{name}: {len(data) - at} bytes after the last scanline, expected the end of file")
+        raise BadInput(f"{len(data) - at} bytes after the last scanline", where=name, expected="the end of file")
     exponent = pixels[..., 3].astype(np.int32)
     scale = np.where(exponent > 0, np.ldexp(1.0, exponent - 136), 0.0) / exposure
     return pixels[..., :3] * scale[..., None]
@@ -51,26 +51,26 @@ def decode_hdr(data: bytes, name: str) -> np.ndarray:
 def _header(data: bytes, name: str) -> tuple[int, int, float, int]:
     """(rows, columns, exposure, offset of the first scanline)."""
     if not data.startswith((b"#?RADIANCE", b"#?RGBE")):
-        raise BadInput(f"{name}: starts with {data[:10]!r}, expected #?RADIANCE")
+        raise BadInput(f"starts with {data[:10]!r}", where=name, expected="#?RADIANCE")
     end = data.find(b"\n\n")
     size_end = data.find(b"\n", end + 2)
     if end < 0 or size_end < 0:
-        raise BadInput(f"{name}: the header has no end, expected an empty line and the picture's size")
+        raise BadInput("the header has no end", where=name, expected="an empty line and the picture's size")
     exposure = 1.0
     for line in data[:end].split(b"\n")[1:]:
         key, _, value = line.partition(b"=")
         if key == b"FORMAT" and value.strip() != b"32-bit_rle_rgbe":
             found = value.strip().decode(errors="replace")
-            raise BadInput(f"{name}: FORMAT is {found!r}, expected 32-bit_rle_rgbe")
+            raise BadInput(f"FORMAT is {found!r}", where=name, expected="32-bit_rle_rgbe")
         if key == b"EXPOSURE":
             exposure *= _exposure(value, name)
     size = _SIZE.fullmatch(data[end + 2 : size_end])
     if size is None:
         found = data[end + 2 : size_end][:40].decode(errors="replace")
-        raise BadInput(f"{name}: size line is {found!r}, expected '-Y rows +X columns'")
+        raise BadInput(f"size line is {found!r}", where=name, expected="'-Y rows +X columns'")
     rows, columns = int(size[1]), int(size[2])
     if rows < 1 or columns < 1:
-        raise BadInput(f"{name}: the picture is {rows} x {columns}, expected at least one pixel")
+        raise BadInput(f"the picture is {rows} x {columns}", where=name, expected="at least one pixel")
     return rows, columns, exposure, size_end + 1
 
 
@@ -80,7 +80,7 @@ def _exposure(value: bytes, name: str) -> float:
     except ValueError:
         exposure = float("nan")
     if not 0 < exposure < float("inf"):
-        raise BadInput(f"{name}: EXPOSURE is {value.strip().decode(errors='replace')!r}, expected above 0")
+        raise BadInput(f"EXPOSURE is {value.strip().decode(errors='replace')!r}", where=name, expected="above 0")
     return exposure
 
 
@@ -91,16 +91,16 @@ def _new_runs(data: bytes, at: int, scanline: np.ndarray, name: str, row: int) -
         line, filled = bytearray(columns), 0
         while filled < columns:
             if at >= len(data):
-                raise BadInput(f"{name}: ends within scanline {row}, expected {columns} pixels: truncated")
+                raise BadInput(f"ends within scanline {row}", where=name, expected=f"{columns} pixels: truncated")
             count, at = data[at], at + 1
             run = count > 128
             count = count - 128 if run else count
             piece = data[at : at + 1] * count if run else data[at : at + count]
             if count == 0 or filled + count > columns:
                 found = f"a run of {count} in scanline {row} at pixel {filled}"
-                raise BadInput(f"{name}: {found}, expected at least 1 and to end by {columns}")
+                raise BadInput(found, where=name, expected=f"at least 1 and to end by {columns}")
             if len(piece) != count:
-                raise BadInput(f"{name}: ends within scanline {row}, expected {columns} pixels: truncated")
+                raise BadInput(f"ends within scanline {row}", where=name, expected=f"{columns} pixels: truncated")
             line[filled : filled + count] = piece
             filled, at = filled + count, at + (1 if run else count)
         scanline[:, component] = np.frombuffer(bytes(line), np.uint8)
@@ -114,17 +114,17 @@ def _flat(data: bytes, at: int, scanlines: np.ndarray, name: str) -> int:
     repeats = (stored[:, :3] == 1).all(1)
     if not repeats[:total].any():
         if len(stored) < total:
-            raise BadInput(f"{name}: {len(stored)} flat pixels left, expected {total}: truncated")
+            raise BadInput(f"{len(stored)} flat pixels left", where=name, expected=f"{total}: truncated")
         scanlines[...] = stored[:total].reshape(scanlines.shape)
         return at + 4 * total
     out, filled, k, shift = np.empty((total, 4), np.uint8), 0, 0, 0
     while filled < total:
         if k >= len(stored):
-            raise BadInput(f"{name}: {filled} of {total} pixels are there, expected all: truncated")
+            raise BadInput(f"{filled} of {total} pixels are there", where=name, expected="all: truncated")
         if repeats[k]:
             count = int(stored[k, 3]) << shift
             if filled == 0 or filled + count > total:
-                raise BadInput(f"{name}: pixel {filled} repeated {count} times, expected {total} pixels")
+                raise BadInput(f"pixel {filled} repeated {count} times", where=name, expected=f"{total} pixels")
             out[filled : filled + count] = out[filled - 1]
             filled, shift = filled + count, shift + 8
         else:

@@ -17,8 +17,8 @@ channel the bit offset and length − 1, the channel's number with the float and
 floats −1 and 1. The transfer function is linear and the colour primaries unspecified: a logarithm is no colour, and a
 loader must neither decode nor convert it. `pixelDepth` is 0, `faceCount` and `levelCount` 1; `layerCount` is 0 of a
 texture and the number of layers of an array, which follow each other. A one-dimensional texture is a 2D texture of
-one row. A cube map has 6 faces, in every level +x, −x, +y, −y, +z, −z (laid out as `render.cube` has it), and as many
-levels as are given, each of half the side of the one before.
+one row. A cube map has 6 faces, in every level +x, −x, +y, −y, +z, −z (laid out as `rendering.cube` has it), and as
+many levels as are given, each of half the side of the one before.
 """
 
 import os
@@ -188,10 +188,10 @@ def _packed(path: str | os.PathLike[str], key_values: Mapping[str, str]) -> byte
     packed = b""
     for key, value in sorted(key_values.items()):
         if not key or "\0" in key or "\0" in value:
-            raise BadInput(f"{path}: key {key!r} with value {value!r}, expected text without NUL under a name")
+            raise BadInput(f"key {key!r} with value {value!r}", where=path, expected="text without NUL under a name")
         if key[:3] in ("KTX", "ktx") and (key not in _RESERVED or not _RESERVED[key].fullmatch(value)):
             wanted = "KTXwriter, KTXorientation of r or l with d or u, or a key without KTX in front"
-            raise BadInput(f"{path}: key {key!r} with value {value!r}, expected {wanted}")
+            raise BadInput(f"key {key!r} with value {value!r}", where=path, expected=wanted)
         entry = key.encode() + b"\0" + value.encode() + b"\0"
         packed += struct.pack("<I", len(entry)) + entry + bytes(-len(entry) % 4)
     return packed
@@ -207,39 +207,39 @@ def _read(
 ) -> tuple[_Layout, int, int, dict[str, str], list[bytes]]:
     data = read_bytes(path, "a KTX2 texture")
     if data[:12] != IDENTIFIER:
-        raise BadInput(f"{path}: starts with {data[:12]!r}, expected a KTX2 texture ({IDENTIFIER!r})")
+        raise BadInput(f"starts with {data[:12]!r}", where=path, expected=f"a KTX2 texture ({IDENTIFIER!r})")
     if len(data) < _HEADER.size + _LEVEL.size:
         wanted = _HEADER.size + _LEVEL.size
-        raise BadInput(f"{path}: ends after {len(data)} bytes, expected a header of {wanted}")
+        raise BadInput(f"ends after {len(data)} bytes", where=path, expected=f"a header of {wanted}")
     fields = _HEADER.unpack_from(data)
     vk_format, type_size, columns, rows, *plain = fields[1:10]
     d0, dn, k0, kn, g0, gn = fields[10:]
     layout = {each.vk_format: each for each in (_RGBA16F, _BC6H)}.get(vk_format)
     if layout is None:
         wanted = f"{_RGBA16F.vk_format} (R16G16B16A16_SFLOAT) or {_BC6H.vk_format} (BC6H_SFLOAT_BLOCK)"
-        raise BadInput(f"{path}: vkFormat {vk_format}, expected {wanted}")
+        raise BadInput(f"vkFormat {vk_format}", where=path, expected=wanted)
     count = plain[3] if faces > 1 else 1
     expected = [0, _layer_count(layers), faces, count, 0]
     square = layout is _RGBA16F and rows == columns and 1 <= count <= columns.bit_length()
     if plain != expected or 0 in (rows, columns) or (faces > 1 and not square):
         found = f"{columns} x {rows} texels, depth, layers, faces, levels, supercompression {plain}"
         kind = "one plain 2D level" if faces == 1 else "a square cube map of halves and its levels"
-        raise BadInput(f"{path}: {found}, expected {kind} {expected}")
+        raise BadInput(found, where=path, expected=f"{kind} {expected}")
     before, descriptor = _HEADER.size + _LEVEL.size * count, layout.descriptor()
     if type_size != layout.type_size or (d0, dn) != (before, len(descriptor)) or data[d0 : d0 + dn] != descriptor:
-        where = f"expected it at byte {before}"
-        raise BadInput(f"{path}: the data format descriptor is not that of vkFormat {vk_format}, {where}")
+        what = f"the data format descriptor is not that of vkFormat {vk_format}"
+        raise BadInput(what, where=path, expected=f"it at byte {before}")
     after = d0 + dn
     sizes = [layers * faces * layout.nbytes(rows >> k, columns >> k) for k in range(count)]
     places = _placed(layout, after + kn, sizes)
     index = [_LEVEL.unpack_from(data, _HEADER.size + _LEVEL.size * k) for k in range(count)]
     if (k0, g0, gn) != (after if kn else 0, 0, 0) or [each[0] for each in index] != places:
         at = ", ".join(str(each[0]) for each in index)
-        raise BadInput(f"{path}: key/value data at {k0}, texels at {at}, expected them to follow the descriptor")
+        raise BadInput(f"key/value data at {k0}, texels at {at}", where=path, expected="them to follow the descriptor")
     for size, (start, length, whole) in zip(sizes, index, strict=True):
         if length != size or whole != size or (start == places[0] and len(data) != start + size):
             found = f"{max(0, len(data) - start)} bytes of texels for {columns} x {rows}, indexed as {length}"
-            raise BadInput(f"{path}: found {found}, expected {size}")
+            raise BadInput(where=path, found=found, expected=size)
     texels = [data[start : start + size] for start, size in zip(places, sizes, strict=True)]
     return layout, layers * rows, columns, _unpacked(path, data[after : after + kn]), texels
 
@@ -255,8 +255,8 @@ def _unpacked(path: str | os.PathLike[str], packed: bytes) -> dict[str, str]:
         try:
             name, text = key.decode(), value.removesuffix(b"\0").decode()
         except UnicodeDecodeError as error:
-            raise BadInput(f"{path}: key/value data that is not UTF-8 ({key!r}), expected text") from error
+            raise BadInput(f"key/value data that is not UTF-8 ({key!r})", where=path, expected="text") from error
         if at > len(packed) or not key or not nul or name in found:
-            raise BadInput(f"{path}: key/value data broken at {key!r}, expected different NUL-terminated keys")
+            raise BadInput(f"key/value data broken at {key!r}", where=path, expected="different NUL-terminated keys")
         found[name] = text
     return found

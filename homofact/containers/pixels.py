@@ -12,7 +12,9 @@ def whole_shape(path: str | os.PathLike[str], pixels: np.ndarray, channels: tupl
     """Raise BadInput unless pixels are (rows, columns, C), none of it empty, with C one of `channels`."""
     if pixels.ndim != 3 or pixels.shape[2] not in channels or 0 in pixels.shape:
         wanted = " or ".join(map(str, channels))
-        raise BadInput(f"{path}: found pixels of shape {pixels.shape}, expected (rows, columns, {wanted}), not empty")
+        raise BadInput(
+            where=path, found=f"pixels of shape {pixels.shape}", expected=f"(rows, columns, {wanted}), not empty"
+        )
 
 
 def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[np.floating]) -> np.ndarray:
@@ -22,7 +24,7 @@ def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[
     float16 ends at 65504.
     """
     if not np.issubdtype(pixels.dtype, np.floating):
-        raise BadInput(f"{path}: found pixels of type {pixels.dtype}, expected floating-point numbers")
+        raise BadInput(where=path, found=f"pixels of type {pixels.dtype}", expected="floating-point numbers")
     with np.errstate(over="ignore", under="ignore"):
         stored = np.ascontiguousarray(pixels, np.dtype(dtype).newbyteorder("<"))
     bad = np.argwhere(~np.isfinite(stored))
@@ -30,14 +32,14 @@ def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[
         row, column, channel = (int(place) for place in bad[0])
         most = float(np.finfo(dtype).max)
         where = f"row {row}, column {column}, channel {channel} is {pixels[row, column, channel]:g}"
-        raise BadInput(f"{path}: {where}, expected finite values of at most {most:g} ({np.dtype(dtype).name})")
+        raise BadInput(where, where=path, expected=f"finite values of at most {most:g} ({np.dtype(dtype).name})")
     return stored
 
 
 def layer_rows(path: str | os.PathLike[str], rows: int, layers: int) -> int:
     """Rows of each of `layers` that stand one under another. Raises BadInput where they are not alike."""
     if layers < 1 or rows % layers:
-        raise BadInput(f"{path}: found {rows} rows, expected as many in each of {layers} layers")
+        raise BadInput(where=path, found=f"{rows} rows", expected=f"as many in each of {layers} layers")
     return rows // layers
 
 
@@ -48,13 +50,13 @@ def finite_levels(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) ->
     one before.
     """
     if not levels:
-        raise BadInput(f"{path}: found no levels of a cube map, expected at least one")
+        raise BadInput(where=path, found="no levels of a cube map", expected="at least one")
     found = []
     for k, level in enumerate(levels):
         side = levels[0].shape[1] >> k if levels[0].ndim == 4 else 0
         if level.shape != (6, side, side, 4) or not side:
             wanted = "(6, N, N, 4), N half of that of the level before"
-            raise BadInput(f"{path}: found level {k} of shape {level.shape}, expected {wanted}")
+            raise BadInput(where=path, found=f"level {k} of shape {level.shape}", expected=wanted)
         stored = finite_pixels(path, level.reshape(6 * side, side, 4), np.float16)
         found.append(stored.reshape(6, side, side, 4))
     return found

@@ -28,7 +28,7 @@ def write_png(path: str | os.PathLike[str], stored: np.ndarray) -> None:
     """
     whole_shape(path, stored, _CHANNELS)
     if stored.dtype not in (np.uint8, np.uint16):
-        raise BadInput(f"{path}: found values of type {stored.dtype}, expected uint8 or uint16")
+        raise BadInput(where=path, found=f"values of type {stored.dtype}", expected="uint8 or uint16")
     png = extras.library("png", f"{path}")
     rows, columns, channels = stored.shape
     bits = 8 * stored.dtype.itemsize
@@ -53,11 +53,13 @@ def read_png(path: str | os.PathLike[str]) -> np.ndarray:
         columns, rows, lines, facts = png.Reader(bytes=data).read()
         values = [np.asarray(line) for line in lines]
     except (png.Error, *_BROKEN) as error:
-        raise BadInput(f"{path}: not a readable PNG ({' '.join(str(error).split())}), expected a whole one") from error
+        raise BadInput(
+            f"not a readable PNG ({' '.join(str(error).split())})", where=path, expected="a whole one"
+        ) from error
     bits, channels = facts["bitdepth"], facts["planes"]
     if bits not in (8, 16) or channels not in _CHANNELS or "palette" in facts:
         wanted = "8 or 16 bits in 1, 3 or 4 channels without a palette"
-        raise BadInput(f"{path}: found {bits} bits in {channels} channels, expected {wanted}")
+        raise BadInput(where=path, found=f"{bits} bits in {channels} channels", expected=wanted)
     if len(values) != rows:
-        raise BadInput(f"{path}: found {len(values)} rows of pixels, expected the {rows} of the header")
+        raise BadInput(where=path, found=f"{len(values)} rows of pixels", expected=f"the {rows} of the header")
     return np.stack(values).reshape(rows, columns, channels).astype(np.uint8 if bits == 8 else np.uint16)

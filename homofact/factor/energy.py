@@ -66,7 +66,7 @@ class Flux:
         _, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
         each = solid_angles(samples) * samples.wi[:, 2] * samples.wo[:, 2]
         each = each / (torch.sin(theta_d).clamp_min(LEAST_SINE) * torch.cos(theta_d).clamp_min(LEAST_COSINE).sqrt())
-        whole = (each[:, None] * samples.values / transform.mean.to(each)).sum(0)
+        whole = (each[:, None] * samples.values / transform.mean_like(each)).sum(0)
         scale = samples.weights.sum() / whole.clamp_min(torch.finfo(whole.dtype).tiny)
         return cls(each[:, None] * scale, share)
 

@@ -6,10 +6,12 @@ fit's kind. No torch is loaded here.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 
+from homofact.brdf.log_transform import LogTransform
+from homofact.errors import BadInput
 from homofact.geometry.coordinates import CoordinateSystem, Scales
 from homofact.linear.names import Shape
 
@@ -18,7 +20,7 @@ _ISOTROPIC = {"theta_i", "theta_o", "theta_h", "theta_d", "phi_d", "delta_phi", 
 
 
 @dataclass(frozen=True)
-class Lookup:
+class TextureLookup:
     """One fetch: texture number `texture` at (u, v) = `matrix` x in [−1, 1]², a (2, k) float64.
 
     x (k,) are the `axes` (`geometry.axes`), each factor · raw + offset of `scales`, stretched by a warp of the width
@@ -42,23 +44,15 @@ class Product:
 
 
 @dataclass(frozen=True)
-class Exponential:
-    """A max(0, exp(s) − ε) of a sum s of logarithms: ε, dimensionless, and A (C,) float64 in sr⁻¹."""
-
-    epsilon: float
-    mean: np.ndarray
-
-
-@dataclass(frozen=True)
 class Evaluation:
     """f as plain data: with s the sum of the products, max(0, s), or A max(0, exp(s) − ε) with a `transform`.
 
     Both are 0 where a direction is under the horizon.
     """
 
-    lookups: tuple[Lookup, ...]
+    lookups: tuple[TextureLookup, ...]
     products: tuple[Product, ...]
-    transform: Exponential | None
+    transform: LogTransform | None
 
     @property
     def isotropic(self) -> bool:
@@ -68,12 +62,12 @@ class Evaluation:
     def of_channels(self, own: slice) -> "Evaluation":
         """The evaluation of some of the channels alone."""
         products = tuple(Product(each.lookups, each.signs[own]) for each in self.products)
-        transform = self.transform and Exponential(self.transform.epsilon, self.transform.mean[own])
+        transform = self.transform and self.transform.of_channels(own)
         return Evaluation(self.lookups, products, transform)
 
 
 class Evaluated(Protocol):
-    """What has an evaluation: every fit with textures."""
+    """What may have an evaluation: every fit."""
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -86,9 +80,21 @@ class Evaluated(Protocol):
         ...
 
     @property
-    def evaluation(self) -> Evaluation:
-        """How values come from its textures."""
+    def evaluation(self) -> Evaluation | None:
+        """How values come from its textures; None for a model without."""
         ...
+
+
+def evaluation_of(fitted: Evaluated) -> Evaluation:
+    """How values come from the textures of a fit. Raises BadInput for a model without textures."""
+    if fitted.evaluation is None:
+        refuse_model(fitted)
+    return fitted.evaluation
+
+
+def refuse_model(fitted: object) -> NoReturn:
+    """Raise BadInput for a model without textures, where these are wanted."""
+    raise BadInput("has no textures", where=repr(fitted), expected="a fit by search, cole, mccool, svd or nmf")
 
 
 @dataclass(frozen=True)
@@ -102,14 +108,14 @@ class Indexed:
     shape: Shape
 
 
-def evaluation_of_product(textures: Sequence[Indexed], transform: Exponential) -> Evaluation:
+def evaluation_of_product(textures: Sequence[Indexed], transform: LogTransform) -> Evaluation:
     """A (exp Σ lookups − ε); a conjugate is a lookup of its own."""
     lookups = []
     for k, each in enumerate(textures):
         (rows, columns), system = each.shape, each.system
         words = f"texture {k}: {each.name} on {system.name}, {columns} x {rows} texels"
         for matrix in each.matrices:
-            lookups.append(Lookup(k, system.axes, system.scales, matrix, each.warp, words))
+            lookups.append(TextureLookup(k, system.axes, system.scales, matrix, each.warp, words))
             words = "reciprocity: the directions swapped"
     ones = (1.0,) * len(transform.mean)
     return Evaluation(tuple(lookups), tuple(Product((k,), ones) for k in range(len(lookups))), transform)

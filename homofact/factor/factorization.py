@@ -4,28 +4,41 @@ f(ωi, ωo) = A (exp Σj p̃j(πj(ωi, ωo)) − ε), cut at zero; a reciprocal 
 conjugate too. On an axis that is periodic in the coordinates a texture goes round (`linear.layout`). Everything an
 evaluation needs is in one .npz file of plain arrays and a JSON header, readable without homofact; arrays are stored
 as they are, so a loaded factorization is bit-identical.
+
+A factorization holds NumPy arrays. torch is loaded where directions come as tensors.
 """
 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.reflectance import answering_in_kind
-from homofact.factor.evaluation import Evaluation, Exponential, Indexed, evaluation_of_product
-from homofact.factor.fitted import Grid, Texture, bits
+from homofact.errors import BadInput
+from homofact.factor.evaluation import Evaluation, Indexed, evaluation_of_product
+from homofact.factor.fitted import QuantizationGrid, Texture, bits
 from homofact.factor.projection import Projection, Warp, describe_projection, layout_of
-from homofact.factor.stored import FORMAT, FORMAT_VERSION, StoredProduct, StoredTerm, names_of_axes
 from homofact.files.archive import write_archive
+from homofact.files.fields import Fields
+from homofact.files.saved import SavedFit
 from homofact.files.words import listed
-from homofact.geometry.directions import above_horizon
-from homofact.geometry.rotation import Rotation
-from homofact.linear.bilinear import lookup
-from homofact.linear.layout import Axis, TexelLayout
+from homofact.geometry.coordinates import COORDINATES, check_half_axes
+from homofact.linear.arrays import as_array
+from homofact.linear.names import CLAMPED, Axes, Axis
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from homofact.linear.layout import TexelLayout
+
+FORMAT = "homofact factorization"
+FORMAT_VERSION = 1
+# What a saved fit may hold at most: more is no fit's.
+MOST_CHANNELS, MOST_TERMS, MOST_LEVELS = 4096, 1000, 65535
+LEAST_MEAN, LEAST_WARP = 1e-30, 1e-9
 
 _LETTERS = {
     "wi": "ωi", "wo": "ωo", "theta_i": "θi", "theta_o": "θo", "theta_h": "θh", "theta_d": "θd", "phi_d": "φd",
@@ -37,10 +50,13 @@ _SPACES = {
     "half-angles": "θh, φh",
 }  # fmt: skip
 
+# Arrays of a factorization, or the tensors of a solver.
+A = TypeVar("A", np.ndarray, "Tensor")
+
 
 @dataclass(frozen=True)
-class Term:
-    """One texture and the projection that indexes it.
+class Term(Generic[A]):
+    """One texture and the projection that indexes it: tensors while a solver works on it, NumPy arrays in a fit.
 
     `texture` is (rows, columns, C) float64, logarithms; `mask` (rows, columns) is True where the texel is
     held by samples and smoothing, False where its value is only filler. `deviation` (rows, columns, C), where it was
@@ -49,50 +65,64 @@ class Term:
     """
 
     projection: Projection
-    texture: Tensor
-    mask: Tensor
-    deviation: Tensor | None = None
-    grid: Grid | None = None
+    texture: A
+    mask: A
+    deviation: A | None = None
+    grid: QuantizationGrid | None = None
 
     @property
     def size(self) -> tuple[int, int]:
         """(rows, columns)."""
         return int(self.texture.shape[0]), int(self.texture.shape[1])
 
-    def flat(self) -> "Term":
+    def arrays(self) -> "Term[np.ndarray]":
+        """The term in NumPy arrays, shared where they can be."""
+        return self._mapped(as_array)
+
+    def tensors(self, device: Any = "cpu") -> "Term[Tensor]":
+        """The term in tensors on a device, shared with the arrays on the CPU."""
+        import torch
+
+        return self._mapped(lambda values: torch.as_tensor(values).to(device))
+
+    def flat(self: "Term[np.ndarray]") -> "Term[np.ndarray]":
         """The term with the first texels of a periodic axis once more behind the last, as a clamping sampler reads it.
 
         M texels evenly round and the first again are M + 1 from −1 to +1: what the convention of a clamped axis says.
         """
-        term = self
-        for dimension, axis in enumerate(self.projection.axes):
-            if axis is Axis.PERIODIC:
-                term = term._mapped(lambda texels, d=dimension: torch.cat((texels, texels.narrow(d, 0, 1)), d))
-        return term
+        return self._around(lambda texels, d: np.concatenate((texels, texels.take([0], d)), d))
 
-    def round(self) -> "Term":
+    def round(self: "Term[np.ndarray]") -> "Term[np.ndarray]":
         """The inverse of `flat`: a periodic axis without its last texels."""
-        term = self
+        return self._around(lambda texels, d: texels.take(range(texels.shape[d] - 1), d))
+
+    def _around(self, change: Callable[[Any, int], Any]) -> "Term[np.ndarray]":
+        term: Any = self
         for dimension, axis in enumerate(self.projection.axes):
             if axis is Axis.PERIODIC:
-                term = term._mapped(lambda texels, d=dimension: texels.narrow(d, 0, texels.shape[d] - 1))
+                term = term._mapped(lambda texels, d=dimension: change(texels, d))
         return term
 
-    def _mapped(self, change: Callable[[Tensor], Tensor]) -> "Term":
+    def _mapped(self, change: Callable[[Any], Any]) -> "Term[Any]":
         deviation = None if self.deviation is None else change(self.deviation)
         return replace(self, texture=change(self.texture), mask=change(self.mask), deviation=deviation)
 
 
-def layout_of_terms(terms: tuple[Term, ...]) -> TexelLayout:
+def layout_of_terms(terms: Sequence[Term[Any]]) -> "TexelLayout":
     """The texels of all textures, one after another."""
     return layout_of(tuple(term.projection for term in terms), tuple(term.size for term in terms))
 
 
-def sum_of_terms(terms: tuple[Term, ...], wi: Tensor, wo: Tensor) -> Tensor:
+def sum_of_terms(terms: Sequence[Term[Any]], wi: "Tensor", wo: "Tensor") -> "Tensor":
     """Σj p̃j(πj(ωi, ωo)), conjugate lookups included: (N, C) logarithms of at least one term."""
+    import torch
+
+    from homofact.linear.bilinear import lookup
+
     total = torch.zeros(wi.shape[0], terms[0].texture.shape[2], dtype=wi.dtype, device=wi.device)
     for term in terms:
-        texture = term.texture.to(wi)
+        # Of float64 on the CPU this copies nothing.
+        texture = torch.as_tensor(term.texture).to(wi)
         for uv in term.projection.place(wi, wo):
             total = total + lookup(texture, uv, term.projection.axes)
     return total
@@ -102,13 +132,18 @@ def sum_of_terms(terms: tuple[Term, ...], wi: Tensor, wo: Tensor) -> Tensor:
 class Factorization:
     """A fitted product of textures; a `Reflectance` and a `Fitted`.
 
-    `provenance` holds what the fit was made from and by (method, seed, sampling, version), JSON-able.
+    The terms hold NumPy arrays, made of a solver's tensors where these are given. `provenance` holds what the fit was
+    made from and by (method, seed, sampling, version), JSON-able.
     """
 
-    terms: tuple[Term, ...]
+    terms: tuple[Term[Any], ...]
     transform: LogTransform
     channels: tuple[str, ...]
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Keep the terms as arrays."""
+        object.__setattr__(self, "terms", tuple(term.arrays() for term in self.terms))
 
     def __repr__(self) -> str:
         """In a line, without the texels."""
@@ -118,20 +153,22 @@ class Factorization:
     @property
     def nbytes(self) -> int:
         """Bytes of all texels as float32, as a clamping sampler reads them (`Term.flat`): what a renderer would use."""
-        return sum(term.flat().texture.numel() * 4 for term in self.terms)
+        return sum(term.flat().texture.size * 4 for term in self.terms)
 
     @property
     def fetches(self) -> int:
         """Texture lookups of one evaluation, conjugates included."""
         return sum(term.projection.lookups for term in self.terms)
 
-    def evaluate_log(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def evaluate_log(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """Σj p̃j (N, C): the sum of the textures, before the exponential."""
         return sum_of_terms(self.terms, wi, wo)
 
     @answering_in_kind
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        from homofact.geometry.directions import above_horizon
+
         above, wi, wo = above_horizon(wi, wo)
         return self.transform.inverse(self.evaluate_log(wi, wo)) * above[:, None]
 
@@ -151,22 +188,32 @@ class Factorization:
         indexed = []
         for term in self.terms:
             projection, warp = term.projection, term.projection.warp
-            matrices = [matrix.detach().cpu().to(torch.float64).numpy() for matrix in projection.matrices()]
             width = None if warp is None else warp.width
+            matrices = projection.lookup_matrices
             indexed.append(Indexed(projection.name, projection.system, matrices, width, term.flat().size))
-        return evaluation_of_product(indexed, exponential(self.transform))
+        return evaluation_of_product(indexed, self.transform)
 
     def with_textures(
         self,
-        texels: Sequence[Tensor],
-        grids: Sequence[Grid | None] | None = None,
+        texels: Sequence[Any],
+        grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "Factorization":
         """The same projections and masks with other logarithms (rows, columns, C), flat; as `Fitted.with_textures`."""
         chosen = grids or (None,) * len(self.terms)
-        terms = zip(self.terms, texels, chosen, strict=True)
-        made = tuple(replace(term.flat(), texture=each, grid=grid).round() for term, each, grid in terms)
+        terms = zip(self.terms, map(as_array, texels), chosen, strict=True)
+        made = tuple(replace(term.flat(), texture=own, grid=grid).round() for term, own, grid in terms)
         return replace(self, terms=made, provenance=self.provenance | dict(facts or {}))
+
+    def trained(
+        self, projections: Sequence[Projection], texels: Sequence[Any], facts: Mapping[str, Any]
+    ) -> "Factorization":
+        """The same masks with other projections and logarithms (rows, columns, C), not flat; `facts` as above."""
+        terms = tuple(
+            replace(term, projection=projection, texture=as_array(own), deviation=None, grid=None)
+            for term, projection, own in zip(self.terms, projections, texels, strict=True)
+        )
+        return replace(self, terms=terms, provenance=self.provenance | dict(facts))
 
     def describe(self) -> dict[str, Any]:
         """The projections and masks."""
@@ -188,7 +235,7 @@ class Factorization:
             "provenance": self.provenance,
             "terms": [described_term(term) for term in self.terms],
         }
-        arrays: dict[str, Any] = {"mean": self.transform.mean.cpu().numpy()}
+        arrays: dict[str, Any] = {"mean": self.transform.mean}
         for j, term in enumerate(self.terms):
             arrays |= term_arrays(j, term)
         write_archive(path, header, arrays)
@@ -196,41 +243,39 @@ class Factorization:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Factorization":
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
-        stored = StoredProduct.load(path)
-        transform = LogTransform(stored.transform.epsilon, torch.from_numpy(stored.transform.mean))
-        return cls(tuple(map(restored_term, stored.terms)), transform, stored.channels, stored.provenance)
-
-
-def exponential(transform: LogTransform) -> Exponential:
-    """ε and A as plain numbers."""
-    return Exponential(transform.epsilon, transform.mean.detach().cpu().to(torch.float64).numpy())
+        saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
+        fields = saved.fields
+        channels, transform = channels_and_transform(saved)
+        described = enumerate(fields.inners("terms", MOST_TERMS))
+        terms = tuple(stored_term(entry, saved, j, len(channels)) for j, entry in described)
+        return cls(terms, transform, channels, fields.inner("provenance").found)
 
 
 def _caption(projection: Projection) -> str:
     """What a texture is indexed by, in the field's letters: "θh, θd, warped", "searched in θi, θo, Δφ"."""
-    if projection.rotation is None:
+    if projection.quaternions is None:
         where = ", ".join(_LETTERS.get(axis, axis) for axis in projection.name.split("-"))
     else:
         where = f"{projection.name} in {_SPACES.get(projection.coordinates, projection.coordinates)}"
     return where if projection.warp is None else f"{where}, warped"
 
 
-def term_arrays(j: int, term: Term) -> dict[str, Any]:
+def term_arrays(j: int, term: Term[np.ndarray]) -> dict[str, Any]:
     """The arrays of term number `j` in a saved fit, by name."""
-    arrays: dict[str, Any] = {f"texture_{j}": term.texture.cpu().numpy(), f"mask_{j}": term.mask.cpu().numpy()}
+    arrays: dict[str, Any] = {f"texture_{j}": term.texture, f"mask_{j}": term.mask}
     if term.deviation is not None:
-        arrays[f"deviation_{j}"] = term.deviation.cpu().numpy()
+        arrays[f"deviation_{j}"] = term.deviation
     if term.grid is not None:
-        arrays[f"grid_{j}"] = torch.stack((term.grid.low, term.grid.step)).cpu().numpy()
-    arrays[f"matrix_{j}"] = term.projection.matrix.cpu().numpy()
-    rotation = term.projection.rotation
-    if rotation is not None:
+        arrays[f"grid_{j}"] = np.stack((term.grid.low, term.grid.step))
+    arrays[f"matrix_{j}"] = term.projection.matrix
+    quaternions = term.projection.quaternions
+    if quaternions is not None:
         # (2, 4) for a pair, (4,) for a single quaternion.
-        arrays[f"rotation_{j}"] = rotation.quaternions.squeeze(0).cpu().numpy()
+        arrays[f"rotation_{j}"] = quaternions if len(quaternions) == 2 else quaternions[0]
     return arrays
 
 
-def described_term(term: Term) -> dict[str, Any]:
+def described_term(term: Term[np.ndarray]) -> dict[str, Any]:
     """What the header of a saved fit says of a term beside its arrays."""
     projection = term.projection
     return {
@@ -238,19 +283,51 @@ def described_term(term: Term) -> dict[str, Any]:
         "reciprocal": projection.reciprocal,
         "name": projection.name,
         "warp": None if projection.warp is None else projection.warp.width,
-        "axes": names_of_axes(projection.axes),
+        "axes": _names_of_axes(projection.axes),
     } | ({} if term.grid is None else {"levels": term.grid.levels})
 
 
-def restored_term(stored: StoredTerm) -> Term:
-    """The term of arrays as tensors."""
-    rotation = None if stored.quaternions is None else Rotation(torch.from_numpy(stored.quaternions))
-    warp = None if stored.warp is None else Warp(stored.warp)
-    matrix = torch.from_numpy(stored.matrix)
-    projection = Projection(stored.coordinates, matrix, stored.reciprocal, stored.name, rotation, warp)
-    deviation = None if stored.deviation is None else torch.from_numpy(stored.deviation)
-    grid = None
-    if stored.grid is not None:
-        low, step = torch.from_numpy(stored.grid)
-        grid = Grid(low, step, stored.levels)
-    return Term(projection, torch.from_numpy(stored.texture), torch.from_numpy(stored.mask), deviation, grid)
+def channels_and_transform(saved: SavedFit) -> tuple[tuple[str, ...], LogTransform]:
+    """The channels of a saved fit, and the ε and A (C,) of its logarithms. Raises BadInput for what cannot be meant."""
+    channels = tuple(saved.fields.texts("channels", MOST_CHANNELS))
+    mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
+    return channels, LogTransform(saved.fields.number("epsilon", above=0), mean)
+
+
+def stored_term(fields: Fields, saved: SavedFit, j: int, channels: int) -> Term[np.ndarray]:
+    """Term number `j` of a saved fit. Raises BadInput for what no fit could have saved."""
+    name = fields.text("coordinates", COORDINATES)
+    system = COORDINATES[name]
+    quaternions, warp, grid, deviation = None, None, None, None
+    if f"rotation_{j}" in saved:
+        shape = (2, 4) if system.dimension == 4 else (4,)
+        quaternions = saved.floats(f"rotation_{j}", shape).reshape(-1, 4)
+        if (np.abs(np.linalg.norm(quaternions, axis=1) - 1) > 1e-3).any():
+            raise BadInput(f"rotation_{j} has another length than 1", where=saved.path, expected="unit quaternions")
+    if fields.found.get("warp") is not None:
+        warp = Warp(fields.number("warp", above=LEAST_WARP))
+    matrix = saved.floats(f"matrix_{j}", (2, system.dimension))
+    reciprocal, called = fields.flag("reciprocal"), fields.text("name")
+    try:
+        projection = Projection(name, matrix, reciprocal, called, quaternions, warp)
+        if warp is not None:
+            check_half_axes(system.axes)
+    except BadInput as error:
+        raise error.at(f"{saved.path}: term {j}") from error
+    expected = _names_of_axes(projection.axes)
+    if fields.found.get("axes", _names_of_axes(CLAMPED)) != expected:
+        fields.refuse("axes", f"{expected}, which {called} has")
+    texture = saved.floats(f"texture_{j}", (None, None, channels))
+    rows, columns = texture.shape[:2]
+    mask = saved.flags(f"mask_{j}", (rows, columns))
+    if f"deviation_{j}" in saved:
+        deviation = saved.floats(f"deviation_{j}", (rows, columns, channels), least=0)
+    if f"grid_{j}" in saved:
+        low, step = saved.floats(f"grid_{j}", (2, channels))
+        grid = QuantizationGrid(low, step, fields.whole("levels", 1, MOST_LEVELS))
+    return Term(projection, texture, mask, deviation, grid)
+
+
+def _names_of_axes(axes: Sequence[Axis] | Axes) -> list[str]:
+    """The kinds of a texture's axes, along its rows and along its columns, by name."""
+    return [axis.value for axis in axes]

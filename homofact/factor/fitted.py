@@ -8,20 +8,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
-from torch import Tensor
+import numpy as np
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.factor.evaluation import Evaluation
+from homofact.linear.arrays import Held, as_arrays
 
 
 @dataclass(frozen=True)
-class Grid:
+class QuantizationGrid:
     """The values that a texture of whole numbers can hold: low + k · step per channel (C,), k = 0 … `levels`."""
 
-    low: Tensor
-    step: Tensor
+    low: Held
+    step: Held
     levels: int
+
+    def __post_init__(self) -> None:
+        """Keep both as arrays."""
+        as_arrays(self, "low", "step")
 
 
 @dataclass(frozen=True)
@@ -36,10 +41,14 @@ class Texture:
     name: str
     caption: str
     quantity: str
-    texels: Tensor
-    mask: Tensor
-    grid: Grid | None = None
-    deviation: Tensor | None = None
+    texels: Held
+    mask: Held
+    grid: QuantizationGrid | None = None
+    deviation: Held | None = None
+
+    def __post_init__(self) -> None:
+        """Keep texels, mask and deviation as arrays."""
+        as_arrays(self, "texels", "mask", "deviation")
 
     @property
     def size(self) -> tuple[int, int]:
@@ -71,14 +80,14 @@ class Fitted(Reflectance, Protocol):
         ...
 
     @property
-    def evaluation(self) -> Evaluation:
-        """How values come from the textures."""
+    def evaluation(self) -> Evaluation | None:
+        """How values come from the textures; None for a model without (`evaluation.evaluation_of` refuses it)."""
         ...
 
     def with_textures(
         self,
-        texels: Sequence[Tensor],
-        grids: Sequence[Grid | None] | None = None,
+        texels: Sequence[Any],
+        grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> Self:
         """The same fit with other texels of the same sizes, on `grids` where given; `facts` join the provenance."""
@@ -93,6 +102,6 @@ class Fitted(Reflectance, Protocol):
         ...
 
 
-def bits(mask: Tensor) -> list[str]:
+def bits(mask: np.ndarray) -> list[str]:
     """A mask (rows, columns) as one string a row, 1 where it is True."""
     return ["".join("1" if texel else "0" for texel in row) for row in mask.tolist()]

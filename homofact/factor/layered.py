@@ -6,18 +6,27 @@ all. They are saved in one .npz, each texture with its layers one under another.
 
 import os
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import torch
-from torch import Tensor
+import numpy as np
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
-from homofact.factor.evaluation import Exponential
-from homofact.factor.factorization import Factorization, Term, described_term, exponential, restored_term, term_arrays
-from homofact.factor.stored import LEAST_MEAN, MOST_CHANNELS, MOST_TERMS, stored_term
+from homofact.factor.factorization import (
+    LEAST_MEAN,
+    MOST_CHANNELS,
+    MOST_TERMS,
+    Factorization,
+    Term,
+    described_term,
+    stored_term,
+    term_arrays,
+)
 from homofact.files.archive import write_archive
 from homofact.files.saved import SavedFit
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 FORMAT = "homofact layered factorization"
 FORMAT_VERSION = 1
@@ -34,12 +43,14 @@ class Layered:
     def __post_init__(self) -> None:
         """Raise BadInput for no layers or too many, and for fits that do not share projections, sizes and channels."""
         if not 1 <= len(self.layers) <= MOST_LAYERS:
-            raise BadInput(f"layers: found {len(self.layers)}, expected 1 to {MOST_LAYERS}")
+            raise BadInput(where="layers", found=len(self.layers), expected=f"1 to {MOST_LAYERS}")
         first = self.layers[0]
         for k, layer in enumerate(self.layers):
             same = layer.channels == first.channels and len(layer.terms) == len(first.terms)
             if not same or not all(map(_alike, layer.terms, first.terms)):
-                raise BadInput(f"layers: number {k} has other projections, sizes or channels, expected those of all")
+                raise BadInput(
+                    f"number {k} has other projections, sizes or channels", where="layers", expected="those of all"
+                )
 
     @property
     def nbytes(self) -> int:
@@ -47,19 +58,19 @@ class Layered:
         return sum(layer.nbytes for layer in self.layers)
 
     @property
-    def transforms(self) -> tuple[Exponential, ...]:
+    def transforms(self) -> tuple[LogTransform, ...]:
         """ε and A of every layer."""
-        return tuple(exponential(layer.transform) for layer in self.layers)
+        return tuple(layer.transform for layer in self.layers)
 
-    def evaluate(self, wi: Tensor, wo: Tensor, labels: Tensor) -> Tensor:
+    def evaluate(self, wi: "Tensor", wo: "Tensor", labels: "Tensor") -> "Tensor":
         """BRDF values (N, C) in sr⁻¹ of pairs (N, 3), each of the layer that its label (N,) names.
 
         Raises BadInput for a label that no layer has.
         """
         if len(labels) and not 0 <= int(labels.min()) <= int(labels.max()) < len(self.layers):
             found = f"{int(labels.min())} to {int(labels.max())}"
-            raise BadInput(f"labels: found {found}, expected 0 to {len(self.layers) - 1}")
-        values = torch.zeros(len(wi), len(self.layers[0].channels), dtype=torch.float64)
+            raise BadInput(where="labels", found=found, expected=f"0 to {len(self.layers) - 1}")
+        values = wi.new_zeros(len(wi), len(self.layers[0].channels)).double()
         for k in labels.unique().tolist():
             own = labels == k
             values[own] = self.layers[k].evaluate(wi[own], wo[own])
@@ -75,7 +86,7 @@ class Layered:
             "terms": [described_term(term) for term in first.terms],
             "layers": [{"epsilon": each.transform.epsilon, "provenance": each.provenance} for each in self.layers],
         }
-        arrays: dict[str, Any] = {"mean": torch.stack([each.transform.mean for each in self.layers]).cpu().numpy()}
+        arrays: dict[str, Any] = {"mean": np.stack([each.transform.mean for each in self.layers])}
         for j in range(len(first.terms)):
             arrays |= term_arrays(j, _stacked([layer.terms[j] for layer in self.layers]))
         write_archive(path, header, arrays)
@@ -87,9 +98,9 @@ class Layered:
         fields = saved.fields
         channels = tuple(fields.texts("channels", MOST_CHANNELS))
         described = fields.inners("layers", MOST_LAYERS)
-        mean = torch.from_numpy(saved.floats("mean", (len(described), len(channels)), least=LEAST_MEAN))
+        mean = saved.floats("mean", (len(described), len(channels)), least=LEAST_MEAN)
         terms = [
-            _apart(restored_term(stored_term(entry, saved, j, len(channels))), len(described), saved.path)
+            _apart(stored_term(entry, saved, j, len(channels)), len(described), saved.path)
             for j, entry in enumerate(fields.inners("terms", MOST_TERMS))
         ]
         layers = [
@@ -109,19 +120,23 @@ def _alike(one: Term, other: Term) -> bool:
     return (
         one.size == other.size
         and (mine.coordinates, mine.reciprocal, mine.warp) == (theirs.coordinates, theirs.reciprocal, theirs.warp)
-        and torch.equal(mine.matrix, theirs.matrix)
+        and np.array_equal(mine.matrix, theirs.matrix)
     )
 
 
-def _stacked(terms: list[Term]) -> Term:
+def _stacked(terms: list[Term[np.ndarray]]) -> Term[np.ndarray]:
     """The layers of one texture one under another; whole numbers and deviations are each layer's own, and left out."""
-    texture = torch.cat([term.texture for term in terms])
-    return replace(terms[0], texture=texture, mask=torch.cat([term.mask for term in terms]), deviation=None, grid=None)
+    texture = np.concatenate([term.texture for term in terms])
+    return replace(
+        terms[0], texture=texture, mask=np.concatenate([term.mask for term in terms]), deviation=None, grid=None
+    )
 
 
-def _apart(term: Term, count: int, path: str) -> list[Term]:
+def _apart(term: Term[np.ndarray], count: int, path: str) -> list[Term[np.ndarray]]:
     rows = term.size[0]
     if rows % count:
-        raise BadInput(f"{path}: found {rows} rows of texels, expected a multiple of {count}, the number of layers")
-    parts = zip(term.texture.split(rows // count), term.mask.split(rows // count), strict=True)
+        raise BadInput(
+            where=path, found=f"{rows} rows of texels", expected=f"a multiple of {count}, the number of layers"
+        )
+    parts = zip(np.split(term.texture, count), np.split(term.mask, count), strict=True)
     return [replace(term, texture=texture, mask=mask) for texture, mask in parts]

@@ -30,7 +30,7 @@ class LogBasis:
         """Of the textures (M, T, C) of M materials; `count` is at most M − 1. Raises BadInput for another."""
         materials = len(stack)
         if not 1 <= count < materials:
-            raise BadInput(f"basis: found {count} for {materials} materials, expected 1 to {materials - 1}")
+            raise BadInput(where="basis", found=f"{count} for {materials} materials", expected=f"1 to {materials - 1}")
         mean = stack.mean(0)
         _, _, directions = torch.linalg.svd((stack - mean).flatten(1), full_matrices=False)
         return cls(mean, directions[:count].reshape(count, *mean.shape))

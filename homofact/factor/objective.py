@@ -32,7 +32,7 @@ from homofact.linear.normal import gradient
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class ObjectiveValue:
     """R and its gradient (V,), the weighted mean squared log error without the penalties, and the texels (T, C)."""
 
     value: float
@@ -102,7 +102,7 @@ class Objective:
         self.evaluations += 1
         return minimum(self.problem(vector))[1] * self._scale
 
-    def evaluate(self, vector: Tensor) -> Evaluation:
+    def evaluate(self, vector: Tensor) -> ObjectiveValue:
         """R with its gradient: one accumulation, one solve, one pass back over the samples."""
         problem = self.problem(vector)
         self.evaluations += 1
@@ -112,7 +112,7 @@ class Objective:
         by_matrix, squares = gradient(problem.coordinates, problem.lookups, problem.targets, problem.weights, texels)
         value = (squares + problem.penalty(texels)) * self._scale
         slope = self._chain(vector, by_matrix.to(vector)) * self._scale
-        return Evaluation(value, slope, squares * self._scale, texels)
+        return ObjectiveValue(value, slope, squares * self._scale, texels)
 
     def _chain(self, vector: Tensor, by_matrix: Tensor) -> Tensor:
         """The derivative by the vector, from those by every lookup's matrix (L, 2, 4)."""
@@ -161,12 +161,12 @@ class JointObjective:
         self.evaluations += 1
         return sum(objective.error(vector) for objective in self._each) / len(self._each)
 
-    def evaluate(self, vector: Tensor) -> Evaluation:
+    def evaluate(self, vector: Tensor) -> ObjectiveValue:
         """The mean R with its gradient; `texels` (K T, C) are all materials', one after another."""
         self.evaluations += 1
         found = [objective.evaluate(vector) for objective in self._each]
         count = len(found)
-        return Evaluation(
+        return ObjectiveValue(
             sum(one.value for one in found) / count,
             torch.stack([one.gradient for one in found]).sum(0) / count,
             sum(one.error for one in found) / count,

@@ -14,24 +14,28 @@ A row that is ±1 at a periodic axis of the coordinates and zero elsewhere makes
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.factor.names import BOUNDS, FIXED_AXES
+from homofact.factor.fixed_projections import BOUNDS, FIXED_AXES
 from homofact.factor.rows import axes_of_rows, check_rows, lookup_matrices
 from homofact.geometry.coordinates import CoordinateSystem, coordinate_system
-from homofact.geometry.rotation import Rotation
-from homofact.linear.layout import Axes, Axis, Shape, TexelLayout
+from homofact.linear.arrays import Held, as_arrays
+from homofact.linear.names import Axes, Axis, Shape
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from homofact.geometry.rotation import Rotation
+    from homofact.linear.layout import TexelLayout
 
 # What a warp stretches, in whatever system.
 WARPED_AXES = ("u_h", "v_h", "theta_h")
 
 
-def row_bounds(matrix: Tensor, domain: str, bound: str) -> Tensor:
+def row_bounds(matrix: "Tensor", domain: str, bound: str) -> "Tensor":
     """Largest |row · x| (2,) over the domain, for the tight ("disc") or the thesis's ("cube") bound."""
     if domain == "discs" and bound == "disc":
         return matrix[:, :2].norm(dim=1) + matrix[:, 2:].norm(dim=1)
@@ -49,8 +53,10 @@ def bound_slopes(rows: np.ndarray, slope: np.ndarray, domain: str, bound: str) -
     return slope / size - (slope * rows).sum(1, keepdims=True) * by_row / size**2
 
 
-def swap_of(system: CoordinateSystem) -> Tensor:
+def swap_of(system: CoordinateSystem) -> "Tensor":
     """S (k, k) of the module's head, float64."""
+    import torch
+
     return torch.tensor(system.swap, dtype=torch.float64, device="cpu")
 
 
@@ -64,7 +70,7 @@ class Warp:
 
     width: float
 
-    def on(self, system: CoordinateSystem, coordinates: Tensor) -> Tensor:
+    def on(self, system: CoordinateSystem, coordinates: "Tensor") -> "Tensor":
         """The coordinates (N, k) with their half-vector part stretched. Raises BadInput where they have none."""
         return system.stretch(coordinates, self.width)
 
@@ -73,29 +79,38 @@ class Warp:
 class Projection:
     """A 2 × k matrix (float64, rows already scaled) on named coordinates.
 
-    `rotation` is what the matrix came from, of R⁴ (k = 4) or R³ (k = 3), where it is searched; `name` is the fixed
-    name ("h", "theta_h-theta_d") or "searched".
+    `quaternions` (2 or 1, 4) are those of the rotation of R⁴ (k = 4) or R³ (k = 3) that the matrix came from, where it
+    is searched; `name` is the fixed name ("h", "theta_h-theta_d") or "searched". Both are NumPy arrays, made of tensors
+    where these are given.
     """
 
     coordinates: str
-    matrix: Tensor
+    matrix: Held
     reciprocal: bool
     name: str = "searched"
-    rotation: Rotation | None = None
+    quaternions: Held | None = None
     warp: Warp | None = None
 
     def __post_init__(self) -> None:
         """Refuse a matrix that does not fit the coordinates or is not finite."""
-        check_rows(self._rows, self.system)
+        as_arrays(self, "matrix", "quaternions")
+        check_rows(self.matrix, self.system)
+
+    @property
+    def rotation(self) -> "Rotation | None":
+        """The rotation that the matrix came from; None where it is fixed."""
+        if self.quaternions is None:
+            return None
+        import torch
+
+        from homofact.geometry.rotation import Rotation
+
+        return Rotation(torch.from_numpy(self.quaternions))
 
     @property
     def axes(self) -> Axes:
         """The kinds of the texture's axes (rows, columns): `linear.layout`."""
-        return axes_of_rows(self._rows, self.system)
-
-    @property
-    def _rows(self) -> np.ndarray:
-        return self.matrix.detach().cpu().numpy()
+        return axes_of_rows(self.matrix, self.system)
 
     @property
     def system(self) -> CoordinateSystem:
@@ -104,72 +119,80 @@ class Projection:
 
     @classmethod
     def from_rows(
-        cls, coordinates: str, rows: Tensor, reciprocal: bool, bound: str = "disc", **more: object
+        cls, coordinates: str, rows: "Tensor", reciprocal: bool, bound: str = "disc", **more: object
     ) -> "Projection":
         """The projection with `rows` (2, k) scaled to fit the texture square; a zero row stays zero."""
         if bound not in BOUNDS:
-            raise BadInput(f"bound: found {bound!r}, expected one of {', '.join(BOUNDS)}")
+            raise BadInput(where="bound", found=repr(bound), expected=f"one of {', '.join(BOUNDS)}")
+        import torch
+
         largest = row_bounds(rows, coordinate_system(coordinates).domain, bound)
         scale = torch.where(largest > 0, 1 / largest.clamp_min(1e-300), torch.zeros_like(largest))
         return cls(coordinates, rows * scale[:, None], reciprocal, **more)  # type: ignore[arg-type]
 
     @classmethod
     def from_rotation(
-        cls, coordinates: str, rotation: Rotation, reciprocal: bool, bound: str = "disc", warp: Warp | None = None
+        cls, coordinates: str, rotation: "Rotation", reciprocal: bool, bound: str = "disc", warp: Warp | None = None
     ) -> "Projection":
         """The first two rows of a rotation of R⁴ or R³.
 
         Basis vectors e1, e2 turned by R give the rows (R e1)ᵀ, (R e2)ᵀ, as in the thesis (2.3.1).
         """
         rows = rotation.matrix().T[:2].contiguous()
-        return cls.from_rows(coordinates, rows, reciprocal, bound, rotation=rotation, warp=warp)
+        return cls.from_rows(coordinates, rows, reciprocal, bound, quaternions=rotation.quaternions, warp=warp)
 
-    def place(self, wi: Tensor, wo: Tensor) -> tuple[Tensor, ...]:
+    def place(self, wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, ...]":
         """Texture coordinates in [−1, 1]², one (N, 2) tensor for each lookup (two where the conjugate counts)."""
         return self.place_coordinates(self.prepare(wi, wo))
 
-    def prepare(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def prepare(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """The coordinates (N, k) that the matrix acts on, warped where this projection warps."""
         return self.system.evaluate(wi, wo, None if self.warp is None else self.warp.width)
 
-    def place_coordinates(self, x: Tensor) -> tuple[Tensor, ...]:
+    def place_coordinates(self, x: "Tensor") -> "tuple[Tensor, ...]":
         """As `place`, from coordinates (N, k) that `prepare` made."""
         return tuple(x @ matrix.to(x).T for matrix in self.matrices())
 
-    def matrices(self) -> tuple[Tensor, ...]:
+    @property
+    def lookup_matrices(self) -> tuple[np.ndarray, ...]:
         """The matrix of every lookup: P alone, or P and its conjugate P S (`rows.lookup_matrices`)."""
-        found = lookup_matrices(self._rows, self.system, self.reciprocal, self.rotation is not None)
-        return self.matrix, *(torch.from_numpy(each).to(self.matrix) for each in found[1:])
+        return lookup_matrices(self.matrix, self.system, self.reciprocal, self.quaternions is not None)
+
+    def matrices(self) -> "tuple[Tensor, ...]":
+        """`lookup_matrices` as tensors."""
+        import torch
+
+        return tuple(torch.from_numpy(matrix) for matrix in self.lookup_matrices)
 
     @property
     def lookups(self) -> int:
         """Texture fetches of one evaluation."""
-        return len(self.matrices())
+        return len(self.lookup_matrices)
 
 
 def describe_projection(projection: Projection) -> dict[str, Any]:
     """The JSON-able description of a projection, as a manifest explains it."""
-    matrices = projection.matrices()
+    matrices = projection.lookup_matrices
     return {
         "name": projection.name,
         "coordinates": projection.coordinates,
         "axes": list(projection.system.axes),
         "matrix": projection.matrix.tolist(),
-        "scale": projection.matrix.norm(dim=1).tolist(),
+        "scale": np.linalg.norm(projection.matrix, axis=1).tolist(),
         "reciprocal": projection.reciprocal,
         "conjugate_matrix": matrices[1].tolist() if len(matrices) == 2 else None,
         "lookups": projection.lookups,
         "warp": None if projection.warp is None else {"width": projection.warp.width},
-        "rotation": _rotation(projection.rotation),
+        "rotation": _rotation(projection.quaternions),
         "periodic": [axis is Axis.PERIODIC for axis in reversed(projection.axes)],
     }
 
 
-def _rotation(rotation: Rotation | None) -> dict[str, Any] | None:
-    if rotation is None:
+def _rotation(quaternions: np.ndarray | None) -> dict[str, Any] | None:
+    if quaternions is None:
         return None
-    rows = rotation.quaternions.tolist()
-    if rotation.dimension == 4:
+    rows = quaternions.tolist()
+    if len(rows) == 2:
         return {"kind": "pair", "left": rows[0], "right": rows[1]}
     return {"kind": "single", "quaternion": rows[0]}
 
@@ -180,15 +203,17 @@ def fixed_projection(name: str, reciprocal: bool, warp: Warp | None = None) -> P
     Raises BadInput that lists the names.
     """
     if name not in FIXED_AXES:
-        raise BadInput(f"projection: found {name!r}, expected one of {', '.join(FIXED_AXES)}")
+        raise BadInput(where="projection", found=repr(name), expected=f"one of {', '.join(FIXED_AXES)}")
     coordinates, axes = FIXED_AXES[name]
     system = coordinate_system(coordinates)
-    rows = torch.zeros(2, system.dimension, dtype=torch.float64, device="cpu")
+    rows = np.zeros((2, system.dimension))
     for row, axis in enumerate(axes):
         rows[row, system.axes.index(axis)] = 1
     return Projection(coordinates, rows, reciprocal, name=name, warp=warp)
 
 
-def layout_of(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> TexelLayout:
+def layout_of(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> "TexelLayout":
     """The texels of textures of these shapes (rows, columns), one a projection."""
+    from homofact.linear.layout import TexelLayout
+
     return TexelLayout(tuple(shapes), tuple(projection.axes for projection in projections))

@@ -36,7 +36,7 @@ from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.factor.energy import Flux
 from homofact.factor.factorization import Term, layout_of_terms
-from homofact.factor.fitted import Fitted, Grid
+from homofact.factor.fitted import Fitted, QuantizationGrid
 from homofact.factor.gauge import null_space
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, Smoothing, inner_problem
@@ -65,26 +65,29 @@ def quantize(fitted: F, samples: Samples, storage: str) -> F:
     storage.
     """
     if storage not in LEVELS:
-        raise BadInput(f"quantize: found {storage!r}, expected one of {', '.join(LEVELS)}")
+        raise BadInput(where="quantize", found=repr(storage), expected=f"one of {', '.join(LEVELS)}")
     return _solved(fitted, samples, storage) if is_solved(fitted) else rounded(fitted, storage)
 
 
 def is_solved(fitted: Fitted) -> bool:
     """Whether `quantize` solves for the texels; else it rounds them."""
-    return fitted.evaluation.transform is not None
+    return fitted.evaluation is not None and fitted.evaluation.transform is not None
 
 
 def rounded(fitted: F, storage: str) -> F:
     """The fit with every texel rounded by itself within its texture's range: what a plain export does."""
-    made = [_rounded(texture.texels, texture.mask, LEVELS[storage]) for texture in fitted.textures]
+    made = [
+        _rounded(torch.from_numpy(texture.texels), torch.from_numpy(texture.mask), LEVELS[storage])
+        for texture in fitted.textures
+    ]
     return fitted.with_textures([texels for texels, _ in made], [grid for _, grid in made], {"quantize": storage})
 
 
-def _rounded(texels: Tensor, mask: Tensor, levels: int) -> tuple[Tensor, Grid]:
+def _rounded(texels: Tensor, mask: Tensor, levels: int) -> tuple[Tensor, QuantizationGrid]:
     inside = texels[mask]
     low = inside.amin(0)
     step = (inside.amax(0) - low).clamp_min(1e-6) / levels
-    return low + step * ((texels - low) / step).round().clamp(0, levels), Grid(low, step, levels)
+    return low + step * ((texels - low) / step).round().clamp(0, levels), QuantizationGrid(low, step, levels)
 
 
 def _solved(fitted: F, samples: Samples, storage: str) -> F:
@@ -98,8 +101,10 @@ def _solved(fitted: F, samples: Samples, storage: str) -> F:
         logs = replace(plain, weights=Flux.of(samples, fitted.transform, objective).weights_of(plain))
     plainly = samples.clipped is None and not settings.get("robust", False) and settings.get("refine", "none") == "none"
     solved_anew = plainly and objective == "log"
-    terms = quantized_terms(logs, tuple(fitted.terms), smoothing, LEVELS[storage], solved_anew)
-    texels, grids = [term.flat().texture for term in terms], [term.grid for term in terms]
+    device = samples.wi.device
+    given = tuple(term.tensors(device) for term in fitted.terms)
+    terms = quantized_terms(logs, given, smoothing, LEVELS[storage], solved_anew)
+    texels, grids = [term.arrays().flat().texture for term in terms], [term.grid for term in terms]
     return fitted.with_textures(texels, grids, {"quantize": storage})
 
 
@@ -120,7 +125,6 @@ def quantized_terms(
     kept = problem.kept
     matrix, rhs = problem.normal()
     # Texel by texel from here on: compiled code and LAPACK, on the CPU.
-    device = kept.device
     owner = layout.owners()[kept.cpu()].numpy()
     if solved_anew:
         best = scipy.linalg.cho_solve(scipy.linalg.cho_factor(matrix.cpu().numpy()), rhs.cpu().numpy())
@@ -141,9 +145,9 @@ def quantized_terms(
     textures = layout.split(problem.expand(torch.from_numpy(found)))
     result = []
     for j, (term, texture) in enumerate(zip(terms, textures, strict=True)):
-        low, step = (torch.from_numpy(values[j]).to(device) for values in (lows, steps))
+        low, step = lows[j], steps[j]
         whole = filled(texture, term.mask, term.projection.axes)
-        result.append(replace(term, texture=whole, grid=Grid(low, step, levels)))
+        result.append(replace(term, texture=whole, grid=QuantizationGrid(low, step, levels)))
     return tuple(result)
 
 

@@ -11,14 +11,16 @@ def check_rows(matrix: np.ndarray, system: CoordinateSystem) -> None:
     """Raise BadInput for a matrix that does not fit the coordinates, is not finite, or mixes a periodic axis."""
     expected = (2, system.dimension)
     if tuple(matrix.shape) != expected:
-        raise BadInput(f"projection: matrix has shape {tuple(matrix.shape)}, expected {expected}")
+        raise BadInput(f"matrix has shape {tuple(matrix.shape)}", where="projection", expected=expected)
     if not np.isfinite(matrix).all():
-        raise BadInput("projection: matrix has entries that are not finite, expected finite numbers")
+        raise BadInput("matrix has entries that are not finite", where="projection", expected="finite numbers")
     for name in system.periodic:
         column = system.axes.index(name)
         rows = matrix[matrix[:, column] != 0]
         if (np.abs(rows[:, column]) != 1).any() or ((rows != 0).sum(1) != 1).any():
-            raise BadInput(f"projection: the matrix mixes or scales {name}, which is periodic, expected it alone")
+            raise BadInput(
+                f"the matrix mixes or scales {name}, which is periodic", where="projection", expected="it alone"
+            )
 
 
 def axes_of_rows(matrix: np.ndarray, system: CoordinateSystem) -> Axes:

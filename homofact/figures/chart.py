@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from homofact.errors import BadInput
-from homofact.evaluate.chart_ledger import ChartRow
-from homofact.evaluate.chart_points import ChartPoint, points_of, reference
+from homofact.evaluation.chart_ledger import ChartRow
+from homofact.evaluation.chart_points import ChartPoint, points_of, reference
 from homofact.figures.chart_panel import FETCHES, FRONT_COLOUR, KIBIBYTES, SECONDS, Look, Panel, share_axis
 from homofact.files.atomic import write_bytes
 
@@ -45,7 +45,7 @@ def write_charts(folder: str | os.PathLike[str], name: str, rows: Sequence[Chart
     Raises BadInput where no row can be drawn or the folder cannot be written.
     """
     if not any(_drawn(row) for row in rows):
-        raise BadInput(f"{name}: none of {len(rows)} rows has an error above 0, expected one to draw")
+        raise BadInput(f"none of {len(rows)} rows has an error above 0", where=name, expected="one to draw")
     written = []
     # The ids in an SVG are random unless salted: the same rows give the same file.
     with matplotlib.rc_context({"svg.hashsalt": "homofact"}):

@@ -7,9 +7,9 @@ from functools import cached_property
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from homofact.evaluate.chart_points import ChartPoint
-from homofact.evaluate.pareto import front
-from homofact.evaluate.spread import Spread
+from homofact.evaluation.chart_points import ChartPoint
+from homofact.evaluation.pareto import front
+from homofact.evaluation.spread import Spread
 from homofact.figures.log_axis import log_x, log_y, plain_number, round_ticks, set_ticks
 from homofact.figures.point_labels import PointLabel, label_points
 
@@ -20,7 +20,7 @@ _Place = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Cost:
+class CostAxis:
     """What a chart has to the right: its words, its value, and its axis between two values."""
 
     words: str
@@ -45,11 +45,11 @@ def _whole(axes: Axes, low: float, high: float, values: Sequence[float]) -> None
     set_ticks(axes.xaxis, sorted({float(round(value)) for value in values}))
 
 
-SECONDS = Cost("fitting time [s]", lambda point: point.seconds, _decimal)
-KIBIBYTES = Cost(
+SECONDS = CostAxis("fitting time [s]", lambda point: point.seconds, _decimal)
+KIBIBYTES = CostAxis(
     "textures as float32 [KiB]", lambda point: Spread.of(row.bytes / 1024 for row in point.rows), _doubling
 )
-FETCHES = Cost("texture fetches of one evaluation", lambda point: point.fetches, _whole)
+FETCHES = CostAxis("texture fetches of one evaluation", lambda point: point.fetches, _whole)
 
 
 @dataclass(frozen=True)
@@ -58,16 +58,16 @@ class Panel:
 
     axes: Axes
     all_points: Sequence[ChartPoint]
-    cost: Cost
+    cost: CostAxis
 
     @cached_property
     def points(self) -> list[ChartPoint]:
         """The points that are drawn."""
-        found: dict[tuple[str, str, int, Spread, Spread], ChartPoint] = {}
+        points: dict[tuple[str, str, int, Spread, Spread], ChartPoint] = {}
         for point in self.all_points:
             key = (point.series, point.textures, point.first.size, self.cost.of(point), point.error)
-            found.setdefault(key, point)
-        return list(found.values())
+            points.setdefault(key, point)
+        return list(points.values())
 
     @cached_property
     def places(self) -> list[_Place]:
@@ -77,9 +77,9 @@ class Panel:
     def draw(self, looks: dict[str, Look], base: ChartPoint | None, limits: tuple[float, float]) -> list[_Place]:
         """Axes, points, bars, front and reference line; the corners of the front in data coordinates."""
         axes, costs = self.axes, [self.cost.of(point) for point in self.points]
-        left, right = min(each.low for each in costs) / 1.5, max(each.high for each in costs) * 1.6
+        left, right = min(cost.low for cost in costs) / 1.5, max(cost.high for cost in costs) * 1.6
         log_y(axes, *limits)
-        self.cost.axis(axes, left, right, [each.mean for each in costs])
+        self.cost.axis(axes, left, right, [cost.mean for cost in costs])
         axes.set_xlabel(self.cost.words)
         axes.grid(color="#eeeeee", linewidth=0.8, zorder=0)
         axes.set_axisbelow(True)

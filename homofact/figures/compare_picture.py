@@ -1,7 +1,7 @@
 """Pictures for people: a source beside its fits on spheres under three lights, their differences, and the numbers.
 
-The lights are a point light, a round lamp of the same direction and irradiance, and a sky (`render.fixed_lights`). The
-spheres of a light share one exposure, chosen from the source: under the two lamps the 99th percentile is at 0.9 of
+The lights are a point light, a round lamp of the same direction and irradiance, and a sky (`rendering.fixed_lights`).
+The spheres of a light share one exposure, chosen from the source: under the two lamps the 99th percentile is at 0.9 of
 white, under the sky the middle at 0.18 below the filmic curve.
 
 A difference is signed and relative: (fit − source)/(source + `FLOOR` of white) in luminance (Rec. 709 weights), white
@@ -27,17 +27,17 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import interpolated_samples
 from homofact.errors import BadInput
 from homofact.figures.measured_range import beyond_the_measurement
-from homofact.figures.page import LINE, Page
+from homofact.figures.page import LINE, PicturePage
 from homofact.figures.sphere_picture import curve_in_words
 from homofact.files.atomic import replace_file
 from homofact.linear.threads import in_parallel
-from homofact.render.filtered import FilteredMaterial, Surroundings
-from homofact.render.fixed_lights import LAMP_RADIUS, lamp_map, sky_map
-from homofact.render.light import DEFAULT_LIGHT
-from homofact.render.lobe_patches import DRAFT
-from homofact.render.sphere import SphereImage, render_sphere
-from homofact.render.surface import ToRgb
-from homofact.render.tonemap import choose_exposure, choose_middle, tonemap
+from homofact.rendering.filtered import FilteredMaterial, Surroundings
+from homofact.rendering.fixed_lights import LAMP_RADIUS, lamp_map, sky_map
+from homofact.rendering.light import DEFAULT_LIGHT
+from homofact.rendering.lobe_patches import DRAFT
+from homofact.rendering.sphere import SphereImage, render_sphere
+from homofact.rendering.surface import ToRgb
+from homofact.rendering.tonemap import choose_exposure, choose_middle, tonemap
 
 FLOOR = 0.05
 _BLACK = 1e-4  # of white: a fortieth of the darkest code value that is not 0
@@ -96,10 +96,10 @@ def compare_picture(
     written.
     """
     if not fits:
-        raise BadInput("comparison picture: found no fits, expected at least one")
+        raise BadInput(where="comparison picture", found="no fits", expected="at least one")
     rows = _rows([source[1], *(fit for _, fit, _ in fits)], size, to_rgb)
     panel = max(size, _LEAST)
-    page = Page(_GAP + (1 + 2 * len(fits)) * (panel + _GAP), _GAP)
+    page = PicturePage(_GAP + (1 + 2 * len(fits)) * (panel + _GAP), _GAP)
     lefts, pair = [_GAP + column * (panel + _GAP) for column in range(1 + 2 * len(fits))], 2 * panel + _GAP
     heads = [(source[0], lefts[0], panel), *((fit[0], left, pair) for fit, left in zip(fits, lefts[1::2], strict=True))]
     below = max(page.text(title, left, _GAP // 2, width, bold=True) for title, left, width in heads)
@@ -142,9 +142,9 @@ def _rows(reflectances: Sequence[Reflectance], size: int, to_rgb: ToRgb | None) 
     """What is drawn under each light, source first."""
     surroundings = [Surroundings.of(light, size, fineness=DRAFT) for light in (lamp_map(), sky_map())]
 
-    def lit(each: Reflectance) -> list[SphereImage]:
-        material = FilteredMaterial.of(each, to_rgb=to_rgb, fineness=DRAFT)
-        directly = render_sphere(each, DEFAULT_LIGHT, size, to_rgb=to_rgb)
+    def lit(reflectance: Reflectance) -> list[SphereImage]:
+        material = FilteredMaterial.of(reflectance, to_rgb=to_rgb, fineness=DRAFT)
+        directly = render_sphere(reflectance, DEFAULT_LIGHT, size, to_rgb=to_rgb)
         return [directly, *(material.under(light) for light in surroundings)]
 
     images = [list(row) for row in zip(*in_parallel(lit, reflectances), strict=True)]
@@ -161,22 +161,22 @@ def _row(light: str, images: list[SphereImage], beyond: np.ndarray | None) -> _R
     exposure = (choose_middle if is_sky else choose_exposure)(images[0])
     curve = "filmic" if is_sky else "srgb"
     toned = [tonemap(image, exposure, curve=curve) for image in images]
-    shown = [each.pixels.numpy() / 255 for each in toned]
+    shown = [picture.pixels.numpy() / 255 for picture in toned]
     differences = [relative_difference(image, images[0], exposure).numpy() for image in images[1:]]
     lit = np.isfinite(differences).any(0)
     known = lit if beyond is None else lit & ~beyond
-    sizes = [np.abs(each[known & np.isfinite(each)]) for each in differences]
-    scales = tuple(_reach(each) for each in sizes)
-    coloured = [_coloured(*each) for each in zip(differences, scales, strict=True)]
+    sizes = [np.abs(difference[known & np.isfinite(difference)]) for difference in differences]
+    scales = tuple(_reach(values) for values in sizes)
+    coloured = [_coloured(*pair) for pair in zip(differences, scales, strict=True)]
     if beyond is not None:
         ground = np.broadcast_to(np.array(_GROUND), shown[0].shape)
         shown = [
             _hatched(np.where(beyond[..., None], ground, shown[0]), beyond),
             *(_hatched(each, beyond) for each in shown[1:]),
         ]
-        coloured = [_hatched(np.where(beyond[..., None], ground, each), beyond) for each in coloured]
+        coloured = [_hatched(np.where(beyond[..., None], ground, picture), beyond) for picture in coloured]
     share = None if beyond is None else float(beyond[lit].mean()) if lit.any() else 0.0
-    clipped = tuple(each.clipped for each in toned)
+    clipped = tuple(picture.clipped for picture in toned)
     return _Row(LightReport(light, exposure, curve, clipped, scales, share), shown, coloured)
 
 
@@ -199,7 +199,7 @@ def _luminance(radiance: Tensor) -> Tensor:
 def _reach(sizes: np.ndarray) -> float:
     """The smallest round range that holds 98% of the pixels."""
     most = float(np.quantile(sizes, 0.98)) if sizes.size else 0.0
-    return next((each for each in _RANGES if each >= most), _RANGES[-1])
+    return next((scale for scale in _RANGES if scale >= most), _RANGES[-1])
 
 
 def _coloured(difference: np.ndarray, reach: float) -> np.ndarray:

@@ -27,9 +27,9 @@ from homofact.figures.sphere_picture import PictureReport, caption
 from homofact.files.atomic import replace_file
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import from_half_difference, from_spherical
-from homofact.render.light import DEFAULT_LIGHT
-from homofact.render.sphere import render_sphere
-from homofact.render.tonemap import choose_exposure, tonemap
+from homofact.rendering.light import DEFAULT_LIGHT
+from homofact.rendering.sphere import render_sphere
+from homofact.rendering.tonemap import choose_exposure, tonemap
 
 LOBE_DEGREES = (15.0, 45.0, 75.0)
 _SIDE, _PIXELS, _MOST_DOTS = 90, 256, 4000
@@ -147,7 +147,7 @@ def _draw_lobes(axes: PolarAxes, reflectance: Reflectance, to_rgb: Callable[[Ten
 def _round_steps(most: float) -> list[float]:
     """Two to four multiples of 5, 1 or 2 times a power of ten, from the first above 0 up to `most`."""
     power = 10.0 ** math.floor(math.log10(most))
-    step = next(each for each in (power / 2, power, 2 * power) if most / each < 5)
+    step = next(size for size in (power / 2, power, 2 * power) if most / size < 5)
     return [step * k for k in range(1, math.floor(most / step * (1 + 1e-9)) + 1)]
 
 

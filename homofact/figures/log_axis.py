@@ -22,14 +22,14 @@ def round_ticks(low: float, high: float, fewest: int = 3, most: int = 7) -> list
         stride = 1
         while True:
             decades = [decade for decade in range(first, last + 1) if decade % stride == 0]
-            found = [digit * 10.0**decade for decade in decades for digit in digits]
-            found = [tick for tick in found if low * (1 - 1e-9) <= tick <= high * (1 + 1e-9)]
-            if len(found) <= most:
+            inside = [digit * 10.0**decade for decade in decades for digit in digits]
+            inside = [tick for tick in inside if low * (1 - 1e-9) <= tick <= high * (1 + 1e-9)]
+            if len(inside) <= most:
                 break
             if len(digits) > 1:  # too dense: the sparser ones before stand
                 return ticks
             stride += 1
-        ticks = found
+        ticks = inside
         if len(ticks) >= fewest:
             break
     return ticks

@@ -4,12 +4,12 @@ import os
 from collections.abc import Sequence
 
 from homofact.brdf.reflectance import Reflectance
-from homofact.figures.page import Page
+from homofact.figures.page import PicturePage
 from homofact.files.atomic import replace_file
-from homofact.render.filtered import FilteredMaterial, Surroundings
-from homofact.render.fixed_lights import sky_map
-from homofact.render.lobe_patches import DRAFT
-from homofact.render.tonemap import choose_middle, tonemap
+from homofact.rendering.filtered import FilteredMaterial, Surroundings
+from homofact.rendering.fixed_lights import sky_map
+from homofact.rendering.lobe_patches import DRAFT
+from homofact.rendering.tonemap import choose_middle, tonemap
 
 _SIZE, _GAP, _COLUMNS = 176, 14, 5
 
@@ -20,7 +20,7 @@ def material_sheet(path: str | os.PathLike[str], materials: Sequence[tuple[str, 
     Raises BadInput for what `FilteredMaterial` refuses and for a place that cannot be written.
     """
     columns = min(_COLUMNS, max(len(materials), 1))
-    page = Page(columns * (_SIZE + _GAP) + _GAP, _GAP)
+    page = PicturePage(columns * (_SIZE + _GAP) + _GAP, _GAP)
     top, sky = _GAP, Surroundings.of(sky_map(), _SIZE, fineness=DRAFT)
     for row in range(0, len(materials), columns):
         bottom = top

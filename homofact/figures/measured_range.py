@@ -1,8 +1,8 @@
 """Which pixels of a picture show more than was measured.
 
 A source that interpolates scattered samples is drawn everywhere, though a goniometer does not reach everywhere
-(`brdf.beyond`). A pixel is marked where more than half of the light that falls on it comes from directions that were
-not measured together with the view; under a point light that is all of it or nothing.
+(`brdf.quality.extrapolation`). A pixel is marked where more than half of the light that falls on it comes from
+directions that were not measured together with the view; under a point light that is all of it or nothing.
 """
 
 from collections.abc import Sequence
@@ -10,14 +10,14 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from homofact.brdf.beyond import Beyond
+from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import interpolated_samples
-from homofact.render.filtered import FilteredMaterial, Surroundings
-from homofact.render.light import DirectionalLight
-from homofact.render.lobe_patches import DRAFT
-from homofact.render.sphere import render_sphere
+from homofact.rendering.filtered import FilteredMaterial, Surroundings
+from homofact.rendering.light import DirectionalLight
+from homofact.rendering.lobe_patches import DRAFT
+from homofact.rendering.sphere import render_sphere
 
 LEAST = 0.5
 
@@ -29,13 +29,13 @@ class _Part:
     nbytes, fetches = 0, 0
 
     def __init__(self, samples: Samples | None) -> None:
-        self._beyond = None if samples is None else Beyond(samples)
+        self._extrapolation = None if samples is None else Extrapolation(samples)
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """1 or 0 (N, 1) for pairs of directions (N, 3); 0 below the horizon."""
         above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
-        if self._beyond is not None:
-            above &= self._beyond.measured(wi, wo)
+        if self._extrapolation is not None:
+            above &= self._extrapolation.measured(wi, wo)
         return above.to(torch.float64)[:, None]
 
 
@@ -51,7 +51,7 @@ def beyond_the_measurement(
     marks = []
     for light in lights:
         if isinstance(light, Surroundings):
-            known, whole = (each.under(light).radiance[..., 0] for each in asked)
+            known, whole = (material.under(light).radiance[..., 0] for material in asked)
         else:
             known, whole = (render_sphere(part, light, size).radiance[..., 0] for part in parts)
         # What is left of the light by rounding is no light.

@@ -13,7 +13,7 @@ _DPI, _POINTS = 100, 9.5
 _MARKS = "_-./"  # where names have their parts
 
 
-class Page:
+class PicturePage:
     """Pictures and lines of text at places in pixels from the top left; as high as what was put on it."""
 
     def __init__(self, width: int, margin: int) -> None:

@@ -8,21 +8,13 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from homofact.evaluate.compare import Row
-from homofact.evaluate.seeds import SeedRows
-from homofact.evaluate.spread import Spread
-from homofact.evaluate.wording import shapes
+from homofact.evaluation.compare import ComparisonRow
+from homofact.evaluation.metric_table import METRICS, SIX
+from homofact.evaluation.seeds import SeedRows
+from homofact.evaluation.spread import Spread
+from homofact.evaluation.wording import shapes
 from homofact.figures.log_axis import log_x
 from homofact.files.atomic import replace_file
-
-_METRICS = (
-    ("log_mse", "log space, mean squared (Cole error)"),
-    ("log_mae", "log space, mean absolute"),
-    ("log_max", "log space, maximum"),
-    ("mse", "linear, mean squared [sr⁻²]"),
-    ("mae", "linear, mean absolute [sr⁻¹]"),
-    ("max", "linear, maximum [sr⁻¹]"),
-)
 
 _TRAINING, _HELD_OUT = "#6a8db3", "#12385f"
 # Of the panel's width, where the right ends of the two columns of numbers are.
@@ -34,7 +26,7 @@ _COLUMN: dict[str, Any] = {
 _BESIDE: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center"}
 
 
-def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row | SeedRows]) -> None:
+def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | SeedRows]) -> None:
     """Draw the six metrics of `rows` as dots on logarithmic axes into `path` (PNG, SVG or PDF by its ending).
 
     A line of the panel is a method: a ring for the training samples, a dot for those held out, joined; the numbers at
@@ -44,13 +36,15 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row | SeedRows]) -> N
     Raises BadInput where the place cannot be written.
     """
     several = [row if isinstance(row, SeedRows) else SeedRows((row,)) for row in rows]
-    names = [_name(each) for each in several]
+    names = [_name(row) for row in several]
     figure = Figure(figsize=(13, 1.6 + 2 * (0.5 + 0.3 * len(rows))))
     # The numbers of the last panels reach beyond what the layout takes them to.
     figure.set_layout_engine("constrained", rect=(0, 0, 0.985, 1), wspace=0.06, hspace=0.08)
     axes = figure.subplots(2, 3, sharey=True)
-    for number, (axis, (metric, title)) in enumerate(zip(axes.ravel(), _METRICS, strict=True)):
-        spreads = [(each.train[metric], each.held_out[metric]) for each in several]
+    for number, (axis, name) in enumerate(zip(axes.ravel(), SIX, strict=True)):
+        metric = METRICS[name]
+        title = f"{metric.label} [{metric.unit}]" if metric.unit else metric.label
+        spreads = [(row.train[name], row.held_out[name]) for row in several]
         _dots(axis, spreads)
         axis.set_title(title, fontsize=10, loc="left", pad=18)
         for place, colour, words in ((_FIRST, _TRAINING, "○ training"), (_SECOND, _HELD_OUT, "● held out")):
@@ -58,7 +52,7 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row | SeedRows]) -> N
         axis.tick_params(axis="y", length=0, labelsize=9, labelleft=number % 3 == 0)
     axes[0, 0].set_ylim(len(rows) - 0.4, -0.6)
     axes[0, 0].set_yticks(range(len(rows)), names)
-    first, most = several[0].first, max(len(each.rows) for each in several)
+    first, most = several[0].first, max(len(row.rows) for row in several)
     seeds = "" if most == 1 else f"; means of {most} fits by different seeds, lines from least to greatest"
     epsilon = first.factorization.transform.epsilon
     figure.suptitle(f"{first.source}: lower is better (ε = {epsilon:g}, {first.samples} samples{seeds})")
@@ -67,7 +61,7 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[Row | SeedRows]) -> N
 
 def _dots(axis: Axes, spreads: Sequence[tuple[Spread, Spread]]) -> None:
     """One panel: a line for each (training, held out) pair, and its two numbers in columns beside the panel."""
-    ends = [end for pair in spreads for each in pair for end in (each.low, each.mean, each.high) if 0 < end < math.inf]
+    ends = [end for pair in spreads for part in pair for end in (part.low, part.mean, part.high) if 0 < end < math.inf]
     low, high = (min(ends), max(ends)) if ends else (0.1, 1.0)
     room = max(high / low, 10.0) ** 0.06
     log_x(axis, low / room, high * room, fewest=2, most=4)
@@ -79,21 +73,21 @@ def _dots(axis: Axes, spreads: Sequence[tuple[Spread, Spread]]) -> None:
         axis.axhline(place, color="#f1f1f1", linewidth=0.8, zorder=0)
         if not spread:
             axis.plot((train.mean, held_out.mean), (place, place), color="#9db4cc", linewidth=2, zorder=2)
-        for each, shift, colour, look in (
+        for part, shift, colour, look in (
             (train, -0.14, _TRAINING, {"ms": 9, "mfc": "none", "mew": 1.6, "zorder": 3}),
             (held_out, 0.14, _HELD_OUT, {"ms": 5.5, "zorder": 4}),
         ):
             at = place + (shift if spread else 0)
-            axis.plot((each.low, each.high), (at, at), color=colour, linewidth=1.2)
-            axis.plot(each.mean, at, "o", color=colour, **look)
-        for column, colour, each in ((_FIRST, _TRAINING, train), (_SECOND, _HELD_OUT, held_out)):
-            axis.annotate(f"{each.mean:.3g}", (column, place), (0, 0), color=colour, **_COLUMN | _BESIDE)
+            axis.plot((part.low, part.high), (at, at), color=colour, linewidth=1.2)
+            axis.plot(part.mean, at, "o", color=colour, **look)
+        for column, colour, part in ((_FIRST, _TRAINING, train), (_SECOND, _HELD_OUT, held_out)):
+            axis.annotate(f"{part.mean:.3g}", (column, place), (0, 0), color=colour, **_COLUMN | _BESIDE)
 
 
 def _name(several: SeedRows) -> str:
-    found = dict.fromkeys(shapes([texture.size for texture in row.factorization.textures]) for row in several.rows)
+    sizes = dict.fromkeys(shapes([texture.size for texture in row.factorization.textures]) for row in several.rows)
     settings = several.first.settings
     if not several.first.factorization.textures:
         lobes = getattr(settings, "lobes", 0)
         return f"{settings.name}, {lobes} lobe{'' if lobes == 1 else 's'}" if lobes else settings.name
-    return f"{settings.name}, {' or '.join(found)}"
+    return f"{settings.name}, {' or '.join(sizes)}"

@@ -64,13 +64,13 @@ def label_points(
         places,
         [(extent.width * scale + 1, extent.height * scale) for extent in extents],
         (frame.x0 * scale, frame.y0 * scale, frame.x1 * scale, frame.y1 * scale),
-        lines=[each for path in paths for each in _along([place(corner) for corner in path])],
+        lines=[point for path in paths for point in _along([place(corner) for corner in path])],
         radius=radius,
     )
-    for text, label, (x, y), found in zip(texts, labels, places, chosen, strict=True):
-        text.set_position((found.box[0] - x + 0.5, found.box[1] - y))
-        if found.leader:
-            end = nearest_edge((x, y), found.box)
+    for text, label, (x, y), chosen_place in zip(texts, labels, places, chosen, strict=True):
+        text.set_position((chosen_place.box[0] - x + 0.5, chosen_place.box[1] - y))
+        if chosen_place.leader:
+            end = nearest_edge((x, y), chosen_place.box)
             arrow = {"arrowstyle": "-", "linewidth": 0.6, "color": text.get_color(), "shrinkA": 0, "shrinkB": 3}
             offset = (end[0] - x, end[1] - y)
             axes.annotate("", label.at, xytext=offset, textcoords="offset points", arrowprops=arrow, zorder=2)
@@ -78,8 +78,8 @@ def label_points(
 
 def _along(corners: Sequence[Place], step: float = 3.0) -> list[Place]:
     """Places every `step` along the line through `corners`."""
-    found = []
+    places = []
     for (x0, y0), (x1, y1) in pairwise(corners):
         count = round((abs(x1 - x0) + abs(y1 - y0)) / step) + 1
-        found += [(x0 + (x1 - x0) * k / count, y0 + (y1 - y0) * k / count) for k in range(count + 1)]
-    return found
+        places += [(x0 + (x1 - x0) * k / count, y0 + (y1 - y0) * k / count) for k in range(count + 1)]
+    return places

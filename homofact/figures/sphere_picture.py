@@ -2,16 +2,18 @@
 
 import os
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
+import numpy as np
 from PIL import Image, PngImagePlugin
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.files.atomic import replace_file
-from homofact.render.filtered import draw_sphere
-from homofact.render.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap, Light
-from homofact.render.surface import ToRgb
-from homofact.render.tonemap import choose_middle, tonemap
+from homofact.rendering.filtered import draw_sphere
+from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap, Light
+from homofact.rendering.surface import ToRgb
+from homofact.rendering.tonemap import choose_middle, tonemap
 
 
 class PictureReport(NamedTuple):
@@ -22,8 +24,23 @@ class PictureReport(NamedTuple):
     curve: str = "srgb"
 
 
-def sphere_picture(
-    path: str | os.PathLike[str],
+@dataclass(frozen=True)
+class SpherePicture:
+    """A drawn sphere: pixels (n, n, 3) of 8 bits, what they were drawn with, and the caption that states it."""
+
+    pixels: np.ndarray
+    report: PictureReport
+    caption: str
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write a PNG with the caption in its text chunk `Description`. Raises BadInput for an unwritable place."""
+        text = PngImagePlugin.PngInfo()
+        text.add_text("Description", self.caption)
+        picture = Image.fromarray(self.pixels)
+        replace_file(path, lambda beside: picture.save(beside, format="PNG", pnginfo=text))
+
+
+def drawn_sphere(
     reflectance: Reflectance,
     *,
     light: Light | Sequence[Light] = DEFAULT_LIGHT,
@@ -33,32 +50,35 @@ def sphere_picture(
     size: int = 512,
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
-) -> PictureReport:
-    """One sphere as a PNG whose text chunk `Description` holds light, exposure, curve and white point.
+) -> SpherePicture:
+    """One lit sphere.
 
     `exposure` is a factor, else that of `choose_middle`; `stops` are powers of two on top of it. Raises BadInput for
-    what `draw_sphere` and `tonemap` refuse and a place that cannot be written.
+    what `draw_sphere` and `tonemap` refuse.
     """
     image = draw_sphere(reflectance, light, size, view=view, to_rgb=to_rgb)
     factor = (choose_middle(image) if exposure is None else exposure) * 2**stops
     shown = tonemap(image, factor, curve=curve)
     report = PictureReport(factor, shown.clipped, curve)
-    text = PngImagePlugin.PngInfo()
-    text.add_text("Description", caption(light, report))
-    picture = Image.fromarray(shown.pixels.numpy())
-    replace_file(path, lambda beside: picture.save(beside, format="PNG", pnginfo=text))
-    return report
+    return SpherePicture(shown.pixels.numpy(), report, caption(light, report))
+
+
+def sphere_picture(path: str | os.PathLike[str], reflectance: Reflectance, **settings: Any) -> PictureReport:
+    """Draw one sphere as `drawn_sphere` does and write it. Raises BadInput as `drawn_sphere` and its `write`."""
+    picture = drawn_sphere(reflectance, **settings)
+    picture.write(path)
+    return picture.report
 
 
 def caption(light: Light | Sequence[Light], report: PictureReport) -> str:
     """The line that states light, exposure, white point and the share of clipped pixels."""
     lights = [light] if isinstance(light, DirectionalLight | EnvironmentMap) else light
     return (
-        f"Light: {'; '.join(each.describe() for each in lights)}. Exposure {report.exposure:.4g}, linear sRGB, white"
+        f"Light: {'; '.join(light.describe() for light in lights)}. Exposure {report.exposure:.4g}, linear sRGB, white"
         f" point D65, {curve_in_words(report.curve)} curve. Pixels clipped to the gamut: {report.clipped:.1%}."
     )
 
 
 def curve_in_words(curve: str) -> str:
-    """A curve of `render.tonemap` as it is written in a sentence."""
+    """A curve of `rendering.tonemap` as it is written in a sentence."""
     return curve.replace("srgb", "sRGB")

@@ -91,13 +91,13 @@ def read_header(path: object, arrays: dict[str, np.ndarray], expected: str) -> d
     """The JSON object in the array "header". Raises BadInput where it is missing or holds anything else."""
     text = arrays.get("header")
     if text is None or text.shape != () or text.dtype.kind != "U":
-        raise BadInput(f"{path}: holds no header, expected {expected}")
+        raise BadInput("holds no header", where=path, expected=expected)
     try:
         found = parsed_json(str(text))
     except ValueError as error:
-        raise BadInput(f"{path}: header is not JSON ({error}), expected a JSON object") from error
+        raise BadInput(f"header is not JSON ({error})", where=path, expected="a JSON object") from error
     if not isinstance(found, dict):
-        raise BadInput(f"{path}: header is a JSON {type(found).__name__}, expected an object")
+        raise BadInput(f"header is a JSON {type(found).__name__}", where=path, expected="an object")
     return found
 
 
@@ -134,7 +134,7 @@ def saved_file(place: str | os.PathLike[str], *others: str) -> Path:
     for name in (FACTORIZATION, *others):
         if (target / name).is_file():
             return target / name
-    raise BadInput(f"{target}: found no {FACTORIZATION} in the folder, expected a result of a fit")
+    raise BadInput(where=target, found=f"no {FACTORIZATION} in the folder", expected="a result of a fit")
 
 
 def write_archive(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
@@ -149,7 +149,7 @@ def read_archive(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], d
         arrays = read_arrays(path, raw, member_names(path, raw, _FIT), _FIT)
         return arrays, read_header(path, arrays, _FIT)
     except BadInput as error:
-        raise BadInput(f"{path}: not a saved factorization:{str(error).removeprefix(f'{path}:')}") from error
+        raise error.moved_to(f"{path}: not a saved factorization") from error
 
 
 def _array(name: str, data: bytes) -> np.ndarray:
@@ -177,4 +177,4 @@ def _array(name: str, data: bytes) -> np.ndarray:
 
 
 def _damaged(path: object, error: Exception, expected: str) -> BadInput:
-    return BadInput(f"{path}: a damaged archive ({' '.join(str(error).split())}), expected {expected}")
+    return BadInput(f"a damaged archive ({' '.join(str(error).split())})", where=path, expected=expected)

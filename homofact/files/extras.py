@@ -55,8 +55,7 @@ def lacking(error: ImportError) -> MissingDependency | None:
 
 def told(module: str, purpose: str) -> str:
     """The message: what for, which package is missing, and how it is installed."""
-    package, extra = LIBRARIES[module.partition(".")[0]]
-    return f"{purpose}: {package} is not installed, expected it: pip install 'homofact[{extra}]'"
+    return str(_missing(module, purpose))
 
 
 def left_out(modules: Mapping[str, str]) -> str:
@@ -76,4 +75,6 @@ def left_out(modules: Mapping[str, str]) -> str:
 
 
 def _missing(module: str, purpose: str) -> MissingDependency:
-    return MissingDependency(told(module, purpose))
+    package, extra = LIBRARIES[module.partition(".")[0]]
+    hint = f"pip install 'homofact[{extra}]'"
+    return MissingDependency(f"{package} is not installed", where=purpose, expected="it", hint=hint)

@@ -1,7 +1,8 @@
 """JSON that a person may have edited, read with care: every entry is checked where it is taken.
 
 A `Fields` is one object of the file and knows its own place there, so that what is wrong is said with file and path:
-`manifest.json: textures[0].rows: found "many", expected a whole number from 1 to 16384`.
+`manifest.json: textures[0].rows: found "many", expected a whole number from 1 to 16384`. What a value may be is
+declared and checked as a setting is (`settings.options`).
 """
 
 import math
@@ -12,6 +13,7 @@ from typing import Any, NoReturn
 
 from homofact.errors import BadInput
 from homofact.files.reading import read_json, short_json
+from homofact.settings.options import Declared, Option
 
 
 @dataclass(frozen=True)
@@ -29,49 +31,45 @@ class Fields:
     def refuse(self, name: str, expected: str) -> NoReturn:
         """Raise BadInput that says what is there under `name`, and what is expected."""
         found = short_json(self.found[name]) if name in self.found else "nothing"
-        raise BadInput(f"{self.place}{name}: found {found}, expected {expected}")
+        raise BadInput(where=f"{self.place}{name}", found=found, expected=expected)
+
+    def value(self, name: str, kind: Any, expected: str = "", **allowed: Any) -> Any:
+        """A value of a kind, checked as a setting with these attributes of `Option` is."""
+        declared = Declared(name, (kind,), False, None, Option("", **allowed))
+        try:
+            return declared.read(self.found[name])
+        except (KeyError, BadInput):
+            self.refuse(name, expected or declared.expected)
 
     def text(self, name: str, among: Collection[str] = ()) -> str:
         """A text, one of `among` where that is given."""
-        value = self.found.get(name)
-        if not isinstance(value, str) or (among and value not in among):
-            self.refuse(name, f"one of {', '.join(among)}" if among else "a text")
-        return value
+        return self.value(name, str, "" if among else "a text", choices=tuple(among))
 
     def whole(self, name: str, least: int, most: int) -> int:
         """A whole number in a range."""
-        value = self.found.get(name)
-        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-            self.refuse(name, f"a whole number from {least} to {most}")
-        return value
+        return self.value(name, int, least=least, most=most)
 
     def version(self, name: str, newest: int) -> None:
         """A version from 1 to the newest that is known."""
         value = self.found.get(name)
         if isinstance(value, int) and value > newest:
-            raise BadInput(f"{self.place}format version {value}, expected at most {newest}: update homofact")
+            raise BadInput(f"{self.place}format version {value}", expected=f"at most {newest}", hint="update homofact")
         self.whole(name, 1, newest)
 
     def flag(self, name: str) -> bool:
         """True or false."""
-        value = self.found.get(name)
-        if not isinstance(value, bool):
-            self.refuse(name, "true or false")
-        return value
+        return self.value(name, bool)
 
-    def numbers(self, name: str, count: int, above: float = -math.inf) -> list[float]:
+    def numbers(self, name: str, count: int, above: float | None = None) -> list[float]:
         """`count` finite numbers, each greater than `above`."""
-        value = self.found.get(name)
-        if not isinstance(value, list) or len(value) != count or not all(_finite(each, above) for each in value):
-            more = "" if above == -math.inf else f" above {above:g}"
-            self.refuse(name, f"{count} finite numbers{more}")
-        return [float(each) for each in value]
+        more = "" if above is None else f" above {above:g}"
+        return list(self.value(name, tuple[(float,) * count], f"{count} finite numbers{more}", above=above))
 
-    def number(self, name: str, above: float = -math.inf) -> float:
+    def number(self, name: str, above: float | None = None) -> float:
         """A finite number greater than `above`."""
-        if not _finite(self.found.get(name), above):
-            self.refuse(name, "a finite number" if above == -math.inf else f"a finite number above {above:g}")
-        return float(self.found[name])
+        return self.value(
+            name, float, "a finite number" if above is None else f"a finite number above {above:g}", above=above
+        )
 
     def rows(self, name: str, count: int, width: int) -> list[list[float]]:
         """A matrix of finite numbers, `count` rows of `width`."""
@@ -111,12 +109,12 @@ class Fields:
         return [Fields(f"{self.place}{name}[{k}].", each) for k, each in enumerate(value)]
 
 
-def _finite(value: Any, above: float) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and above < value < math.inf
-
-
 def _row(value: Any, width: int) -> bool:
-    return isinstance(value, list) and len(value) == width and all(_finite(each, -math.inf) for each in value)
+    return isinstance(value, list) and len(value) == width and all(map(_finite, value))
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and -math.inf < value < math.inf
 
 
 def _bits(value: Any, width: int) -> bool:

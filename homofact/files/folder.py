@@ -11,7 +11,7 @@ import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from homofact.errors import BadInput
+from homofact.errors import Advice, BadInput
 from homofact.files.atomic import flush
 from homofact.files.exchange import exchange
 from homofact.files.kinds import FolderKind
@@ -33,18 +33,20 @@ def check_new_folder(folder: str | os.PathLike[str], kind: FolderKind, force: bo
     if target.is_dir():
         found = sorted(entry.name for entry in target.iterdir())
         if found and kind.mark not in found:
-            raise BadInput(f"{folder}: found {found[0]} in it and no {kind.what}, expected a new or empty folder")
+            raise BadInput(where=folder, found=f"{found[0]} in it and no {kind.what}", expected="a new or empty folder")
         if found and not force:
-            raise BadInput(f"{folder}: found an existing {kind.what}, expected a new folder or --force")
+            raise BadInput(
+                where=folder, found=f"an existing {kind.what}", expected=f"a new folder or {Advice('force', True)}"
+            )
         if _is_mount_point(target):
-            raise BadInput(f"{folder}: is a mount point, which cannot be replaced; expected a folder in it")
+            raise BadInput("is a mount point, which cannot be replaced", where=folder, expected="a folder in it")
     elif target.exists():
-        raise BadInput(f"{folder}: found a file, expected a folder for the {kind.what}")
+        raise BadInput(where=folder, found="a file", expected=f"a folder for the {kind.what}")
     place = next(parent for parent in target.parents if parent.exists())
     if not place.is_dir():
-        raise BadInput(f"{folder}: cannot be written ({place} is not a folder), expected a writable place")
+        raise BadInput(f"cannot be written ({place} is not a folder)", where=folder, expected="a writable place")
     if not os.access(place, os.W_OK | os.X_OK):
-        raise BadInput(f"{folder}: cannot be written ({place} is not writable), expected a writable place")
+        raise BadInput(f"cannot be written ({place} is not writable)", where=folder, expected="a writable place")
 
 
 def write_folder(
@@ -125,7 +127,7 @@ def kept(made: Path, folder: str | os.PathLike[str], what: str, ending: str) -> 
             raise error from None
         flush(free)
         if isinstance(error, BadInput):
-            raise BadInput(f"{error}; {what} is kept in {free}") from error
+            raise error.with_hint(f"{what} is kept in {free}") from error
         error.add_note(f"{what} is kept in {free}")
         raise
 

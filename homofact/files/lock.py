@@ -110,7 +110,7 @@ def _lock_file(path: str | os.PathLike[str], target: Path) -> Iterator[None]:
         yield
         return
     if handle is None:
-        raise BadInput(f"{path}: another run of homofact{_holder(place)} writes there, expected one at a time")
+        raise BadInput(f"another run of homofact{_holder(place)} writes there", where=path, expected="one at a time")
     try:
         os.ftruncate(handle, 0)
         os.write(handle, b"%d\n" % os.getpid())

@@ -16,7 +16,7 @@ def unwritable_refused(path: str | os.PathLike[str]) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or error
-        raise BadInput(f"{path}: cannot be written ({reason}), expected a writable place") from error
+        raise BadInput(f"cannot be written ({reason})", where=path, expected="a writable place") from error
 
 
 def real_place(path: str | os.PathLike[str]) -> Path:

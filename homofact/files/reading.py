@@ -27,7 +27,7 @@ def read_bytes(path: str | os.PathLike[str], expected: str, *, may_be_empty: boo
     except (OSError, ValueError) as error:
         raise _refusal(target, error, expected) from error
     if not data and not may_be_empty:
-        raise BadInput(f"{target}: the file is empty, expected {expected}")
+        raise BadInput("the file is empty", where=target, expected=expected)
     return data
 
 
@@ -54,11 +54,11 @@ def _opened(target: Path) -> BinaryIO:
 
 def _refusal(target: Path, error: OSError | ValueError, expected: str) -> BadInput:
     if isinstance(error, FileNotFoundError):
-        return BadInput(f"{target}: no such file, expected {expected}")
+        return BadInput("no such file", where=target, expected=expected)
     if isinstance(error, IsADirectoryError):
-        return BadInput(f"{target}: a folder, expected {expected}")
+        return BadInput("a folder", where=target, expected=expected)
     reason = getattr(error, "strerror", None) or error
-    return BadInput(f"{target}: cannot be read ({reason}), expected {expected}")
+    return BadInput(f"cannot be read ({reason})", where=target, expected=expected)
 
 
 def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
@@ -66,27 +66,28 @@ def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
     # An empty file is TOML that says nothing.
     data = read_bytes(path, expected, may_be_empty=True)
     if len(data) > _LARGEST_TOML:
-        raise BadInput(f"{path}: found {len(data)} bytes, expected {expected} of at most {_LARGEST_TOML}")
+        raise BadInput(where=path, found=f"{len(data)} bytes", expected=f"{expected} of at most {_LARGEST_TOML}")
     for number, line in enumerate(data.split(b"\n"), 1):
         # What a dotted key costs to read grows by the square of its parts.
         if any(piece.count(b".") > _DEEPEST for piece in line.split(b",")):
             raise BadInput(
-                f"{path}: line {number}: found more than {_DEEPEST} dots between commas, expected {expected}"
+                where=f"{path}: line {number}", found=f"more than {_DEEPEST} dots between commas", expected=expected
             )
     try:
         return tomllib.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise BadInput(f"{path}: not TOML: {error}") from error
+        raise BadInput(f"not TOML: {error}", where=path, expected=expected) from error
 
 
 def read_json(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
     """The object that is a JSON file. Raises BadInput where it cannot be read, is no JSON, or no object."""
+    data = read_bytes(path, expected)
     try:
-        found = parsed_json(read_bytes(path, expected).decode("utf-8"))
+        found = parsed_json(data.decode("utf-8"))
     except ValueError as error:
-        raise BadInput(f"{path}: not JSON ({error}), expected {expected}") from error
+        raise BadInput(f"not JSON ({error})", where=path, expected=expected) from error
     if not isinstance(found, dict):
-        raise BadInput(f"{path}: found {short_json(found)}, expected {expected}")
+        raise BadInput(where=path, found=short_json(found), expected=expected)
     return found
 
 

@@ -46,7 +46,9 @@ class SavedFit:
             sound = (values >= least) & (values <= MOST_VALUE)
         if not sound.all():
             found = float(values[~sound].reshape(-1)[0])
-            raise BadInput(f"{self.path}: {name} holds {found:g}, expected numbers from {least:g} to {MOST_VALUE:g}")
+            raise BadInput(
+                f"{name} holds {found:g}", where=self.path, expected=f"numbers from {least:g} to {MOST_VALUE:g}"
+            )
         return values
 
     def flags(self, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
@@ -58,14 +60,15 @@ class SavedFit:
     def _shaped(self, name: str, shape: tuple[int | None, ...], kind: str) -> np.ndarray:
         array = self._arrays.get(name)
         if array is None:
-            raise BadInput(f"{self.path}: holds no {name}, expected what save wrote")
+            raise BadInput(f"holds no {name}", where=self.path, expected="what save wrote")
         fits = array.ndim == len(shape) and all(
             side > 0 and wanted in (None, side) for side, wanted in zip(array.shape, shape, strict=True)
         )
         if not fits or array.dtype.kind != kind:
             words = ", ".join("any" if side is None else str(side) for side in shape)
             raise BadInput(
-                f"{self.path}: {name} is {array.dtype} of shape {array.shape},"
-                f" expected {'floats' if kind == 'f' else 'booleans'} of shape ({words})"
+                f"{name} is {array.dtype} of shape {array.shape}",
+                where=self.path,
+                expected=f"{('floats' if kind == 'f' else 'booleans')} of shape ({words})",
             )
         return array

@@ -36,8 +36,10 @@ def check_last_line(path: object, raw: bytes, number: int) -> None:
     """Raise BadInput where line `number`, the last, has no line end: its last number may be cut."""
     if not raw.endswith((b"\n", b"\r")):
         raise BadInput(
-            f"{path}: line {number} has no line end, so its last number may be cut;"
-            " expected a whole file (or add the line end)"
+            f"line {number} has no line end, so its last number may be cut",
+            where=path,
+            expected="a whole file",
+            hint="or add the line end",
         )
 
 
@@ -54,7 +56,7 @@ def number_table(
     for number, line in lines:
         words = line.split(separator)
         if len(words) != columns:
-            raise BadInput(f"{path}: line {number}: {len(words)} columns, expected {columns} ({what})")
+            raise BadInput(f"{len(words)} columns", where=f"{path}: line {number}", expected=f"{columns} ({what})")
         try:
             row = [float(word) for word in words]
         except ValueError:
@@ -62,7 +64,7 @@ def number_table(
         # float() takes "1_0" too, which no measurement means.
         if not all(map(math.isfinite, row)) or "_" in line:
             bad = next(word for word in words if not _is_finite(word))
-            raise BadInput(f"{path}: line {number}: found {short(bad.strip())}, expected a finite number")
+            raise BadInput(where=f"{path}: line {number}", found=short(bad.strip()), expected="a finite number")
         values += row
         numbers.append(number)
     return np.array(values, dtype=np.float64).reshape(-1, columns), numbers

@@ -165,7 +165,7 @@ COORDINATES = {
 def coordinate_system(name: str) -> CoordinateSystem:
     """The system called `name`. Raises BadInput that lists the names."""
     if name not in COORDINATES:
-        raise BadInput(f"coordinates: found {name!r}, expected one of {', '.join(COORDINATES)}")
+        raise BadInput(where="coordinates", found=repr(name), expected=f"one of {', '.join(COORDINATES)}")
     return COORDINATES[name]
 
 
@@ -178,7 +178,7 @@ def check_half_axes(axes: Sequence[str]) -> int:
     """`half_axes`, where there are any. Raises BadInput where there are none, and nothing for a warp to stretch."""
     count = half_axes(axes)
     if count == 0:
-        raise BadInput(f"warp: found the coordinates {', '.join(axes)}, expected some with a half vector")
+        raise BadInput(where="warp", found=f"the coordinates {', '.join(axes)}", expected="some with a half vector")
     return count
 
 

@@ -62,7 +62,7 @@ class Rotation:
         """Refuse what is neither one quaternion nor a pair."""
         if tuple(self.quaternions.shape) not in ((1, 4), (2, 4)):
             found = tuple(self.quaternions.shape)
-            raise BadInput(f"rotation: found quaternions of shape {found}, expected (1, 4) or (2, 4)")
+            raise BadInput(where="rotation", found=f"quaternions of shape {found}", expected="(1, 4) or (2, 4)")
 
     @classmethod
     def pair(cls, left: Tensor, right: Tensor) -> "Rotation":

@@ -47,7 +47,7 @@ def laplacian(mask: Tensor, axes: Axes = CLAMPED) -> scipy.sparse.csr_matrix:
     for _, texels, _ in entries:
         held[texels] = True
     for texel in np.flatnonzero(inside & ~held).tolist():
-        near = [each for each in _around(texel, rows, columns, axes) if inside[each]]
+        near = [neighbour for neighbour in _around(texel, rows, columns, axes) if inside[neighbour]]
         if near:
             alone = np.full(len(near), texel)
             entries += [(alone[:1], alone[:1], float(len(near))), (alone, np.asarray(near), -1.0)]
@@ -61,10 +61,10 @@ def laplacian(mask: Tensor, axes: Axes = CLAMPED) -> scipy.sparse.csr_matrix:
 def _around(texel: int, rows: int, columns: int, axes: Axes) -> list[int]:
     """The numbers of up to four neighbours of a texel."""
     row, column = divmod(texel, columns)
-    found = set()
+    neighbours = set()
     for r, c in ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1)):
         r = r % rows if axes[0] is Axis.PERIODIC else r
         c = c % columns if axes[1] is Axis.PERIODIC else c
         if 0 <= r < rows and 0 <= c < columns:
-            found.add(r * columns + c)
-    return sorted(found - {texel})
+            neighbours.add(r * columns + c)
+    return sorted(neighbours - {texel})

@@ -39,8 +39,8 @@ class Roughness:
     @classmethod
     def of(cls, layout: TexelLayout, masks: tuple[Tensor, ...]) -> "Roughness":
         """The Laplacian rows of all textures inside their masks (rows, columns)."""
-        each = [laplacian(mask, axes) for mask, axes in zip(masks, layout.axes, strict=True)]
-        return cls(scipy.sparse.csr_matrix(scipy.sparse.block_diag(each)))
+        blocks = [laplacian(mask, axes) for mask, axes in zip(masks, layout.axes, strict=True)]
+        return cls(scipy.sparse.csr_matrix(scipy.sparse.block_diag(blocks)))
 
     @cached_property
     def gram(self) -> scipy.sparse.csr_matrix:
@@ -51,7 +51,7 @@ class Roughness:
     def places(self) -> tuple[Tensor, Tensor, Tensor]:
         """Row and column numbers (E,) and values (E,) of LᵀL's entries."""
         gram = self.gram.tocoo()
-        row, column = (torch.from_numpy(each.astype(np.int64)) for each in (gram.row, gram.col))
+        row, column = (torch.from_numpy(numbers.astype(np.int64)) for numbers in (gram.row, gram.col))
         return row, column, torch.from_numpy(gram.data)
 
 
@@ -61,7 +61,8 @@ class LeastSquares:
 
     `kept` (T,) marks the unknowns that are solved for; the others are left out and come back as 0.
     `roughness` holds L, zero outside of `kept`; `smoothing` is λ, one for all or one an unknown (T,), equal within
-    a texture. `gauge` is Z (T, G) of the module's head, zero outside of `kept`; None holds nothing.
+    a texture. `gauge` is Z (T, G) of the module's head, zero outside of `kept`; None holds nothing. `sibling` is a
+    problem whose normal equations are taken over as long as it has the same samples.
     """
 
     coordinates: Tensor
@@ -72,6 +73,7 @@ class LeastSquares:
     roughness: Roughness
     smoothing: float | Tensor
     gauge: Tensor | None = None
+    sibling: "LeastSquares | None" = None
 
     @property
     def unknowns(self) -> int:
@@ -81,6 +83,8 @@ class LeastSquares:
     @cached_property
     def data(self) -> NormalEquations:
         """BᵀWB, BᵀWf and the energy: the samples alone, all unknowns, accumulated on first use."""
+        if self.sibling is not None and self._has_samples_of(self.sibling):
+            return self.sibling.data
         return accumulate(self.coordinates, self.lookups, self.targets, self.weights, self.unknowns)
 
     @property
@@ -109,10 +113,13 @@ class LeastSquares:
 
     def within(self, kept: Tensor, roughness: Roughness, gauge: Tensor | None) -> "LeastSquares":
         """The same samples for other kept unknowns, without another pass over them."""
-        result = replace(self, kept=kept, roughness=roughness, gauge=gauge)
-        if is_dense(self.unknowns):
-            result.__dict__["data"] = self.data
-        return result
+        return replace(self, kept=kept, roughness=roughness, gauge=gauge, sibling=self)
+
+    def _has_samples_of(self, other: "LeastSquares") -> bool:
+        """Whether both were made from the same tensors, and have as many unknowns."""
+        mine = (self.coordinates, self.lookups, self.targets, self.weights)
+        theirs = (other.coordinates, other.lookups, other.targets, other.weights)
+        return self.unknowns == other.unknowns and all(own is same for own, same in zip(mine, theirs, strict=True))
 
     def penalty(self, texels: Tensor) -> float:
         """λ'|Ly|² + δ|y|² of texels (T, C), summed over channels."""
@@ -123,7 +130,7 @@ class LeastSquares:
         """(BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
         kept = self.kept
         matrix = self.data.matrix.clone()
-        add_penalty(matrix, self.roughness, self.penalty_scale, self.ridge)
+        _add_penalty(matrix, self.roughness, self.penalty_scale, self.ridge)
         if self.gauge is not None:
             matrix.addmm_(self.gauge, self.gauge.T, alpha=self.gauge_scale)
         if bool(kept.all()):
@@ -189,7 +196,7 @@ def solve_penalised(
         if solution is not None:
             return torch.from_numpy(solution)
     matrix = data.matrix.clone() if without is None else data.matrix - without.matrix
-    add_penalty(matrix, roughness, scale, ridge)
+    _add_penalty(matrix, roughness, scale, ridge)
     factor, info = torch.linalg.cholesky_ex(matrix)
     return minimum_norm(matrix, rhs) if int(info) else torch.cholesky_solve(rhs, factor)
 
@@ -215,10 +222,10 @@ def minimum(problem: LeastSquares) -> tuple[Tensor, float]:
     return texels, max(float(data.energy.sum() - (texels * data.rhs).sum()), 0.0)
 
 
-def add_penalty(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float) -> None:
+def _add_penalty(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float) -> None:
     """Add λ'LᵀL + δI to `matrix` (T, T) in place, with λ' (T, 1)."""
     # L is block diagonal and λ' constant within a block, so diag(λ') LᵀL is symmetric.
-    row, column, values = (each.to(matrix.device) for each in roughness.places)
+    row, column, values = (entries.to(matrix.device) for entries in roughness.places)
     matrix[row, column] += scale[row, 0] * values
     matrix.diagonal().add_(ridge)
 
@@ -247,8 +254,8 @@ def _array(tensor: Tensor) -> np.ndarray:
 
 def _penalty_scale(smoothing: float | Tensor, like: Tensor, weight: float, kept: Tensor) -> Tensor:
     """λ' (T, 1) = λ · Σw/K, K of the T unknowns being kept; float64 on the device of `like`."""
-    each = smoothing.to(like) if isinstance(smoothing, Tensor) else like.new_full((), smoothing)
-    return each.expand(len(kept))[:, None] * (weight / float(kept.sum()))
+    value = smoothing.to(like) if isinstance(smoothing, Tensor) else like.new_full((), smoothing)
+    return value.expand(len(kept))[:, None] * (weight / float(kept.sum()))
 
 
 def _ridge(weight: float, lookups: int, unknowns: int) -> float:

@@ -23,8 +23,8 @@ from homofact.linear.layout import CLAMPED, Axes, Axis, Shape
 from homofact.linear.threads import in_parallel
 
 # Multiply-adds under which a second range of samples costs more than a second thread saves.
-WORTH_A_RANGE = 1_000_000
-RANGES = 2
+_WORTH_A_RANGE = 1_000_000
+_RANGES = 2
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def accumulate_lower(
 
 def _ranges(count: int, cost: int) -> list[tuple[int, int]]:
     """Ranges (begin, end) of samples that are worked on by themselves: as many for equal work on every machine."""
-    number = max(1, min(RANGES, count * cost // WORTH_A_RANGE))
+    number = max(1, min(_RANGES, count * cost // _WORTH_A_RANGE))
     edges = [place * count // number for place in range(number + 1)]
     return list(pairwise(edges))
 
@@ -251,12 +251,12 @@ def gradient_torch(
 ) -> tuple[Tensor, float]:
     """As `gradient`, by automatic differentiation on any device."""
     matrices = [lookup.matrix.to(coordinates).clone().requires_grad_() for lookup in lookups]
-    found = torch.zeros_like(targets)
+    fitted = torch.zeros_like(targets)
     for lookup, matrix in zip(lookups, matrices, strict=True):
         x = coordinates[:, lookup.start : lookup.start + matrix.shape[1]]
         numbers, values = stencil(x @ matrix.T, lookup.shape, axes=lookup.axes)
-        found = found + (texels[numbers + lookup.offset] * values[..., None]).sum(1)
-    total = (weights[:, None] * (targets - found) ** 2).sum()
+        fitted = fitted + (texels[numbers + lookup.offset] * values[..., None]).sum(1)
+    total = (weights[:, None] * (targets - fitted) ** 2).sum()
     result = torch.zeros(len(lookups), 2, 4, dtype=torch.float64, device=coordinates.device)
     for number, part in enumerate(torch.autograd.grad(total, matrices)):
         result[number, :, : part.shape[1]] = part
@@ -327,5 +327,5 @@ def warm_up() -> float:
     x, f, w = nothing[:1, :2], nothing[:1, :1], nothing[0, :1]
     accumulate_compiled(x, (lookup,), f, w, 4)
     gradient(x, (lookup,), f, w, nothing[:, :1].contiguous())
-    compiled = any(each.stats.cache_misses for each in (_accumulate, _gradient))
+    compiled = any(kernel.stats.cache_misses for kernel in (_accumulate, _gradient))
     return time.perf_counter() - began if compiled else 0.0

@@ -2,9 +2,9 @@
 
 from torch import Tensor
 
-NORMAL_MAD = 1.4826
+_NORMAL_MAD = 1.4826
 
 
 def scale_of(residuals: Tensor) -> float:
     """σ of residuals (N,), from the median of their absolute values."""
-    return NORMAL_MAD * float(residuals.abs().median())
+    return _NORMAL_MAD * float(residuals.abs().median())

@@ -25,19 +25,19 @@ def is_dense(unknowns: int) -> bool:
 
 def memory_of_machine() -> int | None:
     """Bytes that this process may use at most: the machine's, its control group's or its own limit; None if unknown."""
-    found = []
+    limits = []
     if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
-        found.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+        limits.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     # None, or "max".
     with contextlib.suppress(OSError, ValueError):
-        found.append(int(_CGROUP.read_text()))
+        limits.append(int(_CGROUP.read_text()))
     if sys.platform != "win32":
         import resource
 
         limit = resource.getrlimit(resource.RLIMIT_AS)[0]
         if limit != resource.RLIM_INFINITY:
-            found.append(limit)
-    return min((each for each in found if each > 0), default=None)
+            limits.append(limit)
+    return min((bound for bound in limits if bound > 0), default=None)
 
 
 def refuse_beyond_memory(what: str, nbytes: float, instead: str) -> None:

@@ -161,7 +161,7 @@ def solve(problem: LeastSquares, solver: str = "cholesky") -> Solution:
     Raises BadInput for an unknown name and SolverFailure where the texels are not finite.
     """
     if solver not in SOLVERS:
-        raise BadInput(f"solver: found {solver!r}, expected one of {', '.join(SOLVERS)}")
+        raise BadInput(where="solver", found=repr(solver), expected=f"one of {', '.join(SOLVERS)}")
     solution = SOLVERS[solver](problem)
     if not bool(torch.isfinite(solution.texels).all()):
         raise SolverFailure(f"{solver}: the texels are not finite: more smoothing, fewer textures or more samples")

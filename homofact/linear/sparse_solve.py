@@ -179,13 +179,13 @@ class _Coarse:
         finer = finer[:, np.asarray(finer.sum(0)).ravel() > _READ]
         self._finer, self._coarser = scipy.sparse.csr_matrix(finer), scipy.sparse.csr_matrix(finer.T)
         across = system.design @ self._finer
-        found = scipy.sparse.csr_matrix(self._coarser @ system.weighted @ across).toarray()
-        found += scipy.sparse.csr_matrix(self._coarser @ system.penalty @ self._finer).toarray()
+        coarse = scipy.sparse.csr_matrix(self._coarser @ system.weighted @ across).toarray()
+        coarse += scipy.sparse.csr_matrix(self._coarser @ system.penalty @ self._finer).toarray()
         held = self._coarser @ system.gauge
-        found += system.problem.gauge_scale * (held @ held.T)
+        coarse += system.problem.gauge_scale * (held @ held.T)
         # To working precision the coarse textures have the null space that the gauge and the ridge hold.
-        found[np.diag_indices_from(found)] *= 1 + 1e-12
-        self._factor = scipy.linalg.cho_factor(found, lower=True, overwrite_a=True, check_finite=False)
+        coarse[np.diag_indices_from(coarse)] *= 1 + 1e-12
+        self._factor = scipy.linalg.cho_factor(coarse, lower=True, overwrite_a=True, check_finite=False)
 
     def solve(self, residual: np.ndarray) -> np.ndarray:
         """R (RᵀAR)⁻¹ Rᵀ residual."""
@@ -194,8 +194,8 @@ class _Coarse:
 
 def textures_of(problem: LeastSquares) -> list[tuple[int, Shape, Axes]]:
     """(first unknown, shape, axes) of every texture, in order; several lookups may share one."""
-    found = {lookup.offset: (lookup.shape, lookup.axes) for lookup in problem.lookups}
-    return [(offset, *found[offset]) for offset in sorted(found)]
+    textures = {lookup.offset: (lookup.shape, lookup.axes) for lookup in problem.lookups}
+    return [(offset, *textures[offset]) for offset in sorted(textures)]
 
 
 def _interpolation(shape: Shape, axes: Axes, share: float) -> scipy.sparse.csr_matrix:

@@ -38,7 +38,7 @@ def parse_obj(data: bytes, name: str) -> Parsed:
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise BadInput(f"{name}: neither text nor a PLY file, expected an OBJ, PLY or glTF mesh") from error
+        raise BadInput("neither text nor a PLY file", where=name, expected="an OBJ, PLY or glTF mesh") from error
     points: list[tuple[float, ...]] = []
     normals: list[tuple[float, ...]] = []
     corners: dict[tuple[int, int], int] = {}
@@ -53,7 +53,7 @@ def parse_obj(data: bytes, name: str) -> Parsed:
                 corners.setdefault(_corner(word, len(points), len(normals), where), len(corners)) for word in words[1:]
             )
             if len(polygon) < 3:
-                raise BadInput(f"{where}: a face of {len(polygon)} corners, expected at least 3")
+                raise BadInput(f"a face of {len(polygon)} corners", where=where, expected="at least 3")
             polygons.append(polygon)
             continue
         try:
@@ -61,10 +61,10 @@ def parse_obj(data: bytes, name: str) -> Parsed:
         except ValueError:
             vector = ()
         if len(vector) != 3:
-            raise BadInput(f"{where}: found {line.strip()[:60]!r}, expected three numbers")
+            raise BadInput(where=where, found=repr(line.strip()[:60]), expected="three numbers")
         (points if words[0] == "v" else normals).append(vector)
     if not points and not polygons:
-        raise BadInput(f"{name}: no vertices in it, expected an OBJ, PLY or glTF mesh")
+        raise BadInput("no vertices in it", where=name, expected="an OBJ, PLY or glTF mesh")
     used = np.array(list(corners), np.int64).reshape(-1, 2)
     positions = np.array(points, np.float64).reshape(-1, 3)[used[:, 0]]
     directions = None
@@ -84,10 +84,10 @@ def _corner(word: str, points: int, normals: int, where: str) -> tuple[int, int]
         try:
             index = int(part)
         except ValueError:
-            raise BadInput(f"{where}: found {word[:40]!r} in a face, expected indices as in 1/1/1") from None
+            raise BadInput(where=where, found=f"{word[:40]!r} in a face", expected="indices as in 1/1/1") from None
         # Counted from 1, or backwards from the last one so far.
         if not (1 <= index <= count or -count <= index <= -1):
-            raise BadInput(f"{where}: a face names {what} {index} of {count}, expected 1 to {count}")
+            raise BadInput(f"a face names {what} {index} of {count}", where=where, expected=f"1 to {count}")
         found.append(index - 1 if index > 0 else count + index)
     return found[0], found[1]
 
@@ -98,13 +98,15 @@ def parse_ply(data: bytes, name: str) -> Parsed:
     try:
         found = plyfile.PlyData.read(BytesIO(data))
     except (plyfile.PlyParseError, ValueError, OverflowError, MemoryError, UnicodeDecodeError) as error:
-        raise BadInput(f"{name}: not a readable PLY ({' '.join(str(error).split())}), expected a whole one") from error
+        raise BadInput(
+            f"not a readable PLY ({' '.join(str(error).split())})", where=name, expected="a whole one"
+        ) from error
     if "vertex" not in found:
-        raise BadInput(f"{name}: no element vertex, expected one with x, y and z")
+        raise BadInput("no element vertex", where=name, expected="one with x, y and z")
     vertices = found["vertex"].data
     columns = vertices.dtype.names or ()
     if not all(axis in columns for axis in "xyz"):
-        raise BadInput(f"{name}: vertices have {', '.join(columns)}, expected x, y and z")
+        raise BadInput(f"vertices have {', '.join(columns)}", where=name, expected="x, y and z")
     positions = np.stack([np.asarray(vertices[axis], np.float64) for axis in "xyz"], 1)
     normals = None
     if all(axis in columns for axis in ("nx", "ny", "nz")):
@@ -112,11 +114,11 @@ def parse_ply(data: bytes, name: str) -> Parsed:
     faces = found["face"].data if "face" in found else None
     key = next((key for key in _INDEX_NAMES if faces is not None and key in (faces.dtype.names or ())), None)
     if faces is None or key is None:
-        raise BadInput(f"{name}: no faces with vertex_indices, expected a mesh and not a cloud of points")
+        raise BadInput("no faces with vertex_indices", where=name, expected="a mesh and not a cloud of points")
     polygons = [tuple(np.atleast_1d(polygon).tolist()) for polygon in faces[key]]
     short = min((len(polygon) for polygon in polygons), default=3)
     if short < 3:
-        raise BadInput(f"{name}: a face of {short} corners, expected at least 3")
+        raise BadInput(f"a face of {short} corners", where=name, expected="at least 3")
     return Parsed(positions, normals, _fans(polygons))
 
 
@@ -132,10 +134,10 @@ def parse_gltf(path: Path) -> Parsed:
     # A damaged file raises whatever the place that was damaged leads to.
     except Exception as error:
         words = " ".join(str(error).split()) or type(error).__name__
-        raise BadInput(f"{path}: not a readable glTF ({words}), expected a whole one") from error
+        raise BadInput(f"not a readable glTF ({words})", where=path, expected="a whole one") from error
     parts = [each for each in found if isinstance(each, trimesh.Trimesh) and len(each.faces)]
     if not parts:
-        raise BadInput(f"{path}: no triangles in it, expected a mesh")
+        raise BadInput("no triangles in it", where=path, expected="a mesh")
     starts = np.cumsum([0, *(len(each.vertices) for each in parts)])
     given = all("vertex_normals" in each._cache.cache for each in parts)
     return Parsed(

@@ -45,18 +45,18 @@ def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
         parsed = parse_obj(data, str(target))
     positions, normals, triangles = parsed
     if not len(triangles):
-        raise BadInput(f"{target}: no triangles in it, expected a mesh")
+        raise BadInput("no triangles in it", where=target, expected="a mesh")
     for what, values in (("position", positions), ("normal", normals)):
         if values is not None and not np.isfinite(values).all():
             row = int(np.argwhere(~np.isfinite(values))[0, 0])
-            raise BadInput(f"{target}: {what} {row + 1} is not finite, expected finite numbers")
+            raise BadInput(f"{what} {row + 1} is not finite", where=target, expected="finite numbers")
     if triangles.min() < 0 or triangles.max() >= len(positions):
         wrong = int(triangles.min() if triangles.min() < 0 else triangles.max())
-        raise BadInput(f"{target}: a face names vertex {wrong}, expected 0 to {len(positions) - 1}")
+        raise BadInput(f"a face names vertex {wrong}", where=target, expected=f"0 to {len(positions) - 1}")
     used = positions[np.unique(triangles)]
     low, high = used.min(0), used.max(0)
     if not (high - low).any():
-        raise BadInput(f"{target}: all vertices are at one place, expected a mesh with an extent")
+        raise BadInput("all vertices are at one place", where=target, expected="a mesh with an extent")
     # Before anything is squared: coordinates may be of any size.
     middle, extent = (low + high) / 2, (high - low).max()
     positions = (positions - middle) / extent

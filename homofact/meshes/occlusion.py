@@ -25,7 +25,7 @@ class Occluder:
         TriangleMesh = extras.library("embreex.mesh_construction", "shadows").TriangleMesh
         EmbreeScene = extras.library("embreex.rtcore_scene", "shadows").EmbreeScene
         if not len(triangles):
-            raise BadInput("shadows: found no triangles, expected a mesh")
+            raise BadInput(where="shadows", found="no triangles", expected="a mesh")
         # Robust: a ray that runs along an edge or through a vertex must not slip between two triangles.
         self._scene = EmbreeScene(robust=True)
         self._mesh = TriangleMesh(

@@ -23,7 +23,7 @@ def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
     area = np.linalg.norm(faces, axis=1)
     kept = area > _DEGENERATE * area.max(initial=0.0)
     if not kept.any():
-        raise BadInput(f"{mesh.name}: every triangle is degenerate, expected some area")
+        raise BadInput("every triangle is degenerate", where=mesh.name, expected="some area")
     if not kept.all():
         notes.append(f"{mesh.name}: {int((~kept).sum())} degenerate triangles of {len(kept)} are left out")
     mesh = replace(mesh, triangles=mesh.triangles[kept])

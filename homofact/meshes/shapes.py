@@ -47,7 +47,7 @@ def ground(half: float = 2.0, height: float = 0.0, steps: int = 64) -> Mesh:
     """A square plane at y = `height`, 2·`half` across, of steps × steps squares, facing +y."""
     _at_least("steps", steps, 1)
     if not half > 0:
-        raise BadInput(f"ground: found a half width of {half:g}, expected above 0")
+        raise BadInput(where="ground", found=f"a half width of {half:g}", expected="above 0")
     along = np.linspace(-half, half, steps + 1)
     x, z = np.meshgrid(along, along, indexing="ij")
     points = np.stack((x, np.full_like(x, height), z), -1)
@@ -81,4 +81,4 @@ def _grid(rows: int, columns: int) -> np.ndarray:
 
 def _at_least(what: str, found: int, least: int) -> None:
     if found < least:
-        raise BadInput(f"{what}: found {found}, expected at least {least}")
+        raise BadInput(where=what, found=found, expected=f"at least {least}")

@@ -1,26 +1,31 @@
 """`Cole`: the procedure of the thesis, terms one by one (see `cole_fit`)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from homofact.errors import BadInput
 from homofact.methods import shared
-from homofact.options import check_options, option
-
-if TYPE_CHECKING:
-    from homofact.brdf.samples import Samples
-    from homofact.methods.fitting import Fit, ProgressCallback
+from homofact.methods.method import Method
+from homofact.settings.documented import documented
+from homofact.settings.options import option
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
-class Cole:
+class Cole(Method):
     """Settings of the thesis's procedure.
 
     Projections are searched on `coordinates`, a term at a time; as each arrives, the last `joint_terms` are solved
     jointly (thesis 3.2.2: 2), 0 being all of them.
+
+    Examples
+    --------
+    >>> homofact.Cole(textures=3).joint_terms
+    2
     """
 
     name: ClassVar[str] = "cole"
+    implementation: ClassVar[str] = "homofact.methods.cole_fit:fit_cole"
 
     textures: int = shared.textures()
     size: int = shared.size()
@@ -43,17 +48,16 @@ class Cole:
     seed: int = shared.seed()
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be meant. Raises BadInput naming the setting, what was found and what is expected."""
-        check_options(self)
+        """Check the settings. Raises BadInput naming the setting, what was found and what is expected."""
+        super().__post_init__()
         if self.confidence and 0 < self.joint_terms < self.textures:
             raise BadInput(
-                f"confidence: found joint_terms {self.joint_terms} for {self.textures} textures with it,"
-                " expected 0 (all at once)"
+                where="confidence",
+                found=f"joint_terms {self.joint_terms} for {self.textures} textures with it",
+                expected="0 (all at once)",
             )
 
-    def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
-        """Factor `samples`, the training samples as measured. An interrupt or the guard keeps what is found."""
-        from homofact.methods.cole_fit import fit_cole
-        from homofact.methods.fitting import with_whole_texels
-
-        return with_whole_texels(fit_cole(samples, self, progress), samples, self)
+    @property
+    def most_textures(self) -> int:
+        """How many there are."""
+        return self.textures

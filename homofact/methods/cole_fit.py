@@ -9,7 +9,7 @@ that faster searches are measured against.
 
 import math
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -18,23 +18,22 @@ from homofact.errors import BadInput, Report, Status
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection
-from homofact.factor.search.minimize import GuardStruck
+from homofact.factor.search.minimize import DeadlineReached
 from homofact.factor.search.powell import Powell
 from homofact.factor.textures import LogSamples, Solved, inner_problem, residual, solve_terms, texture_shape
 from homofact.geometry.rotation import Rotation
 from homofact.linear.solvers import solve
 from homofact.linear.threads import one_thread
 from homofact.methods.cole import Cole
-from homofact.methods.fitting import (
-    Fit,
-    Progress,
-    ProgressCallback,
+from homofact.methods.common import (
     at_azimuths,
     coarse_size,
     provenance_of,
     transform_of,
     trusted_samples,
+    with_whole_texels,
 )
+from homofact.methods.fitting import FitProgress, MethodFit, ProgressCallback
 from homofact.methods.memory import refuse_too_large
 
 
@@ -59,8 +58,7 @@ def solve_greedily(samples: LogSamples, projections: tuple[Projection, ...], set
     return replace(solved, terms=terms)
 
 
-@one_thread
-def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None = None) -> Fit:
+def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None = None) -> MethodFit:
     """Factor `samples` by the procedure of the thesis.
 
     `samples` are the training samples as measured: isotropic ones are copied to other azimuths here. An interrupt
@@ -68,10 +66,16 @@ def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None
     `settings.budget` seconds, reported as GUARD, but that the term it strikes in keeps its best projection so far.
     Either way provenance and details say that the fit is not reproducible.
     """
+    return with_whole_texels(_fit_terms(samples, settings, progress), samples, settings)
+
+
+@one_thread
+def _fit_terms(samples: Samples, settings: Cole, progress: ProgressCallback | None) -> MethodFit:
+    """The fit with texels of any value."""
     began = time.perf_counter()
     deadline = math.inf if settings.budget is None else began + settings.budget
     provenance = provenance_of(samples, settings)
-    samples, taken = trusted_samples(samples, settings)
+    samples, outliers = trusted_samples(samples, settings)
     # Both coordinates know the azimuth.
     samples = at_azimuths(samples, settings, knows_azimuth=True)
     textures = settings.textures
@@ -83,57 +87,74 @@ def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None
         if settings.search_samples == 0
         else LogSamples.of(samples.subset(settings.search_samples, settings.seed), transform)
     )
+    searched = _search_terms(coarse, settings, deadline, progress)
+    solved = solve_greedily(full, searched.projections, settings)
+    terms = solved.terms
+    if settings.confidence:
+        terms = with_deviations(full, terms, settings.smoothing)
+    status, notes = _ending(searched, solved, settings)
+    provenance |= {"reproducible": status not in (Status.GUARD, Status.INTERRUPTED)}
+    report = Report(
+        status,
+        iterations=sum(report.iterations for report in searched.reports),
+        evaluations=sum(report.evaluations for report in searched.reports),
+        seconds=time.perf_counter() - began,
+        residual=float((residual(full, terms) ** 2).mean()),
+        seed=settings.seed,
+        notes=notes,
+        details=provenance | solved.details() | {"outliers": outliers},
+    )
+    return MethodFit(Factorization(terms, transform, samples.channels, provenance), report)
+
+
+@dataclass(frozen=True)
+class _Searched:
+    """The projections found, a report of every restart, and whether an interrupt ended the search."""
+
+    projections: tuple[Projection, ...]
+    reports: tuple[Report, ...]
+    interrupted: bool
+
+
+def _search_terms(samples: LogSamples, settings: Cole, deadline: float, progress: ProgressCallback | None) -> _Searched:
+    """One projection after another, on the coarse samples with textures of the search's size."""
     size = coarse_size(settings)
     generator = torch.Generator().manual_seed(settings.seed)
     chosen: tuple[Projection, ...] = ()
-    coarse_terms: tuple[Term, ...] = ()
+    terms: tuple[Term, ...] = ()
     reports: list[Report] = []
-    interrupted = False
     try:
         for number in range(1, settings.textures + 1):
             joint = number if settings.joint_terms == 0 else settings.joint_terms
             begin = max(0, number - joint)
-            rest = replace(coarse, logs=residual(coarse, coarse_terms[:begin]))
-            best, report = _search_term(rest, chosen[begin:], size, settings, generator, number, deadline, progress)
-            reports += report
+            rest = replace(samples, logs=residual(samples, terms[:begin]))
+            best, restarts = _search_term(rest, chosen[begin:], size, settings, generator, number, deadline, progress)
+            reports += restarts
             chosen = (*chosen, best)
             shapes = tuple(texture_shape(p, size) for p in chosen[begin:])
             solved = solve_terms(rest, chosen[begin:], shapes, settings.smoothing, settings.solver)
-            coarse_terms = (*coarse_terms[:begin], *solved.terms)
+            terms = (*terms[:begin], *solved.terms)
             if time.perf_counter() > deadline:
                 break
     except KeyboardInterrupt:
         if not chosen:
             raise
-        interrupted = True
-    solved = solve_greedily(full, chosen, settings)
-    terms, status = solved.terms, solved.status
-    if settings.confidence:
-        terms = with_deviations(full, terms, settings.smoothing)
-    error = float((residual(full, terms) ** 2).mean())
-    guarded = len(chosen) < settings.textures or any(each.status is Status.GUARD for each in reports)
-    notes: tuple[str, ...] = ()
-    if interrupted:
-        status = Status.INTERRUPTED
-    elif guarded:
-        status = Status.GUARD
-        kept = f"{len(chosen)} of {settings.textures} textures"
-        notes = (f"the guard of {settings.budget:g} s ended the search with {kept}: another run may end elsewhere",)
-    elif status is not Status.FALLBACK:
-        ended = {report.status for report in reports}
-        status = Status.CONVERGED if ended == {Status.CONVERGED} else Status.BUDGET
-    made = provenance | {"reproducible": status not in (Status.GUARD, Status.INTERRUPTED)}
-    report = Report(
-        status,
-        iterations=sum(report.iterations for report in reports),
-        evaluations=sum(report.evaluations for report in reports),
-        seconds=time.perf_counter() - began,
-        residual=error,
-        seed=settings.seed,
-        notes=notes,
-        details=made | solved.details() | {"outliers": taken},
-    )
-    return Fit(Factorization(terms, transform, samples.channels, made), report)
+        return _Searched(chosen, tuple(reports), True)
+    return _Searched(chosen, tuple(reports), False)
+
+
+def _ending(searched: _Searched, solved: Solved, settings: Cole) -> tuple[Status, tuple[str, ...]]:
+    """How the fit ended, and what its user should know of that."""
+    if searched.interrupted:
+        return Status.INTERRUPTED, ()
+    kept, ended = len(searched.projections), {report.status for report in searched.reports}
+    if kept < settings.textures or Status.GUARD in ended:
+        textures = f"{kept} of {settings.textures} textures"
+        note = f"the guard of {settings.budget:g} s ended the search with {textures}: another run may end elsewhere"
+        return Status.GUARD, (note,)
+    if solved.status is Status.FALLBACK:
+        return solved.status, ()
+    return (Status.CONVERGED if ended == {Status.CONVERGED} else Status.BUDGET), ()
 
 
 def _search_term(
@@ -165,19 +186,19 @@ def _search_term(
         if value < lowest:
             lowest, best = value, rotation
         if progress is not None:
-            progress(Progress(number, settings.textures, restart, settings.restarts, evaluations, lowest))
+            progress(FitProgress(number, settings.textures, restart, settings.restarts, evaluations, lowest))
         if time.perf_counter() > deadline:
-            raise GuardStruck
+            raise DeadlineReached
         return value
 
     began = time.perf_counter()
-    found: list[Report] = []
+    reports: list[Report] = []
     try:
         for restart in range(1, settings.restarts + 1):  # noqa: B007 (the error function reports it)
-            found.append(Powell().minimize(error, Rotation.random(generator), settings.seed)[1])
-    except GuardStruck:
-        counted = evaluations - sum(report.evaluations for report in found)
-        found.append(Report(Status.GUARD, 0, counted, time.perf_counter() - began, lowest, settings.seed))
+            reports.append(Powell().minimize(error, Rotation.random(generator), settings.seed)[1])
+    except DeadlineReached:
+        counted = evaluations - sum(report.evaluations for report in reports)
+        reports.append(Report(Status.GUARD, 0, counted, time.perf_counter() - began, lowest, settings.seed))
     if best is None:
-        raise BadInput("samples: no projection has a finite error, expected finite samples")
-    return projection(best), found
+        raise BadInput("no projection has a finite error", where="samples", expected="finite samples")
+    return projection(best), reports

@@ -6,8 +6,8 @@ Every other piece of work is weighed by a model of its cost,
     evaluation   a + N (b L + c L²) + d T² + e T³        N samples, L lookups, T texels
     solve            d T² + e T³
 
-with constants fitted to timings on one core (`scripts/cost_model.py` shows how far they are off). They decide what a
-search tries; how long a unit takes is the machine's affair.
+with constants fitted to timings on one core (`scripts/speed/cost_model.py` shows how far they are off). They decide
+what a search tries; how long a unit takes is the machine's affair.
 """
 
 import math
@@ -45,17 +45,19 @@ def units(effort: str | float, textures: int) -> float:
     """
     if isinstance(effort, str):
         if effort not in LEVELS:
-            raise BadInput(f"effort: found {effort!r}, expected {', '.join(LEVELS)} or a number of inner evaluations")
+            raise BadInput(
+                where="effort", found=repr(effort), expected=f"{', '.join(LEVELS)} or a number of inner evaluations"
+            )
         return LEVELS[effort] * textures**2
     if not 0 < effort < math.inf:
-        raise BadInput(f"effort: found {effort!r}, expected a number of inner evaluations above 0")
+        raise BadInput(where="effort", found=repr(effort), expected="a number of inner evaluations above 0")
     return float(effort)
 
 
-class Account:
-    """Units granted and spent; a deadline is only a guard, and `by_clock` says whether it ended anything.
+class FitBudget:
+    """Units granted and spent; the deadline is only a guard.
 
-    What runs side by side keeps an account of its own, which is added to this one when all of it is done: which of two
+    What runs side by side keeps a budget of its own, which is added to this one when all of it is done: which of two
     threads comes first must decide nothing.
     """
 
@@ -64,21 +66,19 @@ class Account:
         self.granted, self.deadline = granted, deadline
         self.spent = 0.0
         self.evaluations = 0
-        self.by_clock = False
 
     def spend(self, cost: float, evaluations: int = 1) -> None:
         """Note work that is done."""
         self.spent += cost
         self.evaluations += evaluations
 
-    def add(self, other: "Account") -> None:
-        """Note the work of an account of something that ran beside others."""
+    def add(self, other: "FitBudget") -> None:
+        """Note the work of a budget of something that ran beside others."""
         self.spend(other.spent, other.evaluations)
-        self.by_clock = self.by_clock or other.by_clock
 
-    def beside(self) -> "Account":
-        """An account without a limit of units under the same guard, for one of several pieces side by side."""
-        return Account(deadline=self.deadline)
+    def beside(self) -> "FitBudget":
+        """A budget without a limit of units under the same guard, for one of several pieces side by side."""
+        return FitBudget(deadline=self.deadline)
 
     @property
     def left(self) -> float:
@@ -88,9 +88,7 @@ class Account:
     @property
     def late(self) -> bool:
         """Whether the clock has ended the work."""
-        if time.perf_counter() > self.deadline:
-            self.by_clock = True
-        return self.by_clock
+        return time.perf_counter() > self.deadline
 
     @property
     def over(self) -> bool:

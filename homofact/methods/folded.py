@@ -19,11 +19,11 @@ from homofact.linear.layout import Shape, TexelLayout
 from homofact.linear.least_squares import Roughness, solve_penalised
 from homofact.linear.normal import NormalEquations, total
 from homofact.linear.threads import in_parallel
-from homofact.methods.effort import Account, cost_of_solve
+from homofact.methods.effort import FitBudget, cost_of_solve
 from homofact.methods.validation import Partition
 
-SMOOTHING_STEP = 10**0.5
-SMOOTHING_RANGE = (1e-7, 1e2)
+_SMOOTHING_STEP = 10**0.5
+_SMOOTHING_RANGE = (1e-7, 1e2)
 
 
 class Judging(ABC):
@@ -43,42 +43,42 @@ class Judging(ABC):
         """How many systems `error` solves."""
 
     def best_smoothing(
-        self, start: tuple[float, ...], account: Account, folds: int | None = None
+        self, start: tuple[float, ...], budget: FitBudget, folds: int | None = None
     ) -> tuple[tuple[float, ...], float]:
         """(λ of every texture, error): from `start` downhill with all of them scaled alike, in decades.
 
         The error is that of as many folds as `error` is asked for.
         """
-        return self._descend(start, [tuple(range(len(start)))], 2, account, folds)
+        return self._descend(start, [tuple(range(len(start)))], 2, budget, folds)
 
     def best_each(
-        self, start: tuple[float, ...], account: Account, stride: int = 2, folds: int | None = None
+        self, start: tuple[float, ...], budget: FitBudget, stride: int = 2, folds: int | None = None
     ) -> tuple[tuple[float, ...], float]:
         """(λ of every texture, error): downhill one texture after another, in `stride` half decades."""
-        return self._descend(start, [(j,) for j in range(len(start))], stride, account, folds)
+        return self._descend(start, [(j,) for j in range(len(start))], stride, budget, folds)
 
     def _descend(
         self,
         start: tuple[float, ...],
         groups: list[tuple[int, ...]],
         stride: int,
-        account: Account,
+        budget: FitBudget,
         folds: int | None,
     ) -> tuple[tuple[float, ...], float]:
-        """No step is begun once the account is spent; the start itself is always judged."""
+        """No step is begun once the budget is spent; the start itself is always judged."""
 
         def judged(smoothing: tuple[float, ...]) -> float:
-            account.spend(self.solves(folds) * cost_of_solve(self.unknowns))
+            budget.spend(self.solves(folds) * cost_of_solve(self.unknowns))
             return self.error(smoothing, folds)
 
         best, lowest = start, judged(start)
-        low, high = SMOOTHING_RANGE
+        low, high = _SMOOTHING_RANGE
         for group in groups:
             for direction in (stride, -stride):
                 moved = False
-                while not account.over:
+                while not budget.over:
                     trial = tuple(
-                        value * SMOOTHING_STEP**direction if j in group else value for j, value in enumerate(best)
+                        value * _SMOOTHING_STEP**direction if j in group else value for j, value in enumerate(best)
                     )
                     if not all(low <= trial[j] <= high for j in group):
                         break
@@ -137,10 +137,10 @@ class Folded(Judging):
             if fold >= 0 or number == 0
         ]
         made = in_parallel(lambda piece: accumulated(limited[piece[0]] == piece[1]), pieces)
-        found = list(zip(pieces, made, strict=True))
-        whole = total([each for (number, _), each in found if number == 0])
+        equations = list(zip(pieces, made, strict=True))
+        whole = total([part for (number, _), part in equations if number == 0])
         parts = tuple(
-            tuple(each for (owner, fold), each in found if owner == number and fold >= 0)
+            tuple(part for (owner, fold), part in equations if owner == number and fold >= 0)
             for number in range(len(partitions))
         )
         shares = tuple(partition.share for partition in partitions)
@@ -179,20 +179,20 @@ class Folded(Judging):
 class JointFolded(Judging):
     """The equations of several materials under the same projections, judged by the mean of their errors."""
 
-    each: tuple[Folded, ...]
+    materials: tuple[Folded, ...]
 
     @property
     def unknowns(self) -> int:
         """T, the texels of one material's textures."""
-        return self.each[0].unknowns
+        return self.materials[0].unknowns
 
     def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
         """The mean of the materials' left-out errors, all with this λ."""
-        return sum(folded.error(smoothing, folds) for folded in self.each) / len(self.each)
+        return sum(folded.error(smoothing, folds) for folded in self.materials) / len(self.materials)
 
     def solves(self, folds: int | None = None) -> int:
         """How many systems `error` solves."""
-        return sum(folded.solves(folds) for folded in self.each)
+        return sum(folded.solves(folds) for folded in self.materials)
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class FixedBank:
         folded = self.folded
         ends = [begin + count for begin, count in zip(folded.layout.offsets, folded.layout.counts, strict=True)]
         slices = [slice(folded.layout.offsets[j], ends[j]) for j in chosen]
-        unknowns = torch.cat([torch.arange(each.start, each.stop) for each in slices])
+        unknowns = torch.cat([torch.arange(piece.start, piece.stop) for piece in slices])
 
         def block(equations: NormalEquations) -> NormalEquations:
             cut = torch.cat([torch.cat([equations.matrix[rows, columns] for columns in slices], 1) for rows in slices])

@@ -10,11 +10,12 @@ material may use both: one texture for its lobe, another for what does not turn 
 import torch
 
 from homofact.errors import BadInput
-from homofact.factor.names import FIXED_PROJECTIONS, KINDS
+from homofact.factor.fixed_projections import FIXED_PROJECTIONS, KINDS
 from homofact.factor.projection import WARPED_AXES, Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.names import COORDINATE_NAMES
 from homofact.geometry.rotation import Rotation
+from homofact.linear.arrays import as_array
 
 ISOTROPIC_CANDIDATES = (
     "theta_h-theta_d",
@@ -46,7 +47,7 @@ WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01, 0.003)
 def coordinates_of(kind: str) -> str:
     """The coordinates that a kind's projection acts on. Raises BadInput that lists the kinds."""
     if kind not in KINDS:
-        raise BadInput(f"projections: found {kind!r}, expected one of {', '.join(KINDS)}")
+        raise BadInput(where="projections", found=repr(kind), expected=f"one of {', '.join(KINDS)}")
     return kind if kind in COORDINATE_NAMES else fixed_projection(kind, True).coordinates
 
 
@@ -83,7 +84,7 @@ def relatives(kind: str) -> tuple[str, ...]:
     return tuple(
         name
         for name in FIXED_PROJECTIONS
-        if coordinates_of(name) == kind and bool((fixed_projection(name, True).matrix.abs().sum(1) > 0).all())
+        if coordinates_of(name) == kind and bool((fixed_projection(name, True).matrix != 0).any(1).all())
     )
 
 
@@ -94,13 +95,14 @@ def loosened(projection: Projection) -> Projection | None:
     """
     rows = projection.matrix
     searchable = projection.coordinates in COORDINATE_NAMES
-    if not searchable or projection.rotation is not None or bool((rows.abs().sum(1) == 0).any()):
+    if not searchable or projection.quaternions is not None or not (rows != 0).any(1).all():
         return None
     dimension = projection.system.dimension
     # Complete the rows to a rotation: the remaining axes in order, the last one signed for determinant 1.
-    used = [int(row.abs().argmax()) for row in rows]
+    used = [int(abs(row).argmax()) for row in rows]
     order = used + [axis for axis in range(dimension) if axis not in used]
     matrix = torch.eye(dimension, dtype=torch.float64, device="cpu")[order]
     matrix[-1] *= torch.linalg.det(matrix)
     rotation = Rotation.from_matrix(matrix.T)
-    return Projection(projection.coordinates, rows, projection.reciprocal, rotation=rotation, warp=projection.warp)
+    made = as_array(rotation.quaternions)
+    return Projection(projection.coordinates, rows, projection.reciprocal, quaternions=made, warp=projection.warp)

@@ -20,45 +20,45 @@ from homofact.methods.validation import Partition
 
 
 @dataclass(frozen=True)
-class Material:
+class TrainingMaterial:
     """One material's log samples and how they are left out."""
 
     samples: LogSamples
     partitions: tuple[Partition, ...]
 
-    def drawn(self, count: int, seed: int) -> "Material":
+    def drawn(self, count: int, seed: int) -> "TrainingMaterial":
         """At most `count` of the samples, drawn by `seed`, in their order; 0 is all of them."""
         if not 0 < count < len(self.samples.logs):
             return self
         chosen = torch.randperm(len(self.samples.logs), generator=torch.Generator().manual_seed(seed))
         chosen = chosen[:count].sort().values
-        return Material(self.samples.select(chosen), tuple(each.select(chosen) for each in self.partitions))
+        return TrainingMaterial(self.samples.select(chosen), tuple(own.select(chosen) for own in self.partitions))
 
 
 @dataclass(frozen=True)
 class Materials:
     """One material, or several that share their projections."""
 
-    each: tuple[Material, ...]
+    materials: tuple[TrainingMaterial, ...]
 
     @property
     def samples(self) -> int:
         """How many samples all of them have."""
-        return sum(len(material.samples.logs) for material in self.each)
+        return sum(len(material.samples.logs) for material in self.materials)
 
     def drawn(self, count: int, seed: int) -> "Materials":
-        """At most `count` samples of each, as `Material.drawn`."""
-        return Materials(tuple(material.drawn(count, seed) for material in self.each))
+        """At most `count` samples of each, as `TrainingMaterial.drawn`."""
+        return Materials(tuple(material.drawn(count, seed) for material in self.materials))
 
     def cost(self, lookups: int, unknowns: int) -> float:
         """Units of one evaluation of all of them (`effort.cost_of_evaluation`)."""
-        return sum(cost_of_evaluation(len(material.samples.logs), lookups, unknowns) for material in self.each)
+        return sum(cost_of_evaluation(len(material.samples.logs), lookups, unknowns) for material in self.materials)
 
     def objective(
         self, projections: tuple[Projection, ...], shapes: tuple[Shape, ...], smoothing: Smoothing, bound: str
     ) -> JointObjective:
         """The reduced objective of textures of these shapes, as a function of the projections."""
-        own = (Objective(material.samples, projections, shapes, smoothing, bound) for material in self.each)
+        own = (Objective(material.samples, projections, shapes, smoothing, bound) for material in self.materials)
         return JointObjective(tuple(own))
 
     def folded(
@@ -66,21 +66,24 @@ class Materials:
     ) -> JointFolded:
         """The equations fold by fold, as `Folded.of`."""
         return JointFolded(
-            tuple(Folded.of(each.samples, each.partitions, projections, shapes, most) for each in self.each)
+            tuple(
+                Folded.of(material.samples, material.partitions, projections, shapes, most)
+                for material in self.materials
+            )
         )
 
     def bank(self, projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> "Banks":
         """Fixed projections accumulated together, as `FixedBank.of`."""
-        own = (FixedBank.of(each.samples, each.partitions, projections, shapes) for each in self.each)
+        own = (FixedBank.of(material.samples, material.partitions, projections, shapes) for material in self.materials)
         return Banks(projections, tuple(own))
 
     def digested(self) -> tuple[Tensor, ...]:
         """Every tensor of them, for a digest."""
-        found: list[Tensor] = []
-        for own in self.each:
-            found += [own.samples.wi, own.samples.wo, own.samples.logs, own.samples.weights]
-            found += [partition.folds for partition in own.partitions]
-        return tuple(found)
+        tensors: list[Tensor] = []
+        for own in self.materials:
+            tensors += [own.samples.wi, own.samples.wo, own.samples.logs, own.samples.weights]
+            tensors += [partition.folds for partition in own.partitions]
+        return tuple(tensors)
 
 
 @dataclass(frozen=True)
@@ -88,8 +91,8 @@ class Banks:
     """A bank of every material for the same fixed projections."""
 
     projections: tuple[Projection, ...]
-    each: tuple[FixedBank, ...]
+    banks: tuple[FixedBank, ...]
 
     def mix(self, chosen: tuple[int, ...]) -> JointFolded:
         """The equations of the projections at `chosen`, in that order."""
-        return JointFolded(tuple(bank.mix(chosen) for bank in self.each))
+        return JointFolded(tuple(bank.mix(chosen) for bank in self.banks))

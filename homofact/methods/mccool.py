@@ -1,15 +1,13 @@
 """`McCool`: fixed projections, one linear solve (see `mccool_fit`)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from homofact.factor.names import FIXED_PROJECTIONS
+from homofact.factor.fixed_projections import FIXED_PROJECTIONS
 from homofact.methods import shared
-from homofact.options import check_options, option
-
-if TYPE_CHECKING:
-    from homofact.brdf.samples import Samples
-    from homofact.methods.fitting import Fit, ProgressCallback
+from homofact.methods.method import Method
+from homofact.settings.documented import documented
+from homofact.settings.options import option
 
 GRIDS = ("better", "plain", "centred")
 
@@ -18,17 +16,24 @@ def _expected_projections(value: Any) -> str | None:
     return None if value else "at least one"
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
-class McCool:
+class McCool(Method):
     """Settings of a fit with fixed projections: how many textures there are is how many `projections` are named.
 
     The usual list is that of McCool, Ang and Ahmad 2001: p(ωi) q(h) p(ωo), reciprocal, has the textures wi and h.
     On a `grid` that is "centred" a parabolic map of an even size n has n + 1 rows of n − 1 texels, and a texel at the
     normal, where the highlight is; on a "plain" one it lies between four. "better" takes the one that is nearer to the
     training samples.
+
+    Examples
+    --------
+    >>> homofact.McCool(size=8).projections
+    ('wi', 'h')
     """
 
     name: ClassVar[str] = "mccool"
+    implementation: ClassVar[str] = "homofact.methods.mccool_fit:fit_mccool"
 
     projections: tuple[str, ...] = option(
         ("wi", "h"), "The fixed projections, joined by +, one a texture", choices=FIXED_PROJECTIONS, separators="+,",
@@ -49,13 +54,7 @@ class McCool:
     quantize: str = shared.quantize()
     seed: int = shared.seed()
 
-    def __post_init__(self) -> None:
-        """Refuse what cannot be meant. Raises BadInput naming the setting, what was found and what is expected."""
-        check_options(self)
-
-    def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
-        """Factor `samples`, the training samples as measured; one solve, so `progress` is never called."""
-        from homofact.methods.fitting import with_whole_texels
-        from homofact.methods.mccool_fit import fit_mccool
-
-        return with_whole_texels(fit_mccool(samples, self), samples, self)
+    @property
+    def most_textures(self) -> int:
+        """One for every projection."""
+        return len(self.projections)

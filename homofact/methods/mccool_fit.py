@@ -18,14 +18,23 @@ from homofact.factor.projection import Projection, fixed_projection
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.layout import Shape
 from homofact.linear.threads import one_thread
-from homofact.methods.fitting import Fit, at_azimuths, provenance_of, transform_of, trusted_samples
+from homofact.methods.common import at_azimuths, provenance_of, transform_of, trusted_samples, with_whole_texels
+from homofact.methods.fitting import MethodFit, ProgressCallback
 from homofact.methods.mccool import McCool
 from homofact.methods.memory import refuse_too_large
 
 
+def fit_mccool(samples: Samples, settings: McCool, progress: ProgressCallback | None = None) -> MethodFit:
+    """Textures for `settings.projections` from samples as measured, copied to other azimuths where one knows them.
+
+    There is one linear solve, so `progress` is never called.
+    """
+    return with_whole_texels(_fit_textures(samples, settings), samples, settings)
+
+
 @one_thread
-def fit_mccool(samples: Samples, settings: McCool) -> Fit:
-    """Textures for `settings.projections` from samples as measured, copied to other azimuths where one knows them."""
+def _fit_textures(samples: Samples, settings: McCool) -> MethodFit:
+    """The fit with texels of any value."""
     began = time.perf_counter()
     provenance = provenance_of(samples, settings)
     samples, taken = trusted_samples(samples, settings)
@@ -45,14 +54,14 @@ def fit_mccool(samples: Samples, settings: McCool) -> Fit:
         shapes: solve_terms(data, projections, shapes, settings.smoothing, settings.solver)
         for shapes in dict.fromkeys(grids.values())
     }
-    solved = min(tried.values(), key=lambda each: float((residual(data, each.terms) ** 2).mean()))
+    solved = min(tried.values(), key=lambda attempt: float((residual(data, attempt.terms) ** 2).mean()))
     terms = solved.terms
     if settings.confidence:
         terms = with_deviations(data, terms, settings.smoothing)
     factorization = Factorization(terms, transform, samples.channels, provenance)
     error = float((residual(data, solved.terms) ** 2).mean())
     seconds = time.perf_counter() - began
-    return Fit(
+    return MethodFit(
         factorization,
         Report(
             solved.status,

@@ -1,15 +1,15 @@
 """What a fit will take of memory, said before it begins: the largest of what its steps hold at a time.
 
-The figures are by measurement (`scripts/memory_of_sizes.py`): how many dense matrices of T² numbers a step holds, and
-how many bytes a stencil's entry takes where systems are sparse.
+The figures are by measurement (`scripts/speed/memory_of_sizes.py`): how many dense matrices of T² numbers a step holds,
+and how many bytes a stencil's entry takes where systems are sparse.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 from homofact.linear.layout import Shape
 from homofact.linear.size import is_dense, refuse_beyond_memory
 from homofact.linear.sparse_solve import COARSE
+from homofact.methods.method import Method
 
 # Matrices at a time: of a solve, of all folds in a search, of what every texel's spread or whole numbers need.
 _SOLVE, _FOLDS, _CONFIDENCE, _WHOLE_NUMBERS, _ORTHOGONAL = 4, 10, 5, 8, 3
@@ -17,7 +17,7 @@ _ENTRY = 120  # bytes of a stencil's entry: by number and weight, as rows, and a
 _BANDS = 4  # a texture's band at a time
 
 
-def refuse_too_large(method: Any, shapes: Sequence[Shape], rows: int, searched: int = 0) -> None:
+def refuse_too_large(method: Method, shapes: Sequence[Shape], rows: int, searched: int = 0) -> None:
     """Raise BadInput where a method's fit of textures of these shapes does not fit into the machine's memory.
 
     `rows` are its log samples, azimuth copies included, times the lookups; `searched` the texels of the textures that
@@ -37,11 +37,11 @@ def refuse_too_large(method: Any, shapes: Sequence[Shape], rows: int, searched: 
     if searched:
         folds = 8.0 * _FOLDS * searched**2
         needs.append((folds, f"search_size: a search on {searched} texels", "expected a smaller one"))
-    if getattr(method, "solver", "") == "qr":
+    if method.solver == "qr":
         needs.append((_ORTHOGONAL * matrix, f"solver: found qr and {asked} it", f"{smaller}, or cholesky"))
-    if getattr(method, "confidence", False):
+    if method.confidence:
         needs.append((_CONFIDENCE * matrix, f"confidence: found {asked} every texel's deviation", f"{smaller} or none"))
-    if getattr(method, "quantize", "none") != "none":
+    if method.quantize != "none":
         needs.append(
             (_WHOLE_NUMBERS * matrix, f"quantize: found {asked} whole numbers", f"{smaller}, or export to round texels")
         )

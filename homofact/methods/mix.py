@@ -47,7 +47,7 @@ def is_movable(mix: Mix) -> bool:
 
 def freed(mix: Mix) -> Mix:
     """The mix with projections that may tell light from viewer; its error is not that mix's."""
-    return replace(mix, projections=tuple(replace(each, reciprocal=False) for each in mix.projections))
+    return replace(mix, projections=tuple(replace(projection, reciprocal=False) for projection in mix.projections))
 
 
 def with_all_loose(mix: Mix) -> Mix | None:
@@ -57,8 +57,8 @@ def with_all_loose(mix: Mix) -> Mix | None:
         loose = None if is_searched(kind) else loosened(projection)
         kinds.append(kind if loose is None else loose.coordinates)
         projections.append(projection if loose is None else loose)
-    found = Mix(tuple(kinds), tuple(projections), mix.smoothing)
-    return found if found.kinds != mix.kinds else None
+    loosened_mix = Mix(tuple(kinds), tuple(projections), mix.smoothing)
+    return loosened_mix if loosened_mix.kinds != mix.kinds else None
 
 
 def scale_of(smoothing: tuple[float, ...]) -> float:

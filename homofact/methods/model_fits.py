@@ -6,7 +6,9 @@ from dataclasses import replace
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.linear.threads import one_thread
-from homofact.methods.fitting import Fit, Method, provenance_of, refuse_bounds, transform_of
+from homofact.methods.common import provenance_of, refuse_bounds, transform_of
+from homofact.methods.fitting import MethodFit, ProgressCallback
+from homofact.methods.method import Method
 from homofact.methods.models import Gaussians, Ggx, Nbrdf
 from homofact.parametric.factored_fit import fit_factored
 from homofact.parametric.lobes import fit_gaussians, fit_ggx
@@ -15,8 +17,11 @@ from homofact.parametric.network import train
 
 
 @one_thread
-def fit_model(samples: Samples, settings: Method) -> Fit:
-    """The model of `settings` fitted to samples. Raises BadInput for bounds, and a network of other channels than 3."""
+def fit_model(samples: Samples, settings: Method, progress: ProgressCallback | None = None) -> MethodFit:
+    """The model of `settings` fitted to samples; `progress` is never called.
+
+    Raises BadInput for bounds, and a network of other channels than 3.
+    """
     began = time.perf_counter()
     refuse_bounds(samples, settings)
     if isinstance(settings, Ggx):
@@ -25,10 +30,12 @@ def fit_model(samples: Samples, settings: Method) -> Fit:
         model, report = fit_gaussians(samples, settings.lobes, settings.seed)
     elif isinstance(settings, Nbrdf):
         if len(samples.channels) != 3:
-            raise BadInput(f"nbrdf: found {len(samples.channels)} channels, expected the 3 that the network has")
+            raise BadInput(
+                where="nbrdf", found=f"{len(samples.channels)} channels", expected="the 3 that the network has"
+            )
         model = replace(train(samples, settings.steps, settings.seed), channels=samples.channels)
         report = Report(Status.BUDGET, settings.steps, settings.steps, 0.0, 0.0, settings.seed)
     else:
         model, report = fit_factored(samples, settings.seed)
     fit = ModelFit(model, transform_of(samples, settings), provenance_of(samples, settings))
-    return Fit(fit, replace(report, seconds=time.perf_counter() - began))
+    return MethodFit(fit, replace(report, seconds=time.perf_counter() - began))

@@ -1,48 +1,36 @@
 """Models that users know, fitted to be compared: `Ggx`, `Gaussians`, `Npf` and `Nbrdf` have no textures."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from homofact.methods import shared
-from homofact.options import check_options, option
-
-if TYPE_CHECKING:
-    from homofact.brdf.samples import Samples
-    from homofact.methods.fitting import Fit, ProgressCallback
+from homofact.methods.method import Method
+from homofact.settings.documented import documented
+from homofact.settings.options import option
 
 
-class _Model:
-    """What the models have in common: no texels, and reciprocity by their formulas."""
+class _Model(Method):
+    """What the models have in common: no texels."""
 
-    @property
-    def size(self) -> int:
-        """0: there are no texels."""
-        return 0
+    implementation: ClassVar[str] = "homofact.methods.model_fits:fit_model"
+    size = 0
 
     @property
-    def textures(self) -> int:
+    def most_textures(self) -> int:
         """0."""
         return 0
 
-    @property
-    def reciprocal(self) -> bool:
-        """True."""
-        return True
 
-    def __post_init__(self) -> None:
-        """Refuse what cannot be meant. Raises BadInput naming the setting, what was found and what is expected."""
-        check_options(self)
-
-    def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
-        """Fit the model to `samples`; `progress` is never called."""
-        from homofact.methods.model_fits import fit_model
-
-        return fit_model(samples, self)  # type: ignore[arg-type]
-
-
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Ggx(_Model):
-    """Microfacets of Walter et al. 2007 over a diffuse base: 8 numbers with one lobe, 13 with two."""
+    """Microfacets of Walter et al. 2007 over a diffuse base: 8 numbers with one lobe, 13 with two.
+
+    Examples
+    --------
+    >>> homofact.Ggx(lobes=2).lobes
+    2
+    """
 
     name: ClassVar[str] = "ggx"
 
@@ -51,9 +39,16 @@ class Ggx(_Model):
     seed: int = shared.seed()
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Gaussians(_Model):
-    """Spherical Gaussians over a diffuse base (Wang et al. 2009): 16 numbers with three."""
+    """Spherical Gaussians over a diffuse base (Wang et al. 2009): 16 numbers with three.
+
+    Examples
+    --------
+    >>> homofact.Gaussians().lobes
+    3
+    """
 
     name: ClassVar[str] = "gaussians"
 
@@ -62,9 +57,16 @@ class Gaussians(_Model):
     seed: int = shared.seed()
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Npf(_Model):
-    """The non-parametric factors of Bagher et al. 2016: 272 numbers a channel."""
+    """The non-parametric factors of Bagher et al. 2016: 272 numbers a channel.
+
+    Examples
+    --------
+    >>> homofact.Npf().most_textures
+    0
+    """
 
     name: ClassVar[str] = "npf"
 
@@ -72,9 +74,16 @@ class Npf(_Model):
     seed: int = shared.seed()
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Nbrdf(_Model):
-    """The network of Sztrajman et al. 2021, 675 weights, for materials of three channels."""
+    """The network of Sztrajman et al. 2021, 675 weights, for materials of three channels.
+
+    Examples
+    --------
+    >>> homofact.Nbrdf(steps=200).steps
+    200
+    """
 
     name: ClassVar[str] = "nbrdf"
 

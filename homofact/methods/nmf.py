@@ -1,24 +1,28 @@
 """`Nmf`: the BRDF matrix in non-negative factors (see `separable_fit`)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from homofact.methods import shared
-from homofact.options import check_options
-
-if TYPE_CHECKING:
-    from homofact.brdf.samples import Samples
-    from homofact.methods.fitting import Fit, ProgressCallback
+from homofact.methods.method import Method
+from homofact.settings.documented import documented
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
-class Nmf:
+class Nmf(Method):
     """Settings of a non-negative sum of products: `textures` is the number of its terms.
 
     Nothing in it is left to chance; `seed` is that of the split.
+
+    Examples
+    --------
+    >>> homofact.Nmf(textures=2).coordinates
+    'half-diff'
     """
 
     name: ClassVar[str] = "nmf"
+    implementation: ClassVar[str] = "homofact.methods.separable_fit:fit_nmf"
 
     textures: int = shared.terms()
     size: int = shared.size()
@@ -29,13 +33,7 @@ class Nmf:
     quantize: str = shared.quantize()
     seed: int = shared.seed()
 
-    def __post_init__(self) -> None:
-        """Refuse what cannot be meant. Raises BadInput naming the setting, what was found and what is expected."""
-        check_options(self)
-
-    def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
-        """Decompose the matrix resampled from `samples`; `progress` is never called."""
-        from homofact.methods.fitting import with_whole_texels
-        from homofact.methods.separable_fit import fit_nmf
-
-        return with_whole_texels(fit_nmf(samples, self), samples, self)
+    @property
+    def most_textures(self) -> int:
+        """How many there are."""
+        return self.textures

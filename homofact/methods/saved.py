@@ -2,7 +2,6 @@
 
 import os
 
-from homofact.brdf.formats import format_of, npz
 from homofact.errors import BadInput
 from homofact.factor.factorization import FORMAT as PRODUCT
 from homofact.factor.factorization import Factorization
@@ -26,9 +25,12 @@ def open_saved(place: str | os.PathLike[str]) -> Fitted:
     try:
         header = read_archive(target)[1]
     except BadInput as error:
+        from homofact.brdf.formats import format_of, npz
+
         # A damaged fit is an archive of arrays as well.
         if not target.is_file() or format_of(target) in (None, npz.NAME):
             raise
-        raise BadInput(f"{target}: is a measurement; fit it first: homofact factorize {target} --out FOLDER") from error
+        hint = f"fit it first: `homofact.fit({str(target)!r})`"
+        raise BadInput("is a measurement", where=target, expected="a saved fit", hint=hint) from error
     form = Fields(f"{target}: ", header).text("format", _READERS)
     return _READERS[form](target)

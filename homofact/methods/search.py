@@ -1,33 +1,32 @@
 """`Search`: mix, projections, warp and λ found from the data (see `search_fit`)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from homofact.errors import BadInput
-from homofact.factor.names import KINDS
-from homofact.factor.search.names import expected_search
+from homofact.factor.fixed_projections import KINDS
+from homofact.factor.search.algorithms import expected_search
 from homofact.methods import shared
-from homofact.options import check_options, nearest, option
+from homofact.methods.method import Method
+from homofact.settings.documented import documented
+from homofact.settings.options import nearest, option
 
-if TYPE_CHECKING:
-    from homofact.brdf.samples import Samples
-    from homofact.methods.fitting import Fit, ProgressCallback
-
-OBJECTIVES = ("both", "log", "energy")
-VALIDATIONS = ("rings", "random")
-MOST_TEXTURES = 3  # that a number of bytes is spent on, unless `textures` is more
-EFFORTS = ("quick", "normal", "thorough")
+_OBJECTIVES = ("both", "log", "energy")
+_VALIDATIONS = ("rings", "random")
+_MOST_TEXTURES = 3  # that a number of bytes is spent on, unless `textures` is more
+_EFFORTS = ("quick", "normal", "thorough")
 
 
 def _expected_effort(value: Any) -> str | None:
-    if value in EFFORTS or (not isinstance(value, str) and value > 0):
+    if value in _EFFORTS or (not isinstance(value, str) and value > 0):
         return None
-    near = nearest(value, EFFORTS) if isinstance(value, str) else ""
-    return f"{', '.join(EFFORTS)}, or a number above 0{near}"
+    near = nearest(value, _EFFORTS) if isinstance(value, str) else ""
+    return f"{', '.join(_EFFORTS)}, or a number above 0{f' ({near})' if near else ''}"
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
-class Search:
+class Search(Method):
     """Settings of the searched fit.
 
     `projections` pins what textures are indexed by, one name for all or one each: a fixed projection, or coordinates
@@ -38,9 +37,15 @@ class Search:
     gives reciprocity up where the data are clearly better met without, and keeps it where `projections` pins kinds.
     `objective` says what is made small: squared logs ("log", the thesis's error), the divergence of flux ("energy"), or
     both. `bytes` stands instead of `size`: textures are as large as fit, their shapes chosen by cross-validation.
+
+    Examples
+    --------
+    >>> homofact.Search(bytes=4096).most_textures
+    3
     """
 
     name: ClassVar[str] = "search"
+    implementation: ClassVar[str] = "homofact.methods.search_fit:fit_search"
 
     textures: int = shared.textures()
     size: int = shared.size()
@@ -51,9 +56,9 @@ class Search:
     )  # fmt: skip
     bytes: int | None = option(
         None,
-        "Bytes of all textures as float32, instead of --size: how many textures (up to 3 or --textures) and their rows"
+        "Bytes of all textures as float32, instead of a size: how many textures (up to 3 or as given) and their rows"
         " and columns are found from the data",
-        above=0, none="by --textures and --size", everyday=True,
+        above=0, none="by textures and size", everyday=True,
     )  # fmt: skip
     reciprocal: bool | None = option(None, "Enforce f(wi, wo) = f(wo, wi)", none="decided by the data")
     solver: str = shared.solver()
@@ -65,7 +70,7 @@ class Search:
         expected_instead=expected_search,
     )
     validation: str = option(
-        "rings", "What is left out to judge by: rings of a goniometer, or samples at random", choices=VALIDATIONS
+        "rings", "What is left out to judge by: rings of a goniometer, or samples at random", choices=_VALIDATIONS
     )
     effort: str | float = option(
         "normal",
@@ -74,7 +79,7 @@ class Search:
         everyday=True,
     )
     budget: float | None = shared.budget()
-    objective: str = option("both", "What is made small: log errors, errors of energy, or both", choices=OBJECTIVES)
+    objective: str = option("both", "What is made small: log errors, errors of energy, or both", choices=_OBJECTIVES)
     # Measured data judged on 12² textures picks other mixes than on 16².
     search_size: int = shared.search_size(16)
     search_samples: int = shared.search_samples()
@@ -87,23 +92,20 @@ class Search:
     seed: int = shared.seed()
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be meant. Raises BadInput naming the setting, what was found and what is expected."""
-        check_options(self)
+        """Check the settings. Raises BadInput naming the setting, what was found and what is expected."""
+        super().__post_init__()
         if self.projections is not None and len(self.projections) not in (1, self.textures):
             raise BadInput(
-                f"projections: found {len(self.projections)} for {self.textures} textures, expected one, or one each"
+                where="projections",
+                found=f"{len(self.projections)} for {self.textures} textures",
+                expected="one, or one each",
             )
         if self.bytes is not None and self.projections is not None:
-            raise BadInput("bytes: found it beside projections, expected one of them: the search chooses the mix")
+            raise BadInput(
+                where="bytes", found="it beside projections", expected="one of them: the search chooses the mix"
+            )
 
     @property
     def most_textures(self) -> int:
         """How many textures at most: `textures`, or of so many bytes at least three."""
-        return self.textures if self.bytes is None else max(self.textures, MOST_TEXTURES)
-
-    def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
-        """Factor `samples`, the training samples as measured. Raises BadInput where they are too few."""
-        from homofact.methods.fitting import with_whole_texels
-        from homofact.methods.search_fit import fit_search
-
-        return with_whole_texels(fit_search(samples, self, progress), samples, self)
+        return self.textures if self.bytes is None else max(self.textures, _MOST_TEXTURES)

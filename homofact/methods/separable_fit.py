@@ -22,23 +22,24 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.linear.threads import one_thread
-from homofact.methods.fitting import Fit, provenance_of, refuse_bounds, transform_of
+from homofact.methods.common import provenance_of, refuse_bounds, transform_of, with_whole_texels
+from homofact.methods.fitting import MethodFit, ProgressCallback
 from homofact.methods.nmf import Nmf
 from homofact.methods.svd import Svd
+from homofact.separable.decomposition_names import SYMMETRIC
 from homofact.separable.decompositions import Factors, eigen, imputed, normalized, power, svd
 from homofact.separable.maps import direction_map
 from homofact.separable.matrix import BrdfMatrix, brdf_matrix
-from homofact.separable.names import SYMMETRIC
 from homofact.separable.nmf import nmf
 from homofact.separable.resampling import resampled
 from homofact.separable.separable import Separable, SeparableTerm
 
 # Of an entry under the horizon in a non-negative fit: it says little, but leaves no texel undetermined.
-FILLED_WEIGHT = 1e-2
+_FILLED_WEIGHT = 1e-2
 
 
 @dataclass(frozen=True)
-class Terms:
+class _DecomposedTerms:
     """A separable sum without its textures' maker: `terms`, and how the decomposition ended."""
 
     terms: tuple[SeparableTerm, ...]
@@ -46,7 +47,9 @@ class Terms:
     iterations: int
 
 
-def svd_terms(matrix: BrdfMatrix, count: int, decomposition: str, generator: torch.Generator, weighted: bool) -> Terms:
+def _svd_terms(
+    matrix: BrdfMatrix, count: int, decomposition: str, generator: torch.Generator, weighted: bool
+) -> _DecomposedTerms:
     """`count` terms of a matrix M by the decomposition's name, each channel by itself.
 
     `weighted`: that of √wi Mij √wj is taken and its factors divided by √w, w the texels' projected solid
@@ -56,9 +59,9 @@ def svd_terms(matrix: BrdfMatrix, count: int, decomposition: str, generator: tor
 
     def factors(channel: Tensor) -> Factors:
         weighed = channel * roots[:, None] * roots if weighted else channel
-        found = of_weighted(weighed if decomposition == "normalized" else imputed(weighed, matrix.valid, count))
-        right = None if found.right is None else found.right / roots[:, None]
-        return replace(found, left=found.left / roots[:, None], right=right)
+        parts = of_weighted(weighed if decomposition == "normalized" else imputed(weighed, matrix.valid, count))
+        right = None if parts.right is None else parts.right / roots[:, None]
+        return replace(parts, left=parts.left / roots[:, None], right=right)
 
     def of_weighted(channel: Tensor) -> Factors:
         if decomposition == "svd":
@@ -69,30 +72,30 @@ def svd_terms(matrix: BrdfMatrix, count: int, decomposition: str, generator: tor
             return power(channel, count, generator)
         if decomposition == "normalized":
             return normalized(channel)
-        raise BadInput(f"decomposition: found {decomposition!r}, expected svd, eigen, power or normalized")
+        raise BadInput(where="decomposition", found=repr(decomposition), expected="svd, eigen, power or normalized")
 
-    found: list[Factors] = []
+    factored: list[Factors] = []
     for c in range(matrix.values.shape[2]):
         channel = matrix.values[..., c]
         # A grey material is decomposed once.
         same = c > 0 and torch.equal(channel, matrix.values[..., c - 1])
-        found.append(found[-1] if same else factors(channel.contiguous()))
-    converged = all(each.converged for each in found)
-    iterated = sum(each.iterations for each in found)
+        factored.append(factored[-1] if same else factors(channel.contiguous()))
+    converged = all(part.converged for part in factored)
+    iterated = sum(part.iterations for part in factored)
     status = Status.DIRECT if iterated == 0 else Status.CONVERGED if converged else Status.BUDGET
-    return Terms(_terms(matrix, found), status, max(iterated, 1))
+    return _DecomposedTerms(_terms(matrix, factored), status, max(iterated, 1))
 
 
-def nmf_terms(matrix: BrdfMatrix, count: int) -> Terms:
+def _nmf_terms(matrix: BrdfMatrix, count: int) -> _DecomposedTerms:
     """`count` non-negative terms of a matrix, weighted as above, each channel by itself.
 
     What is under the horizon hardly weighs.
     """
-    weights = torch.outer(matrix.weights, matrix.weights) * torch.where(matrix.valid, 1.0, FILLED_WEIGHT)
-    found = [nmf(matrix.values[..., c].contiguous(), count, weights) for c in range(matrix.values.shape[2])]
-    factors = [Factors(each.left, each.right, torch.ones_like(each.left[0])) for each in found]
-    status = Status.CONVERGED if all(each.converged for each in found) else Status.BUDGET
-    return Terms(_terms(matrix, factors), status, sum(len(each.objectives) - 1 for each in found))
+    weights = torch.outer(matrix.weights, matrix.weights) * torch.where(matrix.valid, 1.0, _FILLED_WEIGHT)
+    factored = [nmf(matrix.values[..., c].contiguous(), count, weights) for c in range(matrix.values.shape[2])]
+    factors = [Factors(channel.left, channel.right, torch.ones_like(channel.left[0])) for channel in factored]
+    status = Status.CONVERGED if all(channel.converged for channel in factored) else Status.BUDGET
+    return _DecomposedTerms(_terms(matrix, factors), status, sum(len(channel.objectives) - 1 for channel in factored))
 
 
 def separable_of(
@@ -109,7 +112,7 @@ def separable_of(
 ) -> Separable:
     """The separable approximation of a reflectance that can be asked everywhere, without samples.
 
-    `weighted` is that of `svd_terms`, `isotropic` saves evaluations (`matrix.brdf_matrix`), `seed` is that of the
+    `weighted` is that of `_svd_terms`, `isotropic` saves evaluations (`matrix.brdf_matrix`), `seed` is that of the
     power iteration. Its transform has the mean of the valid matrix entries as A and ε = 1e-5. Raises BadInput as the
     parts do.
     """
@@ -117,33 +120,41 @@ def separable_of(
     matrix = brdf_matrix(
         reflectance, direction_map(map), size, parameterization, isotropic=isotropic, reciprocal=reciprocal
     )
-    found = svd_terms(matrix, terms, decomposition, torch.Generator().manual_seed(seed), weighted)
+    decomposed = _svd_terms(matrix, terms, decomposition, torch.Generator().manual_seed(seed), weighted)
     transform = LogTransform(1e-5, matrix.values[matrix.valid].mean(0))
     made = {"method": "svd", "decomposition": decomposition, "samples": None, "seed": seed}
-    return _separable(matrix, found, transform, tuple(reflectance.channels), made)
+    return _separable(matrix, decomposed, transform, tuple(reflectance.channels), made)
 
 
-@one_thread
-def fit_svd(samples: Samples, settings: Svd) -> Fit:
+def fit_svd(samples: Samples, settings: Svd, progress: ProgressCallback | None = None) -> MethodFit:
     """`settings.textures` terms (one if normalized) on `settings.size`² maps.
 
     The report's residual is the Cole error of `samples`, its details the shares of cut values at them (`clipped`) and
-    of matrix entries without a value (`filled`).
+    of matrix entries without a value (`filled`). `progress` is never called.
     """
+    return with_whole_texels(_fit_by_decomposition(samples, settings), samples, settings)
+
+
+def fit_nmf(samples: Samples, settings: Nmf, progress: ProgressCallback | None = None) -> MethodFit:
+    """As `fit_svd`, with non-negative factors: nothing is ever cut. An in-out fit is reciprocal in its data alone."""
+    return with_whole_texels(_fit_nonnegative(samples, settings), samples, settings)
+
+
+@one_thread
+def _fit_by_decomposition(samples: Samples, settings: Svd) -> MethodFit:
     began = time.perf_counter()
     matrix = _resampled_matrix(samples, settings)
     generator = torch.Generator().manual_seed(settings.seed)
     decomposition = settings.chosen_decomposition
-    terms = svd_terms(matrix, settings.textures, decomposition, generator, weighted=True)
+    terms = _svd_terms(matrix, settings.textures, decomposition, generator, weighted=True)
     return _fitted(samples, settings, matrix, terms, {"decomposition": decomposition}, began)
 
 
 @one_thread
-def fit_nmf(samples: Samples, settings: Nmf) -> Fit:
-    """As `fit_svd`, with non-negative factors: nothing is ever cut. An in-out fit is reciprocal in its data alone."""
+def _fit_nonnegative(samples: Samples, settings: Nmf) -> MethodFit:
     began = time.perf_counter()
     matrix = _resampled_matrix(samples, settings)
-    return _fitted(samples, settings, matrix, nmf_terms(matrix, settings.textures), {}, began)
+    return _fitted(samples, settings, matrix, _nmf_terms(matrix, settings.textures), {}, began)
 
 
 def _resampled_matrix(samples: Samples, settings: Svd | Nmf) -> BrdfMatrix:
@@ -159,19 +170,24 @@ def _resampled_matrix(samples: Samples, settings: Svd | Nmf) -> BrdfMatrix:
 
 
 def _fitted(
-    samples: Samples, settings: Svd | Nmf, matrix: BrdfMatrix, found: Terms, made: dict[str, Any], began: float
-) -> Fit:
+    samples: Samples,
+    settings: Svd | Nmf,
+    matrix: BrdfMatrix,
+    decomposed: _DecomposedTerms,
+    made: dict[str, Any],
+    began: float,
+) -> MethodFit:
     transform = transform_of(samples, settings)
     made = provenance_of(samples, settings) | made
-    result = _separable(matrix, found, transform, samples.channels, made)
+    result = _separable(matrix, decomposed, transform, samples.channels, made)
     signed = result.evaluate_signed(samples.wi, samples.wo)
     logs = transform.forward(signed.clamp_min(0)) - transform.forward(samples.values)
     clipped = float((signed < 0).double().mean())
     filled = 1 - float(matrix.valid.double().mean())
     notes = (f"{clipped:.2%} of the values at the training samples were negative and cut at zero",) if clipped else ()
     report = Report(
-        found.status,
-        found.iterations,
+        decomposed.status,
+        decomposed.iterations,
         1,
         time.perf_counter() - began,
         float((logs**2).mean()),
@@ -179,19 +195,23 @@ def _fitted(
         notes=notes,
         details={"clipped": clipped, "filled": filled},
     )
-    return Fit(result, report)
+    return MethodFit(result, report)
 
 
 def _separable(
-    matrix: BrdfMatrix, found: Terms, transform: LogTransform, channels: tuple[str, ...], made: dict[str, Any]
+    matrix: BrdfMatrix,
+    decomposed: _DecomposedTerms,
+    transform: LogTransform,
+    channels: tuple[str, ...],
+    made: dict[str, Any],
 ) -> Separable:
     read = matrix.read.reshape(matrix.size, matrix.size)
-    return Separable(found.terms, matrix.map.name, matrix.parameterization, read, transform, channels, made)
+    return Separable(decomposed.terms, matrix.map.name, matrix.parameterization, read, transform, channels, made)
 
 
-def _terms(matrix: BrdfMatrix, found: list[Factors]) -> tuple[SeparableTerm, ...]:
+def _terms(matrix: BrdfMatrix, factored: list[Factors]) -> tuple[SeparableTerm, ...]:
     """The channels' factors as textures; a channel that has fewer terms than another is 0 in the rest."""
-    count = max(each.left.shape[1] for each in found)
+    count = max(channel.left.shape[1] for channel in factored)
 
     def texture(factors: list[Tensor], k: int) -> Tensor:
         zero = torch.zeros_like(matrix.values[:, 0, 0])
@@ -199,9 +219,9 @@ def _terms(matrix: BrdfMatrix, found: list[Factors]) -> tuple[SeparableTerm, ...
 
     terms = []
     for k in range(count):
-        first = texture([each.left for each in found], k)
-        rights = [each.right for each in found if each.right is not None]
+        first = texture([channel.left for channel in factored], k)
+        rights = [channel.right for channel in factored if channel.right is not None]
         second = texture(rights, k) if rights else None
-        signs = [each.signs[k] if k < len(each.signs) else matrix.values.new_ones(()) for each in found]
+        signs = [channel.signs[k] if k < len(channel.signs) else matrix.values.new_ones(()) for channel in factored]
         terms.append(SeparableTerm(first, second, torch.stack(signs)))
     return tuple(terms)

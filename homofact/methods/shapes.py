@@ -14,13 +14,13 @@ from homofact.errors import BadInput
 from homofact.factor.projection import Projection
 from homofact.linear.layout import Axis, Shape
 from homofact.linear.size import MOST_DENSE
-from homofact.methods.effort import Account, cost_of_solve
+from homofact.methods.effort import FitBudget, cost_of_solve
 from homofact.methods.materials import Materials
 from homofact.methods.mix import Mix
 
-WORTH_A_FETCH = 0.97  # one more texture is taken where it leaves less than this share of the error
-WORTH_A_MOVE = 0.995  # and another layout where it leaves less than this
-ASPECTS = (2.0, 0.5)  # columns over rows, times this at a move
+_WORTH_A_FETCH = 0.97  # one more texture is taken where it leaves less than this share of the error
+_WORTH_A_MOVE = 0.995  # and another layout where it leaves less than this
+_ASPECTS = (2.0, 0.5)  # columns over rows, times this at a move
 SHARES = (1.5,)  # a texture's share of the texels, times this
 _LEAST, _STRETCH = 2, 16.0
 
@@ -30,7 +30,7 @@ def texels_in(nbytes: int, channels: int) -> int:
     texels = nbytes // (4 * channels)
     if texels < _LEAST**2:
         raise BadInput(
-            f"bytes: found {nbytes}, expected at least {16 * channels}: a 2 × 2 texture of {channels} channels"
+            where="bytes", found=nbytes, expected=f"at least {16 * channels}: a 2 × 2 texture of {channels} channels"
         )
     return texels
 
@@ -63,7 +63,7 @@ class Layout:
     def moved(self) -> Iterator["Layout"]:
         """The layouts a step away from this one, texture by texture."""
         for j in range(len(self.shares)):
-            for factor in ASPECTS:
+            for factor in _ASPECTS:
                 aspect = self.aspects[j] * factor
                 if 1 / _STRETCH <= aspect <= _STRETCH:
                     yield replace(self, aspects=(*self.aspects[:j], aspect, *self.aspects[j + 1 :]))
@@ -72,13 +72,15 @@ class Layout:
 
     def _scaled(self, projections: tuple[Projection, ...], unit: float) -> tuple[Shape, ...]:
         whole = sum(self.shares)
-        found = []
+        shapes = []
         for projection, share, aspect in zip(projections, self.shares, self.aspects, strict=True):
             side = math.sqrt(unit * share / whole)
             columns = max(_LEAST, int(side * math.sqrt(aspect) + 1e-9))
             flat = bool((projection.matrix[1] == 0).all())
-            found.append((1, max(_LEAST, int(side))) if flat else (max(_LEAST, int(side / math.sqrt(aspect))), columns))
-        return tuple(found)
+            shapes.append(
+                (1, max(_LEAST, int(side))) if flat else (max(_LEAST, int(side / math.sqrt(aspect))), columns)
+            )
+        return tuple(shapes)
 
 
 def stored(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> int:
@@ -116,7 +118,7 @@ def side_of(shape: Shape) -> float:
 
 
 @dataclass(frozen=True)
-class Spent:
+class SizedMix:
     """What a number of bytes was spent on: a mix, its shapes, and the left-out error by number of textures."""
 
     mix: Mix
@@ -129,38 +131,38 @@ def best_within(
     mixes: tuple[Mix, ...],
     materials: Materials,
     smoothing_for: SmoothingFor,
-    account: Account,
-) -> Spent:
+    budget: FitBudget,
+) -> SizedMix:
     """The mix and the shapes that leave the least error on one left-out fold of each partition.
 
-    `mixes` have one texture, two, and so on. No layout is tried once the account is spent. Of more texels than dense
+    `mixes` have one texture, two, and so on. No layout is tried once the budget is spent. Of more texels than dense
     systems have, layouts are judged with as many as these have. Raises BadInput where not even a 2 × 2 texture for each
     texture of the smallest mix fits.
     """
     granted, texels = texels, min(texels, MOST_DENSE)
-    found: list[tuple[float, Mix, Layout]] = []
+    judged: list[tuple[float, Mix, Layout]] = []
     for mix in mixes:
         layout = Layout.even(len(mix.kinds))
         if stored(mix.projections, layout.shapes(mix.projections, texels)) <= texels:
-            error = _judged(mix, layout.shapes(mix.projections, texels), materials, smoothing_for, account)
-            found.append((error, mix, layout))
-    if not found:
-        raise BadInput(f"bytes: found {texels} texels, expected enough for a texture of 2 × 2 each")
-    lowest, mix, layout = found[0]
-    for error, more, even in found[1:]:
-        if error < WORTH_A_FETCH * lowest:
+            error = _judged(mix, layout.shapes(mix.projections, texels), materials, smoothing_for, budget)
+            judged.append((error, mix, layout))
+    if not judged:
+        raise BadInput(where="bytes", found=f"{texels} texels", expected="enough for a texture of 2 × 2 each")
+    lowest, mix, layout = judged[0]
+    for error, more, even in judged[1:]:
+        if error < _WORTH_A_FETCH * lowest:
             lowest, mix, layout = error, more, even
     improved = True
-    while improved and not account.over:
+    while improved and not budget.over:
         improved = False
         for trial in layout.moved():
             shapes = trial.shapes(mix.projections, texels)
-            if account.over or stored(mix.projections, shapes) > texels:
+            if budget.over or stored(mix.projections, shapes) > texels:
                 continue
-            error = _judged(mix, shapes, materials, smoothing_for, account)
-            if error < WORTH_A_MOVE * lowest:
+            error = _judged(mix, shapes, materials, smoothing_for, budget)
+            if error < _WORTH_A_MOVE * lowest:
                 lowest, layout, improved = error, trial, True
-    return Spent(mix, layout.shapes(mix.projections, granted), tuple(error for error, _, _ in found))
+    return SizedMix(mix, layout.shapes(mix.projections, granted), tuple(error for error, _, _ in judged))
 
 
 def _judged(
@@ -168,10 +170,10 @@ def _judged(
     shapes: tuple[Shape, ...],
     materials: Materials,
     smoothing_for: SmoothingFor,
-    account: Account,
+    budget: FitBudget,
 ) -> float:
     folded = materials.folded(mix.projections, shapes, 1)
     lookups = sum(projection.lookups for projection in mix.projections)
-    account.spend(materials.cost(lookups, folded.unknowns))
-    account.spend(folded.solves(1) * cost_of_solve(folded.unknowns))
+    budget.spend(materials.cost(lookups, folded.unknowns))
+    budget.spend(folded.solves(1) * cost_of_solve(folded.unknowns))
     return folded.error(smoothing_for(mix, shapes), 1)

@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from homofact.factor.names import BOUNDS
+from homofact.factor.fixed_projections import BOUNDS
 from homofact.linear.names import SOLVER_NAMES
-from homofact.options import MOST_SEED, option
-from homofact.separable.names import MAP_NAMES, SIDES
+from homofact.separable.decomposition_names import MAP_NAMES, SIDES
+from homofact.settings.options import MOST_SEED, option
 
 DEFAULT_SMOOTHING = 1e-3
-QUANTIZATIONS = ("none", "png8", "png16")
+_QUANTIZATIONS = ("none", "png8", "png16")
 
 
 def textures() -> Any:
@@ -29,7 +29,7 @@ def size() -> Any:
 def epsilon() -> Any:
     """ε of the log transform; None takes the source's own, or that of noise-free data for bare samples.
 
-    "floor" takes the noise floor of the samples (`brdf.noise_floor`).
+    "floor" takes the noise floor of the samples (`brdf.quality.noise_floor`).
     """
 
     def expected(value: float | str) -> str | None:
@@ -103,7 +103,7 @@ def bound() -> Any:
 
 
 def robust() -> Any:
-    """Whether gross errors are left out before anything is made of the samples (`brdf.outliers`)."""
+    """Whether gross errors are left out before anything is made of the samples (`brdf.quality.outliers`)."""
     return option(False, "Leave gross errors out: samples far from all their neighbours")
 
 
@@ -114,7 +114,7 @@ def confidence() -> Any:
 
 def quantize() -> Any:
     """Texels that 8 or 16 bits hold exactly, the best of these (`factor.quantize`), or "none"."""
-    return option("none", "Texels that png8 or png16 hold exactly, fitted so", choices=QUANTIZATIONS)
+    return option("none", "Texels that png8 or png16 hold exactly, fitted so", choices=_QUANTIZATIONS)
 
 
 def direction_map() -> Any:

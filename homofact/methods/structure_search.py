@@ -14,7 +14,7 @@ Then exchange: each texture of the winner is taken out and every other kind trie
 All textures of a trial are solved together and judged by cross-validation with their own λ.
 
 All of this runs on small textures and a subset of the samples; the projections carry over (thesis 4.2). Work is paid
-from an `Account`; what an equal account buys is equal. Of more textures the best mix is only taken where it is better
+from a `FitBudget`; what an equal budget buys is equal. Of more textures the best mix is only taken where it is better
 than that of fewer by `ENOUGH`, so more textures asked for are never worse.
 """
 
@@ -25,9 +25,9 @@ from itertools import combinations
 
 import torch
 
-from homofact.errors import Status
+from homofact.errors import Advice, Status
 from homofact.factor.projection import Projection, Warp
-from homofact.methods.effort import Account
+from homofact.methods.effort import FitBudget
 from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, relatives, takes_warp
 from homofact.methods.materials import Banks, Materials
 from homofact.methods.mix import EMPTY, FIRST_SMOOTHING, Mix, freed, scale_of, with_all_loose
@@ -35,16 +35,16 @@ from homofact.methods.tournament import BEAM, LOOKS, tournament
 from homofact.methods.trials import StructureSettings, Trials
 
 FREE_WORTH = 0.9  # reciprocity is given up where that leaves fixed mixes less than this share of their error
-TELLING = ("theta_i-theta_o", "theta_i-theta_d")  # fixed kinds that, free, tell light from viewer
+_TELLING = ("theta_i-theta_o", "theta_i-theta_d")  # fixed kinds that, free, tell light from viewer
 ENOUGH = 0.995  # a change is worth having when it leaves less than this share of the validation error
 ROTATIONS = 20020801  # seeds the rotations that searches start from
-FIRST_LOOK = 0.5  # of the search's texture size: what all fixed mixes are first looked at with
-EXCHANGES = 3  # rounds of exchange at most
-ALL_WARPS_UP_TO = 2  # textures: mixes of one more are looked at with the two best warps, of more with the best
+_FIRST_LOOK = 0.5  # of the search's texture size: what all fixed mixes are first looked at with
+_EXCHANGES = 3  # rounds of exchange at most
+_ALL_WARPS_UP_TO = 2  # textures: mixes of one more are looked at with the two best warps, of more with the best
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SearchOutcome:
     """What a search found, how it ended, and what it cost; `notes` are for the user.
 
     `levels` are the best mixes of one texture, of two, and so on, with that of the best's number last exchanged.
@@ -65,13 +65,13 @@ class StructureSearch:
         self,
         materials: Materials,
         settings: StructureSettings,
-        account: Account,
+        budget: FitBudget,
         progress: Callable[[int, int, float], None] | None = None,
     ) -> None:
         """`progress` is called with (textures, evaluations, best validation error) after every group of trials."""
         self._materials, self._settings, self._progress = materials, settings, progress
-        self._account = account
-        self._trials = Trials(materials, settings, account)
+        self._budget = budget
+        self._trials = Trials(materials, settings, budget)
         self._reciprocal = settings.reciprocal is not False
         # The same rotations whatever the seed: which are tried is no matter of luck.
         self._generator = torch.Generator().manual_seed(ROTATIONS)
@@ -83,7 +83,7 @@ class StructureSearch:
         self._best_warps: list[Warp | None] = []
         self._levels: list[Mix] = []
 
-    def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> Outcome:
+    def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> SearchOutcome:
         """Choose up to `textures` textures, of the kinds in candidates[j] for texture j (its last entry from there on).
 
         Where a kind is given texture by texture, or only one, all textures are used.
@@ -104,17 +104,17 @@ class StructureSearch:
                 raise
             status = Status.INTERRUPTED
             notes.append(f"interrupted: the best mix so far has {len(self._best.kinds)} of {textures} textures")
-        if self._account.late and status is Status.CONVERGED:
+        if self._budget.late and status is Status.CONVERGED:
             status = Status.GUARD
-        levels = tuple(self._best if len(each.kinds) == len(self._best.kinds) else each for each in self._levels)
-        return Outcome(self._best, status, self._account.evaluations, tuple(self._trace), tuple(notes), levels)
+        levels = tuple(self._best if len(level.kinds) == len(self._best.kinds) else level for level in self._levels)
+        return SearchOutcome(self._best, status, self._budget.evaluations, tuple(self._trace), tuple(notes), levels)
 
     def _run_free(self, textures: int, kinds: tuple[str, ...]) -> None:
         fixed = tuple(kind for kind in kinds if not is_searched(kind))
         searched = tuple(kind for kind in kinds if is_searched(kind))
         judged: list[Mix] = []
-        whole = self._account.left
-        # A system's cost grows with the cube of its texels: later textures get more of the account.
+        whole = self._budget.left
+        # A system's cost grows with the cube of its texels: later textures get more of the budget.
         weights = [(count + 1) ** 2 for count in range(textures)]
         for count in range(1, textures + 1):
             until = whole * 0.7 * sum(weights[:count]) / sum(weights)
@@ -128,13 +128,13 @@ class StructureSearch:
             judged.sort(key=lambda mix: mix.error)
             self._levels.append(judged[0])
             self._offer(judged[0])
-            if self._account.late:
+            if self._budget.late:
                 return
         # Of two textures every fixed pair has been judged, and every kind has been tried beside the best single one.
-        for _ in range(EXCHANGES if textures > 2 or not self._account.over else 0):
+        for _ in range(_EXCHANGES if textures > 2 or not self._budget.over else 0):
             best = self._best
             self._exchange(kinds)
-            if not self._best.error < ENOUGH * best.error or self._account.over:
+            if not self._best.error < ENOUGH * best.error or self._budget.over:
                 break
 
     def _decided(self, judged: list[Mix], fixed: tuple[str, ...]) -> list[Mix]:
@@ -147,12 +147,12 @@ class StructureSearch:
         if not judged:
             return judged
         best = judged[0]
-        more = [name for name in TELLING if name in fixed and name not in best.kinds]
+        more = [name for name in _TELLING if name in fixed and name not in best.kinds]
 
         def asked(reciprocal: bool) -> float:
             mixes = [best.with_one_more(name, self._make(name, best.warp)) for name in more] or [best]
             both = [
-                replace(mix, projections=tuple(replace(each, reciprocal=reciprocal) for each in mix.projections))
+                replace(mix, projections=tuple(replace(own, reciprocal=reciprocal) for own in mix.projections))
                 for mix in mixes
             ]
             scale = scale_of(best.smoothing)
@@ -165,7 +165,7 @@ class StructureSearch:
         anew = self._fixed_mixes(fixed, len(self._levels) + 1, again=True)
         self._notes.append(
             "the fit is not reciprocal, f(ωi, ωo) is not f(ωo, ωi): of mixes of fixed projections the validation error"
-            f" falls from {kept:.3g} to {without:.3g} by that (--reciprocal enforces it)"
+            f" falls from {kept:.3g} to {without:.3g} by that ({Advice('reciprocal', True)} enforces it)"
         )
         earlier = [freed(mix) for mix in self._levels]
         self._levels = self._trials.beside(lambda mix: self._trials.judge(mix, scale_of(mix.smoothing)), earlier)
@@ -175,7 +175,7 @@ class StructureSearch:
     def _run_pinned(self, kinds: tuple[str, ...]) -> None:
         """Textures of given kinds, one after another; the best of their starts and warps goes on."""
         mix = EMPTY
-        whole = self._account.left
+        whole = self._budget.left
         for count, kind in enumerate(kinds, 1):
             starts: list[Mix] = []
             for warp in self._warps(mix, kind):
@@ -201,8 +201,8 @@ class StructureSearch:
         Over all warps, or `again` and for many textures over the best.
         """
         warps: list[Warp | None] = [None, *(Warp(width) for width in WARP_WIDTHS)]
-        if count > ALL_WARPS_UP_TO or again:
-            warps = self._best_warps[: 2 if count <= ALL_WARPS_UP_TO + 1 else 1]
+        if count > _ALL_WARPS_UP_TO or again:
+            warps = self._best_warps[: 2 if count <= _ALL_WARPS_UP_TO + 1 else 1]
         smoothing = scale_of(self._levels[-1].smoothing) if self._levels else FIRST_SMOOTHING
         trials: list[tuple[tuple[int, ...], Warp | None]] = []
         for warp in warps:
@@ -214,23 +214,23 @@ class StructureSearch:
             return []
         self._make_banks(fixed, warps)
 
-        def first_look(trial: tuple[tuple[int, ...], Warp | None]) -> tuple[float, Account]:
-            account = self._account.beside()
+        def first_look(trial: tuple[tuple[int, ...], Warp | None]) -> tuple[float, FitBudget]:
+            budget = self._budget.beside()
             folded = self._banks[trial[1]].mix(trial[0])
-            return self._trials.smoothed(folded, (smoothing,) * count, account, each=False)[1], account
+            return self._trials.smoothed(folded, (smoothing,) * count, budget, separately=False)[1], budget
 
         looks = self._trials.beside(first_look, trials)
         order = sorted(range(len(trials)), key=lambda place: looks[place])
         chosen = [trials[place] for place in order[: max(BEAM + 2, len(trials) // 20)]]
-        found = self._trials.beside(lambda trial: self._settled(fixed, trial, smoothing, each=False), chosen)
-        order = sorted(range(len(chosen)), key=lambda place: found[place].error)
-        if count <= ALL_WARPS_UP_TO:
+        settled = self._trials.beside(lambda trial: self._settled(fixed, trial, smoothing, separately=False), chosen)
+        order = sorted(range(len(chosen)), key=lambda place: settled[place].error)
+        if count <= _ALL_WARPS_UP_TO:
             self._best_warps = list(dict.fromkeys(chosen[place][1] for place in order))[:2]
-        mixes = sorted(found, key=lambda mix: mix.error)[:BEAM]
+        mixes = sorted(settled, key=lambda mix: mix.error)[:BEAM]
         if count > 1:
             scale = scale_of(mixes[0].smoothing)
             best = [chosen[order[0]]]
-            mixes[:1] = self._trials.beside(lambda trial: self._settled(fixed, trial, scale, each=True), best)
+            mixes[:1] = self._trials.beside(lambda trial: self._settled(fixed, trial, scale, separately=True), best)
             mixes.sort(key=lambda mix: mix.error)
         self._tell(count, mixes[0].error)
         return mixes
@@ -239,26 +239,26 @@ class StructureSearch:
         """All fixed kinds accumulated together for the first look, warp by warp."""
         wanted = [warp for warp in warps if warp not in self._banks]
 
-        def made(warp: Warp | None) -> tuple[Banks, Account]:
+        def made(warp: Warp | None) -> tuple[Banks, FitBudget]:
             projections = tuple(self._make(kind, warp) for kind in fixed)
-            account = self._account.beside()
+            budget = self._budget.beside()
             lookups = sum(projection.lookups for projection in projections)
-            account.spend(self._materials.cost(lookups, 0))
-            shapes = self._trials.shapes(projections, FIRST_LOOK)
-            return self._materials.bank(projections, shapes), account
+            budget.spend(self._materials.cost(lookups, 0))
+            shapes = self._trials.shapes(projections, _FIRST_LOOK)
+            return self._materials.bank(projections, shapes), budget
 
         self._banks.update(zip(wanted, self._trials.beside(made, wanted), strict=True))
 
     def _settled(
-        self, fixed: tuple[str, ...], trial: tuple[tuple[int, ...], Warp | None], smoothing: float, each: bool
-    ) -> tuple[Mix, Account]:
-        """A fixed mix at the search's own size, with one λ for all of its textures, or one for `each`."""
-        account = self._account.beside()
+        self, fixed: tuple[str, ...], trial: tuple[tuple[int, ...], Warp | None], smoothing: float, separately: bool
+    ) -> tuple[Mix, FitBudget]:
+        """A fixed mix at the search's own size, with one λ for all of its textures, or one for each, `separately`."""
+        budget = self._budget.beside()
         chosen, warp = trial
         projections = tuple(self._banks[warp].projections[j] for j in chosen)
         mix = Mix(tuple(fixed[j] for j in chosen), projections, (smoothing,) * len(chosen))
-        found, error = self._trials.smoothed(self._trials.folded(mix, account), mix.smoothing, account, each)
-        return replace(mix, smoothing=found, error=error), account
+        best, error = self._trials.smoothed(self._trials.folded(mix, budget), mix.smoothing, budget, separately)
+        return replace(mix, smoothing=best, error=error), budget
 
     # Searched projections.
 
@@ -271,7 +271,7 @@ class StructureSearch:
             if kind not in before.kinds:
                 starts.append(before.with_one_more(kind, self._make(kind, warp)))
         for kind in searched:
-            starts += [before.with_one_more(kind, each) for each in self._searched_starts(kind, warp, 0)]
+            starts += [before.with_one_more(kind, projection) for projection in self._searched_starts(kind, warp, 0)]
         for _ in range(LOOKS * self._settings.restarts):
             starts += [before.with_one_more(kind, self._make(kind, warp)) for kind in searched]
         return starts
@@ -280,8 +280,8 @@ class StructureSearch:
         """Rotations of a searched kind: those that its fixed relatives stand at, and `random` ones."""
         own = warp if takes_warp(kind) else None
         placed = [loosened(self._make(name, own)) for name in relatives(kind)]
-        found = [projection for projection in placed if projection is not None]
-        return found + [self._make(kind, warp) for _ in range(random)]
+        starts = [projection for projection in placed if projection is not None]
+        return starts + [self._make(kind, warp) for _ in range(random)]
 
     def _exchange(self, kinds: tuple[str, ...]) -> None:
         """Each texture of the best mix taken out, and every other kind tried in its place."""
@@ -295,9 +295,9 @@ class StructureSearch:
                 elif kind not in best.kinds:
                     starts.append(rest.with_one_more(kind, self._make(kind, best.warp)))
         order = torch.randperm(len(starts), generator=self._generator).tolist()
-        found = tournament(self._trials, [starts[place] for place in order], self._account.granted)
-        if found:
-            self._offer(found[0])
+        better = tournament(self._trials, [starts[place] for place in order], self._budget.granted)
+        if better:
+            self._offer(better[0])
 
     # Keeping count.
 
@@ -310,9 +310,9 @@ class StructureSearch:
 
     def _tell(self, textures: int, error: float) -> None:
         if not self._trace or error < self._trace[-1][2]:
-            self._trace.append((time.perf_counter() - self._began, self._account.evaluations, error))
+            self._trace.append((time.perf_counter() - self._began, self._budget.evaluations, error))
         if self._progress is not None:
-            self._progress(textures, self._account.evaluations, error)
+            self._progress(textures, self._budget.evaluations, error)
 
     def _make(self, kind: str, warp: Warp | None) -> Projection:
         return make(kind, self._reciprocal, warp, self._generator, self._settings.bound)

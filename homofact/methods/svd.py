@@ -1,27 +1,32 @@
 """`Svd`: the BRDF matrix decomposed (see `separable_fit`)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from homofact.errors import BadInput
 from homofact.methods import shared
-from homofact.options import check_options, option
-from homofact.separable.names import DECOMPOSITIONS, SYMMETRIC
-
-if TYPE_CHECKING:
-    from homofact.brdf.samples import Samples
-    from homofact.methods.fitting import Fit, ProgressCallback
+from homofact.methods.method import Method
+from homofact.separable.decomposition_names import DECOMPOSITIONS, SYMMETRIC
+from homofact.settings.documented import documented
+from homofact.settings.options import option
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
-class Svd:
+class Svd(Method):
     """Settings of a sum of products: `textures` is the number of its terms.
 
     `decomposition` finds them: "eigen", "svd", "power", or "normalized" (one term, never negative); None is "eigen"
     for a reciprocal in-out fit and "svd" elsewhere.
+
+    Examples
+    --------
+    >>> homofact.Svd(textures=1).chosen_decomposition
+    'eigen'
     """
 
     name: ClassVar[str] = "svd"
+    implementation: ClassVar[str] = "homofact.methods.separable_fit:fit_svd"
 
     textures: int = shared.terms()
     size: int = shared.size()
@@ -36,12 +41,13 @@ class Svd:
     seed: int = shared.seed()
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be meant. Raises BadInput naming the setting, what was found and what is expected."""
-        check_options(self)
+        """Check the settings. Raises BadInput naming the setting, what was found and what is expected."""
+        super().__post_init__()
         if self.decomposition in SYMMETRIC and not self.symmetric:
             raise BadInput(
-                f"decomposition: found {self.decomposition!r}, which needs the symmetry of a reciprocal in-out matrix;"
-                " expected svd or normalized"
+                where="decomposition",
+                found=f"{self.decomposition!r}, which needs the symmetry of a reciprocal in-out matrix",
+                expected="svd or normalized",
             )
 
     @property
@@ -56,9 +62,7 @@ class Svd:
             return "eigen" if self.symmetric else "svd"
         return self.decomposition
 
-    def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "Fit":
-        """Decompose the matrix resampled from `samples`; `progress` is never called."""
-        from homofact.methods.fitting import with_whole_texels
-        from homofact.methods.separable_fit import fit_svd
-
-        return with_whole_texels(fit_svd(samples, self), samples, self)
+    @property
+    def most_textures(self) -> int:
+        """How many there are."""
+        return self.textures

@@ -5,37 +5,36 @@ Loads neither torch nor numpy: what is wrong with a setting is said before they 
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from homofact.errors import BadInput
 from homofact.methods.cole import Cole
 from homofact.methods.mccool import McCool
+from homofact.methods.method import Method
 from homofact.methods.models import MODELS
 from homofact.methods.nmf import Nmf
 from homofact.methods.search import Search
 from homofact.methods.svd import Svd
-from homofact.options import nearest
-
-if TYPE_CHECKING:
-    from homofact.methods.fitting import Method
+from homofact.settings.options import nearest
 
 MCCOOL = McCool().projections
-METHODS: dict[str, type[Any]] = {each.name: each for each in (Search, Cole, McCool, Svd, Nmf)}
+METHODS: dict[str, type[Method]] = {method.name: method for method in (Search, Cole, McCool, Svd, Nmf)}
 # They have no textures and are there to be compared.
-MODELS_BY_NAME: dict[str, type[Any]] = {each.name: each for each in MODELS}
+MODELS_BY_NAME: dict[str, type[Method]] = {method.name: method for method in MODELS}
 ALL_METHODS = METHODS | MODELS_BY_NAME
 
 
-def method_class(name: str) -> type[Any]:
+def method_class(name: str) -> type[Method]:
     """The class of the method called `name`. Raises BadInput that lists the names."""
     if name not in ALL_METHODS:
-        raise BadInput(f"method: found {name!r}{nearest(name, ALL_METHODS)}, expected one of {', '.join(ALL_METHODS)}")
+        expected = f"one of {', '.join(ALL_METHODS)}"
+        raise BadInput(where="method", found=repr(name), expected=expected, hint=nearest(name, ALL_METHODS))
     return ALL_METHODS[name]
 
 
-def settings_of_class(method: type[Any]) -> tuple[str, ...]:
+def settings_of_class(method: type[Method]) -> tuple[str, ...]:
     """The names of a method's settings."""
-    return tuple(each.name for each in fields(method))
+    return tuple(field.name for field in fields(method))
 
 
 def methods_with(setting: str) -> tuple[str, ...]:
@@ -58,19 +57,21 @@ def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
     if "lobes" in own and listed.strip().isdecimal():
         return name, {"lobes": int(listed)}
     raise BadInput(
-        f"method: found {label!r}, expected projections behind mccool only, as in mccool:wi+h, and a number of lobes"
-        " behind ggx or gaussians, as in ggx:2"
+        where="method",
+        found=repr(label),
+        expected="projections behind mccool only, as in mccool:wi+h, and a number of lobes behind ggx or gaussians,"
+        " as in ggx:2",
     )
 
 
-def made(label: str, settings: Mapping[str, Any]) -> "Method":
+def made(label: str, settings: Mapping[str, Any]) -> Method:
     """The method of a label with these settings, all of them its own. Raises BadInput for any that is not."""
     name, _ = parsed_label(label)
     _refuse_strangers(settings, [name])
     return _built(label, settings)
 
 
-def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> "dict[str, Method]":
+def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> dict[str, Method]:
     """The methods of several labels, each with those of the settings that it has.
 
     Raises BadInput for a setting that none of them has.
@@ -80,16 +81,7 @@ def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> "dict[str, 
     return {label: _built(label, _own(name, settings)) for label, name in names.items()}
 
 
-def textures_of(method: "Method") -> int:
-    """How many textures, or terms, a method is asked for."""
-    if isinstance(method, McCool):
-        return len(method.projections)
-    if isinstance(method, Search):
-        return method.most_textures
-    return getattr(method, "textures")  # noqa: B009 (no protocol has it)
-
-
-def mccool_like(method: "Method") -> McCool:
+def mccool_like(method: Method) -> McCool:
     """McCool's own factorization with the settings that `method` shares with it, to be set beside it."""
     shared: dict[str, Any] = {
         name: value for name, value in _own(McCool.name, vars(method)).items() if value is not None
@@ -98,7 +90,7 @@ def mccool_like(method: "Method") -> McCool:
     return McCool(**shared)
 
 
-def _built(label: str, settings: Mapping[str, Any]) -> "Method":
+def _built(label: str, settings: Mapping[str, Any]) -> Method:
     name, named = parsed_label(label)
     return ALL_METHODS[name](**(dict(settings) | named))
 
@@ -116,10 +108,10 @@ def _refuse_strangers(settings: Collection[str], names: list[str]) -> None:
         if set(having) & set(names):
             continue
         who = f"{names[0]} has no such setting" if len(names) == 1 else f"none of {', '.join(names)} has such a setting"
-        own = ", ".join(dict.fromkeys(each for name in names for each in settings_of_class(ALL_METHODS[name])))
+        own = ", ".join(dict.fromkeys(known for name in names for known in settings_of_class(ALL_METHODS[name])))
         of_own = "its own" if len(names) == 1 else "theirs"
         others = f"; {_and(having)} {'has' if len(having) == 1 else 'have'} it" if having else ""
-        raise BadInput(f"{setting}: {who}, expected one of {of_own} ({own}){others}")
+        raise BadInput(who, where=setting, expected=f"one of {of_own} ({own}){others}")
 
 
 def _and(names: tuple[str, ...]) -> str:

@@ -1,6 +1,6 @@
 """How a mix of textures is tried: judged by cross-validation, looked at where it stands, moved downhill.
 
-Work is paid from an `Account`; what an equal account buys is equal.
+Work is paid from a `FitBudget`; what an equal budget buys is equal.
 """
 
 import time
@@ -12,17 +12,17 @@ from torch import Tensor
 
 from homofact.errors import Status
 from homofact.factor.projection import Projection
-from homofact.factor.search.minimize import Search, minimize
+from homofact.factor.search.minimize import Minimizer, minimize
 from homofact.factor.textures import texture_shape
 from homofact.linear.threads import in_parallel
-from homofact.methods.effort import Account, cost_of_solve
+from homofact.methods.effort import FitBudget, cost_of_solve
 from homofact.methods.folded import JointFolded, Judging
 from homofact.methods.materials import Materials
 from homofact.methods.mix import Mix, is_movable, scale_of
 
 DESCENTS = 0.625  # of the search's texture size: what projections descend with before the last time
 ASIDE = 1e-3  # of a quaternion's length: how far beside its projections a descent starts
-POLISH = 40  # iterations of the winner's last descent
+_POLISH = 40  # iterations of the winner's last descent
 
 
 @dataclass(frozen=True)
@@ -36,17 +36,17 @@ class StructureSettings:
     reciprocal: bool | None
     bound: str
     restarts: int
-    search: Search
+    search: Minimizer
     smoothing: float | None
     seed: int
 
 
 class Trials:
-    """What mixes are tried on, and the account that pays for it."""
+    """What mixes are tried on, and the budget that pays for it."""
 
-    def __init__(self, materials: Materials, settings: StructureSettings, account: Account) -> None:
+    def __init__(self, materials: Materials, settings: StructureSettings, budget: FitBudget) -> None:
         """Nothing is tried yet."""
-        self.materials, self.settings, self.account = materials, settings, account
+        self.materials, self.settings, self.budget = materials, settings, budget
 
     def cost(self, mix: Mix, share: float = 1.0) -> float:
         """Units of one evaluation of a mix with textures of a share of the search's size."""
@@ -55,11 +55,11 @@ class Trials:
         return self.materials.cost(lookups, texels)
 
     def beside(self, function: Callable, pieces: list) -> list:
-        """The function's results of all pieces, their accounts added; on threads where the search allows it."""
-        run = in_parallel if self.settings.search.independent else (lambda each, all: [each(one) for one in all])
+        """The function's results of all pieces, their budgets added; on threads where the search allows it."""
+        run = in_parallel if self.settings.search.independent else (lambda apply, all: [apply(one) for one in all])
         results = run(function, pieces)
-        for _, account in results:
-            self.account.add(account)
+        for _, budget in results:
+            self.budget.add(budget)
         return [result for result, _ in results]
 
     def shapes(self, projections: tuple[Projection, ...], share: float = 1.0) -> tuple[tuple[int, int], ...]:
@@ -68,75 +68,75 @@ class Trials:
         return tuple(texture_shape(projection, size) for projection in projections)
 
     def smoothed(
-        self, folded: Judging, start: tuple[float, ...], account: Account, each: bool
+        self, folded: Judging, start: tuple[float, ...], budget: FitBudget, separately: bool
     ) -> tuple[tuple[float, ...], float]:
-        """(λ of every texture, error): the given λ, or the best for all textures alike, or for `each` from there."""
+        """(λ of every texture, error): the given λ, or the best for all alike, or from there for each, `separately`."""
         if self.settings.smoothing is not None:
-            return self.judged(folded, (self.settings.smoothing,) * len(start), account)
+            return self.judged(folded, (self.settings.smoothing,) * len(start), budget)
         # λ is found on one fold of each partition, the mix is judged by all of them.
-        smoothing, _ = folded.best_smoothing(start, account, 1)
-        if each and len(start) > 1:
-            smoothing, _ = folded.best_each(smoothing, account, folds=1)
-        return self.judged(folded, smoothing, account)
+        smoothing, _ = folded.best_smoothing(start, budget, 1)
+        if separately and len(start) > 1:
+            smoothing, _ = folded.best_each(smoothing, budget, folds=1)
+        return self.judged(folded, smoothing, budget)
 
     def judged(
-        self, folded: Judging, smoothing: tuple[float, ...], account: Account, folds: int | None = None
+        self, folded: Judging, smoothing: tuple[float, ...], budget: FitBudget, folds: int | None = None
     ) -> tuple[tuple[float, ...], float]:
         """(the given λ of every texture, error) with so many folds of each partition left out, or all."""
-        account.spend(folded.solves(folds) * cost_of_solve(folded.unknowns))
+        budget.spend(folded.solves(folds) * cost_of_solve(folded.unknowns))
         return smoothing, folded.error(smoothing, folds)
 
-    def polished(self, mix: Mix) -> tuple[Mix, Account]:
+    def polished(self, mix: Mix) -> tuple[Mix, FitBudget]:
         """The mix with λ texture by texture, after a longer descent with these; judged there."""
-        account = self.account.beside()
-        folded = self.folded(mix, account)
-        smoothing, error = self.smoothed(folded, (scale_of(mix.smoothing),) * len(mix.kinds), account, each=True)
+        budget = self.budget.beside()
+        folded = self.folded(mix, budget)
+        smoothing, error = self.smoothed(folded, (scale_of(mix.smoothing),) * len(mix.kinds), budget, separately=True)
         mix = replace(mix, smoothing=smoothing, error=error)
         if not is_movable(mix):
-            return mix, account
-        (_, moved), more = self.descended(mix, None, POLISH, 1.0)
-        account.add(more)
-        _, error = self.judged(self.folded(moved, account), smoothing, account)
-        return min(mix, replace(moved, error=error), key=lambda each: each.error), account
+            return mix, budget
+        (_, moved), more = self.descended(mix, None, _POLISH, 1.0)
+        budget.add(more)
+        _, error = self.judged(self.folded(moved, budget), smoothing, budget)
+        return min(mix, replace(moved, error=error), key=lambda candidate: candidate.error), budget
 
-    def descended(self, mix: Mix, scale: float | None, steps: int, share: float) -> tuple[tuple[float, Mix], Account]:
-        """((R, the mix there), account): its searched projections moved together, with one λ or (None) its own.
+    def descended(self, mix: Mix, scale: float | None, steps: int, share: float) -> tuple[tuple[float, Mix], FitBudget]:
+        """((R, the mix there), budget): its searched projections moved together, with one λ or (None) its own.
 
         The textures have a `share` of the search's size.
         """
-        account = self.account.beside()
+        budget = self.budget.beside()
         smoothing = mix.smoothing if scale is None else (scale,) * len(mix.kinds)
         shapes = self.shapes(mix.projections, share)
         objective = self.materials.objective(mix.projections, shapes, smoothing, self.settings.bound)
-        left = max(account.deadline - time.perf_counter(), 1e-3)
+        left = max(budget.deadline - time.perf_counter(), 1e-3)
         start = aside(objective.start())
         vector, report = minimize(
             self.settings.search.limited(steps), objective, start, seconds=left, seed=self.settings.seed
         )
-        account.spend(report.evaluations * self.cost(mix, share), report.evaluations)
+        budget.spend(report.evaluations * self.cost(mix, share), report.evaluations)
         if report.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
-        return (report.residual, replace(mix, projections=objective.projections(rounded(vector)))), account
+        return (report.residual, replace(mix, projections=objective.projections(rounded(vector)))), budget
 
-    def looked(self, mix: Mix, scale: float) -> tuple[float, Account]:
-        """(R, account) where the mix stands."""
-        account = self.account.beside()
+    def looked(self, mix: Mix, scale: float) -> tuple[float, FitBudget]:
+        """(R, budget) where the mix stands."""
+        budget = self.budget.beside()
         shapes = self.shapes(mix.projections, DESCENTS)
         smoothing = (scale,) * len(mix.kinds)
         objective = self.materials.objective(mix.projections, shapes, smoothing, self.settings.bound)
-        account.spend(self.cost(mix, DESCENTS))
-        return objective.error(objective.start()), account
+        budget.spend(self.cost(mix, DESCENTS))
+        return objective.error(objective.start()), budget
 
-    def judge(self, mix: Mix, scale: float) -> tuple[Mix, Account]:
+    def judge(self, mix: Mix, scale: float) -> tuple[Mix, FitBudget]:
         """The mix with the best λ for all textures alike, found from `scale`, and its error there."""
-        account = self.account.beside()
-        folded = self.folded(mix, account)
-        smoothing, error = self.smoothed(folded, (scale,) * len(mix.kinds), account, each=False)
-        return replace(mix, smoothing=smoothing, error=error), account
+        budget = self.budget.beside()
+        folded = self.folded(mix, budget)
+        smoothing, error = self.smoothed(folded, (scale,) * len(mix.kinds), budget, separately=False)
+        return replace(mix, smoothing=smoothing, error=error), budget
 
-    def folded(self, mix: Mix, account: Account) -> JointFolded:
+    def folded(self, mix: Mix, budget: FitBudget) -> JointFolded:
         """The mix's equations, fold by fold."""
-        account.spend(self.cost(mix))
+        budget.spend(self.cost(mix))
         return self.materials.folded(mix.projections, self.shapes(mix.projections))
 
 

@@ -17,7 +17,7 @@ from torch import Tensor
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import ring_numbers
 
-RING_FOLDS = 3
+_RING_FOLDS = 3
 BEYOND = -2  # the fold of what no sample measures
 
 
@@ -51,11 +51,11 @@ class Partition:
 
 def partitions_of(samples: Samples, folds: int, seed: int, *, rings: bool) -> tuple[Partition, ...]:
     """How to judge a fit of `samples`: by left-out rings where they lie on rings and `rings` is set, else at random."""
-    found = [_rings(direction) for direction in (samples.wi, samples.wo)] if rings else []
-    found = [ring for ring in found if ring is not None]
-    if not found:
+    folds_by_ring = [_rings(direction) for direction in (samples.wi, samples.wo)] if rings else []
+    folds_by_ring = [ring for ring in folds_by_ring if ring is not None]
+    if not folds_by_ring:
         return (Partition(random_folds(len(samples), folds, seed), 1.0),)
-    return tuple(Partition(ring, 1 / len(found)) for ring in found)
+    return tuple(Partition(ring, 1 / len(folds_by_ring)) for ring in folds_by_ring)
 
 
 def _rings(direction: Tensor) -> Tensor | None:
@@ -63,10 +63,10 @@ def _rings(direction: Tensor) -> Tensor | None:
 
     None where it does not lie on rings.
     """
-    found = ring_numbers(direction)
-    if found is None:
+    numbers = ring_numbers(direction)
+    if numbers is None:
         return None
-    rank, count = found
+    rank, count = numbers
     inner = (rank > 0) & (rank < count - 1)
     # A look at one fold takes the first: four rings have to have it too.
-    return torch.where(inner, (rank - 1) % RING_FOLDS, torch.full_like(rank, -1))
+    return torch.where(inner, (rank - 1) % _RING_FOLDS, torch.full_like(rank, -1))

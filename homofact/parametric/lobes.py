@@ -9,7 +9,7 @@ from itertools import combinations
 import torch
 from torch import Tensor
 
-from homofact.brdf.analytic.ggx import Ggx, GgxLobe, ggx_lobe
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe, ggx_lobe
 from homofact.brdf.analytic.spherical_gaussians import Gaussian, SphericalGaussians, gaussian
 from homofact.brdf.samples import Samples
 from homofact.errors import Report
@@ -20,7 +20,7 @@ WIDTHS = (0.03, 0.1, 0.3)
 _LEAST, _MOST = 1e-4, 3.0
 
 
-def fit_ggx(samples: Samples, lobes: int, seed: int) -> tuple[Ggx, Report]:
+def fit_ggx(samples: Samples, lobes: int, seed: int) -> tuple[GgxBrdf, Report]:
     """A diffuse base and so many GGX lobes."""
     channels = len(samples.channels)
 
@@ -37,7 +37,7 @@ def fit_ggx(samples: Samples, lobes: int, seed: int) -> tuple[Ggx, Report]:
         GgxLobe(_colour(part[:channels]), float(_bounded(part[channels])), float(torch.sigmoid(part[channels + 1])))
         for part in parts
     )
-    return Ggx(_colour(x[:channels]), found, channels=samples.channels), report
+    return GgxBrdf(_colour(x[:channels]), found, channels=samples.channels), report
 
 
 def fit_gaussians(samples: Samples, lobes: int, seed: int) -> tuple[SphericalGaussians, Report]:

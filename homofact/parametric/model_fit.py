@@ -6,24 +6,31 @@ textures (a shader, an export, the viewer) refuses it.
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, NoReturn
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
-import torch
-from torch import Tensor
+import numpy as np
 
 from homofact.brdf.analytic.common import AnalyticModel
-from homofact.brdf.analytic.ggx import Ggx
-from homofact.brdf.analytic.spherical_gaussians import SphericalGaussians
-from homofact.brdf.factored import FactoredBrdf
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
+from homofact.brdf.analytic.spherical_gaussians import Gaussian, SphericalGaussians
+from homofact.brdf.factored import BINS, FactoredBrdf
+from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.neural import NeuralBrdf
-from homofact.brdf.reflectance import Directions, answering_in_kind
+from homofact.brdf.neural import LAYERS, NeuralBrdf
 from homofact.errors import BadInput
-from homofact.factor.fitted import Evaluation, Grid, Texture
+from homofact.factor.evaluation import refuse_model
+from homofact.factor.factorization import channels_and_transform
+from homofact.factor.fitted import QuantizationGrid, Texture
 from homofact.files.archive import write_archive
+from homofact.files.saved import SavedFit
 from homofact.files.words import listed
-from homofact.parametric.stored import FORMAT, FORMAT_VERSION, StoredModel
+from homofact.linear.arrays import as_array
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+FORMAT, FORMAT_VERSION = "homofact-model", 1
 
 
 @dataclass(frozen=True)
@@ -33,6 +40,10 @@ class ModelFit:
     model: AnalyticModel
     transform: LogTransform
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Keep the numbers of a model as arrays, made of tensors where these are given."""
+        object.__setattr__(self, "model", _KINDS[type(self.model)].kept(self.model))
 
     def __repr__(self) -> str:
         """In a line, without the numbers."""
@@ -64,28 +75,22 @@ class ModelFit:
         return ()
 
     @property
-    def evaluation(self) -> Evaluation:
-        """Raises BadInput: what is made from textures cannot be made from a model."""
-        self._refuse()
+    def evaluation(self) -> None:
+        """None: what is made from textures cannot be made from a model."""
+        return None
 
     def with_textures(
         self,
-        texels: Sequence[Tensor],
-        grids: Sequence[Grid | None] | None = None,
+        texels: Sequence[Any],
+        grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "ModelFit":
         """Raises BadInput: it has none."""
-        self._refuse()
-
-    def _refuse(self) -> NoReturn:
-        kind = _KINDS[type(self.model)].words
-        raise BadInput(f"{kind}: has no textures, expected a fit by search, cole, mccool, svd or nmf")
+        refuse_model(self)
 
     @answering_in_kind
-    def evaluate(self, wi: Directions, wo: Directions) -> Any:
+    def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """BRDF values (N, C) in sr⁻¹ without the cosine, 0 under the horizon, in the dtype of wi."""
-        assert isinstance(wi, Tensor)
-        assert isinstance(wo, Tensor)
         # The published networks and tables are of float32; what they are asked in decides what they answer in.
         return self.model.evaluate(wi, wo).to(wi)
 
@@ -105,55 +110,95 @@ class ModelFit:
             "provenance": self.provenance,
         }
         arrays = kind.arrays(self.model) | {"mean": self.transform.mean}
-        write_archive(path, header, {name: array.to(torch.float64).numpy() for name, array in arrays.items()})
+        write_archive(path, header, {name: as_array(array, np.float64) for name, array in arrays.items()})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "ModelFit":
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
-        stored = StoredModel.load(path, torch.from_numpy)
-        transform = LogTransform(stored.transform.epsilon, torch.from_numpy(stored.transform.mean))
-        return cls(stored.model, transform, stored.provenance)
+        saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
+        fields = saved.fields
+        channels, transform = channels_and_transform(saved)
+        kinds = {kind.name: kind for kind in _KINDS.values()}
+        kind = kinds[fields.text("kind", kinds)]
+        try:
+            model = kind.restored(saved, channels)
+        except BadInput as error:
+            raise error.at(path) from error
+        return cls(model, transform, fields.inner("provenance").found)
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """How a model is stored: its name in files and for people, and its arrays; `stored` reads them back."""
+    """How a model is stored: its name in files, its numbers as arrays, the model of these, and itself in arrays."""
 
     name: str
-    words: str
-    arrays: Callable[[Any], dict[str, Tensor]]
+    arrays: Callable[[Any], dict[str, Any]]
+    restored: Callable[[SavedFit, tuple[str, ...]], AnalyticModel]
+    kept: Callable[[Any], AnalyticModel] = lambda model: model
 
 
-def _tensor(values: Any) -> Tensor:
-    return torch.tensor(values, dtype=torch.float64)
-
-
-def _ggx_arrays(model: Ggx) -> dict[str, Tensor]:
+def _ggx_arrays(model: GgxBrdf) -> dict[str, Any]:
     return {
-        "diffuse": _tensor(model.diffuse),
-        "specular": _tensor([lobe.specular for lobe in model.lobes]),
-        "roughness": _tensor([lobe.roughness for lobe in model.lobes]),
-        "reflectance": _tensor([lobe.reflectance for lobe in model.lobes]),
+        "diffuse": model.diffuse,
+        "specular": [lobe.specular for lobe in model.lobes],
+        "roughness": [lobe.roughness for lobe in model.lobes],
+        "reflectance": [lobe.reflectance for lobe in model.lobes],
     }
 
 
-def _gaussian_arrays(model: SphericalGaussians) -> dict[str, Tensor]:
+def _gaussian_arrays(model: SphericalGaussians) -> dict[str, Any]:
     return {
-        "diffuse": _tensor(model.diffuse),
-        "amplitude": _tensor([each.amplitude for each in model.gaussians]),
-        "sharpness": _tensor([each.sharpness for each in model.gaussians]),
-        "reflectance": _tensor([model.reflectance]),
+        "diffuse": model.diffuse,
+        "amplitude": [gaussian.amplitude for gaussian in model.gaussians],
+        "sharpness": [gaussian.sharpness for gaussian in model.gaussians],
+        "reflectance": [model.reflectance],
     }
 
 
-def _network_arrays(model: NeuralBrdf) -> dict[str, Tensor]:
+def _network_arrays(model: NeuralBrdf) -> dict[str, Any]:
     weights = {f"w{k}": weight for k, weight in enumerate(model.weights)}
     return weights | {f"b{k}": bias for k, bias in enumerate(model.biases)}
 
 
+def _network_kept(model: NeuralBrdf) -> NeuralBrdf:
+    weights, biases = (tuple(map(as_array, parts)) for parts in (model.weights, model.biases))
+    return replace(model, weights=weights, biases=biases)
+
+
+def _factored_kept(model: FactoredBrdf) -> FactoredBrdf:
+    return replace(model, table=as_array(model.table))
+
+
+def _ggx(saved: SavedFit, channels: tuple[str, ...]) -> GgxBrdf:
+    specular = saved.floats("specular", (None, len(channels)), least=0)
+    count = (len(specular),)
+    shapes = [saved.floats(name, count).tolist() for name in ("roughness", "reflectance")]
+    lobes = zip(specular.tolist(), *shapes, strict=True)
+    diffuse = tuple(saved.floats("diffuse", (len(channels),), least=0).tolist())
+    return GgxBrdf(diffuse, tuple(GgxLobe(tuple(colour), *rest) for colour, *rest in lobes), channels=channels)
+
+
+def _gaussians(saved: SavedFit, channels: tuple[str, ...]) -> SphericalGaussians:
+    amplitude = saved.floats("amplitude", (None, len(channels)), least=0)
+    sharpness = saved.floats("sharpness", (len(amplitude),)).tolist()
+    gaussians = tuple(Gaussian(tuple(a), s) for a, s in zip(amplitude.tolist(), sharpness, strict=True))
+    diffuse = tuple(saved.floats("diffuse", (len(channels),), least=0).tolist())
+    return SphericalGaussians(diffuse, gaussians, float(saved.floats("reflectance", (1,))[0]), channels=channels)
+
+
+def _network(saved: SavedFit, channels: tuple[str, ...]) -> NeuralBrdf:
+    w0, w1, w2 = (saved.floats(f"w{k}", shape) for k, shape in enumerate(LAYERS))
+    b0, b1, b2 = (saved.floats(f"b{k}", shape[1:]) for k, shape in enumerate(LAYERS))
+    return NeuralBrdf((w0, w1, w2), (b0, b1, b2), channels=channels)
+
+
+def _factored(saved: SavedFit, channels: tuple[str, ...]) -> FactoredBrdf:
+    return FactoredBrdf(saved.floats("table", (2 + 3 * BINS, len(channels))), channels=channels)
+
+
 _KINDS: dict[type, _Kind] = {
-    Ggx: _Kind("ggx", "a GGX fit", _ggx_arrays),
-    SphericalGaussians: _Kind("gaussians", "a fit of spherical Gaussians", _gaussian_arrays),
-    NeuralBrdf: _Kind("network", "a network", _network_arrays),
-    FactoredBrdf: _Kind("factored", "a factored table", lambda model: {"table": model.table}),
+    GgxBrdf: _Kind("ggx", _ggx_arrays, _ggx),
+    SphericalGaussians: _Kind("gaussians", _gaussian_arrays, _gaussians),
+    NeuralBrdf: _Kind("network", _network_arrays, _network, _network_kept),
+    FactoredBrdf: _Kind("factored", lambda model: {"table": model.table}, _factored, _factored_kept),
 }

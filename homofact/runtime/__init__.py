@@ -2,13 +2,14 @@
 
     from homofact import runtime
 
-    paint = runtime.load("out/paint")  # a result's folder, or a saved fit
+    paint = runtime.load("out/paint")  # the folder of a result or of an export, or a saved fit
     paint.evaluate(wi, wo)  # (..., C) in sr⁻¹, without the cosine
 
-It needs what `homofact` needs to be imported, and of other packages NumPy (and numba, from `MANY` pairs on).
+`load` is `homofact.load`: of arrays and lists a fit needs what `homofact` needs to be imported, and of other packages
+NumPy (and numba, from `MANY` pairs of float32 on).
 """
 
-from homofact.runtime.evaluate import MANY, RuntimeFit
-from homofact.runtime.load import load
+from homofact.api.loading import load
+from homofact.shading.on_arrays import MANY
 
-__all__ = ["MANY", "RuntimeFit", "load"]
+__all__ = ["MANY", "load"]

@@ -1,1 +1,2 @@
-"""How much a scene needs: spherical harmonics, spectra of lighting and BRDFs, counts of terms."""
+"""What relighting, editing and planning share: objects in their places, cameras, lights, sources beside a scene's
+file."""

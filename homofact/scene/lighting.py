@@ -8,7 +8,7 @@ sharp the lobe is there. Orders are looked at up to `ORDER`; a directional light
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -16,10 +16,11 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.render.environment import read_environment
-from homofact.render.light import DirectionalLight, EnvironmentMap, Light
-from homofact.scene.harmonics import energy_by_order, harmonics, orders
-from homofact.scene.reflection import directional_lighting, lambertian_filter
+from homofact.rendering.environment import read_environment
+from homofact.rendering.light import DirectionalLight, EnvironmentMap, Light
+from homofact.settings.tables import limits
+from homofact.theory.harmonics import energy_by_order, harmonics, orders
+from homofact.theory.reflection import directional_lighting, lambertian_filter
 
 ORDER = 32
 UNEXCITED_SHARE = 0.01
@@ -29,7 +30,7 @@ _ROWS = 64
 
 @dataclass(frozen=True)
 class Lighting:
-    """Distant light: `lights` in the frame of `render.light` (y up), `words` say what it is and from where.
+    """Distant light: `lights` in the frame of `rendering.light` (y up), `words` say what it is and from where.
 
     Raises BadInput where there is no light or all of it is 0.
     """
@@ -43,7 +44,7 @@ class Lighting:
         lit = any(isinstance(each, EnvironmentMap) or any(each.levels()) for each in self.lights)
         if not lit:
             found = "no lights" if not self.lights else "only lights of radiance 0"
-            raise BadInput(f"lighting: found {found}, expected some light")
+            raise BadInput(where="lighting", found=found, expected="some light")
 
     @property
     def has_directional(self) -> bool:
@@ -116,6 +117,47 @@ class Lighting:
         return total
 
 
+@dataclass(frozen=True)
+class LightTable:
+    """[lighting] of a scene's file: an environment map's file, or a name of `NAMED`; `turn` in degrees about y."""
+
+    environment: str | None = None
+    named: str | None = None
+    turn: float = field(default=0.0, metadata=limits())
+
+    def __post_init__(self) -> None:
+        """Refuse none and both. Raises BadInput."""
+        if (self.environment is None) is (self.named is None):
+            raise BadInput(found="none or both", expected="exactly one of environment, named")
+
+    def map(self, folder: Path) -> EnvironmentMap:
+        """The environment map, its file relative to `folder`.
+
+        Raises BadInput for a file that cannot be read and a name that is no map.
+        """
+        turn = math.radians(self.turn)
+        if self.environment is not None:
+            return read_environment(folder / self.environment, turn)
+        try:
+            return named_environment(str(self.named)).turned(turn)
+        except BadInput as error:
+            raise error.at("lighting.named") from error
+
+    def lighting(self, folder: Path) -> Lighting:
+        """The light, a map or directional. Raises BadInput as `map`, and for a directional light that is turned."""
+        if self.environment is not None:
+            light = self.map(folder)
+            return Lighting(light.name, (light,), light.describe())
+        named = named_lighting(str(self.named))
+        if not self.turn:
+            return named
+        turn = math.radians(self.turn)
+        lights = [light.turned(turn) for light in named.lights if isinstance(light, EnvironmentMap)]
+        if len(lights) < len(named.lights):
+            raise BadInput(f"{self.named} is no environment map", where="lighting.turn", expected="one, or no turn")
+        return Lighting(named.name, tuple(lights), named.words)
+
+
 def environment_coefficients(light: EnvironmentMap, order: int) -> Tensor:
     """L_lm ((order+1)², C) of a map, by the centres of its texels at 64 rows or a little more."""
     radiance = _resized(light.radiance)
@@ -129,7 +171,7 @@ def environment_coefficients(light: EnvironmentMap, order: int) -> Tensor:
 
 
 def texel_directions(rows: int, columns: int, turn: float = 0.0, which: Tensor | None = None) -> Tensor:
-    """Unit directions (rows·columns, 3) of a lat-long map's texel centres, laid out as `render.light` says.
+    """Unit directions (rows·columns, 3) of a lat-long map's texel centres, laid out as `rendering.light` says.
 
     `which` numbers the rows, all unless given.
     """
@@ -151,7 +193,7 @@ def ring_directions(y: Tensor, around: Tensor, columns: int, turn: float) -> Ten
 def named_lighting(name: str) -> Lighting:
     """The lighting called `name`. Raises BadInput that lists the names."""
     if name not in NAMED:
-        raise BadInput(f"lighting.named: found {name!r}, expected one of {', '.join(NAMED)}")
+        raise BadInput(where="lighting.named", found=repr(name), expected=f"one of {', '.join(NAMED)}")
     make, words = NAMED[name]
     return Lighting(name, make(), words)
 
@@ -160,7 +202,7 @@ def named_environment(name: str) -> EnvironmentMap:
     """The lighting called `name`, where it is a map. Raises BadInput that lists the names."""
     maps = {key: found for key, (make, _) in NAMED.items() if isinstance(found := make()[0], EnvironmentMap)}
     if name not in maps:
-        raise BadInput(f"found {name!r}, expected an environment map or one of {', '.join(maps)}")
+        raise BadInput(found=repr(name), expected=f"an environment map or one of {', '.join(maps)}")
     return maps[name]
 
 
@@ -171,7 +213,7 @@ def open_environment(place: str | Path) -> EnvironmentMap:
     try:
         return named_environment(str(place))
     except BadInput as error:
-        raise BadInput(f"light: {error}") from error
+        raise error.at("light") from error
 
 
 def _sun() -> tuple[Light, ...]:

@@ -162,7 +162,7 @@ def imputed(matrix: Tensor, valid: Tensor, terms: int, rounds: int = 60) -> Tens
 def normalized(matrix: Tensor) -> Factors:
     """The one non-negative term of the normalized decomposition. Raises BadInput for a negative entry."""
     if bool((_finite(matrix) < 0).any()):
-        raise BadInput(f"matrix: found {float(matrix.min()):.4g}, expected no negative entry to normalize")
+        raise BadInput(where="matrix", found=f"{float(matrix.min()):.4g}", expected="no negative entry to normalize")
     norms = matrix.sum(1, keepdim=True)
     lit = norms[:, 0] > 0
     if not bool(lit.any()):
@@ -175,11 +175,15 @@ def normalized(matrix: Tensor) -> Factors:
 
 def _finite(matrix: Tensor) -> Tensor:
     if matrix.ndim != 2 or 0 in matrix.shape or not bool(torch.isfinite(matrix).all()):
-        raise BadInput(f"matrix: found shape {tuple(matrix.shape)} or entries that are not finite, expected a matrix")
+        raise BadInput(
+            where="matrix", found=f"shape {tuple(matrix.shape)} or entries that are not finite", expected="a matrix"
+        )
     return matrix
 
 
 def _check_symmetric(matrix: Tensor) -> None:
     _finite(matrix)
     if matrix.shape[0] != matrix.shape[1] or float((matrix - matrix.T).abs().max()) > 1e-12 * float(matrix.abs().max()):
-        raise BadInput(f"matrix: found {tuple(matrix.shape)}, not symmetric; expected M = Mᵀ, or the dense SVD")
+        raise BadInput(
+            where="matrix", found=f"{tuple(matrix.shape)}, not symmetric", expected="M = Mᵀ, or the dense SVD"
+        )

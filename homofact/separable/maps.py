@@ -22,7 +22,7 @@ from homofact.errors import BadInput
 from homofact.geometry import parabolic
 from homofact.geometry.axes import map_axes
 from homofact.geometry.coordinates import Scales, axes_of
-from homofact.separable.names import MAP_NAMES, MAP_SCALES
+from homofact.separable.decomposition_names import MAP_NAMES, MAP_SCALES
 
 # The cosine of a texel's direction at the rim: 84.3°. Nearer to the horizon (.05, .01), the first terms of
 # Ashikhmin-Shirley's matrix go to grazing light, and the cosine-weighted error rises.
@@ -116,5 +116,5 @@ MAPS = {name: _BY_NAME[name] for name in MAP_NAMES}
 def direction_map(name: str) -> DirectionMap:
     """The map called `name`. Raises BadInput that lists the names."""
     if name not in MAPS:
-        raise BadInput(f"map: found {name!r}, expected one of {', '.join(MAPS)}")
+        raise BadInput(where="map", found=repr(name), expected=f"one of {', '.join(MAPS)}")
     return MAPS[name]

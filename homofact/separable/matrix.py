@@ -16,8 +16,8 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import from_half_difference
+from homofact.separable.decomposition_names import SIDES
 from homofact.separable.maps import DirectionMap, raised
-from homofact.separable.names import SIDES
 
 # A float64 matrix beyond this is refused: its decomposition would need several times as much.
 MOST_BYTES = 2 << 30
@@ -63,15 +63,17 @@ def brdf_matrix(
     Raises BadInput for an unknown parameterization, a size below 2 or one whose matrix would be too large.
     """
     if parameterization not in SIDES:
-        raise BadInput(f"parameterization: found {parameterization!r}, expected {' or '.join(SIDES)}")
+        raise BadInput(where="parameterization", found=repr(parameterization), expected=" or ".join(SIDES))
     if size < 2:
-        raise BadInput(f"size: found {size}, expected at least 2")
+        raise BadInput(where="size", found=size, expected="at least 2")
     read = map.read(size)
     directions = map.texel_directions(size)[read]
     n, channels = len(directions), len(reflectance.channels)
     if n * n * channels * 8 > MOST_BYTES:
         most = int((MOST_BYTES / (8 * channels)) ** 0.25)
-        raise BadInput(f"size: found {size}, a matrix of {n} x {n} x {channels}; expected at most about {most}")
+        raise BadInput(
+            where="size", found=f"{size}, a matrix of {n} x {n} x {channels}", expected=f"at most about {most}"
+        )
     values = torch.empty(n, n, channels, dtype=torch.float64)
     valid = torch.ones(n, n, dtype=torch.bool)
     symmetric = parameterization == "in-out" and reciprocal
@@ -94,7 +96,7 @@ def brdf_matrix(
     if symmetric:
         values = (values + values.transpose(0, 1)) / 2
     if not bool(torch.isfinite(values).all()):
-        raise BadInput("matrix: found values that are not finite at some texels, expected finite reflectance")
+        raise BadInput(where="matrix", found="values that are not finite at some texels", expected="finite reflectance")
     return BrdfMatrix(values, valid, read, map.texel_weights(size)[read], size, map, parameterization)
 
 

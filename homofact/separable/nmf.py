@@ -43,11 +43,11 @@ def nmf(
     """
     for name, found in (("matrix", matrix), ("weights", weights)):
         if found is not None and not bool((torch.isfinite(found) & (found >= 0)).all()):
-            raise BadInput(f"{name}: found a negative entry or one that is not finite, expected numbers >= 0")
+            raise BadInput(where=name, found="a negative entry or one that is not finite", expected="numbers >= 0")
     if weights is not None and weights.shape != matrix.shape:
-        raise BadInput(f"weights: found shape {tuple(weights.shape)}, expected {tuple(matrix.shape)}")
+        raise BadInput(where="weights", found=f"shape {tuple(weights.shape)}", expected=tuple(matrix.shape))
     if terms < 1:
-        raise BadInput(f"terms: found {terms}, expected at least 1")
+        raise BadInput(where="terms", found=terms, expected="at least 1")
     left, right = _start(matrix, min(terms, *matrix.shape))
     weighted = matrix if weights is None else weights * matrix
     constant = float((weighted * matrix).sum())

@@ -55,7 +55,9 @@ class LocalPlanes:
     def __post_init__(self) -> None:
         """Refuse too few samples."""
         if len(self.samples) < self.fetches:
-            raise BadInput(f"samples: {len(self.samples)} are too few to resample, expected at least {self.fetches}")
+            raise BadInput(
+                f"{len(self.samples)} are too few to resample", where="samples", expected=f"at least {self.fetches}"
+            )
 
     @property
     def channels(self) -> tuple[str, ...]:

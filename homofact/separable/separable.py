@@ -12,23 +12,32 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.reflectance import answering_in_kind
-from homofact.factor.evaluation import Evaluation
-from homofact.factor.fitted import Grid, Texture, bits
+from homofact.errors import BadInput
+from homofact.factor.evaluation import Evaluation, Product, TextureLookup
+from homofact.factor.factorization import MOST_LEVELS, MOST_TERMS, channels_and_transform
+from homofact.factor.fitted import QuantizationGrid, Texture, bits
 from homofact.files.archive import write_archive
+from homofact.files.saved import SavedFit
 from homofact.files.words import listed
 from homofact.geometry.axes import map_axes
 from homofact.geometry.coordinates import axes_of
-from homofact.geometry.directions import above_horizon
-from homofact.linear.bilinear import lookup
-from homofact.separable.maps import direction_map
-from homofact.separable.stored import FORMAT, FORMAT_VERSION, LETTERS, StoredPair, StoredSum, evaluation_of_sum
+from homofact.linear.arrays import Held, as_array, as_arrays
+from homofact.linear.names import Shape
+from homofact.separable.decomposition_names import MAP_NAMES, MAP_SCALES, SIDES
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+FORMAT = "homofact separable factorization"
+FORMAT_VERSION = 1
+# Letters of the two sides' axes.
+LETTERS = {"in-out": ("i", "o"), "half-diff": ("h", "d")}
 
 # What people call the letters of the sides' axes.
 _LETTERS = {"i": "ωi", "o": "ωo", "h": "h", "d": "d"}
@@ -39,16 +48,21 @@ class SeparableTerm:
     """One product: `first` gk and `second` hk (rows, columns, C), `second` None where it is `first`.
 
     `signs` (C,) are ±1. g·h is in sr⁻¹ without the cosine; the channels' terms are in order of size, each by itself.
-    `grids`, one a stored texture, are there where its texels are rounded to whole numbers.
+    `grids`, one a stored texture, are there where its texels are rounded to whole numbers. All are NumPy arrays, made
+    of tensors where these are given.
     """
 
-    first: Tensor
-    second: Tensor | None
-    signs: Tensor
-    grids: tuple[Grid, ...] = ()
+    first: Held
+    second: Held | None
+    signs: Held
+    grids: tuple[QuantizationGrid, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Keep arrays."""
+        as_arrays(self, "first", "second", "signs")
 
     @property
-    def textures(self) -> tuple[Tensor, ...]:
+    def textures(self) -> tuple[np.ndarray, ...]:
         """The one or two textures that are stored."""
         return (self.first,) if self.second is None else (self.first, self.second)
 
@@ -64,10 +78,14 @@ class Separable:
     terms: tuple[SeparableTerm, ...]
     map: str
     parameterization: str
-    read: Tensor
+    read: Held
     transform: LogTransform
     channels: tuple[str, ...]
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Keep an array."""
+        as_arrays(self, "read")
 
     def __repr__(self) -> str:
         """In a line, without the texels."""
@@ -76,31 +94,43 @@ class Separable:
     @property
     def nbytes(self) -> int:
         """Bytes of all texels as float32; the signs, C bits a term, are not counted."""
-        return sum(texture.numel() * 4 for term in self.terms for texture in term.textures)
+        return sum(texture.size * 4 for term in self.terms for texture in term.textures)
 
     @property
     def fetches(self) -> int:
         """Texture lookups of one evaluation: two a term, a shared texture being read at both directions."""
         return 2 * len(self.terms)
 
-    def evaluate_signed(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def evaluate_signed(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """The sum of products (N, C) in sr⁻¹ before it is cut at zero."""
-        scales = direction_map(self.map).scales
-        a, b = (axes_of(axes, wi, wo, scales) for axes in self._axes)
-        first, second = self._stacked
+        import torch
+
+        from homofact.linear.bilinear import lookup
+
+        a, b = self.places(wi, wo)
+        first, second = (None if own is None else torch.from_numpy(own).to(wi.device) for own in self._stacked)
+        assert first is not None
         count, channels = len(self.terms), len(self.channels)
         left = lookup(first, a.to(first)).reshape(-1, count, channels)
         right = lookup(first if second is None else second, b.to(first)).reshape(-1, count, channels)
-        signs = torch.stack([term.signs for term in self.terms])
+        signs = torch.from_numpy(np.stack([term.signs for term in self.terms])).to(first)
         return (left * right * signs).sum(1).to(wi)
 
+    def places(self, wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
+        """Where the first and the second textures are read, (N, 2) in [−1, 1]² each."""
+        scales = MAP_SCALES[self.map]
+        first, second = (axes_of(axes, wi, wo, scales) for axes in self._axes)
+        return first, second
+
     @answering_in_kind
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+    def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        from homofact.geometry.directions import above_horizon
+
         above, wi, wo = above_horizon(wi, wo)
         return self.evaluate_signed(wi, wo).clamp_min(0) * above[:, None]
 
-    def clipped(self, wi: Tensor, wo: Tensor) -> float:
+    def clipped(self, wi: "Tensor", wo: "Tensor") -> float:
         """The share of values at these pairs, over all channels, that are negative and evaluate to 0."""
         return float((self.evaluate_signed(wi, wo) < 0).double().mean())
 
@@ -131,12 +161,12 @@ class Separable:
 
     def with_textures(
         self,
-        texels: Sequence[Tensor],
-        grids: Sequence[Grid | None] | None = None,
+        texels: Sequence[Any],
+        grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "Separable":
         """The same terms with other factors (rows, columns, C); as `Fitted.with_textures`."""
-        left, grid = iter(texels), iter(grids or (None,) * len(texels))
+        left, grid = map(as_array, texels), iter(grids or (None,) * len(texels))
         terms = []
         for term in self.terms:
             made = [next(left) for _ in term.textures]
@@ -160,11 +190,11 @@ class Separable:
         }
 
     @cached_property
-    def _stacked(self) -> tuple[Tensor, Tensor | None]:
+    def _stacked(self) -> tuple[np.ndarray, np.ndarray | None]:
         """All terms' textures as the channels of one, so that a direction is looked up once."""
-        first = torch.cat([term.first for term in self.terms], 2)
+        first = np.concatenate([term.first for term in self.terms], 2)
         seconds = [term.second for term in self.terms if term.second is not None]
-        return first, torch.cat(seconds, 2) if seconds else None
+        return first, np.concatenate(seconds, 2) if seconds else None
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one file (.npz), beside first and then renamed. Raises BadInput for an unwritable place."""
@@ -181,31 +211,60 @@ class Separable:
         if self.terms and self.terms[0].grids:
             header["levels"] = self.terms[0].grids[0].levels
         arrays: dict[str, Any] = {
-            "mean": self.transform.mean.cpu().numpy(),
-            "read": self.read.cpu().numpy(),
+            "mean": self.transform.mean,
+            "read": self.read,
         }
         for k, term in enumerate(self.terms):
-            arrays[f"first_{k}"] = term.first.cpu().numpy()
-            arrays[f"signs_{k}"] = term.signs.cpu().numpy()
+            arrays[f"first_{k}"] = term.first
+            arrays[f"signs_{k}"] = term.signs
             if term.grids:
-                pairs = [torch.stack((grid.low, grid.step)) for grid in term.grids]
-                arrays[f"grids_{k}"] = torch.stack(pairs).cpu().numpy()
+                arrays[f"grids_{k}"] = np.stack([np.stack((grid.low, grid.step)) for grid in term.grids])
             if term.second is not None:
-                arrays[f"second_{k}"] = term.second.cpu().numpy()
+                arrays[f"second_{k}"] = term.second
         write_archive(path, header, arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Separable":
         """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
-        stored = StoredSum.load(path)
-        transform = LogTransform(stored.transform.epsilon, torch.from_numpy(stored.transform.mean))
-        terms = tuple(_restored(term, stored.levels) for term in stored.terms)
-        read = torch.from_numpy(stored.read)
-        return cls(terms, stored.map, stored.parameterization, read, transform, stored.channels, stored.provenance)
+        saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
+        fields = saved.fields
+        channels, transform = channels_and_transform(saved)
+        read = saved.flags("read", (None, None))
+        shared = "second_0" not in saved
+        shape = (*read.shape, len(channels))
+        count = fields.whole("terms", 1, MOST_TERMS)
+        whole = any(f"grids_{k}" in saved for k in range(count))
+        name, kind = fields.text("map", MAP_NAMES), fields.text("parameterization", SIDES)
+        levels = fields.whole("levels", 1, MOST_LEVELS) if whole else 0
+        terms = tuple(_stored_pair(saved, k, shape, shared, levels) for k in range(count))
+        return cls(terms, name, kind, read, transform, channels, fields.inner("provenance").found)
 
 
-def _restored(stored: StoredPair, levels: int) -> SeparableTerm:
-    second = None if stored.second is None else torch.from_numpy(stored.second)
-    pairs = () if stored.grids is None else torch.from_numpy(stored.grids)
-    grids = tuple(Grid(low, step, levels) for low, step in pairs)
-    return SeparableTerm(torch.from_numpy(stored.first), second, torch.from_numpy(stored.signs), grids)
+def evaluation_of_sum(
+    name: str, parameterization: str, terms: Sequence[tuple[tuple[float, ...], int]], shape: Shape
+) -> Evaluation:
+    """max(0, Σ signs · first lookup · second lookup) on the map `name`; `terms` are (signs, stored textures)."""
+    rows, columns = shape
+    lookups, products, texture = [], [], 0
+    for signs, stored in terms:
+        for j, letter in enumerate(LETTERS[parameterization]):
+            what = letter if letter in "hd" else f"w{letter}"
+            words = f"{what} on the {name} map, {columns} x {rows} texels"
+            number = texture + (j if stored == 2 else 0)
+            lookups.append(TextureLookup(number, map_axes(name, letter), MAP_SCALES[name], np.eye(2), None, words))
+        texture += stored
+        products.append(Product((len(lookups) - 2, len(lookups) - 1), signs))
+    return Evaluation(tuple(lookups), tuple(products), None)
+
+
+def _stored_pair(saved: SavedFit, k: int, shape: tuple[int, ...], shared: bool, levels: int) -> SeparableTerm:
+    """Term number `k` of a saved sum. Raises BadInput for what no fit could have saved."""
+    if shared and f"second_{k}" in saved:
+        raise BadInput(f"holds second_{k} and no second_0", where=saved.path, expected="as many textures in every term")
+    signs = saved.floats(f"signs_{k}", shape[2:])
+    if not (np.abs(signs) == 1).all():
+        raise BadInput(f"signs_{k} holds other numbers", where=saved.path, expected="1 or -1 a channel")
+    factors = [saved.floats(f"{name}_{k}", shape) for name in (("first",) if shared else ("first", "second"))]
+    pairs = saved.floats(f"grids_{k}", (len(factors), 2, shape[2])) if f"grids_{k}" in saved else ()
+    grids = tuple(QuantizationGrid(low, step, levels) for low, step in pairs)
+    return SeparableTerm(factors[0], None if shared else factors[1], signs, grids)

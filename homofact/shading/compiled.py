@@ -50,13 +50,17 @@ class Compiled:
         """
         for name, w in (("wi", wi), ("wo", wo)):
             if w.dtype != np.float32 or w.ndim != 2 or w.shape[1] != 3 or len(w) != len(wi):
-                raise BadInput(f"{name}: found {w.dtype} of shape {w.shape}, expected float32 of shape (N, 3), N alike")
+                raise BadInput(
+                    where=name, found=f"{w.dtype} of shape {w.shape}", expected="float32 of shape (N, 3), N alike"
+                )
         shape = (len(wi), len(self.channels))
         values = np.empty(shape, np.float32) if out is None else out
         if values.dtype != np.float32 or values.shape != shape:
-            raise BadInput(f"out: found {values.dtype} of shape {values.shape}, expected float32 of shape {shape}")
+            raise BadInput(
+                where="out", found=f"{values.dtype} of shape {values.shape}", expected=f"float32 of shape {shape}"
+            )
         if not values.flags.c_contiguous:
-            raise BadInput("out: found rows that are not one behind the other in memory, expected them so")
+            raise BadInput(where="out", found="rows that are not one behind the other in memory", expected="them so")
         # `ravel` copies what is not in order.
         self._kernel(wi.ravel(), wo.ravel(), values.reshape(-1), *self._texels)
         return values

@@ -20,7 +20,7 @@ _FREE = {"constant", "name", "swizzle", "vector", "fetch", "cube", "table"}
 
 
 @dataclass(frozen=True)
-class Cost:
+class EvaluationCost:
     """Counts of one evaluation: operations by name, their number, scalar ones, fetches; bytes of all textures."""
 
     operations: dict[str, int]
@@ -44,10 +44,10 @@ class Cost:
         }
 
 
-def cost_of(program: Program, nbytes: int) -> Cost:
+def cost_of(program: Program, nbytes: int) -> EvaluationCost:
     """The counts of a program whose textures take `nbytes`."""
     operations, scalar, fetches = operations_of(program.statements, program.result)
-    return Cost(operations, scalar, fetches, nbytes)
+    return EvaluationCost(operations, scalar, fetches, nbytes)
 
 
 def operations_of(statements: Sequence[Let], result: Expression) -> tuple[dict[str, int], int, int]:

@@ -1,7 +1,7 @@
 """A program that reads a table and cube maps with levels, printed as C99: the table in the code, the texels given.
 
 Four floats a texel, largest level first, in each the faces +x, −x, +y, −y, +z, −z, row by row: a KTX2's levels in the
-order of its index, as floats. Read as `render.cube` says.
+order of its index, as floats. Read as `rendering.cube` says.
 """
 
 import numpy as np

@@ -68,6 +68,6 @@ class DrJitFit:
 
 def _texture(texture: Texture, mi: Any) -> Any:
     precision = np.float64 if "double" in mi.variant() else np.float32
-    tensor = mi.TensorXf(np.ascontiguousarray(texture.texels.cpu().numpy(), dtype=precision))
+    tensor = mi.TensorXf(np.ascontiguousarray(texture.texels, dtype=precision))
     # No hardware sampler: its weights have 8 bits.
     return mi.Texture2f(tensor, False, False, dr.FilterMode.Linear, dr.WrapMode.Clamp)

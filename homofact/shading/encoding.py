@@ -20,7 +20,8 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.factor.fitted import Grid, Texture
+from homofact.factor.fitted import QuantizationGrid, Texture
+from homofact.linear.arrays import as_array
 from homofact.shading.encoded import LEVELS, Encoded, plain
 
 STORAGES = ("float32", "float16", *LEVELS, "bc6h")
@@ -28,9 +29,9 @@ STORAGES = ("float32", "float16", *LEVELS, "bc6h")
 _STARTS = (0.0, 0.125, 0.5)
 
 
-def as_floats(texture: Tensor) -> Encoded:
+def as_floats(texture: Tensor | np.ndarray) -> Encoded:
     """The texture as float32, which a shader takes as it is."""
-    return plain(texture.detach().cpu().numpy())
+    return plain(as_array(texture))
 
 
 def encode_texture(texture: Texture, storage: str) -> Encoded:
@@ -42,29 +43,31 @@ def encode_texture(texture: Texture, storage: str) -> Encoded:
     return encode(texture.texels, texture.mask, storage, texture.grid)
 
 
-def encode(texture: Tensor, mask: Tensor, storage: str, grid: Grid | None = None) -> Encoded:
+def encode(
+    texture: Tensor | np.ndarray, mask: Tensor | np.ndarray, storage: str, grid: QuantizationGrid | None = None
+) -> Encoded:
     """A texture (rows, columns, C) in a storage; texels outside the mask are clipped to the range inside.
 
     Raises BadInput for a storage that is none, and for bc6h where C is not 1 or 3 or a side no multiple of 4.
     """
     if storage not in STORAGES:
-        raise BadInput(f"storage: found {storage!r}, expected one of {', '.join(STORAGES)}")
-    texture = texture.detach().cpu().to(torch.float64)
+        raise BadInput(where="storage", found=repr(storage), expected=f"one of {', '.join(STORAGES)}")
+    texture, mask = torch.from_numpy(as_array(texture, np.float64)), torch.from_numpy(as_array(mask))
     channels = texture.shape[2]
     if storage == "float32":
         return as_floats(texture)
-    inside = texture[mask.cpu()] if bool(mask.any()) else texture.reshape(-1, channels)
+    inside = texture[mask] if bool(mask.any()) else texture.reshape(-1, channels)
     low, high = inside.amin(0), inside.amax(0)
     clipped = texture.clamp(low, high)
     if storage == "bc6h":
-        return _blocks(clipped, mask.cpu(), low, high)
+        return _blocks(clipped, mask, low, high)
     if storage not in LEVELS:
         middle = (low + high) / 2
         return Encoded(storage, (clipped - middle).numpy().astype(np.float16), np.ones(channels), middle.numpy())
     levels = LEVELS[storage]
     scale = (high - low).clamp_min(1e-6)
     if grid is not None and grid.levels == levels:
-        low, scale = grid.low, grid.step * levels
+        low, scale = torch.from_numpy(grid.low), torch.from_numpy(grid.step * levels)
         clipped = texture
     steps = ((clipped - low) / scale * levels).round().clamp(0, levels)
     kind = np.uint8 if levels < 256 else np.uint16
@@ -75,7 +78,7 @@ def _blocks(texture: Tensor, mask: Tensor, low: Tensor, high: Tensor) -> Encoded
     """The affine map, of those that the module's head tells, with which BC6H errs least inside the mask."""
     channels = texture.shape[2]
     if channels not in (1, 3):
-        raise BadInput(f"bc6h: found {channels} channels, expected 1 or 3")
+        raise BadInput(where="bc6h", found=f"{channels} channels", expected="1 or 3")
     span = float((high - low).max().clamp_min(1e-6))
     weights = mask.to(texture)[..., None] if bool(mask.any()) else torch.ones_like(texture)
     tried = []
@@ -83,4 +86,4 @@ def _blocks(texture: Tensor, mask: Tensor, low: Tensor, high: Tensor) -> Encoded
         bias = end - side * start * span
         stored = ((texture - bias) / span).numpy().astype(np.float16)
         tried.append(Encoded("bc6h", stored, np.full(channels, span), bias.numpy()))
-    return min(tried, key=lambda each: float(((each.decoded() - texture).square() * weights).sum()))
+    return min(tried, key=lambda grid: float(((grid.decoded() - texture).square() * weights).sum()))

@@ -21,8 +21,8 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 def _fitted(function: Any, low: float, high: float, degree: int) -> tuple[np.float32, ...]:
     """Coefficients, the constant one first, of the interpolant in Chebyshev nodes."""
-    found = Chebyshev.interpolate(function, degree, [low, high]).convert(kind=Polynomial, domain=[-1, 1])
-    return tuple(np.float32(value) for value in found.coef)
+    polynomial = Chebyshev.interpolate(function, degree, [low, high]).convert(kind=Polynomial, domain=[-1, 1])
+    return tuple(np.float32(value) for value in polynomial.coef)
 
 
 def _atan_part(squared: np.ndarray) -> np.ndarray:

@@ -85,27 +85,27 @@ def _sampling(lobes: int, turned: bool, values: Mapping[str, Any], tables: Table
 
 def _read(tables: Tables, statements: Sequence[Let]) -> Tables:
     """The tables that the statements read."""
-    read = {node.text for each in statements for node in nodes(each.expression) if node.kind == "table"}
-    return tuple(each for each in tables if each[0] in read)
+    read = {node.text for let in statements for node in nodes(let.expression) if node.kind == "table"}
+    return tuple(table for table in tables if table[0] in read)
 
 
 def _tables_of(functions: Sequence[Function]) -> Tables:
     """Those of all functions, each once."""
-    return tuple({name: (name, rows) for each in functions for name, rows in each.tables}.values())
+    return tuple({name: (name, rows) for function in functions for name, rows in function.tables}.values())
 
 
 def functions_text(functions: Sequence[Function], language: Language, prefix: str = "homofact") -> str:
     """The functions' text, to stand behind that of a shader."""
     tables = tables_text(_tables_of(functions), language, prefix)
     texts = [f"\n{tables}"] if tables else []
-    for each in functions:
+    for function in functions:
         head, parameter = _HEADS[language.name]
-        given = ", ".join(parameter.format(kind=language.types[2], name=name) for name in each.parameters)
-        given += f", {_LAYERS[language.name]}" if each.tables else ""
-        kind = language.types[each.result.dimension - 1]
-        begin = head.format(kind=kind, name=f"{prefix}_{each.name}", parameters=given)
-        comment = "".join(f"// {remark(line)}\n" for line in each.comment)
-        texts.append(f"\n{comment}{begin}{body_text(each.statements, each.result, language, prefix)}\n}}\n")
+        given = ", ".join(parameter.format(kind=language.types[2], name=name) for name in function.parameters)
+        given += f", {_LAYERS[language.name]}" if function.tables else ""
+        kind = language.types[function.result.dimension - 1]
+        begin = head.format(kind=kind, name=f"{prefix}_{function.name}", parameters=given)
+        comment = "".join(f"// {remark(line)}\n" for line in function.comment)
+        texts.append(f"\n{comment}{begin}{body_text(function.statements, function.result, language, prefix)}\n}}\n")
     return "".join(texts)
 
 
@@ -113,17 +113,17 @@ def functions_in_c(functions: Sequence[Function], prefix: str = "homofact") -> s
     """The functions in C99: a number is returned, a vector written to the last argument."""
     tables = tables_in_c(_tables_of(functions), prefix).rstrip("\n")
     texts = [f"\n{tables}\n"] if tables else []
-    for each in functions:
-        comment = "".join(f"/* {remark(line)} */\n" for line in each.comment)
-        given = ", ".join(f"const float {name}[3]" for name in each.parameters)
-        given += ", int layer" if each.tables else ""
-        body = statement_lines(each.statements, prefix)
-        if each.result.dimension == 1:
-            head = f"float {prefix}_{each.name}({given})"
-            body.append(f"    return {render(each.result, prefix)};")
+    for function in functions:
+        comment = "".join(f"/* {remark(line)} */\n" for line in function.comment)
+        given = ", ".join(f"const float {name}[3]" for name in function.parameters)
+        given += ", int layer" if function.tables else ""
+        body = statement_lines(function.statements, prefix)
+        if function.result.dimension == 1:
+            head = f"float {prefix}_{function.name}({given})"
+            body.append(f"    return {render(function.result, prefix)};")
         else:
-            count = each.result.dimension
-            head = f"void {prefix}_{each.name}({given}, float out[{count}])"
-            body += [f"    out[{k}] = {render(component(each.result, k), prefix)};" for k in range(count)]
+            count = function.result.dimension
+            head = f"void {prefix}_{function.name}({given}, float out[{count}])"
+            body += [f"    out[{k}] = {render(component(function.result, k), prefix)};" for k in range(count)]
         texts.append(f"\n{comment}{head}\n{{\n" + "\n".join(body) + "\n}\n")
     return "".join(texts)

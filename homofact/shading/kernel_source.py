@@ -5,6 +5,10 @@ or branches (`float_functions`), or several where there are many constants, whic
 instructions; the last one also finds where the fetches of that depth read. A fetch is a loop of its own in which the
 channels of its four texels are the vectors (`vector_code.bilinear`); texels of three channels are stored as four
 numbers. Between loops the block's values wait in rows of one buffer that stays in the nearest caches.
+
+A block is always computed whole, of which only the pairs that there are are read and written: a loop over fewer would
+end with pairs that the compiler does one by one, and those are rounded otherwise (a vector division is a reciprocal's
+estimate, refined once). So a pair's value does not hang on its place nor on how many others there are.
 """
 
 from collections.abc import Sequence
@@ -19,7 +23,7 @@ from homofact.shading.vector_code import LANES
 
 BLOCK = 256
 # A loop keeps its constants in registers. Of more the compiler makes vectors in memory, which are slow to read.
-MOST_CONSTANTS = 16
+_MOST_CONSTANTS = 16
 # Names of the kernel's own, besides `C_0` … and those that end in a number of a row or a texture.
 OWN = (
     "i", "j", "x", "y", "row", "column", "count", "whole", "buffer", "texels", "places", "values", "np", "min", "max",
@@ -49,20 +53,24 @@ class _Source:
         """Where a name's row begins: a multiple of BLOCK, so that the compiler sees that rows do not overlap."""
         return self.rows.setdefault(name, len(self.rows)) * BLOCK
 
-    def loop(self, lines: Sequence[str], begin: str = "0") -> None:
-        """A loop over the block's pairs, from the pair `begin` on."""
-        self.lines += [f"for i in range({begin}, count):" if begin != "0" else "for i in range(count):"]
-        self.lines += [f"    {line}" for line in lines]
+    def loop(self, lines: Sequence[str], pairs: str = f"{BLOCK}") -> None:
+        """A loop over the block's pairs, all of them or those in the range `pairs`."""
+        self.lines += [f"for i in range({pairs}):", *(f"    {line}" for line in lines)]
 
-    def apart(self, source: str, stride: int, begin: int, names: Sequence[str]) -> None:
-        """The numbers of each pair, side by side in `source`, into a row each of the buffer."""
+    def apart(self, source: str, stride: int, names: Sequence[str], whole: str = f"{BLOCK}") -> None:
+        """The numbers of each pair up to `whole`, side by side in `source`, into a row each of the buffer."""
         first = self.row(names[0])
         assert [self.row(name) for name in names] == [first + k * BLOCK for k in range(len(names))]
-        call = f"apart_{stride}_{len(names)}({source}, {begin} + {stride} * j, buffer, {first} + j, {BLOCK})"
-        self.lines += [f"for j in range(0, whole, {LANES}):", f"    {call}"]
-        rest = [f"buffer[{self.row(name)} + i] = {source}[{begin} + {stride} * i + {k}]"
-                for k, name in enumerate(names)]  # fmt: skip
-        self.loop(rest, "whole")
+        call = f"apart_{stride}_{len(names)}({source}, {stride} * j, buffer, {first} + j, {BLOCK})"
+        self.lines += [f"for j in range(0, {whole}, {LANES}):", f"    {call}"]
+
+    def directions(self, source: str, names: Sequence[str]) -> None:
+        """The directions of the pairs that there are; (1, 1, 1), which can be computed with, for the others."""
+        self.apart(source, 3, names, "whole")
+        rows = [f"buffer[{self.row(name)} + i]" for name in names]
+        self.loop([f"{row} = {source}[3 * i + {k}]" for k, row in enumerate(rows)], "whole, count")
+        one = self.constant(1.0)
+        self.loop([f"{row} = {one}" for row in rows], f"count, {BLOCK}")
 
     def constant(self, value: float) -> str:
         """The name of a constant: a global of float32, since a literal would be of float64."""
@@ -103,7 +111,7 @@ def kernel_source(program: Program) -> tuple[str, dict[str, np.float32]]:
     phases = _loops(program)
     results = [f"value_{c}" for c in range(made.channels)]
     for w in ("wi", "wo"):
-        made.apart(w, 3, 0, [f"{w}_{k}" for k in range(3)])
+        made.directions(w, [f"{w}_{k}" for k in range(3)])
     for results_of_this in [name for _, fetches in phases for let in fetches for name in _made(let)], results:
         for name in results_of_this:
             made.row(name)
@@ -120,7 +128,8 @@ def kernel_source(program: Program) -> tuple[str, dict[str, np.float32]]:
     first, stride = made.row(results[0]), made.channels
     call = f"together_{stride}(buffer, {first} + j, {BLOCK}, values, {stride} * j)"
     made.lines += [f"for j in range(0, whole, {LANES}):", f"    {call}"]
-    made.loop([f"values[{stride} * i + {c}] = buffer[{made.row(name)} + i]" for c, name in enumerate(results)], "whole")
+    rest = [f"values[{stride} * i + {c}] = buffer[{made.row(name)} + i]" for c, name in enumerate(results)]
+    made.loop(rest, "whole, count")
     return _wrapped(made, count), made.constants
 
 
@@ -131,7 +140,9 @@ def _check_names(program: Program) -> None:
     for let in program.statements:
         for name in _made(let):
             if name in taken:
-                raise BadInput(f"program: found {name} of {let.name} and of {taken[name]}, expected different names")
+                raise BadInput(
+                    where="program", found=f"{name} of {let.name} and of {taken[name]}", expected="different names"
+                )
             taken[name] = let.name
 
 
@@ -207,38 +218,38 @@ def _fetch(made: _Source, number: int, let: Let) -> None:
     shares = ", ".join(f"buffer[{made.row(f'{axis}_{number}')} + i]" for axis in "xy")
     made.loop([f"bilinear_{texel}(texels_{texture}, places[{number * BLOCK} + i], {right}, {above}, {shares}, {to})"])
     if texel > 1:
-        made.apart("texels", texel, 0, names)
+        made.apart("texels", texel, names)
 
 
 def _loops(program: Program) -> list[tuple[list[Let], list[Let]]]:
-    """(statements, fetches behind them) of one loop each: by depth, and with few constants (`MOST_CONSTANTS`)."""
-    found: list[tuple[list[Let], list[Let]]] = []
+    """(statements, fetches behind them) of one loop each: by depth, and with few constants (`_MOST_CONSTANTS`)."""
+    loops: list[tuple[list[Let], list[Let]]] = []
     for lets, fetches in _by_depth(program):
         loop: list[Let] = []
         known: set[float] = set()
         for let in lets:
             new = {float(x) for node in nodes(let.expression) if node.kind == "constant" for x in node.values}
-            if loop and len(known | new) > MOST_CONSTANTS:
-                found.append((loop, []))
+            if loop and len(known | new) > _MOST_CONSTANTS:
+                loops.append((loop, []))
                 loop, known = [], set()
             loop.append(let)
             known |= new
-        found.append((loop, fetches))
-    return found
+        loops.append((loop, fetches))
+    return loops
 
 
 def _by_depth(program: Program) -> list[tuple[list[Let], list[Let]]]:
     """By the number of fetches before them: (statements, fetches)."""
     depths: dict[str, int] = {}
-    found: list[tuple[list[Let], list[Let]]] = [([], [])]
+    depths_of: list[tuple[list[Let], list[Let]]] = [([], [])]
     for let in program.statements:
         depth = max((depths.get(name, 0) for name in _read(let)), default=0)
         is_fetch = let.expression.kind == "fetch"
-        while len(found) <= depth + is_fetch:
-            found.append(([], []))
-        found[depth][is_fetch].append(let)
+        while len(depths_of) <= depth + is_fetch:
+            depths_of.append(([], []))
+        depths_of[depth][is_fetch].append(let)
         depths |= dict.fromkeys(_made(let), depth + is_fetch)
-    return found
+    return depths_of
 
 
 def _kept(program: Program, phases: Sequence[tuple[list[Let], list[Let]]]) -> list[str]:
@@ -271,10 +282,10 @@ def _read(let: Let) -> set[str]:
 
 
 def _names(scalar: Expression) -> set[str]:
-    found = set()
+    names = set()
     for node in nodes(scalar):
         if node.kind == "swizzle":
-            found.add(f"{node.operands[0].text}_{'xyzw'.index(node.text)}")
+            names.add(f"{node.operands[0].text}_{'xyzw'.index(node.text)}")
         elif node.kind == "name" and node.dimension == 1:
-            found.add(node.text)
-    return found
+            names.add(node.text)
+    return names

@@ -72,26 +72,26 @@ class LobeMixture:
         """JSON-able."""
         return {
             "kind": "cosine and GGX lobes, visible normals, bounded",
-            "alphas": [list(each) for each in self.alphas],
+            "alphas": [list(pair) for pair in self.alphas],
             "turn": self.turn,
-            "weights": [list(each) for each in self.weights],
+            "weights": [list(nodes) for nodes in self.weights],
         }
 
 
 def parameters(alphas: Any, weights: Any, turn: Any) -> dict[str, Any]:
     """The parameters of the expressions by name, from numbers or scalar tensors alike."""
-    found: dict[str, Any] = {"turn": list(turn)}
+    given: dict[str, Any] = {"turn": list(turn)}
     for k, ((x, y), own) in enumerate(zip(alphas, weights, strict=True)):
         narrow = torch.minimum(x, y) if isinstance(x, Tensor) else min(x, y)
-        found |= {
+        given |= {
             f"alpha_{k}": [x, y, 1.0],
             f"stretch_{k}": [1 / x, 1 / y, 1.0],
             f"narrow_{k}": [narrow * narrow],
             f"gain_{k}": [1 / (2 * math.pi * x * y)],
         }
         for part in range(NODES // 4):
-            found[f"weights_{k}_{part}"] = list(own[4 * part : 4 * part + 4])
-    return found
+            given[f"weights_{k}_{part}"] = list(own[4 * part : 4 * part + 4])
+    return given
 
 
 def density_statements(lobes: int, turned: bool) -> list[Let]:
@@ -172,11 +172,11 @@ def sample_statements(lobes: int, turned: bool) -> list[Let]:
             "of the lobes mirrored at it, of the cosine itself",
         ),
     ]
-    found = variable("found", 3)
+    drawn = variable("found", 3)
     if not turned:
         return [*made[:-1], Let("wi", made[-1].expression, made[-1].comment)]
     turn = variable("turn", 2)
-    back = vector(turn.x * found.x - turn.y * found.y, turn.y * found.x + turn.x * found.y, found.z)
+    back = vector(turn.x * drawn.x - turn.y * drawn.y, turn.y * drawn.x + turn.x * drawn.y, drawn.z)
     return [*made, Let("wi", back)]
 
 
@@ -243,7 +243,7 @@ def printed(statements: list[Let], values: Mapping[str, Any]) -> tuple[Let, ...]
     given = {
         name: value if isinstance(value, Expression) else tuple(map(float, value)) for name, value in values.items()
     }
-    return tuple(Let(each.name, substituted(each.expression, given), each.comment) for each in statements)
+    return tuple(Let(let.name, substituted(let.expression, given), let.comment) for let in statements)
 
 
 def parameter_tables(mixtures: Sequence[LobeMixture]) -> tuple[dict[str, Expression], Tables]:
@@ -264,7 +264,7 @@ def parameter_tables(mixtures: Sequence[LobeMixture]) -> tuple[dict[str, Express
             reading[f"weights_{k}_{part}"] = table(f"lobes_weights_{k}_{part}", 4)
             names[f"lobes_weights_{k}_{part}"] = (f"weights_{k}_{part}",)
     tables = tuple(
-        (name, tuple(tuple(float(number) for one in own for number in each[one]) for each in constants))
+        (name, tuple(tuple(float(number) for one in own for number in lobe[one]) for lobe in constants))
         for name, own in names.items()
     )
     return reading, tables

@@ -44,7 +44,7 @@ def fitted_mixture(reflectance: Reflectance, lobes: int = LOBES) -> LobeMixture:
     problem = _Problem(wi, wo, angles, target, lobes, isotropic, turn)
     # The integrals are dear next to the sums: a short run from every start, the best to its end.
     starts = [problem.solved(problem.start(narrow), _STEPS // 6) for narrow in _STARTS]
-    best = min(starts, key=lambda found: found[1])[0]
+    best = min(starts, key=lambda solved: solved[1])[0]
     return problem.mixture(problem.solved(best, _STEPS)[0])
 
 
@@ -63,7 +63,7 @@ def _targets(reflectance: Reflectance, isotropic: bool) -> tuple[Tensor, Tensor,
     wo = viewers(*(_VIEWERS if isotropic else _ANISOTROPIC_VIEWERS))
     wi, angles = hemisphere_nodes(wo, _RINGS, _SPOKES)
     pairs = wi.reshape(-1, 3), wo[:, None].expand_as(wi).reshape(-1, 3)
-    parts = zip(*(each.split(_BATCH) for each in pairs), strict=True)
+    parts = zip(*(directions.split(_BATCH) for directions in pairs), strict=True)
     values = torch.cat([reflectance.evaluate(*part).to(torch.float64).mean(1) for part in parts])
     target = values.reshape(angles.shape).clamp_min(0) * wi[..., 2]
     total = (target * angles).sum(1)
@@ -113,7 +113,7 @@ class _Problem:
         """The objective and its slope."""
         unknown = torch.tensor(x, dtype=torch.float64, requires_grad=True)
         alphas, weights = self.parts(unknown)
-        turn = [each for angle in unknown[-1:] for each in (angle.cos(), angle.sin())] if self.turn else (1.0, 0.0)
+        turn = [number for angle in unknown[-1:] for number in (angle.cos(), angle.sin())] if self.turn else (1.0, 0.0)
         wi, wo = self.pairs
         given = {"wi": list(wi.unbind(1)), "wo": list(wo.unbind(1)), **parameters(alphas, weights, turn)}
         density = interpret(self.statements, given, TORCH)["density"][0].reshape(self.shape)
@@ -127,16 +127,16 @@ class _Problem:
         count = self.lobes * self.axes
         bounds = [(math.log(NARROWEST), math.log(WIDEST))] * count + [(-12.0, 12.0)] * (self.lobes * NODES)
         bounds += [(-10.0, 10.0)] * len(self.turn)
-        found = minimize(
+        minimum = minimize(
             self.value, x, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": steps, "ftol": _TOLERANCE}
         )
-        return found.x, float(found.fun)
+        return minimum.x, float(minimum.fun)
 
     def mixture(self, x: np.ndarray) -> LobeMixture:
         """The unknowns as a mixture, narrow lobes first."""
         alphas, weights = self.parts(torch.from_numpy(x))
         order = alphas.log().sum(1).argsort().tolist()
         # Seven digits, as the shaders print.
-        alphas, weights = (each.to(torch.float32).to(torch.float64).tolist() for each in (alphas, weights))
+        alphas, weights = (tensor.to(torch.float32).to(torch.float64).tolist() for tensor in (alphas, weights))
         pairs = tuple((alphas[k][0], alphas[k][1]) for k in order)
         return LobeMixture(pairs, tuple(tuple(weights[k]) for k in order), float(x[-1]) if self.turn else 0.0)

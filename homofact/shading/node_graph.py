@@ -103,7 +103,9 @@ class _Builder:
             return _Value(dimension, parts=tuple(self.part(inner, "xyzw".index(letter)) for letter in expression.text))
         given = [self.value(operand) for operand in operands]
         if kind == "vector":
-            return _Value(dimension, parts=tuple(self.part(each, k) for each in given for k in range(each.dimension)))
+            return _Value(
+                dimension, parts=tuple(self.part(value, k) for value in given for k in range(value.dimension))
+            )
         if kind == "fetch":
             place = _Value(3, parts=(self.part(given[0], 0), self.part(given[0], 1), 0.0))
             colour = _Value(3, whole=self.node("texture", int(expression.text), self.whole(place)))
@@ -112,7 +114,7 @@ class _Builder:
             return _Value(1, parts=(self._dot(*given),))
         if dimension == 3 and kind in _VECTOR:
             return _Value(3, whole=self.node("vector", _VECTOR[kind], *map(self.whole, given)))
-        parts = (self._number(kind, [self.part(each, k) for each in given]) for k in range(dimension))
+        parts = (self._number(kind, [self.part(value, k) for value in given]) for k in range(dimension))
         return _Value(dimension, parts=tuple(parts))
 
     def _dot(self, left: _Value, right: _Value) -> Reference:
@@ -120,7 +122,7 @@ class _Builder:
             products = [self._number("*", [self.part(left, k), self.part(right, k)]) for k in range(2)]
             return self._number("+", products)
         # Of a vector of four, three in one node and the last behind.
-        first, second = (each if each.dimension == 3 else self._first_three(each) for each in (left, right))
+        first, second = (value if value.dimension == 3 else self._first_three(value) for value in (left, right))
         dot = self.node("vector", "DOT_PRODUCT", self.whole(first), self.whole(second))
         if left.dimension == 3:
             return dot
@@ -133,8 +135,8 @@ class _Builder:
         """A function of numbers; what is known already is no node."""
         if kind == "*" and 1.0 in given:
             return given[1 - list(given).index(1.0)]
-        if kind in INFIX and kind != "/" and all(isinstance(each, float) for each in given):
-            a, b = (float(each) for each in given)  # type: ignore[arg-type]
+        if kind in INFIX and kind != "/" and all(isinstance(number, float) for number in given):
+            a, b = (float(number) for number in given)  # type: ignore[arg-type]
             return {"+": a + b, "-": a - b, "*": a * b}[kind]
         if kind == "log":
             return self.node("math", "LOGARITHM", given[0], e)

@@ -13,7 +13,7 @@ from homofact.geometry.quadrature import hemisphere_nodes
 from homofact.shading.lobe_mixture import LobeMixture
 
 ANGLES = (0.0, 30.0, 60.0, 80.0)  # degrees
-AZIMUTH = 0.4  # radians: off the axes of an anisotropic material
+_AZIMUTH = 0.4  # radians: off the axes of an anisotropic material
 MEANING = (
     "relative variance of f cos(theta_i)/density with one direction, f the mean of the channels, viewer at theta_o and"
     " azimuth 0.4 rad, and the same of directions drawn by the cosine; lost: the share of directions under the horizon"
@@ -43,20 +43,20 @@ def noise_of(reflectance: Reflectance, density: Density, wo: Tensor) -> tuple[fl
 
     ∫ (f cosθ)²/p over (∫ f cosθ)², less 1, on the nodes of `geometry.quadrature`; p is sr⁻¹ of pairs (N, 3).
     """
-    wi, angles = (each[0] for each in hemisphere_nodes(wo[None].to(torch.float64)))
+    wi, angles = (nodes[0] for nodes in hemisphere_nodes(wo[None].to(torch.float64)))
     seen = wo.to(wi).expand_as(wi)
     value = reflectance.evaluate(wi, seen).to(torch.float64).mean(1) * wi[:, 2]
-    found = density(wi, seen)
+    densities = density(wi, seen)
     mean = float((value * angles).sum())
     if not mean > 0:
-        return 0.0, float((found * angles).sum())
-    second = float((value**2 / found.clamp_min(1e-300) * angles).sum())
-    return second / mean**2 - 1, float((found * angles).sum())
+        return 0.0, float((densities * angles).sum())
+    second = float((value**2 / densities.clamp_min(1e-300) * angles).sum())
+    return second / mean**2 - 1, float((densities * angles).sum())
 
 
 def viewer_at(angle: float) -> Tensor:
-    """The viewer (3,) at `angle` degrees and `AZIMUTH`."""
-    theta, phi = torch.tensor([math.radians(angle), AZIMUTH], dtype=torch.float64)
+    """The viewer (3,) at `angle` degrees and `_AZIMUTH`."""
+    theta, phi = torch.tensor([math.radians(angle), _AZIMUTH], dtype=torch.float64)
     return from_spherical(theta, phi)
 
 
@@ -69,10 +69,10 @@ def noise_at_angles(
     reflectance: Reflectance, mixture: LobeMixture, angles: Sequence[float] = ANGLES
 ) -> tuple[Noise, ...]:
     """The noise of a mixture for viewers at these angles in degrees."""
-    found = []
+    noises = []
     for angle in angles:
         wo = viewer_at(angle)
         variance, whole = noise_of(reflectance, mixture.density, wo)
         cosine, _ = noise_of(reflectance, cosine_density, wo)
-        found.append(Noise(angle, variance, cosine, max(0.0, 1 - whole)))
-    return tuple(found)
+        noises.append(Noise(angle, variance, cosine, max(0.0, 1 - whole)))
+    return tuple(noises)

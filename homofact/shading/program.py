@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from homofact.brdf.names import MOST
-from homofact.errors import BadInput
-from homofact.factor.evaluation import Evaluated, Evaluation, Exponential, Lookup
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.source_names import MOST
+from homofact.errors import Advice, BadInput
+from homofact.factor.evaluation import Evaluated, Evaluation, TextureLookup, evaluation_of
 from homofact.geometry.axes import Coordinates, coordinates_of, gathered
 from homofact.geometry.coordinates import Scales, warped
 from homofact.geometry.expression import (
@@ -72,7 +73,7 @@ class Program:
 
 
 def program_of(
-    fitted: Evaluated, textures: Sequence[Encoded], cut: bool = False, layers: Sequence[Exponential] = ()
+    fitted: Evaluated, textures: Sequence[Encoded], cut: bool = False, layers: Sequence[LogTransform] = ()
 ) -> Program:
     """The program that reads `textures`, those of the fit, stored as they are.
 
@@ -82,9 +83,14 @@ def program_of(
     """
     count = len(fitted.channels)
     if count > 4:
-        raise BadInput(f"channels: found {count}, expected at most the 4 of a texture: fit with --channels rgb")
+        raise BadInput(
+            where="channels",
+            found=count,
+            expected="at most the 4 of a texture",
+            hint=f"fit with {Advice('channels', 'rgb')}",
+        )
     wi, wo = variable("wi", 3), variable("wo", 3)
-    evaluation = fitted.evaluation
+    evaluation = evaluation_of(fitted)
     sizes = [texture.stored.shape[:2] for texture in textures]
     shapes = tuple((rows // max(len(layers), 1), columns) for rows, columns in sizes)
     coordinates = coordinates_of(_used(evaluation))
@@ -117,14 +123,14 @@ def program_of(
 
 
 def _of_layers(
-    total: Expression, bias: np.ndarray, layers: Sequence[Exponential], cut: bool, statements: list[Let]
+    total: Expression, bias: np.ndarray, layers: Sequence[LogTransform], cut: bool, statements: list[Let]
 ) -> tuple[Expression, Tables]:
     """(f before it is cut at zero, the tables): as for one material, log A and εA those of the layer."""
     total = total if not np.any(bias) else total + _constant(bias)
     total = call("min", total, MOST) if cut else total
     tables = (
-        ("log_mean", tuple(tuple(np.log(each.mean).tolist()) for each in layers)),
-        ("floor", tuple(tuple((each.epsilon * each.mean).tolist()) for each in layers)),
+        ("log_mean", tuple(tuple(np.log(layer.mean).tolist()) for layer in layers)),
+        ("floor", tuple(tuple((layer.epsilon * layer.mean).tolist()) for layer in layers)),
     )
     count = total.dimension
     comment = "the sum of logarithms; log A of the layer" + "; runaway texels are cut" * cut
@@ -185,7 +191,7 @@ def _fetches(
 
 
 def _vector(
-    lookup: Lookup, name: str, coordinates: Coordinates, statements: list[Let]
+    lookup: TextureLookup, name: str, coordinates: Coordinates, statements: list[Let]
 ) -> tuple[str, list[Expression], Scales]:
     """(name of the vector of the lookup's axes, the axes, their scales), warped where the lookup is."""
     # An axis that no row reads is named by none.
@@ -266,7 +272,7 @@ def _place(rows: list[list[float]], offsets: list[float], axes: list[Expression]
 
 
 def _title(fitted: Evaluated, layers: int) -> tuple[str, ...]:
-    evaluation = fitted.evaluation
+    evaluation = evaluation_of(fitted)
     textures, fetches = len({lookup.texture for lookup in evaluation.lookups}), len(evaluation.lookups)
     if layers:
         version = fitted.provenance.get("homofact_version", "")

@@ -113,9 +113,9 @@ def _at(builder: Any, begin: Any, place: Any, kind: Any) -> Any:
 
 
 def _load(builder: Any, begin: Any, place: Any, count: int) -> Any:
-    found = builder.load(_at(builder, begin, place, _vector(count)))
-    found.align = 4  # of a float: arrays need not begin where a vector would
-    return found
+    vector = builder.load(_at(builder, begin, place, _vector(count)))
+    vector.align = 4  # of a float: arrays need not begin where a vector would
+    return vector
 
 
 def _store(builder: Any, value: Any, begin: Any, place: Any) -> None:

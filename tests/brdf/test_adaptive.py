@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from mitsuba_cases import albedo, at, drawn, evaluated, pairs, variant
+from refusals import refused
 from rgl_files import rough, write_tensors
 from torch import Tensor
 
@@ -20,7 +21,6 @@ from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.warp import MarginalConditional
-from homofact.errors import BadInput
 from homofact.geometry.directions import from_spherical
 from homofact.geometry.quadrature import hemisphere_nodes
 
@@ -139,11 +139,11 @@ def test_one_channel_spectra_and_what_no_file_holds(tmp_path: Path) -> None:
     rgl.write(tmp_path / "spectra", replace(grey, table=grey.table.expand(-1, -1, -1, -1, 3), channels=names))
     assert rgl.load(tmp_path / "spectra", "spectral").channels == names
     two = replace(grey, table=grey.table.expand(-1, -1, -1, -1, 2), channels=("a", "b"))
-    with pytest.raises(BadInput, match="channels a, b, expected R, G, B, one alone, or wavelengths"):
+    with refused(where="two"):
         rgl.write(tmp_path / "two", two)
-    with pytest.raises(BadInput, match="rgb has values that are not finite in float32"):
+    with refused(where="huge"):
         rgl.write(tmp_path / "huge", replace(grey, table=grey.table.double() * 1e39))
-    with pytest.raises(BadInput, match="found 1 slices of 32 nodes a side, expected at least 2"):
+    with refused(where="adaptive table", found="1 slices of 32 nodes a side"):
         tabulated(CLAY, True, side=32, thetas=1)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["grey", "spectra"]
 
@@ -180,8 +180,7 @@ def mitsubas(path: Path, name: str = "scalar_rgb"):
 def test_mitsuba_reads_the_values_that_we_wrote(
     which: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
-    check = importlib.import_module("check_rgl_against_mitsuba")
+    check = importlib.import_module("scripts.data.check_rgl_against_mitsuba")
     variant("scalar_rgb", register=False)
     table = request.getfixturevalue(which)
     rgl.write(tmp_path / "a.bsdf", table)

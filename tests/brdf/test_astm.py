@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 import torch
+from refusals import refused
 
 from homofact.brdf.formats import astm, read_samples
 from homofact.brdf.formats import astm as writer
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
 
 PAINT = sample_model(material("lafortune-blue-paint").model, 60)
@@ -82,8 +82,8 @@ def test_write_then_read(tmp_path: Path, name: str) -> None:
 
 
 def test_writer_refuses_names_that_it_cannot_hold(tmp_path: Path) -> None:
-    samples = Samples.make(PAINT.wi, PAINT.wo, PAINT.values[:, :1], channels=("phi_s",), isotropic=True)
-    with pytest.raises(BadInput, match="expected a name without commas that is no angle"):
+    samples = Samples(PAINT.wi, PAINT.wo, PAINT.values[:, :1], channels=("phi_s",), isotropic=True)
+    with refused(where="ASTM file"):
         writer.write(tmp_path / "x", samples)
 
 
@@ -100,7 +100,7 @@ BAD = {
     "no viewer": (text("0.5,0.7\n", "theta_i,Y"), "line 6: VARS is"),
     "a name twice": (text("0.5,0.7,1,1\n", "theta_i,theta_s,Y,Y"), "line 6: VARS has 4 columns, expected different"),
     "nan": (text(ROWS.replace("0.3\n", "nan\n", 1)), "line 8: found 'nan'"),
-    "under the horizon": (text("95,0,30,0,1,1,1\n"), "line 8: theta_i 95, theta_s 30; expected angles up to"),
+    "under the horizon": (text("95,0,30,0,1,1,1\n"), "line 8: theta_i 95, theta_s 30, expected angles up to"),
     "negative light": (text("-0.1,0,0.3,0,1,1,1\n"), "line 8: theta_i -0.1"),
     "cut": (text(ROWS)[:-1], "line 9 has no line end"),
 }
@@ -109,12 +109,12 @@ BAD = {
 @pytest.mark.parametrize(("content", "message"), BAD.values(), ids=list(BAD))
 def test_bad_files_name_file_and_line(tmp_path: Path, content: str, message: str) -> None:
     path = file_of(tmp_path, content)
-    with pytest.raises(BadInput, match=message) as caught:
+    with refused(message) as caught:
         read_samples(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
 
 
 def test_no_vars(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="no VARS, expected a line that names the columns"):
+    with refused(where="paint.txt"):
         astm.read(file_of(tmp_path, "NUM_POINTS 3\n"))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from refusals import refused
 
 from homofact.brdf.formats import cornell
 from homofact.errors import BadInput
@@ -57,7 +58,7 @@ def test_channels(tmp_path: Path) -> None:
     path = file_of(tmp_path, whole())
     assert cornell.read(path).channels == ("R", "G", "B")
     assert cornell.read(path, "luminance").channels == ("Y",)
-    with pytest.raises(BadInput, match="channels: found 'hsv'"):
+    with refused(where="channels", found="'hsv'"):
         cornell.read(path, "hsv")
 
 
@@ -172,7 +173,7 @@ def test_write_then_read_is_the_same_to_six_digits(tmp_path: Path) -> None:
 
 def test_write_refuses_shapes_that_disagree_and_places_that_cannot_be(tmp_path: Path) -> None:
     angles, spectra = torch.zeros(2, 4), torch.zeros(2, 3)
-    with pytest.raises(BadInput, match="4 wavelengths disagree"):
+    with refused(where="x"):
         cornell.write(tmp_path / "x", angles, spectra, [1, 2, 3, 4])
     with pytest.raises(BadInput, match=r"cannot be written .*expected a writable place"):
         cornell.write(tmp_path / "nowhere" / "x", angles, spectra, [1, 2, 3])

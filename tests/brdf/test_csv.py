@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from refusals import refused
 
 from homofact.brdf.channels import spectral_names
 from homofact.brdf.formats import csv, read_samples
@@ -49,7 +50,7 @@ def test_angles_in_degrees_columns_in_any_order_and_windows_line_ends(tmp_path: 
 
 def test_vectors_and_weights_come_back_bit_for_bit(tmp_path: Path) -> None:
     weights = torch.rand(60, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    samples = Samples.make(
+    samples = Samples(
         PAINT.wi, PAINT.wo, PAINT.values, channels=PAINT.channels, isotropic=True, weights=weights,
         provenance={"noise_free": True},
     )  # fmt: skip
@@ -73,7 +74,7 @@ def test_without_weights_and_anisotropic(tmp_path: Path) -> None:
 
 def test_spectra(tmp_path: Path) -> None:
     names = spectral_names((400, 450.5, 500, 600, 700))
-    samples = Samples.make(PAINT.wi, PAINT.wo, PAINT.values[:, :1].expand(60, 5), channels=names, isotropic=True)
+    samples = Samples(PAINT.wi, PAINT.wo, PAINT.values[:, :1].expand(60, 5), channels=names, isotropic=True)
     writer.write(tmp_path / "out.csv", samples)
     assert csv.read(tmp_path / "out.csv", "spectral").channels == names
     colour = csv.read(tmp_path / "out.csv")
@@ -92,7 +93,7 @@ HEAD = "theta_i,phi_i,theta_o,phi_o,Y\n"
 VECTORS = "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,Y\n"
 BAD = {
     "no channel": ("theta_i,phi_i,theta_o,phi_o\n0,0,0,0\n", "line 1: no channel beside the directions"),
-    "half the directions": ("theta_i,phi_i,Y\n0,0,1\n", "line 1: directions by theta_i, phi_i; expected all of"),
+    "half the directions": ("theta_i,phi_i,Y\n0,0,1\n", "line 1: directions by theta_i, phi_i, expected all of"),
     "two forms": ("theta_i,wi_x,Y\n0,0,1\n", "line 1: directions by theta_i, wi_x"),
     "a name twice": ("theta_i,phi_i,theta_o,phi_o,Y,Y\n0,0,0,0,1,1\n", "line 1: 'Y' names two columns"),
     "no name": ("theta_i,phi_i,theta_o,phi_o,,Y\n0,0,0,0,1,1\n", "line 1: 6 columns, one without a name"),
@@ -105,7 +106,7 @@ BAD = {
     "negative weight": ("weight," + HEAD + "-1,0,0,0,0,1\n", "line 2: weight is -1, expected >= 0"),
     "under the horizon": (
         HEAD + "0,0,1.6,0,1\n",
-        r"line 2: theta_o is 1.6, expected radians from 0 to pi/2; for degrees",
+        r"line 2: theta_o is 1.6, expected radians from 0 to pi/2 \(for degrees",
     ),
     "negative angle": (HEAD + "-0.1,0,0,0,1\n", "line 2: theta_i is -0.1, expected radians from 0 to pi/2$"),
     "beyond 90 degrees": (
@@ -117,11 +118,11 @@ BAD = {
     "cut": ((HEAD + "0,0,0,0,1\n0,0,0,0,0.1")[:-1], "line 3 has no line end"),
     "degrees without saying so": (
         HEAD + "1,0,1,0,1\n1,0,1,0,1\n1,0,10,0,1\n10,180,0,0,1\n",
-        "line 4: theta_o is 10, expected radians from 0 to pi/2; for degrees name the columns theta_i_deg, phi_i_deg",
+        r"line 4: theta_o is 10, expected radians from 0 to pi/2 \(for degrees name the columns theta_i_deg, phi_i_deg",
     ),
     "degrees in an azimuth": (
         HEAD + "0,0,0,180,1\n2,0,0,0,1\n",
-        "line 2: phi_o is 180, expected at most a turn, 2 pi radians; for degrees",
+        r"line 2: phi_o is 180, expected at most a turn, 2 pi radians \(for degrees",
     ),
     "more than a turn": (
         HEAD.replace(",", "_deg,") + "0,0,0,400,1\n",
@@ -147,14 +148,14 @@ def test_bad_files_name_file_and_line(tmp_path: Path, text: str, message: str) -
 
 
 def test_only_comments(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="only comments, expected a header"):
+    with refused(where="table.txt"):
         csv.read(file_of(tmp_path, "# isotropic: true\n"))
 
 
 @pytest.mark.parametrize("name", ["a,b", "theta_i", "weight", " a", "", "#a"])
 def test_writer_refuses_names_that_it_cannot_hold(tmp_path: Path, name: str) -> None:
-    samples = Samples.make(PAINT.wi, PAINT.wo, PAINT.values[:, :1], channels=(name,), isotropic=True)
-    with pytest.raises(BadInput, match="expected a name without commas"):
+    samples = Samples(PAINT.wi, PAINT.wo, PAINT.values[:, :1], channels=(name,), isotropic=True)
+    with refused(where="CSV file"):
         writer.write(tmp_path / "x", samples)
     assert list(tmp_path.iterdir()) == []
 

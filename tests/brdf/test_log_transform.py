@@ -1,24 +1,23 @@
 """The log transform: its round trip, the thesis's equation, and what it refuses."""
 
-import pytest
 import torch
+from refusals import refused
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
-from homofact.errors import BadInput
 
 
 def _samples(values: torch.Tensor, weights: torch.Tensor | None = None) -> Samples:
     up = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64).repeat(len(values), 1)
     names = tuple(f"c{k}" for k in range(values.shape[1]))
-    return Samples.make(up, up, values, channels=names, isotropic=True, weights=weights)
+    return Samples(up, up, values, channels=names, isotropic=True, weights=weights)
 
 
 def test_forward_is_equation_1_9_and_inverse_undoes_it() -> None:
     values = torch.tensor([[0.0, 1.0], [2.0, 3.0], [4.0, 8.0]], dtype=torch.float64)
     transform = LogTransform.of(_samples(values), 1e-3)
     assert transform.mean.tolist() == [2, 4]
-    expected = torch.log((values + 1e-3 * transform.mean) / transform.mean)
+    expected = torch.log((values + 1e-3 * transform.mean_like(values)) / transform.mean_like(values))
     assert torch.allclose(transform.forward(values), expected, rtol=1e-14)
     assert torch.allclose(transform.inverse(transform.forward(values)), values, atol=1e-15)
 
@@ -31,9 +30,9 @@ def test_the_mean_is_weighted_and_the_inverse_never_negative() -> None:
 
 
 def test_bad_epsilon_and_black_channels_are_refused() -> None:
-    with pytest.raises(BadInput, match="epsilon: found 0, expected above 0"):
+    with refused(where="epsilon", found="0"):
         LogTransform.of(_samples(torch.ones(2, 1)), 0)
-    with pytest.raises(BadInput, match="channel c1 is zero everywhere"):
+    with refused(where="samples"):
         LogTransform.of(_samples(torch.tensor([[1.0, 0.0], [1.0, 0.0]])), 1e-5)
 
 
@@ -42,7 +41,7 @@ def test_logs_that_ran_away_are_absurd_and_finite() -> None:
     logs = torch.tensor([[79.0, 79.9], [80.0, 80.0], [81.0, 1e3], [1e30, 1e30]], dtype=torch.float64)
     values = transform.inverse(logs)
     # Up to 80 nothing is touched.
-    assert torch.allclose(values[:2], transform.mean * torch.exp(logs[:2]), rtol=1e-12)
+    assert torch.allclose(values[:2], transform.mean_like(logs) * torch.exp(logs[:2]), rtol=1e-12)
     assert torch.equal(values[2:], values[1:2].expand(2, 2))
     single = transform.inverse(logs.float())
     assert single.dtype == torch.float32

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 
 from homofact.brdf.formats import mdl, read_samples
 from homofact.brdf.source import describe, open_source
 from homofact.brdf.table import AngleTable
-from homofact.errors import BadInput
 from homofact.geometry.directions import draw_uniform, to_spherical
 
 MAGIC = b"NVIDIA ARC MBSDF V1\n"
@@ -109,7 +109,7 @@ BAD = {
     "cut": (content(data())[:-4], "1148 bytes of data, expected 1152 for 4 × 4 × 6 bins"),
     "padded": (content(data()) + b"\0" * 8, "1160 bytes of data, expected 1152"),
     "absurd sizes": (MAGIC + MARK + struct.pack("<3I", 1, 2**32 - 1, 2**32 - 1) + b"\0" * 64, "64 bytes of data"),
-    "sizes of none": (MAGIC + MARK + struct.pack("<3I", 1, 0, 6), "nθ 0, nφ 6; expected type 0"),
+    "sizes of none": (MAGIC + MARK + struct.pack("<3I", 1, 0, 6), "nθ 0, nφ 6, expected type 0"),
     "a type": (MAGIC + MARK + struct.pack("<3I", 7, 4, 6), r"found type 7, .*expected type 0 \(scalar\) or 1 \(RGB\)"),
     "transmission alone": (content(data(), MAGIC + b"MBSDF_DATA_TRANSMISSION=\n"), "no reflection found after 0"),
     "no data": (MAGIC + b'a="b"\n' * 3, "no reflection found after 3 lines"),
@@ -121,14 +121,14 @@ BAD = {
 @pytest.mark.parametrize(("raw", "message"), BAD.values(), ids=list(BAD))
 def test_bad_files_are_refused(tmp_path: Path, raw: bytes, message: str) -> None:
     path = file_of(tmp_path, raw)
-    with pytest.raises(BadInput, match=message) as caught:
+    with refused(message) as caught:
         read_samples(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
 
 
 def test_no_spectrum(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"paint\.bin: channels: .*expected a spectrum"):
+    with refused(where="paint.bin: channels"):
         mdl.read(file_of(tmp_path, content(data())), "spectral")
 
 

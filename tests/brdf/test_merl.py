@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 from torch import Tensor
 
 from homofact.brdf.analytic import Lambert
@@ -224,7 +225,7 @@ def test_its_cost_and_how_it_is_opened(tmp_path: Path) -> None:
     ],
 )
 def test_impossible_tables_are_refused(raw: Tensor, lookup: Any, message: str) -> None:
-    with pytest.raises(BadInput, match=message):
+    with refused(message):
         MerlTable(raw, lookup)
 
 
@@ -238,13 +239,13 @@ def test_one_channel_becomes_grey_and_spectra_become_colours(tmp_path: Path) -> 
 
 def test_writer_refuses_what_cannot_be_meant(tmp_path: Path) -> None:
     model = material("phong-10").model
-    with pytest.raises(BadInput, match=r"MERL bins: found \(1, 90, 180\), expected three numbers of 2 to 4096"):
+    with refused(where="MERL bins", found="(1, 90, 180)"):
         writer.write(tmp_path / "x", model, (1, 90, 180))
-    with pytest.raises(BadInput, match=r"channels a, b, expected R, G, B"):
+    with refused(where="MERL file"):
         writer.write(tmp_path / "x", Lambert((0.1, 0.2), channels=("a", "b")), HALF)
     w = torch.tensor([[0, 0, 1.0]]).double()
-    brushed = Samples.make(w, w, torch.ones(1, 3), channels=("R", "G", "B"), isotropic=False)
-    with pytest.raises(BadInput, match="the samples are anisotropic"):
+    brushed = Samples(w, w, torch.ones(1, 3), channels=("R", "G", "B"), isotropic=False)
+    with refused(where="MERL file"):
         writer.write(tmp_path / "x", brushed, HALF)
     with pytest.raises(BadInput, match="cannot be written"):
         writer.write(tmp_path / "nowhere" / "x", model, HALF)
@@ -275,7 +276,7 @@ def test_bad_files_are_refused(tmp_path: Path, content: bytes | np.ndarray, mess
         path.write_bytes(content)
     else:
         path = file_of(tmp_path, content)
-    with pytest.raises(BadInput, match=message) as caught:
+    with refused(message) as caught:
         read_samples(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
@@ -284,7 +285,7 @@ def test_bad_files_are_refused(tmp_path: Path, content: bytes | np.ndarray, mess
 def test_padded_files_are_refused(tmp_path: Path) -> None:
     path = file_of(tmp_path, entries(HALF))
     path.write_bytes(path.read_bytes() + b"\0")
-    with pytest.raises(BadInput, match="18445 bytes, expected 18444"):
+    with refused(where="table.dat"):
         merl.read(path)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 from torch import Tensor
 
 from homofact.brdf.channels import LuminanceOf
@@ -115,9 +116,9 @@ def test_it_takes_2700_bytes_and_no_fetches() -> None:
 
 def test_sizes_are_checked() -> None:
     net = model()
-    with pytest.raises(BadInput, match=r"w1 has shape \(20, 21\), expected \(21, 21\)"):
+    with refused(where="network"):
         NeuralBrdf((net.weights[0], net.weights[1][1:], net.weights[2]), net.biases)
-    with pytest.raises(BadInput, match="b2 is not finite"):
+    with refused(where="network"):
         NeuralBrdf(net.weights, (net.biases[0], net.biases[1], net.biases[2] * math.nan))
 
 
@@ -137,7 +138,8 @@ def test_read_by_name(tmp_path: Path) -> None:
 
 def test_the_only_material_needs_no_name(tmp_path: Path) -> None:
     path = saved(tmp_path, names=("tin",))
-    assert torch.equal(nbrdf.load(path).weights[0], model(0).weights[0])
+    (read, *_), (own, *_) = nbrdf.load(path).weights, model(0).weights
+    assert torch.equal(torch.as_tensor(read), torch.as_tensor(own))
     assert nbrdf.read(path).provenance["material"] == "tin"
 
 
@@ -160,7 +162,7 @@ def test_a_file_whose_name_has_the_mark_is_that_file(tmp_path: Path) -> None:
 
 def test_a_member_of_another_format_is_refused(tmp_path: Path) -> None:
     npz.write(tmp_path / "plain.npz", nbrdf.read(saved(tmp_path, names=("tin",))), {})
-    with pytest.raises(BadInput, match="npz files hold one material, expected no #tin"):
+    with refused(where="plain.npz#tin"):
         read_samples(f"{tmp_path / 'plain.npz'}#tin")
 
 
@@ -180,7 +182,7 @@ BAD: dict[str, tuple[dict[str, Any], str, str]] = {
 @pytest.mark.parametrize(("changed", "name", "message"), BAD.values(), ids=list(BAD))
 def test_bad_files_are_refused(tmp_path: Path, changed: dict[str, Any], name: str, message: str) -> None:
     path = saved(tmp_path, changed)
-    with pytest.raises(BadInput, match=message) as caught:
+    with refused(message) as caught:
         read_samples(f"{path}{name}")
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
@@ -188,7 +190,7 @@ def test_bad_files_are_refused(tmp_path: Path, changed: dict[str, Any], name: st
 
 def test_channels(tmp_path: Path) -> None:
     path = saved(tmp_path, names=("tin",))
-    with pytest.raises(BadInput, match="expected a spectrum"):
+    with refused(where="channels"):
         nbrdf.read(path, "spectral")
 
 
@@ -226,7 +228,7 @@ def test_the_published_weights(real_data: Path) -> None:
     path = real_data / "nbrdf" / "merl_nbrdf_weights.npz"
     names = nbrdf.material_names(path)
     assert (len(names), names[0], names[-1]) == (100, "alum-bronze", "yellow-plastic")
-    with pytest.raises(BadInput, match="found no material 'alum-bonze', nearest alum-bronze"):
+    with refused(where="nbrdf/merl_nbrdf_weights.npz", found="no material 'alum-bonze', nearest alum-bronze"):
         nbrdf.load(f"{path}#alum-bonze")
     # MERL's white paint is nearly matte with an albedo about a third, black phenolic a mirror over black.
     theta = torch.full((4000,), 0.3, dtype=torch.float64)

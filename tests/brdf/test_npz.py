@@ -79,7 +79,7 @@ def test_numpys_own_archives_are_read(tmp_path: Path) -> None:
 
 def test_spectra_in_an_archive_become_colours(tmp_path: Path) -> None:
     wavelengths = tuple(range(400, 701, 50))
-    grey = Samples.make(
+    grey = Samples(
         PAINT.wi,
         PAINT.wo,
         PAINT.values[:, :1].expand(30, 7),
@@ -100,7 +100,7 @@ def test_zeros_are_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"wo": None}, "holds channels, header, isotropic, values, wi; expected .* of which wo missing"),
+        ({"wo": None}, "holds channels, header, isotropic, values, wi, expected .* of which wo missing"),
         ({"values": None, "header": None}, "of which values, header missing"),
         ({"wi": entry("wi", 3, (0.8, 0, -0.6))}, "wi at row 3 has z = -0.6, under the horizon"),
         ({"wi": entry("wi", 3, (0, 0, 1.01))}, "wi at row 3 has length 1.01, expected a unit vector"),

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 from brdf_files import WHOLE_FILES
+from refusals import refused
 
 from homofact.brdf.formats import READERS, npz, read_samples
 from homofact.brdf.materials import material
@@ -29,7 +30,7 @@ def test_content_decides_and_the_name_does_not(tmp_path: Path) -> None:
 def test_unknown_content_lists_the_formats(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "thing.brdf"
     path.write_bytes(content)
-    with pytest.raises(BadInput, match="of no known format") as caught:
+    with refused(where="thing.brdf") as caught:
         read_samples(path)
     assert all(f"{reader.NAME}: " in str(caught.value) for reader in READERS)
     assert "\n" not in str(caught.value)
@@ -60,7 +61,7 @@ TABLES = {
 def test_a_table_that_is_nearly_a_csv_is_told_what_it_lacks(tmp_path: Path, text: str, hint: str, mark: str) -> None:
     path = tmp_path / "table.csv"
     path.write_text(mark + text, "utf-8")
-    with pytest.raises(BadInput, match=f"of no known format .*{hint}") as caught:
+    with refused(f"of no known format .*{hint}") as caught:
         read_samples(path)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) - len(str(path)) < 350
@@ -74,7 +75,7 @@ def test_how_an_unknown_file_begins_is_shown_as_text(tmp_path: Path) -> None:
         (b"\n\n", "''"),
     ):
         path.write_bytes(content)
-        with pytest.raises(BadInput, match=rf"\(begins with {shown}\), expected one of: nbrdf: "):
+        with refused(rf"\(begins with {shown}\), expected one of: nbrdf: "):
             read_samples(path)
 
 
@@ -91,18 +92,18 @@ def test_a_byte_order_mark_hides_no_text_format(tmp_path: Path) -> None:
 
 
 def test_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"gone\.brdf: no such file, expected a BRDF file or material:NAME"):
+    with refused(where="gone.brdf"):
         read_samples(tmp_path / "gone.brdf")
 
 
 def test_folder(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="a folder, expected a BRDF file"):
+    with refused(where="HERE"):
         read_samples(tmp_path)
 
 
 def test_empty_file(tmp_path: Path) -> None:
     (tmp_path / "empty").touch()
-    with pytest.raises(BadInput, match="the file is empty"):
+    with refused(where="empty"):
         read_samples(tmp_path / "empty")
 
 
@@ -132,5 +133,5 @@ def test_unreadable_file_for_everyone(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_unknown_channels_are_refused_before_the_file(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="channels: found 'xyz'"):
+    with refused(where="channels", found="'xyz'"):
         read_samples(tmp_path / "gone", "xyz")

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 from rgl_files import constant, rough, write_tensors
 from torch import Tensor
 
 from homofact.brdf.formats.rgl import load
 from homofact.brdf.rgl import AdaptiveTable
-from homofact.errors import BadInput
 from homofact.geometry.directions import draw_uniform, from_spherical, normalize, to_spherical
 
 FULL = (-180.0, -60.0, 60.0, 180.0)
@@ -207,7 +207,7 @@ def good() -> AdaptiveTable:
 )
 def test_bad_tables_are_refused(change: dict[str, Tensor], message: str) -> None:
     assert good().isotropic
-    with pytest.raises(BadInput, match=message) as caught:
+    with refused(message) as caught:
         replace(good(), **change)
     assert "\n" not in str(caught.value)
 
@@ -216,7 +216,7 @@ def test_azimuths_must_cover_a_part_of_the_turn() -> None:
     three = replace(good(), vndf=torch.ones(1, 2, 3, 3))
     fields = {"vndf": torch.ones(3, 2, 3, 3), "table": torch.ones(3, 2, 4, 4, 1)}
     assert not replace(three, phi_i=torch.tensor([0.0, 1.0, math.pi]), **fields).isotropic
-    with pytest.raises(BadInput, match=r"phi_i covers 114\.6 degrees, expected 360, 180 or 90"):
+    with refused(r"phi_i covers 114\.6 degrees, expected 360, 180 or 90"):
         replace(three, phi_i=torch.tensor([0.0, 1.0, 2.0]), **fields)
 
 

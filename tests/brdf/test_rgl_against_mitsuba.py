@@ -26,8 +26,7 @@ FILES = ("aurora_white", "chm_light_blue", "irid_flake_paint1", "vch_golden_yell
 @pytest.fixture
 def check(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """The script that shows the whole table."""
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
-    return importlib.import_module("check_rgl_against_mitsuba")
+    return importlib.import_module("scripts.data.check_rgl_against_mitsuba")
 
 
 def disagreement(check: ModuleType, path: Path) -> Tensor:

@@ -9,14 +9,13 @@ from torch import Tensor
 
 from homofact.brdf.analytic import Lambert, Phong, Ward
 from homofact.brdf.materials import material
-from homofact.brdf.samples import Samples
+from homofact.brdf.samples import Samples, lit_from_one_azimuth
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.symmetry import (
     Symmetry,
     angles_of_pairs,
     find_symmetry,
     light_azimuths,
-    lit_from_one_azimuth,
     reciprocity_of,
     reciprocity_of_samples,
     ring_numbers,
@@ -38,7 +37,7 @@ def grid(model: Lambert | Phong) -> Samples:
     angles = torch.arange(5, 80, 15).double() * (math.pi / 180)
     theta_i, theta_o, phi = (x.reshape(-1) for x in torch.meshgrid(angles, angles, angles, indexing="ij"))
     wi, wo = from_spherical(theta_i, 0 * phi), from_spherical(theta_o, phi)
-    return Samples.make(wi, wo, model.evaluate(wi, wo), channels=model.channels, isotropic=True)
+    return Samples(wi, wo, model.evaluate(wi, wo), channels=model.channels, isotropic=True)
 
 
 def test_reciprocal_models_have_no_error() -> None:

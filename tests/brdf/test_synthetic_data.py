@@ -1,34 +1,22 @@
 """The embedded data: remade, they are the same bytes; and the check notices when they are not."""
 
-import importlib.util
 import json
 import shutil
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 import torch
 
 from homofact.brdf.formats import read_samples
 from homofact.brdf.materials import material
+from scripts.data import make_synthetic_data
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "data_synthetic"
 
 
-@pytest.fixture(scope="module")
-def script() -> ModuleType:
-    path = ROOT / "scripts" / "make_synthetic_data.py"
-    spec = importlib.util.spec_from_file_location("make_synthetic_data", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_remaking_gives_the_embedded_bytes(script: ModuleType, tmp_path: Path, capsys) -> None:
-    assert script.main(["--out", str(tmp_path / "new")]) == 0
+def test_remaking_gives_the_embedded_bytes(tmp_path: Path, capsys) -> None:
+    assert make_synthetic_data.main(["--out", str(tmp_path / "new")]) == 0
     names = sorted(path.name for path in FOLDER.iterdir())
     assert names == [
         "blue_paint.npz", "knot.ply", "labels.npy", "manifest.json", "plastic.npz", "sky.hdr", "synthetic_cornell.brdf",
@@ -38,8 +26,8 @@ def test_remaking_gives_the_embedded_bytes(script: ModuleType, tmp_path: Path, c
     assert "blue_paint.npz: make_material('lafortune-blue-paint'), " in capsys.readouterr().out
 
 
-def test_check_accepts_the_embedded_and_notices_changes(script: ModuleType, tmp_path: Path, capsys) -> None:
-    assert script.main(["--check"]) == 0
+def test_check_accepts_the_embedded_and_notices_changes(tmp_path: Path, capsys) -> None:
+    assert make_synthetic_data.main(["--check"]) == 0
     place = tmp_path / "copy"
     shutil.copytree(FOLDER, place)
     (place / "plastic.npz").write_bytes(b"other")
@@ -47,7 +35,7 @@ def test_check_accepts_the_embedded_and_notices_changes(script: ModuleType, tmp_
     manifest = json.loads((place / "manifest.json").read_text())
     manifest["files"][2]["seed"] = 99
     (place / "manifest.json").write_text(json.dumps(manifest))
-    assert script.main(["--check", "--out", str(place)]) == 1
+    assert make_synthetic_data.main(["--check", "--out", str(place)]) == 1
     faults = capsys.readouterr().err
     assert "plastic.npz: SHA-256 differs" in faults
     assert "blue_paint.npz: missing" in faults

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 
 from homofact.brdf.formats import read_samples, utia
 from homofact.brdf.formats import utia as writer
 from homofact.brdf.materials import material
 from homofact.brdf.source import open_source
 from homofact.brdf.table import AngleTable
-from homofact.errors import BadInput
 from homofact.geometry.directions import draw_uniform, to_spherical
 
 
@@ -72,21 +72,21 @@ def test_a_written_model_reads_back_near_itself(tmp_path: Path) -> None:
 def test_other_sizes_and_wild_numbers_are_refused(tmp_path: Path) -> None:
     path = file_of(tmp_path, entries())
     path.write_bytes(path.read_bytes()[:-8])
-    with pytest.raises(BadInput, match="of no known format"):
+    with refused(where="cloth.bin"):
         read_samples(path)
-    with pytest.raises(BadInput, match="1990648 bytes, expected 1990656 or 995328"):
+    with refused(where="cloth.bin"):
         utia.read(path)
     wild = entries()
     wild[1, 0, 0, 0, 2] = np.nan
-    with pytest.raises(BadInput, match=r"number 82946 is nan, expected values of a BRDF"):
+    with refused(where="cloth.bin"):
         read_samples(file_of(tmp_path, wild))
     wild[1, 0, 0, 0, 2] = 1e9
-    with pytest.raises(BadInput, match=r"number 82946 is 1e\+09"):
+    with refused(where="cloth.bin"):
         read_samples(file_of(tmp_path, wild))
 
 
 def test_writer_wants_rgb(tmp_path: Path) -> None:
     from homofact.brdf.analytic import Lambert
 
-    with pytest.raises(BadInput, match="channels Y, expected R, G and B"):
+    with refused(where="UTIA file"):
         writer.write(tmp_path / "x", Lambert((0.1,), channels=("Y",)))

@@ -92,7 +92,7 @@ CASES = {
     "unknown channels": ([*INFO, "--channels", "x"], r"channels: found 'x', expected rgb.*luminance"),
     "no such spectrum": ([*INFO, "--channels", "spectral"], r"spectral.*expected"),
     "negative seed": ([*COMPARE, "--seed", "-1"], r"seed: found -1, expected"),
-    "unknown method": ([*COMPARE, "--methods", "mccool,col"], r"method: found 'col' \(nearest: cole\), expected .*"),
+    "unknown method": ([*COMPARE, "--methods", "mccool,col"], r"method: found 'col', expected .* \(nearest: cole\)"),
     "unknown method to fit": (
         [*FIT, "--method", "magic", *OUT],
         r"method: found 'magic', expected one of .*cole, mccool",
@@ -112,18 +112,18 @@ CASES = {
     "result in a file": ([*FIT, "--out", "/dev/null/o"], r"/dev/null.*expected"),
     "result in a closed place": ([*FIT, "--out", "/proc/homofact/o"], r"/proc.*cannot be written"),
     "result that is a file": ([*FIT, "--out", "{file}"], r"expected a folder"),
-    "no such format": (["export", "{here}", "--to", "{here}/o", "--format", "jpg"], r"texture format 'jpg', expected"),
+    "no such format": (["export", "{here}", "--to", "{here}/o", "--format", "jpg"], r"format: found 'jpg', expected"),
     "a measurement to export": (
         ["export", "{paint}", "--to", "{here}/x"],
-        r"paint\.csv: is a measurement; fit it first: homofact factorize \S+csv --out",
+        r"paint\.csv: is a measurement, expected a saved fit \(fit it first",
     ),
     "a measurement to view": (
         ["view", "{paint}", "--out", "{here}/a.html"],
-        r"paint\.csv: is a measurement; fit it first",
+        r"paint\.csv: is a measurement, expected a saved fit \(fit it first",
     ),
     "a material to view": (
         ["view", "material:phong-10", "--out", "{here}/a.html"],
-        r"material:phong-10: is a material; fit it first: homofact factorize material:phong-10 --out FOLDER",
+        r"material:phong-10: is a material, expected a saved fit \(fit it first: homofact factorize material:phong-10",
     ),
     "no result to draw": (["render", "{here}/none", *PNG], r"none: no such file"),
     "a folder without a result": ([*DRAW, *PNG], r"found no factorization\.npz"),
@@ -249,7 +249,7 @@ def test_an_unknown_key_of_a_configuration_names_the_nearest(
     path = tmp_path / "run.toml"
     path.write_text("[fit]\ncoordinate = 'in-out'\n")
     assert main(["factorize", MATERIAL, "-c", str(path), "--out", str(tmp_path / "o")]) == 2
-    expected = f"homofact: {path}: unknown key fit.coordinate, the nearest known one is fit.coordinates\n"
+    expected = f"homofact: {path}: fit.coordinate: unknown key (nearest: fit.coordinates)\n"
     assert capsys.readouterr().err == expected
     assert [each.name for each in tmp_path.iterdir()] == ["run.toml"]
 

@@ -178,7 +178,9 @@ def test_light_stands_in_report_table_and_verdict(run: Callable[..., Ran], tmp_p
     assert "highlight" in {each["name"] for each in verdict["findings"]}
     assert "Wrong in the fit:" in ran.out
     assert f"Verdict: {verdict['summary']}" in " ".join(ran.out.split())
-    assert f"Try next: the same command with {verdict['recommended']}" in " ".join(ran.out.split())
+    advice = verdict["recommended"]
+    option = f"--{advice['setting']} {advice['value']}"
+    assert f"Try next: the same command with {option}" in " ".join(ran.out.split())
     assert len(found["albedo_ratio"]) == len(found["degrees"]) == 5
     # A measurement is known at its samples alone: nothing is made up.
     measured = ["compare", ROOT / "data_synthetic" / "synthetic_cornell.brdf", *SIZE, "--methods", "mccool"]
@@ -301,9 +303,9 @@ def test_strict_and_refuse_leave_nothing_behind(run: Callable[..., Ran], tmp_pat
     out = tmp_path / "o"
     asked = ["factorize", *SMALL, *SIZE, "--method", "mccool", "--out", out]
     for options, words in (
-        (["--strict"], "refused by --strict"),
-        (["--refuse", "zeros+highlight"], "refused by --refuse, the brightest directions hold"),
-        (["--refuse", "zeroes"], "--refuse: found 'zeroes', expected some of status, condition, light"),
+        (["--strict"], "refused by strict"),
+        (["--refuse", "zeros+highlight"], "refused by refuse, the brightest directions hold"),
+        (["--refuse", "zeroes"], "refuse: found 'zeroes', expected some of status, condition, light"),
     ):
         ran = run(*asked, *options)
         assert ran.code == 2
@@ -313,4 +315,4 @@ def test_strict_and_refuse_leave_nothing_behind(run: Callable[..., Ran], tmp_pat
     assert (out / "report.json").is_file()
     ran = run("compare", *SMALL, *SIZE, "--methods", "mccool", "--strict")
     assert ran.code == 2
-    assert "refused by --strict" in ran.err
+    assert "refused by strict" in ran.err

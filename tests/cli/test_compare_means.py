@@ -60,7 +60,7 @@ def test_several_sources_and_seeds_are_one_table(capsys: pytest.CaptureFixture[s
 def test_what_cannot_be_meant_is_refused_before_a_fit(
     more: list[str], words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("homofact.evaluate.seeds.fit_seeds", lambda *_: pytest.fail("it fitted"))
+    monkeypatch.setattr("homofact.evaluation.seeds.fit_seeds", lambda *_: pytest.fail("it fitted"))
     assert main(["compare", *FAST, *more]) == 2
     assert words in " ".join(capsys.readouterr().err.split())
     assert list(Path().iterdir()) == []

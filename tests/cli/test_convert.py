@@ -16,6 +16,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import open_source
 from homofact.cli.main import main
+from homofact.errors import Advice
 
 MATERIAL = "material:lafortune-clay"
 SYNTHETIC = Path(__file__).resolve().parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
@@ -104,7 +105,7 @@ def test_a_fit_is_a_source_too(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert main(["convert", str(tmp_path / "fit.npz"), str(tmp_path / "fit.bsdf"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["difference"]["median"] < 0.01
     refused = (["--channels", "luminance"], ["--calibrate", "rings"])
-    for more, said in zip(refused, ("found --channels luminance with a fit", "with a fit"), strict=True):
+    for more, said in zip(refused, ("channels: found it with a fit", "with a fit"), strict=True):
         assert main(["convert", str(tmp_path / "fit.npz"), str(tmp_path / "no.bsdf"), *more]) == 2
         assert said in " ".join(capsys.readouterr().err.split())
     (tmp_path / "empty").mkdir()
@@ -138,7 +139,7 @@ def test_an_existing_file_wants_force(tmp_path: Path, capsys: pytest.CaptureFixt
     out.write_text("mine")
     arguments = ["convert", MATERIAL, str(out), "--count", "10"]
     assert main(arguments) == 2
-    assert "exists already, expected a new file (or --force)" in capsys.readouterr().err
+    assert "exists already, expected a new file or --force" in capsys.readouterr().err
     assert out.read_text() == "mine"
     assert main([*arguments, "--force"]) == 0
     assert len(read_samples(out)) == 10
@@ -191,15 +192,15 @@ def test_conventions_are_undone(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main(["info", str(with_cosine), "--json"]) == 0
     suspected = json.loads(capsys.readouterr().out)["suspected"]
     assert (suspected[0]["name"], suspected[0]["words"]) == ("cosine-o", "the values hold cosθo")
-    assert suspected[0]["remedy"].endswith("--undo cosine-o")
+    assert suspected[0]["remedy"] == str(Advice("undo", "cosine-o", of="convert"))
     assert main(["convert", str(with_cosine), str(out), "--undo", "cosine-o", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["undone"] == ["cosine-o"]
     back = read_samples(out)
     assert torch.allclose(back.values, samples.values, rtol=1e-12)
     refused = (
         ("a.csv", "cosine", "undo: found 'cosine', expected some of"),
-        ("a.binary", "pi", "--undo"),
-        ("a.bsdf", "pi", "--undo"),
+        ("a.binary", "pi", "undo: found it with"),
+        ("a.bsdf", "pi", "undo: found it with"),
     )
     for target, names, words in refused:
         assert main(["convert", str(with_cosine), str(tmp_path / target), "--undo", names]) == 2

@@ -10,8 +10,8 @@ import pytest
 from ran import Ran
 
 import homofact
-import homofact.evaluate.compare
-import homofact.evaluate.seeds
+import homofact.evaluation.compare
+import homofact.evaluation.seeds
 from homofact.errors import SolverFailure, Status
 
 # A source and a fit of well under a second.
@@ -25,7 +25,7 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", interrupted)
+    monkeypatch.setattr(homofact.evaluation.compare, "fit_and_measure", interrupted)
     ran = run("factorize", *SMALL, "--out", tmp_path / "o")
     assert ran == (130, "", "homofact: interrupted, nothing was written\n")
     assert list(tmp_path.iterdir()) == []
@@ -34,13 +34,13 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(
 def test_an_interrupted_fit_that_kept_its_best_is_written_and_said(
     run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    measure = homofact.evaluate.compare.fit_and_measure
+    measure = homofact.evaluation.compare.fit_and_measure
 
     def cut_short(*arguments: Any) -> Any:
         row = measure(*arguments)
         return replace(row, report=replace(row.report, status=Status.INTERRUPTED, notes=("cut short",)))
 
-    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", cut_short)
+    monkeypatch.setattr(homofact.evaluation.compare, "fit_and_measure", cut_short)
     ran = run("factorize", *SMALL, *SIZE, "--method", "mccool", "--out", tmp_path / "o", "--json")
     assert ran.code == 0
     assert ran.err.splitlines() == [f"homofact: {Status.INTERRUPTED.remedy}", "homofact: cut short"]
@@ -53,7 +53,7 @@ def test_an_interrupt_ends_a_comparison_with_what_there_is(
 ) -> None:
     """Whether the interrupted fit has something to show or not, it is the last."""
     fitted: list[str] = []
-    measure = homofact.evaluate.seeds.fit_and_measure
+    measure = homofact.evaluation.seeds.fit_and_measure
 
     def second_cut_short(source: Any, settings: Any, *more: Any) -> Any:
         fitted.append(settings.name)
@@ -62,7 +62,7 @@ def test_an_interrupt_ends_a_comparison_with_what_there_is(
         row = measure(source, settings, *more)
         return row if len(fitted) < 2 else replace(row, report=replace(row.report, status=Status.INTERRUPTED))
 
-    monkeypatch.setattr(homofact.evaluate.seeds, "fit_and_measure", second_cut_short)
+    monkeypatch.setattr(homofact.evaluation.seeds, "fit_and_measure", second_cut_short)
     ran = run("compare", *SMALL, *SIZE, "--methods", "mccool,mccool:h+wi,svd", "--json")
     assert ran.code == 130
     labels = ["mccool", "mccool:h+wi"] if kept else ["mccool"]
@@ -77,7 +77,7 @@ def test_an_interrupt_of_the_first_method_leaves_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(homofact.evaluate.seeds, "fit_and_measure", interrupted)
+    monkeypatch.setattr(homofact.evaluation.seeds, "fit_and_measure", interrupted)
     ran = run("compare", *SMALL, *SIZE, "--methods", "mccool,svd")
     assert ran == (130, "", "homofact: interrupted, nothing was written\n")
 
@@ -88,7 +88,7 @@ def test_a_system_that_cannot_be_solved_is_refused_in_one_line(
     def fail(*_: object) -> None:
         raise SolverFailure("no solution")
 
-    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", fail)
+    monkeypatch.setattr(homofact.evaluation.compare, "fit_and_measure", fail)
     ran = run("factorize", *SMALL, "--out", tmp_path / "o")
     assert (ran.code, ran.out, ran.err) == (2, "", "homofact: no solution\n")
     assert list(tmp_path.iterdir()) == []
@@ -101,7 +101,7 @@ def test_a_fault_of_ours_ends_with_1_its_traceback_and_a_request(
     def fail(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr(homofact.evaluate.compare, "fit_and_measure", fail)
+    monkeypatch.setattr(homofact.evaluation.compare, "fit_and_measure", fail)
     ran = run("factorize", *SMALL, "--out", tmp_path / "o")
     assert (ran.code, ran.out) == (1, "")
     assert "Traceback" in ran.err

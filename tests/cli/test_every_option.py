@@ -14,9 +14,9 @@ from homofact.cli.main import app, main
 from homofact.cli.options import shown_default
 from homofact.config import SEED, Config, fit_options, load_config, section_options
 from homofact.errors import BadInput
-from homofact.methods.fitting import Method
+from homofact.methods.method import Method
 from homofact.methods.table import METHODS, made
-from homofact.options import Declared, options_of
+from homofact.settings.options import Declared, options_of
 
 # A value that is not the default, as a word of the command line and as TOML, where the type does not tell one.
 OWN: dict[str, tuple[str, str]] = {
@@ -81,7 +81,7 @@ def fitted(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Method]:
             caught.append(method)
             raise BadInput("reached")
 
-        monkeypatch.setattr("homofact.evaluate.compare.fit_and_measure", stop)
+        monkeypatch.setattr("homofact.evaluation.compare.fit_and_measure", stop)
         assert main(["factorize", "material:phong-10", "--count", "50", "-q", *arguments]) == 2
         assert len(caught) == 1, "the command was refused before it fitted"
         return caught[0]

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from homofact.brdf.materials import MATERIALS
-from homofact.brdf.names import MATERIAL_NAMES
+from homofact.brdf.source_names import MATERIAL_NAMES
 from homofact.cli import doctor
 from homofact.cli.main import COMMANDS, main
 
@@ -91,7 +91,7 @@ def test_a_narrow_terminal_breaks_no_name_that_one_has_to_type(
 @pytest.mark.parametrize("given", ["lafortune-blue-paint", "lafortune-bluepaint"])
 def test_a_material_without_its_prefix_is_told(given: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", given]) == 2
-    expected = f"homofact: {given}: no such file, perhaps material:lafortune-blue-paint? Expected a BRDF file or"
+    expected = f"homofact: {given}: no such file, expected a BRDF file or"
     assert capsys.readouterr().err.startswith(expected)
 
 

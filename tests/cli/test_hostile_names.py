@@ -17,8 +17,8 @@ from homofact.brdf.sampling import sample_model
 from homofact.cli.main import main
 from homofact.cli.screen import Screen, _Console
 from homofact.cli.tables import facts_table
-from homofact.export.result import open_result
-from homofact.viewer.page import write_view
+from homofact.exporting.result import open_result
+from homofact.web.page import write_view
 
 CONTROLS = set(FORBIDDEN) - {"\x1b"}
 
@@ -92,7 +92,7 @@ def test_folders_exports_and_pages_of_hostile_channels(tmp_path: Path, capsys: p
     samples = sample_model(material("phong-10").model, 300)
     pages = {}
     for k, name in enumerate(("R", *NAMES)):
-        named = Samples.make(
+        named = Samples(
             samples.wi, samples.wo, samples.values, channels=(name, name + "G", "B"), isotropic=True,
             provenance={"material": name, "comments": [name]},
         )  # fmt: skip

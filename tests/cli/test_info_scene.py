@@ -93,7 +93,7 @@ def test_a_scene_has_no_plot_and_other_folders_are_refused_as_before(
     place = folder_of(tmp_path, "edit", wrapped(EDITED))
     assert main(["info", str(place), "--plot", str(tmp_path / "x.png")]) == 2
     assert "plot:" in (said := capsys.readouterr().err)
-    assert "is a prepared scene, which has its pictures; expected none" in said
+    assert "is a prepared scene, which has its pictures, expected none" in said
     assert not (tmp_path / "x.png").exists()
     (place / "edit.npz").unlink()
     assert main(["info", str(place)]) == 2

@@ -11,8 +11,8 @@ from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import open_source
 from homofact.cli.main import main
-from homofact.evaluate.reopening import reopen
-from homofact.export.result import open_result
+from homofact.evaluation.reopening import reopen
+from homofact.exporting.result import open_result
 from homofact.geometry.directions import from_spherical
 
 METHOD = ["--method", "mccool", "--size", "6", "--projections", "theta_h-theta_d"]
@@ -29,7 +29,7 @@ def paint(tmp_path: Path) -> Path:
     values = material("lafortune-clay").model.evaluate(wi, wo) * torch.exp(0.3 * torch.sin(3 * ring))[:, None]
     values = torch.minimum(values, values.quantile(0.97, dim=0))
     path = tmp_path / "paint.csv"
-    csv.write(path, Samples.make(wi, wo, values, channels=("R", "G", "B"), isotropic=True))
+    csv.write(path, Samples(wi, wo, values, channels=("R", "G", "B"), isotropic=True))
     return path
 
 

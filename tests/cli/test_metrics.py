@@ -2,18 +2,19 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
+from homofact.brdf.scattered import Scattered
 from homofact.brdf.source import Source, open_source
 from homofact.cli.main import main
 from homofact.errors import BadInput
-from homofact.evaluate.brdf_metrics import METRICS, SIX
-from homofact.evaluate.compare import fit_and_measure, held_out_samples
-from homofact.evaluate.image_metrics import IMAGE_METRICS
-from homofact.evaluate.judging import Judge, chosen_metrics
+from homofact.evaluation.compare import fit_and_measure, held_out_samples
+from homofact.evaluation.judging import FitEvaluator, chosen_metrics
+from homofact.evaluation.metric_table import LIGHT, METRICS, SIX
 from homofact.methods.mccool import McCool
 
 SIZE = ["material:blinn-phong-50", "--count", "600", "--size", "6"]
@@ -47,8 +48,9 @@ def test_json_has_a_metrics_object_a_row(capsys: pytest.CaptureFixture[str]) -> 
 
     every = rows("--metrics", "all")
     for row in every:
-        assert list(row["metrics"]) == [*METRICS, *IMAGE_METRICS]
+        assert list(row["metrics"]) == list(METRICS)
         assert {name: row["metrics"][name] for name in SIX} == row["error"]["held_out"]
+        assert {name: row["metrics"][name] for name in LIGHT} == {name: row["appearance"][name] for name in LIGHT}
     good, bad = (row["metrics"] for row in every)
     for name in ("male", "cosine_rms", "cube_root_rms", "low_rms", "log_rms_80", "albedo_error", "ciede2000", "flip"):
         assert good[name] < bad[name], name
@@ -64,12 +66,12 @@ def test_json_has_a_metrics_object_a_row(capsys: pytest.CaptureFixture[str]) -> 
 def test_an_unknown_metric_is_refused_with_all_names(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("homofact.brdf.source.open_source", lambda *_, **__: pytest.fail("opened"))
+    monkeypatch.setattr("homofact.brdf.source.Opening.open", lambda *_, **__: pytest.fail("opened"))
     assert main(["compare", *FAST, "--metrics", "male,psrn"]) == 2
     err = capsys.readouterr().err
     assert len(err.splitlines()) == 1
     assert "'psrn'" in err
-    assert all(name in err for name in (*METRICS, *IMAGE_METRICS))
+    assert all(name in err for name in METRICS)
     with pytest.raises(BadInput, match="found none"):
         chosen_metrics(())
 
@@ -92,7 +94,7 @@ def test_a_configuration_names_metrics(tmp_path: Path, capsys: pytest.CaptureFix
 def test_metrics_are_of_the_held_out_samples(source: Source) -> None:
     settings = McCool(size=6, seed=3)
     row = fit_and_measure(source, settings)
-    found = Judge(source, chosen_metrics(("six",))).measure(row.factorization, row.split)
+    found = FitEvaluator(source, chosen_metrics(("six",))).measure(row.factorization, row.split)
     assert found == pytest.approx(row.held_out.record(), rel=1e-12)
     assert found != pytest.approx(row.train.record(), rel=1e-3)
     train, test = source.samples.split(0.2, 3)
@@ -104,8 +106,10 @@ def test_what_is_not_defined_is_none(source: Source) -> None:
     row = fit_and_measure(source, McCool(size=6))
     upright = source.samples.select(source.samples.wi[:, 2] > 0.8)
     only = Source(source.name, source.kind, upright, source.reflectance, 1e-5, 0.0)
-    found = Judge(only, ("male_theta_i_75_90", "male")).measure(row.factorization, row.split)
+    found = FitEvaluator(only, ("male_theta_i_75_90", "male")).measure(row.factorization, row.split)
     assert found["male_theta_i_75_90"] is None
+    alone = replace(source, reflectance=Scattered(source.samples))
+    assert FitEvaluator(alone, ("highlight",)).measure(row.factorization, row.split) == {"highlight": None}
     assert found["male"] is not None
 
 

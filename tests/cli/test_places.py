@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from homofact.cli.main import main
-from homofact.export.result import open_result
+from homofact.exporting.result import open_result
 from homofact.files.lock import claimed
 
 FIT = ["factorize", "material:phong-10", "--count", "400", "--method", "mccool", "--size", "4"]
@@ -27,7 +27,7 @@ def refused(arguments: list[str], capsys: pytest.CaptureFixture[str], *loaded: s
 def test_names_that_are_too_long_are_refused_first(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("homofact.brdf.source.open_source", None)
+    monkeypatch.setattr("homofact.brdf.source.Opening.open", None)
     assert "File name too long" in refused([*FIT, "--out", str(tmp_path / name)], capsys)
     assert "File name too long" in refused(
         ["render", "material:phong-10", "--out", str(tmp_path / f"{name}.png")], capsys
@@ -43,7 +43,7 @@ def test_a_name_as_long_as_can_be_will_do(tmp_path: Path) -> None:
 def test_a_mount_point_is_refused_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("homofact.brdf.source.open_source", None)
+    monkeypatch.setattr("homofact.brdf.source.Opening.open", None)
     (tmp_path / "disk").mkdir()
     monkeypatch.setattr("os.path.ismount", lambda path: Path(path).name == "disk")
     assert "is a mount point" in refused([*FIT, "--out", str(tmp_path / "disk")], capsys)
@@ -68,7 +68,7 @@ def test_a_full_disk_is_noticed_first(
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("homofact.brdf.source.open_source", None)
+    monkeypatch.setattr("homofact.brdf.source.Opening.open", None)
     monkeypatch.setattr(os, "fsync", full)
     assert "No space left on device" in refused([*FIT, "--out", str(tmp_path / "out")], capsys)
     assert list(tmp_path.iterdir()) == []
@@ -134,15 +134,15 @@ def test_an_interrupted_atlas_leaves_its_cells_and_the_older_atlas(
         raise KeyboardInterrupt
 
     (tmp_path / "atlas.csv").write_text("older")
-    monkeypatch.setattr("homofact.evaluate.stability.solver_atlas.run_solvers", interrupt)
+    monkeypatch.setattr("homofact.stability.solver_atlas.run_solvers", interrupt)
     arguments = ["stability", "--short", "--methods", "mccool", "--stressors", "few-samples", "--out", str(tmp_path)]
     assert main(arguments) == 130
     assert (tmp_path / "atlas.csv").read_text() == "older"
     assert (tmp_path / "unfinished.csv").read_text().count("\n") == 3
     monkeypatch.undo()
-    monkeypatch.setattr("homofact.evaluate.stability.solver_atlas.SYSTEMS", ())
-    monkeypatch.setattr("homofact.figures.stability.draw_solvers", lambda *_: None)
-    monkeypatch.setattr("homofact.evaluate.stability.atlas.write_csv", lambda path, cells: path.write_text("new"))
+    monkeypatch.setattr("homofact.stability.solver_atlas.SYSTEMS", ())
+    monkeypatch.setattr("homofact.stability.picture.draw_solvers", lambda *_: None)
+    monkeypatch.setattr("homofact.stability.atlas.write_csv", lambda path, cells: path.write_text("new"))
     assert main(arguments) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["atlas.csv", "atlas.png", "solvers.csv"]
 
@@ -159,7 +159,7 @@ def test_a_file_that_comes_while_another_is_made_is_not_replaced(
         target = tmp_path / "a.html"
         assert main([*FIT, "--out", str(tmp_path / "out"), "-q"]) == 0
         arguments = ["view", str(tmp_path / "out"), "--out", str(target)]
-        place, name = "homofact.viewer.viewer", "viewer_html"
+        place, name = "homofact.web.viewer", "viewer_html"
     honest = getattr(importlib.import_module(place), name)
 
     def slow(*given: object, **more: object) -> object:

@@ -144,15 +144,15 @@ def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.Cap
     assert record["met"]
     assert "scatter" in [each["name"] for each in record["verdict"]["findings"]]
     assert main(["plan", str(file), *QUICK, "--refuse", "scatter"]) == 2
-    assert "refused by --refuse, neighbouring samples disagree" in capsys.readouterr().err
+    assert "refused by refuse, neighbouring samples disagree" in capsys.readouterr().err
     assert main(["plan", str(file), *QUICK, "--refuse", "scater"]) == 2
-    assert "--refuse: found 'scater', expected some of" in capsys.readouterr().err
+    assert "refuse: found 'scater', expected some of" in capsys.readouterr().err
 
 
 def test_strict_refuses_a_fit_whose_fault_a_picture_shows(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(scene), *QUICK, "--strict"]) == 2
     error = capsys.readouterr().err
-    assert "refused by --strict" in error
+    assert "refused by strict" in error
     assert "cannot be met" not in error
 
 
@@ -225,12 +225,12 @@ def test_a_tolerance_that_no_terms_meet_is_a_warning_or_refused(
 @pytest.mark.parametrize(
     ("arguments", "change", "expected"),
     [
-        (["--plot", "p.png"], ("", ""), "--plot: relight.toml is a scene of relighting, which fits nothing"),
-        (["--effort", "normal"], ("", ""), "--effort: relight.toml is a scene of relighting, which fits nothing"),
-        (["--refuse", "scatter"], ("", ""), "--refuse: relight.toml is a scene of relighting, which fits nothing"),
+        (["--plot", "p.png"], ("", ""), "plot: relight.toml is a scene of relighting, which fits nothing"),
+        (["--effort", "normal"], ("", ""), "effort: relight.toml is a scene of relighting, which fits nothing"),
+        (["--refuse", "scatter"], ("", ""), "refuse: relight.toml is a scene of relighting, which fits nothing"),
         ([], ("[tolerance]\nreflected = 0.05", ""), "tolerance: found none, expected reflected = a relative RMS error"),
         ([], ("reflected = 0.05", "reflected = 2"), "tolerance.reflected: found 2, expected"),
-        ([], ("reflected = 0.05", "delta_e = 2"), "unknown key tolerance.delta_e"),
+        ([], ("reflected = 0.05", "delta_e = 2"), "tolerance.delta_e: unknown key"),
     ],
 )
 def test_what_is_wrong_with_the_plan_of_a_relighting_is_one_line(

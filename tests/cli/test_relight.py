@@ -37,9 +37,9 @@ ALL_MATT = SCENE.replace('material = "material:phong-10"\nterms = 3', "albedo = 
 @pytest.fixture(autouse=True)
 def once(monkeypatch: pytest.MonkeyPatch) -> None:
     """The materials that all runs here share are decomposed once."""
-    from relighting import factored_once
+    from relighting_cases import factored_once
 
-    from homofact.scene.transport import build
+    from homofact.relighting import build
 
     monkeypatch.setattr(build, "factor", factored_once)
 
@@ -100,14 +100,14 @@ def test_an_existing_result_stays_without_force(scene: Path, capsys: pytest.Capt
 def test_blocks_of_another_run_are_refused_by_name(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What a killed run left is used by the same run and refused by another."""
     out = scene.parent / "out"
-    from homofact.scene.transport.build import relit, stand
-    from homofact.scene.transport.scene import read_relight_scene
+    from homofact.relighting.build import open_relight_scene, relit_objects
+    from homofact.relighting.scene_file import read_relight_scene
 
     scene.write_text(ALL_MATT)
-    relit(stand(read_relight_scene(scene)), scene.parent / "out.blocks")
+    relit_objects(open_relight_scene(read_relight_scene(scene)), scene.parent / "out.blocks")
     (scene.parent / "out.blocks" / "object_1" / "block_00000.npz").unlink()
     assert main(["relight", str(scene), "--out", str(out), "--vertices", "0"]) == 0
-    relit(stand(read_relight_scene(scene)), scene.parent / "out.blocks")
+    relit_objects(open_relight_scene(read_relight_scene(scene)), scene.parent / "out.blocks")
     scene.write_text(ALL_MATT.replace("kept = 64", "kept = 32"))
     assert main(["relight", str(scene), "--out", str(out), "--vertices", "0", "--force"]) == 2
     assert "out.blocks/object_0: holds transport of ball.obj with another mesh, material or setting" in (
@@ -125,7 +125,7 @@ def test_each_camera_has_its_own_picture_and_each_object_its_own_line(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """From below the ground is not seen; a triangle without area is left out and said."""
-    from homofact.scene.transport.result import open_relit
+    from homofact.relighting.result import open_relit
 
     ball = scene.parent / "ball.obj"
     ball.write_text(ball.read_text() + "f 1 1 2\n")

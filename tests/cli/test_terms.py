@@ -5,7 +5,7 @@ import json
 import pytest
 
 from homofact.cli.main import main
-from homofact.scene.term_costs import map_bytes
+from homofact.theory.term_costs import map_bytes
 
 MATERIAL = "material:torrance-sparrow-20"
 

@@ -3,8 +3,8 @@
 from judged import Altered, names, verdict
 
 from homofact.cli.verdicts import brief_lines
-from homofact.evaluate.wording import findings_named
-from homofact.viewer import page
+from homofact.evaluation.wording import findings_named
+from homofact.web import page
 
 
 def test_findings_follow_the_sentence_as_such() -> None:

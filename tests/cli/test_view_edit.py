@@ -59,9 +59,9 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def test_what_a_prepared_scene_has_of_its_own_is_not_taken(
     prepared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for option, value in (("sky", "a.hdr"), ("mesh", "a.obj"), ("source", "a.npz")):
+    for option, value, setting in (("sky", "a.hdr", "skies"), ("mesh", "a.obj", "mesh"), ("source", "a.npz", "source")):
         said = refused(capsys, "view", str(prepared), "--out", str(tmp_path / "p.html"), f"--{option}", value)
-        assert f"{option}: {prepared} is a prepared scene, which has its own; expected none" in said
+        assert f"{setting}: {prepared} is a prepared scene, which has its own, expected none" in said
     assert not (tmp_path / "p.html").exists()
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from homofact.containers.dds import read_dds, read_dds_cube, write_dds_cube
 from homofact.containers.ktx2 import read_ktx2, read_ktx2_cube, read_ktx2_key_values, write_ktx2, write_ktx2_cube
@@ -103,7 +104,7 @@ def test_what_is_no_cube_map_is_refused_and_nothing_written(tmp_path, form):
         ([np.full((6, 2, 2, 4), np.inf)], "is inf, expected finite values"),
         ([np.zeros((6, 2, 2, 4), int)], "expected floating-point numbers"),
     ):
-        with pytest.raises(BadInput, match=message):
+        with refused(message):
             write(tmp_path / "t", levels)
     assert not list(tmp_path.iterdir())
 
@@ -119,7 +120,7 @@ def test_truncations_padding_and_other_kinds_of_texture_are_refused(tmp_path, fo
         with pytest.raises(BadInput):
             read(path)
     path.write_bytes(whole + b"\0")
-    with pytest.raises(BadInput, match="bytes of texels"):
+    with refused(where="t"):
         read(path)
     path.write_bytes(whole)
     with pytest.raises(BadInput):
@@ -143,12 +144,12 @@ def test_a_header_edited_into_nonsense(tmp_path, at, value, message):
     data = bytearray((tmp_path / "t.ktx2").read_bytes())
     struct.pack_into("<I", data, at, value)
     (tmp_path / "t.ktx2").write_bytes(bytes(data))
-    with pytest.raises(BadInput, match=message):
+    with refused(message):
         read_ktx2_cube(tmp_path / "t.ktx2")
 
 
 def test_a_plain_texture_is_no_cube_map(tmp_path):
     write_ktx2(tmp_path / "t.ktx2", np.zeros((4, 4, 4)), {"KTXwriter": "a"})
-    with pytest.raises(BadInput, match="expected a square cube map"):
+    with refused(where="t.ktx2"):
         read_ktx2_cube(tmp_path / "t.ktx2")
     assert read_ktx2_key_values(tmp_path / "t.ktx2") == {"KTXwriter": "a"}

@@ -7,6 +7,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from refusals import refused
 
 from homofact.containers.exr import write_half_exr
 from homofact.containers.formats import FORMATS, format_named
@@ -31,7 +32,7 @@ def test_the_names():
     for name, form in FORMATS.items():
         assert format_named(name) is form
         assert form.name == name
-    with pytest.raises(BadInput, match=r"'jpeg', expected one of exr, exr16, png8, png16, ktx2, dds, bc6h$"):
+    with refused(r"'jpeg', expected one of exr, exr16, png8, png16, ktx2, dds, bc6h$"):
         format_named("jpeg")
 
 
@@ -53,7 +54,7 @@ def test_an_exr_keeps_its_names_and_many_channels(tmp_path):
         form = FORMATS[name]
         form.write(tmp_path / "t.exr", stored, names=names)
         np.testing.assert_array_equal(form.read(tmp_path / "t.exr", 31, names), stored)
-        with pytest.raises(BadInput, match="expected R, G, B"):
+        with refused(where="t.exr"):
             form.read(tmp_path / "t.exr", names=("R", "G", "B"))
         # Numbers sort as they count.
         form.write(tmp_path / "t.exr", stored)
@@ -114,12 +115,12 @@ def test_png_has_no_chunk_that_bends_its_numbers(tmp_path, dtype, channels, colo
 def test_png_of_other_kinds_is_refused(tmp_path):
     for mode in ("P", "LA", "1"):
         Image.new(mode, (4, 4)).save(tmp_path / "t.png")
-        with pytest.raises(BadInput, match="expected 8 or 16 bits in 1, 3 or 4 channels without a palette"):
+        with refused(where="t.png"):
             read_png(tmp_path / "t.png")
     write_png(tmp_path / "t.png", np.zeros((4, 4, 3), np.uint8))
-    with pytest.raises(BadInput, match="found uint8 texels, expected uint16 for png16"):
+    with refused(where="t.png", found="uint8 texels"):
         FORMATS["png16"].read(tmp_path / "t.png")
-    with pytest.raises(BadInput, match="type float64, expected uint8 or uint16"):
+    with refused(where="t.png", found="values of type float64"):
         write_png(tmp_path / "t.png", np.zeros((4, 4, 3)))
 
 
@@ -152,7 +153,7 @@ def test_a_png_of_fewer_rows_than_its_header_says(tmp_path):
     struct.pack_into(">I", data, 20, 1000)
     restore_checksums(data)
     (tmp_path / "t.png").write_bytes(data)
-    with pytest.raises(BadInput, match="found 2 rows of pixels, expected the 1000 of the header"):
+    with refused(where="t.png", found="2 rows of pixels"):
         read_png(tmp_path / "t.png")
 
 
@@ -160,15 +161,15 @@ def test_a_format_reads_only_its_own_storage(tmp_path):
     FORMATS["bc6h"].write(tmp_path / "b.dds", np.ones((4, 4, 3)))
     FORMATS["dds"].write(tmp_path / "t.dds", np.ones((4, 4, 3)))
     FORMATS["exr"].write(tmp_path / "t.exr", np.ones((4, 4, 3)))
-    with pytest.raises(BadInput, match="found 3 channels, expected 4 for dds"):
+    with refused(where="b.dds", found="3 channels"):
         FORMATS["dds"].read(tmp_path / "b.dds")
-    with pytest.raises(BadInput, match="found 4 channels, expected 3 for bc6h"):
+    with refused(where="t.dds", found="4 channels"):
         FORMATS["bc6h"].read(tmp_path / "t.dds")
-    with pytest.raises(BadInput, match="found float32 texels, expected float16 for exr16"):
+    with refused(where="t.exr", found="float32 texels"):
         FORMATS["exr16"].read(tmp_path / "t.exr")
-    with pytest.raises(BadInput, match="found 3 channels, expected 1"):
+    with refused(where="t.exr", found="3 channels"):
         FORMATS["exr"].read(tmp_path / "t.exr", 1)
-    with pytest.raises(BadInput, match="found 4 channels, expected 2"):
+    with refused(where="t.dds", found="4 channels"):
         FORMATS["dds"].read(tmp_path / "t.dds", 2)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from homofact.containers.bc6h import decode_bc6h, encode_bc6h
 from homofact.containers.ktx2 import (
@@ -158,9 +159,9 @@ def test_layers_come_back_one_under_another_and_only_as_many(tmp_path):
     assert struct.unpack_from("<3I", path.read_bytes(), 24) == (3, 0, 2)
     np.testing.assert_array_equal(read_ktx2(path, 2).view(np.uint16), halves(6, 5).view(np.uint16))
     for layers in (1, 3):
-        with pytest.raises(BadInput, match=r"levels, supercompression \[0, 2, 1, 1, 0\], expected one plain 2D level"):
+        with refused(where="t.ktx2"):
             read_ktx2(path, layers)
-    with pytest.raises(BadInput, match="found 6 rows, expected as many in each of 4 layers"):
+    with refused(where="t.ktx2", found="6 rows"):
         write_ktx2(path, halves(6, 5), layers=4)
     np.testing.assert_array_equal(read_ktx2(path, 2).view(np.uint16), halves(6, 5).view(np.uint16))
 
@@ -184,27 +185,27 @@ def test_ktx_parse_reads_the_blocks(tmp_path, parsed):
     ],
 )
 def test_key_values_that_the_specification_forbids(tmp_path, key_values, message):
-    with pytest.raises(BadInput, match=message):
+    with refused(message):
         write_ktx2(tmp_path / "t.ktx2", halves(2, 2), key_values)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_pixels_that_cannot_be_stored(tmp_path):
     path = tmp_path / "t.ktx2"
-    with pytest.raises(BadInput, match=re.escape("(4, 4, 3), expected (rows, columns, 4)")):
+    with refused(re.escape("(4, 4, 3), expected (rows, columns, 4)")):
         write_ktx2(path, np.zeros((4, 4, 3)))
-    with pytest.raises(BadInput, match="not empty"):
+    with refused(where="t.ktx2", found="pixels of shape (0, 4, 4)"):
         write_ktx2(path, np.zeros((0, 4, 4)))
-    with pytest.raises(BadInput, match="type int64, expected floating-point"):
+    with refused(where="t.ktx2", found="pixels of type int64"):
         write_ktx2(path, np.zeros((4, 4, 4), np.int64))
     far = np.zeros((4, 4, 4))
     far[2, 1, 3] = 65520
-    with pytest.raises(BadInput, match="row 2, column 1, channel 3 is 65520, expected finite values of at most 65504"):
+    with refused(where="t.ktx2"):
         write_ktx2(path, far)
     far[2, 1, 3] = np.nan
-    with pytest.raises(BadInput, match="channel 3 is nan, expected finite"):
+    with refused(where="t.ktx2"):
         write_ktx2(path, far)
-    with pytest.raises(BadInput, match="7 x 8 texels, expected sides that are multiples of 4"):
+    with refused(where="t.ktx2"):
         write_ktx2_bc6h(path, np.zeros((8, 7, 3)))
     with pytest.raises(BadInput, match="cannot be written"):
         write_ktx2(tmp_path / "nowhere" / "t.ktx2", halves(2, 2))
@@ -261,7 +262,7 @@ def test_every_truncation_and_any_padding_is_refused(tmp_path):
         with pytest.raises(BadInput):
             read_ktx2(path)
     path.write_bytes(whole + b"\0")
-    with pytest.raises(BadInput, match="49 bytes of texels for 3 x 2, indexed as 48, expected 48"):
+    with refused(where="t.ktx2", found="49 bytes of texels for 3 x 2, indexed as 48"):
         read_ktx2(path)
-    with pytest.raises(BadInput, match="no such file, expected"):
+    with refused(where="absent.ktx2"):
         read_ktx2(tmp_path / "absent.ktx2")

@@ -25,15 +25,15 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.scattered import GLOBAL_LIMIT, Scattered
-from homofact.brdf.table import AngleTable, Axis
+from homofact.brdf.table import AngleTable, TableAxis
 from homofact.containers.formats import format_named
-from homofact.export.exported import exported, write_exported
-from homofact.export.exported_reader import open_exported
+from homofact.exporting.exported import exported, write_exported
+from homofact.exporting.exported_reader import open_exported
 from homofact.factor.factorization import Factorization
 from homofact.geometry.directions import draw_uniform
-from homofact.scene.in_out import Grid, decompose
 from homofact.separable.resampling import LocalPlanes
 from homofact.separable.separable import Separable
+from homofact.theory.in_out import DirectionGrid, decompose
 
 GREY = (0.2, 0.3, 0.4)
 RGB = ("R", "G", "B")
@@ -82,9 +82,9 @@ def angle_table(isotropic: bool) -> AngleTable:
     def rise(n: int, end: float) -> Tensor:
         return torch.linspace(0, end, n, dtype=torch.float64)
 
-    theta = Axis(rise(5, 1.4))
-    turn = Axis(rise(7, 2 * math.pi)[:-1], periodic=True)
-    axes = (theta, theta, Axis(rise(5, math.pi))) if isotropic else (theta, turn, theta, turn)
+    theta = TableAxis(rise(5, 1.4))
+    turn = TableAxis(rise(7, 2 * math.pi)[:-1], periodic=True)
+    axes = (theta, theta, TableAxis(rise(5, math.pi))) if isotropic else (theta, turn, theta, turn)
     shape = (*(len(axis.nodes) for axis in axes), 3)
     return AngleTable(axes, torch.from_numpy(np.random.default_rng(1).random(shape)), RGB)
 
@@ -94,7 +94,7 @@ def scattered(name: str, count: int) -> Scattered:
 
 
 def terms_of(name: str) -> Reflectance:
-    return decompose(material(name).model, Grid(6, 12, math.pi / 2)).truncated(3)
+    return decompose(material(name).model, DirectionGrid(6, 12, math.pi / 2)).truncated(3)
 
 
 def read_back(fitted: Factorization | Separable, name: str) -> Callable[[Path], Reflectance]:

@@ -19,12 +19,12 @@ from sitemaker.stage import BIBLIOGRAPHY
 
 PAGE = """# T
 
-Projections are searched (Cole 2002), as Wang, Tran and Luebke (2004, eq. 3) do not; `python scripts/seeds.py --size 8`.
+Projections are searched (Cole 2002), as Wang, Tran and Luebke (2004, eq. 3) do not; `python scripts/accuracy/seeds.py`.
 Of a map `(Cole 2002)` stays as it stands, with `--size` dashes.
 
 $$a = \\sqrt{b} + \\tilde f_{nc}$$
 
-[The program](/source/scripts/seeds.py.md)
+[The program](/source/scripts/accuracy/seeds.py.md)
 
 ```{toctree}
 references
@@ -34,11 +34,13 @@ references
 
 def built(folder: Path, page: str) -> int:
     sources = folder / "sources"
-    (sources / "source" / "scripts").mkdir(parents=True)
+    (sources / "source" / "scripts" / "accuracy").mkdir(parents=True)
     (sources / "index.md").write_text(page, encoding="utf-8")
     (sources / "references.md").write_text(BIBLIOGRAPHY, encoding="utf-8")
     (sources / "references.bib").write_text((DOCS / "references.bib").read_text(encoding="utf-8"), encoding="utf-8")
-    (sources / "source" / "scripts" / "seeds.py.md").write_text("---\norphan: true\n---\n# seeds\n", encoding="utf-8")
+    (sources / "source" / "scripts" / "accuracy" / "seeds.py.md").write_text(
+        "---\norphan: true\n---\n# seeds\n", encoding="utf-8"
+    )
     return build_main(["-b", "html", "-c", str(DOCS), "-W", "--keep-going", "-q", str(sources), str(folder / "site")])
 
 
@@ -52,7 +54,7 @@ def test_a_page_gets_its_links_and_formulas(tmp_path: Path) -> None:
     assert 'href="references.html#cole2002">Cole 2002</a>' in page
     assert 'href="references.html#wang2004">Wang, Tran and Luebke (2004</a>, eq. 3)' in page
     assert page.count("#cole2002") == 1
-    assert '<a class="reference internal" href="source/scripts/seeds.py.html"><code' in page
+    assert '<a class="reference internal" href="source/scripts/accuracy/seeds.py.html"><code' in page
     assert "<msqrt>" in page
     formula = re.sub(r"\s", "", page)
     index = "<mrow><mi>n</mi><mi>c</mi></mrow>"

@@ -14,11 +14,12 @@ from sitemaker.commands import command_pages, runs_of
 from sitemaker.links import broken_links
 from sitemaker.navigation import DOCS, ROOT, SECTIONS, toctrees, written_pages
 from sitemaker.reference import markdown, reference_modules, reference_pages
-from sitemaker.sources import named_files, page_of, source_pages, title_of
+from sitemaker.scripts_page import scripts_page
+from sitemaker.sources import named_files, page_of, script_paths, source_pages, summary, title_of
 from sitemaker.stage import turned
 from sitemaker.uses import modules_of
 
-MADE_WITH_THE_SITE = {"source/index", "commands/index", "api/index", "references", "changes"}
+MADE_WITH_THE_SITE = {"commands/index", "api/index", "references", "changes"}
 PAGES = {name: (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ["index", *written_pages()]}
 
 
@@ -51,7 +52,7 @@ def numbers_without_a_program(text: str) -> list[str]:
     """Sections with a table of numbers that do not say, nor does the page's head, what program made them."""
     parts = re.split(r"^## ", re.sub(r"^(`{3,}).*?^\1", "", text, flags=re.DOTALL | re.MULTILINE), flags=re.MULTILINE)
     number = re.compile(r"\|\s*[<≥≤±−-]?\d[\d.,]*\s*[%a-zA-Z]{0,2}\s*(?=\|)")
-    named = re.compile(r"scripts/\w+\.py|make stability|`homofact |^homofact ", re.MULTILINE)
+    named = re.compile(r"scripts/[\w/]+\.py|make stability|`homofact |^homofact ", re.MULTILINE)
     if named.search(parts[0]):
         return []
     return [
@@ -70,8 +71,8 @@ def test_every_table_of_numbers_names_the_program_that_made_it(name: str) -> Non
 def test_a_table_without_its_program_is_found() -> None:
     table = "| a | b |\n| --- | ---: |\n| 1.2 | 3% |\n| 4 | 5.6 dB |\n"
     assert numbers_without_a_program(f"# T\n\n## S\n\n{table}") == ["S"]
-    assert numbers_without_a_program(f"# T\n\n## S\n\n`python scripts/seeds.py`\n\n{table}") == []
-    assert numbers_without_a_program(f"# T\n\nMade by `python scripts/seeds.py`.\n\n## S\n\n{table}") == []
+    assert numbers_without_a_program(f"# T\n\n## S\n\n`python scripts/accuracy/seeds.py`\n\n{table}") == []
+    assert numbers_without_a_program(f"# T\n\nMade by `python scripts/accuracy/seeds.py`.\n\n## S\n\n{table}") == []
 
 
 def test_links_to_files_of_the_repository_become_links_to_their_pages() -> None:
@@ -85,16 +86,26 @@ def test_links_to_files_of_the_repository_become_links_to_their_pages() -> None:
 
 
 def test_a_file_that_a_page_names_has_a_page_that_names_it_back() -> None:
-    named = named_files("made by `python scripts/seeds.py --size 8`, not by scripts/absent.py or my/scripts/seeds.py")
-    assert named == {"scripts/seeds.py"}
-    found = source_pages({"light": "# Light\n\n`python scripts/seeds.py`"}, ["configs/chart.toml"])
-    assert "Named on [Light](/light.md)" in found["source/scripts/seeds.py"]
-    assert (ROOT / "scripts/seeds.py").read_text(encoding="utf-8").rstrip() in found["source/scripts/seeds.py"]
+    named = named_files(
+        "made by `python scripts/accuracy/seeds.py --size 8`, not by scripts/absent.py or my/scripts/accuracy/seeds.py"
+    )
+    assert named == {"scripts/accuracy/seeds.py"}
+    found = source_pages({"light": "# Light\n\n`python scripts/accuracy/seeds.py`"}, ["configs/chart.toml"])
+    assert "Named on [Light](/light.md)" in found["source/scripts/accuracy/seeds.py"]
+    assert (ROOT / "scripts/accuracy/seeds.py").read_text(encoding="utf-8").rstrip() in found[
+        "source/scripts/accuracy/seeds.py"
+    ]
     assert "Named on" not in found["source/configs/chart.toml"]
-    row = next(line for line in found["source/index"].splitlines() if "`seeds.py`" in line)
-    assert "[Light](/light.md)" in row
-    for path in (ROOT / "scripts").glob("*.py"):
-        assert f"/source/scripts/{path.name}.md" in found["source/index"]
+    assert {page_of(path) for path in script_paths()} <= found.keys()
+
+
+def test_the_index_of_scripts_is_up_to_date() -> None:
+    """Else: python docs/make_scripts_page.py."""
+    assert PAGES["scripts"] == scripts_page()
+    for path in script_paths():
+        if "/shared/" not in path:
+            assert f"](../{path})" in PAGES["scripts"]
+            assert summary(path) in PAGES["scripts"]
 
 
 def test_every_command_and_option_stands_in_the_reference_as_help_has_it() -> None:
@@ -131,8 +142,8 @@ def test_the_reference_has_what_is_public_and_who_uses_it() -> None:
     assert "Used on" not in pages["api/homofact.methods.svd"]
     mccool = pages["api/homofact.methods.mccool"]
     assert "- `size` (`int`): Texels per side of a texture. Default: 16." in mccool
-    assert "{py:method} fit(samples: homofact.brdf.samples.Samples" in mccool
-    assert "{py:function} read(source: str, *, channels: str='rgb'" in pages["api/homofact.api"]
+    assert "{py:method} fit(samples:" in pages["api/homofact.methods.method"]
+    assert "{py:function} read(source: Any, *, channels: str='rgb'" in pages["api/homofact.api.reading"]
     assert "{py:obj}`homofact.methods.mccool.McCool`" in pages["api/homofact"]
 
 

@@ -65,10 +65,16 @@ def sweep(names: Names) -> None:
     assert Path("out/site/index.html").is_file()
 
 
-# Above about four seconds of a processor: scripts/tutorials.py.
+def inverse_rendering(names: Names) -> None:
+    assert float(names["loss"].detach().sqrt()) < 1e-4
+    assert np.median(abs(names["off"])) < 1e-2
+    assert homofact.load("found.npz").provenance["trained"] is True
+
+
+# Above about four seconds of a processor: scripts/pictures/tutorials.py.
 SLOW = (paint, own_data, trust, plan, edit, sweep)
 LEFT: dict[str, Callable[[Names], None]] = {
-    each.__name__: each for each in (paint, own_data, trust, plan, relight, edit, sweep)
+    each.__name__: each for each in (paint, own_data, trust, plan, relight, edit, sweep, inverse_rendering)
 }
 
 

@@ -40,7 +40,7 @@ SMOOTHING = (1e-3, 2e-3, 1e-3, 1e-2)
 def _samples() -> Samples:
     wi, wo = draw_in_discs(900, torch.Generator().manual_seed(1), 0.98)
     values = Ward((0.15, 0.1), (0.2, 0.2), alpha_x=0.2, alpha_y=0.5, channels=("R", "G")).evaluate(wi, wo)
-    return Samples.make(wi, wo, values, channels=("R", "G"), isotropic=False)
+    return Samples(wi, wo, values, channels=("R", "G"), isotropic=False)
 
 
 HERE = _samples()
@@ -111,11 +111,11 @@ def test_the_masked_solve_and_what_comes_of_it(there: Samples) -> None:
         terms = with_deviations(logs, solved.terms, SMOOTHING)
         fits.append(Factorization(terms, LogTransform.of(samples, 1e-3), samples.channels))
     for one, two in zip(fits[0].terms, fits[1].terms, strict=True):
-        assert torch.equal(back(two.mask), one.mask)
-        assert torch.allclose(back(two.texture), one.texture, atol=1e-6)
+        assert np.array_equal(two.mask, one.mask)
+        assert np.allclose(two.texture, one.texture, atol=1e-6)
         assert one.deviation is not None
         assert two.deviation is not None
-        assert torch.allclose(back(two.deviation), one.deviation, rtol=1e-3, atol=1e-6)
+        assert np.allclose(two.deviation, one.deviation, rtol=1e-3, atol=1e-6)
     assert torch.allclose(
         back(fits[1].evaluate(there.wi, there.wo)), fits[0].evaluate(HERE.wi, HERE.wo), rtol=1e-5, atol=1e-9
     )

@@ -47,7 +47,7 @@ def light_of(samples: LogSamples, flux: Flux, terms: tuple[Term, ...]) -> np.nda
 def test_flux_is_normalised_channel_by_channel(solved) -> None:
     samples, logs, flux, _ = solved
     transform = LogTransform.of(samples, 1e-2)
-    sums = (flux.per_value * samples.values / transform.mean).sum(0)
+    sums = (flux.per_value * samples.values / transform.mean_like(samples.values)).sum(0)
     assert torch.allclose(sums, logs.weights.new_full((2,), 3000.0))
     assert float(flux.weights_of(logs).sum()) == pytest.approx(float(logs.weights.sum()))
 
@@ -57,7 +57,7 @@ def test_incidence_of_a_mirror_like_lobe_counts_between_its_flux_and_its_angle()
     theta = torch.tensor([10.0, 30, 50, 70, 80], dtype=torch.float64).deg2rad().repeat(40)
     azimuth = torch.arange(200, dtype=torch.float64) * 0.1
     wi, wo = from_spherical(theta, azimuth), from_spherical(theta, azimuth + torch.pi)
-    samples = Samples.make(wi, wo, torch.ones(200, 1), channels=("Y",), isotropic=True)
+    samples = Samples(wi, wo, torch.ones(200, 1), channels=("Y",), isotropic=True)
     flux = Flux.of(samples, LogTransform.of(samples, 1e-2), "both").per_value[:, 0] / solid_angles(samples)
     cos, sin = torch.cos(theta), torch.sin(theta)
     both = torch.sqrt((cos**2 / sin) * (cos**2 / (sin * cos)))  # the geometric mean of the two
@@ -99,6 +99,16 @@ def test_an_exact_fit_stays(solved) -> None:
     again, _ = keep_light(exact, terms, 0.0, flux)
     moved = sum_of_terms(again, logs.wi, logs.wo) - exact.logs
     assert float(moved.abs().max()) < 0.02
+
+
+def test_only_values_under_a_clipped_one_cost(solved) -> None:
+    _, logs, flux, terms = solved
+    found = sum_of_terms(terms, logs.wi, logs.wo)
+    clipped = torch.ones_like(found, dtype=torch.bool)
+    for offset, costs in ((-1.0, False), (1.0, True)):
+        light = _Light(LogSamples(logs.wi, logs.wo, found + offset, logs.weights, clipped), terms, 0.0, flux)
+        value, slope = light.evaluate(light.start())
+        assert (value > 0.1) == (np.abs(slope).max() > 1e-3) == costs
 
 
 def test_filler_texels_stay(solved) -> None:

@@ -42,9 +42,9 @@ def test_a_loaded_factorization_is_bit_identical(factorization: Factorization, t
     assert loaded.provenance == factorization.provenance
     assert loaded.channels == factorization.channels
     for one, other in zip(loaded.terms, factorization.terms, strict=True):
-        assert torch.equal(one.texture, other.texture)
-        assert torch.equal(one.mask, other.mask)
-        assert torch.equal(one.projection.matrix, other.projection.matrix)
+        assert np.array_equal(one.texture, other.texture)
+        assert np.array_equal(one.mask, other.mask)
+        assert np.array_equal(one.projection.matrix, other.projection.matrix)
         assert one.projection.warp == other.projection.warp
     first, third = loaded.terms[0].projection.rotation, loaded.terms[2].projection.rotation
     assert first is not None
@@ -84,7 +84,7 @@ def test_bad_files_are_named(factorization: Factorization, tmp_path) -> None:
     with np.load(path) as archive:
         arrays = {name: archive[name] for name in archive.files}
     for change, message in (
-        ({"format_version": 99}, "format version 99, expected at most 1: update homofact"),
+        ({"format_version": 99}, r"format version 99, expected at most 1 \(update homofact\)"),
         ({"epsilon": None}, "epsilon: found null, expected a finite number above 0"),
         ({"epsilon": -1}, "epsilon: found -1, expected a finite number above 0"),
         ({"terms": []}, "terms: .*expected 1 to 1000 objects"),

@@ -63,14 +63,14 @@ SETS: dict[str, tuple[tuple[Projection, ...], int]] = {
     "axes exchanged": (
         (
             fixed_projection("h", False),
-            Projection("half-diff", fixed_projection("h", False).matrix.flip(0), False, "exchanged"),
+            Projection("half-diff", fixed_projection("h", False).matrix[::-1].copy(), False, "exchanged"),
         ),
         1 + 2 + 1,
     ),
     "axes exchanged, searched": (
         (
             searched(0, reciprocal=False),
-            Projection("half-diff", searched(0, reciprocal=False).matrix.flip(0), False, "exchanged"),
+            Projection("half-diff", searched(0, reciprocal=False).matrix[::-1].copy(), False, "exchanged"),
         ),
         1 + 2 + 1,
     ),

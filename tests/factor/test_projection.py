@@ -2,11 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 import torch
 
 from homofact.errors import BadInput
-from homofact.factor.names import FIXED_PROJECTIONS
+from homofact.factor.fixed_projections import FIXED_PROJECTIONS
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import COORDINATES
 from homofact.geometry.directions import draw_in_discs
@@ -33,10 +34,10 @@ def test_rows_are_orthogonal_and_the_domain_just_fits(coordinates: str, bound: s
             assert float(uv.abs().max()) <= 1 + 1e-12
         if bound == "disc" and COORDINATES[coordinates].domain == "discs":
             for row in projection.matrix:
-                rim = torch.cat((row[:2] / row[:2].norm(), row[2:] / row[2:].norm()))
+                rim = np.concatenate((row[:2] / np.linalg.norm(row[:2]), row[2:] / np.linalg.norm(row[2:])))
                 assert float(row @ rim) == pytest.approx(1, abs=1e-12)
         if bound == "cube" or COORDINATES[coordinates].domain == "box":
-            assert torch.allclose(projection.matrix.abs().sum(1), torch.ones(2, dtype=torch.float64))
+            assert np.allclose(abs(projection.matrix).sum(1), 1)
 
 
 @pytest.mark.parametrize("coordinates", SEARCHED)

@@ -13,7 +13,7 @@ from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, SolverFailure
 from homofact.factor.factorization import Factorization
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.methods.fitting import Fit
+from homofact.methods.fitting import MethodFit
 from homofact.methods.mccool import McCool
 from homofact.methods.mccool_fit import fit_mccool
 
@@ -42,7 +42,7 @@ def brdf_samples(draw: st.DrawFn) -> Samples:
     if draw(st.booleans()):
         values[int(torch.randint(0, count, (1,), generator=generator))] *= 1e5
     isotropic = draw(st.booleans())
-    return Samples.make(wi, wo, values, channels=("a", "b"), isotropic=isotropic, all_azimuths=True)
+    return Samples(wi, wo, values, channels=("a", "b"), isotropic=isotropic, all_azimuths=True)
 
 
 @st.composite
@@ -58,7 +58,7 @@ def settings(draw: st.DrawFn) -> McCool:
     )
 
 
-def fitted(samples: Samples, chosen: McCool) -> Fit | None:
+def fitted(samples: Samples, chosen: McCool) -> MethodFit | None:
     """The fit, or None where it is refused by name, in one line."""
     try:
         return fit_mccool(samples, chosen)
@@ -93,7 +93,7 @@ def test_a_factor_on_the_data_is_a_factor_on_the_fit(samples: Samples, chosen: M
     """A is the data's mean, so the log samples are the same, and with them the textures."""
     one = fitted(samples, chosen)
     other = fitted(
-        Samples.make(
+        Samples(
             samples.wi,
             samples.wo,
             samples.values * 10**decades,

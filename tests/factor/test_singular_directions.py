@@ -8,7 +8,7 @@ from torch import Tensor
 
 from homofact.brdf.analytic.ward import Ward
 from homofact.brdf.sampling import sample_model
-from homofact.factor.names import FIXED_AXES
+from homofact.factor.fixed_projections import FIXED_AXES
 from homofact.geometry.coordinates import coordinate_system
 from homofact.methods.kinds import ISOTROPIC_CANDIDATES, coordinates_of, is_searched
 from homofact.methods.search import Search

@@ -7,15 +7,16 @@ import pytest
 import torch
 from matplotlib import colormaps
 from PIL import Image
+from refusals import refused
 
-from homofact.brdf.beyond import Beyond
 from homofact.brdf.channels import display_of
+from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.source import interpolated_samples, open_source
 from homofact.errors import BadInput
 from homofact.figures.compare_picture import LIGHTS, _coloured, _reach, compare_picture, relative_difference
 from homofact.figures.sphere_picture import sphere_picture
 from homofact.files.atomic import replace_file
-from homofact.render.sphere import SphereImage, render_sphere
+from homofact.rendering.sphere import SphereImage, render_sphere
 
 SYNTHETIC = Path(__file__).parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
 
@@ -30,7 +31,7 @@ class Wrong:
         self.source, self.channels = source, source.channels
         samples = interpolated_samples(source)
         assert samples is not None
-        self.beyond = Beyond(samples)
+        self.beyond = Extrapolation(samples)
 
     def evaluate(self, wi, wo):
         values = self.source.evaluate(wi, wo)
@@ -164,7 +165,7 @@ def test_sphere_picture_is_the_tone_mapped_render_and_says_how(tmp_path):
 
 
 def test_no_fits_and_no_place(tmp_path):
-    with pytest.raises(BadInput, match="found no fits"):
+    with refused(where="comparison picture", found="no fits"):
         compare_picture(tmp_path / "x.png", ("s", Grey(0.5)), [])
     with pytest.raises(BadInput, match="cannot be written"):
         sphere_picture(tmp_path / "missing" / "x.png", Grey(0.5), size=16)

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 import torch
 from PIL import Image
+from refusals import refused
 from torch import Tensor
 
 from homofact.brdf.analytic import Lambert, Phong
 from homofact.brdf.channels import display_of
 from homofact.brdf.sampling import sample_model
 from homofact.cli.main import main
-from homofact.errors import BadInput
 from homofact.figures.info_picture import info_picture, lobe_values, slice_values
 
 
@@ -54,7 +54,7 @@ def test_black_and_spectral_ones_are_drawn(tmp_path: Path) -> None:
         return values[:, :3]
 
     info_picture(tmp_path / "five.png", "five", five, to_rgb=first_three)
-    with pytest.raises(BadInput, match="5 channels"):
+    with refused(where="reflectance", found="5 channels"):
         info_picture(tmp_path / "none.png", "five", five)
     assert not (tmp_path / "none.png").exists()
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from homofact.figures.page import Page
+from homofact.figures.page import PicturePage
 
 
 @pytest.mark.parametrize(
@@ -16,7 +16,7 @@ from homofact.figures.page import Page
     ],
 )
 def test_a_long_name_is_broken_behind_its_marks(text: str, parts: list[str] | None) -> None:
-    page = Page(600, 0)
+    page = PicturePage(600, 0)
     lines = page.wrapped(text, 160, bold=True)
     assert lines == parts if parts else len(lines) > 1
     assert "".join(lines).replace(" ", "") == text.replace(" ", "")

@@ -10,13 +10,13 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from homofact.evaluate.spread import Spread
+from homofact.evaluation.spread import Spread
 from homofact.figures.info_picture import _round_steps
 from homofact.figures.plot import _HELD_OUT, _TRAINING, _dots
 from homofact.figures.point_labels import PointLabel, label_points
-from homofact.scene.plan.figure import _asked, _spots, plot_plan
-from homofact.scene.plan.ladder import WHOLE, Candidate
-from homofact.scene.plan.tolerance import Tolerance
+from homofact.planning.figure import _asked, _spots, plot_plan
+from homofact.planning.ladder import WHOLE, Candidate
+from homofact.planning.tolerance import Tolerance
 
 
 @pytest.mark.parametrize("most", [*np.geomspace(1e-3, 1e3, 97), 0.1, 1.0, 2.5, 5.0])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from homofact.errors import BadInput
 from homofact.files.archive import read_archive, read_arrays, write_archive, write_arrays
@@ -109,8 +110,8 @@ def test_a_version_to_come_is_refused_by_name(tmp_path: Path) -> None:
     write_archive(path, {"format_version": 3}, {})
     fields = Fields("f.npz: ", read_archive(path)[1])
     fields.version("format_version", 3)
-    with pytest.raises(BadInput, match=r"f\.npz: format version 3, expected at most 2: update homofact"):
+    with refused(r"f\.npz: format version 3, expected at most 2 \(update homofact\)"):
         fields.version("format_version", 2)
     for version in (-5, 0, True, "3", None, 2.0):
-        with pytest.raises(BadInput, match="expected a whole number from 1 to 3"):
+        with refused(where="f.npz: format_version"):
             Fields("f.npz: ", {"format_version": version}).version("format_version", 3)

@@ -47,11 +47,11 @@ def test_every_library_is_in_the_extra_that_its_message_names() -> None:
 
 @pytest.mark.usefixtures("bare")
 def test_a_missing_library_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(MissingDependency, match=r"^shadows: embreex is not installed, .* 'homofact\[relight\]'$"):
+    with pytest.raises(MissingDependency, match=r"^shadows: embreex is not installed, .* 'homofact\[relight\]'\)$"):
         extras.library("embreex.rtcore_scene", "shadows")
     with pytest.raises(MissingDependency, match=r"pip install 'homofact\[metrics\]'"):
         extras.check("metrics", "numpy", "skimage")
-    containers = r"^\S+a\.x: \w+ is not installed, expected it: pip install 'homofact\[containers\]'$"
+    containers = r"^\S+a\.x: \w+ is not installed, expected it \(pip install 'homofact\[containers\]'\)$"
     with pytest.raises(MissingDependency, match=containers):
         write_exr(tmp_path / "a.x", np.zeros((2, 2, 3), np.float32), ("R", "G", "B"))
     with pytest.raises(MissingDependency, match=containers):
@@ -97,7 +97,7 @@ def test_a_command_that_needs_an_extra_says_so_before_it_works(
     monkeypatch.chdir(tmp_path)
     assert main(line) == 2
     said = capsys.readouterr().err
-    assert re.fullmatch(rf"homofact: .* is not installed, expected it: pip install 'homofact\[{extra}\]'\n", said)
+    assert re.fullmatch(rf"homofact: .* is not installed, expected it \(pip install 'homofact\[{extra}\]'\)\n", said)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,4 +1,4 @@
-"""One way to write a folder: whole or not at all. What a failure leaves of a result: tests/export/test_result.py."""
+"""One way to write a folder: whole or not at all. What a failure leaves of a result: tests/exporting/test_result.py."""
 
 import errno
 import os
@@ -50,9 +50,9 @@ def test_a_folder_is_made_and_replaced_with_its_permissions(tmp_path: Path) -> N
 
 def test_without_force_nothing_is_replaced(tmp_path: Path) -> None:
     write_folder(tmp_path / "out", KIND, fill("one"))
-    with pytest.raises(BadInput, match=r"existing result.*kept in .*out-new$"):
+    with pytest.raises(BadInput, match=r"existing result.*kept in .*out-new"):
         write_folder(tmp_path / "out", KIND, fill("two"))
-    with pytest.raises(BadInput, match=r"kept in .*out-1-new$"):
+    with pytest.raises(BadInput, match=r"kept in .*out-1-new"):
         write_folder(tmp_path / "out", KIND, fill("three"))
     found = {"out/manifest.json": "one", "out-new/manifest.json": "two", "out-1-new/manifest.json": "three"}
     assert content(tmp_path) == found

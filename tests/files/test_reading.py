@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+from refusals import refused
 
 from homofact.errors import BadInput
 from homofact.files.reading import check_readable, read_bytes, read_json, read_toml, split_member
@@ -107,10 +108,10 @@ def test_toml_that_would_take_for_ever_is_refused(tmp_path: Path) -> None:
         "x = {" + "a." * 500 + "b = 1}",
     ):
         (tmp_path / "a.toml").write_text(f"seed = 0\n{text}\n")
-        with pytest.raises(BadInput, match=r"a\.toml: line 2: found more than 100 dots between commas"):
+        with refused(where="a.toml: line 2", found="more than 100 dots between commas"):
             read_toml(tmp_path / "a.toml", "a file")
     (tmp_path / "a.toml").write_text("x = [" + ", ".join(["0.5"] * 5000) + "]\n")
     assert len(read_toml(tmp_path / "a.toml", "a file")["x"]) == 5000
     (tmp_path / "a.toml").write_text("x = 1\n" * 200_000)
-    with pytest.raises(BadInput, match="found 1200000 bytes, expected a file of at most 1000000"):
+    with refused(where="a.toml", found="1200000 bytes"):
         read_toml(tmp_path / "a.toml", "a file")

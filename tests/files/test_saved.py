@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
-from homofact.errors import BadInput
 from homofact.files.archive import write_archive
 from homofact.files.saved import MOST_VALUE, SavedFit
 
@@ -19,7 +19,7 @@ def saved(folder: Path, header: dict | None = None, **arrays: np.ndarray) -> Sav
 @pytest.mark.parametrize("value", [-1e-9, 2 * MOST_VALUE, math.nan, math.inf, -math.inf])
 def test_numbers_that_cannot_be_are_refused(tmp_path: Path, value: float) -> None:
     fit = saved(tmp_path, a=np.array([1.0, 0.0, value]))
-    with pytest.raises(BadInput, match=r"a\.npz: a holds \S+, expected numbers from 0 to 1e\+30"):
+    with refused(where="a.npz"):
         fit.floats("a", (3,), least=0)
 
 
@@ -42,24 +42,24 @@ def test_the_ends_of_the_range_belong_to_it(tmp_path: Path) -> None:
     ],
 )
 def test_other_shapes_and_types_are_refused(tmp_path: Path, array: np.ndarray, shape: tuple) -> None:
-    with pytest.raises(BadInput, match=r"a\.npz: a is \S+ of shape .*, expected floats of shape"):
+    with refused(where="a.npz"):
         saved(tmp_path, a=array).floats("a", shape)
 
 
 def test_flags_are_booleans_and_any_byte_but_0_is_true(tmp_path: Path) -> None:
     odd = np.array([0, 1, 2, 255], np.uint8).view(bool)
     assert saved(tmp_path, a=odd).flags("a", (4,)).tolist() == [False, True, True, True]
-    with pytest.raises(BadInput, match=r"a is uint8 of shape .*, expected booleans"):
+    with refused(where="a.npz"):
         saved(tmp_path, a=np.zeros(4, np.uint8)).flags("a", (4,))
 
 
 def test_what_is_missing_newer_or_another_format_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="holds no b, expected what save wrote"):
+    with refused(where="a.npz"):
         saved(tmp_path, a=np.zeros(1)).floats("b", (1,))
     for header, words in (
         ({"format_version": 3}, "format version 3, expected at most 2"),
         ({"format_version": 0}, "format_version"),
         ({"format": "poem"}, "format"),
     ):
-        with pytest.raises(BadInput, match=words):
+        with refused(words):
             saved(tmp_path, header)

@@ -4,9 +4,9 @@ import math
 
 import pytest
 import torch
+from refusals import refused
 from torch import Tensor
 
-from homofact.errors import BadInput
 from homofact.geometry.coordinates import (
     COORDINATES,
     CoordinateSystem,
@@ -92,5 +92,5 @@ def test_degenerate_pairs_are_finite(system: CoordinateSystem) -> None:
 
 
 def test_unknown_name_lists_the_names() -> None:
-    with pytest.raises(BadInput, match="found 'polar', expected one of in-out, half-diff"):
+    with refused(where="coordinates", found="'polar'"):
         coordinate_system("polar")

@@ -63,3 +63,15 @@ def test_left_over_is_what_the_rows_do_not_explain() -> None:
     problem = planted("residuals", shapes=((5, 5), (4, 4)), shared=True).problem
     texels = torch.randn(problem.unknowns, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
     assert torch.allclose(problem.residuals(texels), problem.targets - dense_rows(problem) @ texels, atol=1e-12)
+
+
+def test_a_problem_within_another_shares_its_equations_as_long_as_the_samples_are_the_same() -> None:
+    whole = planted("within", shapes=((5, 5),)).problem
+    kept = whole.kept.clone()
+    kept[3:] = False
+    inner = whole.within(kept, whole.roughness, None)
+    assert inner.data is whole.data
+    other = replace(inner, targets=2 * whole.targets)
+    assert torch.equal(other.data.rhs, 2 * whole.data.rhs)
+    lighter = replace(inner, weights=0.5 * whole.weights)
+    assert torch.allclose(lighter.data.matrix, 0.5 * whole.data.matrix)

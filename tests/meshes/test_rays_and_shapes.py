@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_uniform
@@ -66,7 +67,7 @@ def test_what_is_wrong_with_a_mesh_is_said_and_mended() -> None:
     assert len(mended.triangles) == len(ball.triangles)
     _, notes = prepared(replace(ball, triangles=ball.triangles[1:]))
     assert notes == ("sphere: open along 3 edges; light may enter it from behind",)
-    with pytest.raises(BadInput, match="every triangle is degenerate"):
+    with refused(where="sphere"):
         prepared(replace(ball, triangles=np.array([[0, 0, 1]])))
 
 
@@ -144,8 +145,8 @@ def test_gltf_is_read_as_obj_is(tmp_path: Path) -> None:
         assert own.positions.mean(0) == pytest.approx(ball.positions.mean(0) * 5 + (3, 1, 1), abs=1e-4)
     whole = (tmp_path / "ball.glb").read_bytes()
     (tmp_path / "half.glb").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(BadInput, match=r"half\.glb: not a readable glTF"):
+    with refused(where="half.glb"):
         read_mesh(tmp_path / "half.glb")
     (tmp_path / "no.gltf").write_text('{"asset": {"version": "2.0"}}')
-    with pytest.raises(BadInput, match=r"no\.gltf: n"):
+    with refused(where="no.gltf"):
         read_mesh(tmp_path / "no.gltf")

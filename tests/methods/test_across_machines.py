@@ -19,7 +19,7 @@ import torch
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.methods.cole import Cole
-from homofact.methods.fitting import Method
+from homofact.methods.method import Method
 from homofact.methods.search import Search
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -11,7 +12,7 @@ from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput, Status
-from homofact.evaluate.metrics import measure
+from homofact.evaluation.metrics import measure
 from homofact.factor.projection import Projection
 from homofact.factor.textures import LogSamples, inner_problem, residual
 from homofact.geometry.directions import draw_in_discs, half_difference
@@ -20,14 +21,14 @@ from homofact.geometry.rotation import Rotation
 from homofact.linear.solvers import solve
 from homofact.methods.cole import Cole
 from homofact.methods.cole_fit import fit_cole
-from homofact.methods.fitting import Progress
+from homofact.methods.fitting import FitProgress
 from homofact.methods.mccool import McCool
 from homofact.methods.mccool_fit import fit_mccool
 
 
 def _draw(function, count: int = 6000, seed: int = 0) -> Samples:
     wi, wo = draw_in_discs(count, torch.Generator().manual_seed(seed), 0.98)
-    return Samples.make(wi, wo, function(wi, wo), channels=("Y",), isotropic=False)
+    return Samples(wi, wo, function(wi, wo), channels=("Y",), isotropic=False)
 
 
 def _product_of_ramps(wi: Tensor, wo: Tensor) -> Tensor:
@@ -88,8 +89,8 @@ def test_equal_seeds_give_equal_fits_and_others_do_not() -> None:
     samples = _draw(_product_of_ramps, 2000)
     common: dict[str, Any] = {"textures": 1, "size": 6, "restarts": 1, "search_samples": 500}
     one, same, other = (fit_cole(samples, Cole(**common, seed=seed)).factorization for seed in (1, 1, 2))
-    assert torch.allclose(one.terms[0].texture, same.terms[0].texture, atol=1e-9)
-    assert not torch.allclose(one.terms[0].projection.matrix, other.terms[0].projection.matrix)
+    assert np.allclose(one.terms[0].texture, same.terms[0].texture, atol=1e-9)
+    assert not np.allclose(one.terms[0].projection.matrix, other.terms[0].projection.matrix)
 
 
 def test_textures_but_the_first_have_zero_mean_and_the_mean_error_is_reported() -> None:
@@ -97,7 +98,7 @@ def test_textures_but_the_first_have_zero_mean_and_the_mean_error_is_reported() 
     fit = fit_mccool(samples, McCool(size=8, grid="plain"))
     data = LogSamples.of(samples, fit.factorization.transform)
     for term in fit.factorization.terms[1:]:
-        assert float(term.texture[term.mask].mean(0).abs().max()) < 1e-12
+        assert float(abs(term.texture[term.mask].mean(0)).max()) < 1e-12
     assert float((residual(data, tuple(fit.factorization.terms)) ** 2).mean()) == pytest.approx(fit.report.residual)
 
 
@@ -106,12 +107,13 @@ def test_moving_constants_does_not_change_the_sum() -> None:
     fit = fit_mccool(samples, McCool(size=8, smoothing=1e-3, grid="plain"))
     projections = tuple(term.projection for term in fit.factorization.terms)
     data = LogSamples.of(samples, fit.factorization.transform)
-    problem = inner_problem(data, projections, ((8, 8), (8, 8)), 1e-3, tuple(t.mask for t in fit.factorization.terms))
+    masks = tuple(term.tensors().mask for term in fit.factorization.terms)
+    problem = inner_problem(data, projections, ((8, 8), (8, 8)), 1e-3, masks)
     assert problem.mean_error(solve(problem).texels) == pytest.approx(fit.report.residual, rel=1e-9)
 
 
 def test_progress_tells_term_restart_and_a_best_that_falls() -> None:
-    seen: list[Progress] = []
+    seen: list[FitProgress] = []
     settings = Cole(textures=2, size=6, restarts=2, search_samples=500)
     report = fit_cole(_draw(_product_of_ramps, 1000), settings, seen.append).report
     assert {(p.term, p.restart) for p in seen} == {(1, 1), (1, 2), (2, 1), (2, 2)}
@@ -122,7 +124,7 @@ def test_progress_tells_term_restart_and_a_best_that_falls() -> None:
 
 
 def test_an_interrupted_search_keeps_the_terms_it_has() -> None:
-    def stop(progress: Progress) -> None:
+    def stop(progress: FitProgress) -> None:
         if progress.term == 2:
             raise KeyboardInterrupt
 

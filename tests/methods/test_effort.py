@@ -5,7 +5,7 @@ import time
 import pytest
 
 from homofact.errors import BadInput
-from homofact.methods.effort import LEVELS, Account, cost_of_evaluation, cost_of_solve, units
+from homofact.methods.effort import LEVELS, FitBudget, cost_of_evaluation, cost_of_solve, units
 
 
 def test_the_unit_is_one_evaluation_of_two_textures_of_16() -> None:
@@ -28,32 +28,30 @@ def test_an_effort_that_cannot_be_meant_is_named(effort: str | float) -> None:
         units(effort, 2)
 
 
-def test_an_account_is_over_when_its_units_are_spent() -> None:
-    account = Account(10)
-    account.spend(9.5)
-    assert not account.over
-    assert account.left == pytest.approx(0.5)
-    account.spend(0.5, evaluations=3)
-    assert account.over
-    assert not account.by_clock
-    assert account.evaluations == 4
+def test_a_budget_is_over_when_its_units_are_spent() -> None:
+    budget = FitBudget(10)
+    budget.spend(9.5)
+    assert not budget.over
+    assert budget.left == pytest.approx(0.5)
+    budget.spend(0.5, evaluations=3)
+    assert budget.over
+    assert budget.evaluations == 4
 
 
-def test_the_clock_ends_an_account_and_that_is_kept() -> None:
-    account = Account(10, time.perf_counter() - 1)
-    assert account.over
-    assert account.left == 0
-    assert account.by_clock
+def test_the_clock_ends_a_budget() -> None:
+    budget = FitBudget(10, time.perf_counter() - 1)
+    assert budget.over
+    assert budget.left == 0
 
 
 def test_work_side_by_side_is_added_and_limits_nothing_meanwhile() -> None:
     """Of two pieces neither sees what the other spends: their order must decide nothing."""
-    account = Account(5)
-    first, second = account.beside(), account.beside()
+    budget = FitBudget(5)
+    first, second = budget.beside(), budget.beside()
     first.spend(100, 7)
     assert not second.over
-    account.add(first)
-    account.add(second)
-    assert account.spent == 100
-    assert account.evaluations == 7
-    assert account.over
+    budget.add(first)
+    budget.add(second)
+    assert budget.spent == 100
+    assert budget.evaluations == 7
+    assert budget.over

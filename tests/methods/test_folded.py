@@ -6,7 +6,7 @@ import torch
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, inner_problem, texture_shape
 from homofact.geometry.directions import draw_in_discs
-from homofact.methods.effort import Account, cost_of_solve
+from homofact.methods.effort import FitBudget, cost_of_solve
 from homofact.methods.folded import FixedBank, Folded
 from homofact.methods.validation import Partition, random_folds
 
@@ -54,15 +54,15 @@ def test_the_whole_is_all_samples_whatever_the_folds_leave_out() -> None:
     assert [len(parts) for parts in found.parts] == [4]
 
 
-def test_every_question_about_smoothing_is_paid_for_and_a_spent_account_asks_no_more() -> None:
+def test_every_question_about_smoothing_is_paid_for_and_a_spent_budget_asks_no_more() -> None:
     projections = (fixed_projection("h", True), fixed_projection("wi", True))
     folded = Folded.of(_samples(), (Partition(random_folds(700, 4, 0), 1.0),), projections, ((6, 6), (5, 5)))
-    account = Account()
-    folded.best_each((1e-3, 1e-3), account)
-    asked = account.spent / (4 * cost_of_solve(61))
+    budget = FitBudget()
+    folded.best_each((1e-3, 1e-3), budget)
+    asked = budget.spent / (4 * cost_of_solve(61))
     assert asked == pytest.approx(round(asked))
     assert asked >= 5  # the start, and both directions of both textures unless one helps
-    assert account.evaluations == round(asked)
-    spent = Account(0)
+    assert budget.evaluations == round(asked)
+    spent = FitBudget(0)
     assert folded.best_each((1e-3, 1e-3), spent)[0] == (1e-3, 1e-3)
     assert spent.evaluations == 1

@@ -8,7 +8,7 @@ import torch
 import homofact
 from homofact.errors import BadInput, Status
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.linear import size, sparse_solve
+from homofact.linear import least_squares, size, sparse_solve
 from homofact.methods import search_fit, shapes
 
 PAIRS = draw_cosine_weighted(300, torch.Generator().manual_seed(1))
@@ -47,7 +47,7 @@ def test_a_large_search_makes_no_dense_system(monkeypatch: pytest.MonkeyPatch) -
     method = homofact.Search(size=20, textures=2, effort=3, search_size=6, search_samples=300)
     monkeypatch.setattr(size, "MOST_DENSE", 500)
     largest = []
-    whole = homofact.linear.least_squares.accumulate
+    whole = least_squares.accumulate
 
     def seen(x, lookups, targets, weights, unknowns: int):
         largest.append(unknowns)

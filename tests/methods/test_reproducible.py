@@ -11,13 +11,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.methods.cole import Cole
-from homofact.methods.fitting import Method
 from homofact.methods.mccool import McCool
+from homofact.methods.method import Method
 from homofact.methods.nmf import Nmf
 from homofact.methods.search import Search
 from homofact.methods.svd import Svd
@@ -45,7 +46,7 @@ def fingerprints() -> dict[str, str]:
             textures = [term.texture] if hasattr(term, "texture") else list(term.textures)
             for tensor in (*textures, *([term.projection.matrix] if hasattr(term, "projection") else [term.signs])):
                 digest.update(str(tuple(tensor.shape)).encode())
-                digest.update(tensor.contiguous().numpy().tobytes())
+                digest.update(np.ascontiguousarray(tensor).tobytes())
         digest.update(json.dumps(fitted.provenance.get("smoothing")).encode())
         result[name] = digest.hexdigest()
     return result

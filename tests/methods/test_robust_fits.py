@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from homofact.brdf.analytic import BlinnPhong
-from homofact.brdf.clipping import marked
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.noise_floor import noise_floor
+from homofact.brdf.quality.clipping import marked
+from homofact.brdf.quality.noise_floor import noise_floor
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.factor.energy import Flux, keep_light

@@ -11,19 +11,19 @@ from homofact.factor.projection import Projection, fixed_projection
 from homofact.factor.textures import LogSamples, residual, solve_terms
 from homofact.geometry.directions import draw_in_discs, from_spherical
 from homofact.geometry.rotation import Rotation
-from homofact.methods.fitting import Fit
+from homofact.methods.fitting import MethodFit
 from homofact.methods.kinds import loosened
 from homofact.methods.search import Search
 
 SMOOTHING = 1e-5
 
 
-def fit(samples: Samples, **settings: Any) -> Fit:
+def fit(samples: Samples, **settings: Any) -> MethodFit:
     """The one place that knows how a searched fit is called."""
     return Search(epsilon=1e-5, **settings).fit(samples)
 
 
-def found(result: Fit, name: str) -> Any:
+def found(result: MethodFit, name: str) -> Any:
     """What the fit says of itself: "smoothing" of every texture, "validation_error", "kinds"."""
     return result.factorization.provenance[name]
 
@@ -39,7 +39,7 @@ def rotated_off(name: str, seed: int, step: float) -> Projection:
 
 
 def samples_of(logs: Tensor, wi: Tensor, wo: Tensor) -> Samples:
-    return Samples.make(wi, wo, torch.exp(logs)[:, None], channels=("Y",), isotropic=True)
+    return Samples(wi, wo, torch.exp(logs)[:, None], channels=("Y",), isotropic=True)
 
 
 def pairs(count: int) -> tuple[Tensor, Tensor]:

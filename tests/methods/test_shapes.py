@@ -2,7 +2,9 @@
 
 import math
 from typing import Any
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import example, given
@@ -13,12 +15,16 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import draw_in_discs
 from homofact.cli.main import main
 from homofact.errors import BadInput
-from homofact.evaluate.metrics import measure
-from homofact.evaluate.wording import shapes as words
+from homofact.evaluation.metrics import measure
+from homofact.evaluation.wording import shapes as words
 from homofact.factor.projection import fixed_projection
+from homofact.linear.laplacian import laplacian
+from homofact.methods import shapes
+from homofact.methods.effort import FitBudget
+from homofact.methods.mix import Mix
 from homofact.methods.search import Search
 from homofact.methods.search_fit import fit_search
-from homofact.methods.shapes import Layout, stored, texels_in
+from homofact.methods.shapes import Layout, SmoothingFor, best_within, stored, texels_in
 
 FAST: dict[str, Any] = {"effort": 40.0, "epsilon": 1e-3}
 NAMES = ("theta_h-theta_d", "theta_h", "theta_h-phi_h", "theta_i-theta_o")
@@ -26,7 +32,7 @@ NAMES = ("theta_h-theta_d", "theta_h", "theta_h-phi_h", "theta_i-theta_o")
 
 def drawn(function, count: int = 4000, seed: int = 0) -> Samples:
     wi, wo = draw_in_discs(count, torch.Generator().manual_seed(seed))
-    return Samples.make(wi, wo, function(wi, wo), channels=("Y",), isotropic=True)
+    return Samples(wi, wo, function(wi, wo), channels=("Y",), isotropic=True)
 
 
 def along_one_angle(wi: Tensor, wo: Tensor) -> Tensor:
@@ -53,6 +59,29 @@ def test_no_layout_stores_more_than_it_may_and_none_wastes_a_line_of_every_textu
     assert stored(projections, shapes) <= texels or smallest
     grown = tuple((rows + (rows > 1), columns + 1) for rows, columns in shapes)
     assert stored(projections, grown) > texels
+
+
+def test_smoothing_is_the_same_penalty_on_the_function_at_every_size() -> None:
+    """λ · samples per texel · Σ (second differences)² of one smooth function, on textures of 24² to 96²."""
+    mix = Mix(("theta_h-theta_d",), (fixed_projection("theta_h-theta_d", True),), (1e-3,))
+    smoothing_for = SmoothingFor(24, 1.0, None)
+
+    def penalty(side: int) -> float:
+        x = np.linspace(0, 1, side)
+        bump = (np.sin(np.pi * x) ** 2)[:, None] * (np.sin(np.pi * x) ** 2)
+        rows = laplacian(torch.ones(side, side, dtype=torch.bool)) @ bump.reshape(-1)
+        (smoothing,) = smoothing_for(mix, ((side, side),))
+        return smoothing / side**2 * float((rows**2).sum())
+
+    assert penalty(48) == pytest.approx(penalty(24), rel=0.15)
+    assert penalty(96) == pytest.approx(penalty(48), rel=0.07)
+
+
+def test_smoothing_that_was_found_counts_the_samples_that_were_left_out_and_a_given_one_does_not() -> None:
+    mix = Mix(("theta_h", "theta_d"), (fixed_projection("theta_h", True),) * 2, (1e-3, 2e-3))
+    shapes = ((1, 8), (4, 16))
+    assert SmoothingFor(8, 0.5, None)(mix, shapes) == pytest.approx((5e-4, 1e-3))
+    assert SmoothingFor(8, 0.5, 1e-3)(mix, shapes) == pytest.approx((1e-3, 2e-3))
 
 
 def test_a_layout_keeps_its_aspect_and_its_shares() -> None:
@@ -85,6 +114,17 @@ def test_a_texture_that_earns_nothing_is_not_stored() -> None:
         fit_search(drawn(along_one_angle), Search(bytes=4 * 200, **FAST)).report.details["shapes"]
         == (fit.report.details["shapes"])
     )
+
+
+@pytest.mark.parametrize(("error", "taken"), [(0.96, 2), (0.98, 1)])
+def test_one_more_texture_has_to_be_worth_its_fetch(monkeypatch: pytest.MonkeyPatch, error: float, taken: int) -> None:
+    """Found error of the second mix over the first's: 3% less is the least that counts, 4% is taken and 2% is not."""
+    first = Mix(("theta_h",), (fixed_projection("theta_h", True),), (1e-3,))
+    second = first.with_one_more("theta_d", fixed_projection("theta_d", True))
+    monkeypatch.setattr(shapes, "_judged", lambda mix, *_: 1.0 if mix is first else error)
+    spent = best_within(64, (first, second), Mock(), SmoothingFor(8, 1.0, None), FitBudget(math.inf, math.inf))
+    assert len(spent.mix.kinds) == taken
+    assert spent.errors == (1.0, error)
 
 
 def test_bad_budgets(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import combinations
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -14,10 +15,11 @@ from homofact.factor.textures import LogSamples, texture_shape
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import draw_in_discs
 from homofact.methods import structure_search
-from homofact.methods.effort import Account
+from homofact.methods.effort import FitBudget
 from homofact.methods.folded import Folded
 from homofact.methods.kinds import ISOTROPIC_CANDIDATES, is_searched
-from homofact.methods.materials import Material, Materials
+from homofact.methods.materials import Materials, TrainingMaterial
+from homofact.methods.mix import Mix
 from homofact.methods.structure_search import ENOUGH, StructureSearch
 from homofact.methods.trials import StructureSettings, rounded
 from homofact.methods.validation import Partition, random_folds
@@ -42,15 +44,15 @@ def _samples(count: int = 1200) -> LogSamples:
 PARTITIONS = (Partition(random_folds(1200, 4, 0), 1.0),)
 
 
-def _search(account: Account, settings: StructureSettings = SETTINGS) -> StructureSearch:
-    return StructureSearch(Materials((Material(_samples(), PARTITIONS),)), settings, account)
+def _search(budget: FitBudget, settings: StructureSettings = SETTINGS) -> StructureSearch:
+    return StructureSearch(Materials((TrainingMaterial(_samples(), PARTITIONS),)), settings, budget)
 
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_the_best_fixed_mix_is_the_best_of_all_of_them(count: int) -> None:
     """Against every mix accumulated and judged one by one, λ given so that nothing else is chosen."""
     settings = replace(SETTINGS, smoothing=1e-2)
-    outcome = _search(Account(), settings).run(count, (FIXED,))
+    outcome = _search(FitBudget(), settings).run(count, (FIXED,))
     samples, best = _samples(), {}
     warps = [None, *(structure_search.Warp(width) for width in structure_search.WARP_WIDTHS)]
     for number in range(1, count + 1):
@@ -67,37 +69,51 @@ def test_the_best_fixed_mix_is_the_best_of_all_of_them(count: int) -> None:
 
 
 def test_more_textures_are_never_worse_and_only_taken_where_they_help() -> None:
-    errors = [_search(Account(60.0 * count**2)).run(count, (ISOTROPIC_CANDIDATES,)).mix for count in (1, 2, 3)]
+    errors = [_search(FitBudget(60.0 * count**2)).run(count, (ISOTROPIC_CANDIDATES,)).mix for count in (1, 2, 3)]
     assert errors[1].error < ENOUGH * errors[0].error
     assert errors[2].error <= errors[1].error * 1.02
 
 
+@pytest.mark.parametrize(("textures", "worth"), [(1, ENOUGH), (2, ENOUGH), (3, ENOUGH**2), (4, ENOUGH**3)])
+def test_every_texture_more_has_to_earn_itself(textures: int, worth: float) -> None:
+    """Beside a best mix of one texture and error 1: one of more is taken below `worth`, not above it."""
+    kinds = FIXED[:textures]
+    projections = tuple(fixed_projection(kind, True) for kind in kinds)
+    for error, taken in ((worth * 1.0005, False), (worth * 0.9995, True)):
+        search = _search(FitBudget())
+        search._best = Mix(kinds[:1], projections[:1], (1e-3,), 1.0)
+        search._offer(Mix(kinds, projections, (1e-3,) * textures, error))
+        assert (search._best.error == error) is taken
+
+
 def test_searched_projections_find_what_fixed_ones_cannot() -> None:
     """The product has a factor on a slanted line through (θh, φd): no pair of axes is that."""
-    fixed = _search(Account(200)).run(2, (FIXED,)).mix
-    found = _search(Account(200)).run(2, (ISOTROPIC_CANDIDATES,)).mix
+    fixed = _search(FitBudget(200)).run(2, (FIXED,)).mix
+    found = _search(FitBudget(200)).run(2, (ISOTROPIC_CANDIDATES,)).mix
     assert found.error < 0.8 * fixed.error
     assert any(projection.rotation is not None for projection in found.projections)
 
 
-def test_the_account_decides_what_is_tried_and_equal_accounts_buy_equal_mixes() -> None:
-    small, again, large = Account(80), Account(80), Account(700)
-    mixes = [_search(account).run(2, (ISOTROPIC_CANDIDATES,)).mix for account in (small, again, large)]
+def test_the_budget_decides_what_is_tried_and_equal_budgets_buy_equal_mixes() -> None:
+    small, again, large = FitBudget(80), FitBudget(80), FitBudget(700)
+    mixes = [_search(budget).run(2, (ISOTROPIC_CANDIDATES,)).mix for budget in (small, again, large)]
     assert small.spent == again.spent < large.spent
     assert mixes[0].kinds == mixes[1].kinds
     assert mixes[0].smoothing == mixes[1].smoothing
-    assert all(torch.equal(a.matrix, b.matrix) for a, b in zip(mixes[0].projections, mixes[1].projections, strict=True))
+    assert all(
+        np.array_equal(a.matrix, b.matrix) for a, b in zip(mixes[0].projections, mixes[1].projections, strict=True)
+    )
     assert mixes[2].error <= mixes[0].error
 
 
 def test_the_clock_is_only_a_guard_and_says_so() -> None:
-    outcome = _search(Account(1e6, deadline=0.0)).run(3, (ISOTROPIC_CANDIDATES,))
+    outcome = _search(FitBudget(1e6, deadline=0.0)).run(3, (ISOTROPIC_CANDIDATES,))
     assert outcome.status is Status.GUARD
     assert outcome.mix.kinds
 
 
 def test_pinned_kinds_are_all_used_in_their_order() -> None:
-    outcome = _search(Account(100)).run(3, (("theta_i",), ("isotropic-half-diff",), ("theta_d",)))
+    outcome = _search(FitBudget(100)).run(3, (("theta_i",), ("isotropic-half-diff",), ("theta_d",)))
     assert outcome.mix.kinds == ("theta_i", "isotropic-half-diff", "theta_d")
     assert outcome.notes == ()
 
@@ -116,7 +132,7 @@ def test_an_interrupt_keeps_the_best_mix_so_far(monkeypatch: pytest.MonkeyPatch)
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    search = _search(Account(200))
+    search = _search(FitBudget(200))
     monkeypatch.setattr(structure_search, "tournament", interrupted)
     outcome = search.run(2, (ISOTROPIC_CANDIDATES,))
     assert outcome.status is Status.INTERRUPTED
@@ -127,6 +143,6 @@ def test_an_interrupt_keeps_the_best_mix_so_far(monkeypatch: pytest.MonkeyPatch)
 def test_no_smoothing_at_all_is_searched_like_any() -> None:
     """λ = 0 has no decade: every step that carries λ on has to bear it."""
     settings = replace(SETTINGS, smoothing=0.0, reciprocal=None)
-    outcome = _search(Account(60), settings).run(2, (ISOTROPIC_CANDIDATES,))
+    outcome = _search(FitBudget(60), settings).run(2, (ISOTROPIC_CANDIDATES,))
     assert set(outcome.mix.smoothing) == {0.0}
     assert outcome.mix.error < 1

@@ -11,7 +11,7 @@ from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, inner_problem
 from homofact.geometry.directions import draw_in_discs, from_spherical
 from homofact.linear.solvers import solve
-from homofact.methods.effort import Account
+from homofact.methods.effort import FitBudget
 from homofact.methods.folded import Folded
 from homofact.methods.validation import Partition, partitions_of, random_folds
 
@@ -50,12 +50,12 @@ def test_the_chosen_smoothing_is_the_best_nearby_and_grows_with_the_noise() -> N
     chosen = []
     for noise in (0.01, 1.0):
         folded = Folded.of(_noisy(noise), (Partition(random_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
-        smoothing, error = folded.best_smoothing((1e-3, 1e-3), Account())
+        smoothing, error = folded.best_smoothing((1e-3, 1e-3), FitBudget())
         assert error == pytest.approx(folded.error(smoothing))
         assert smoothing[0] == smoothing[1]
         for factor in (10, 0.1):
             assert folded.error(tuple(value * factor for value in smoothing)) >= error
-        each, lower = folded.best_each(smoothing, Account())
+        each, lower = folded.best_each(smoothing, FitBudget())
         assert lower == pytest.approx(folded.error(each))
         assert lower <= error
         chosen.append(smoothing[0])
@@ -81,7 +81,7 @@ def _goniometer() -> Samples:
     a, b, c = torch.meshgrid(theta_i, theta_o, phi, indexing="ij")
     wi = from_spherical(a.reshape(-1), torch.zeros(a.numel()).double())
     wo = from_spherical(b.reshape(-1), c.reshape(-1))
-    return Samples.make(wi, wo, torch.ones(a.numel(), 1), channels=("Y",), isotropic=True)
+    return Samples(wi, wo, torch.ones(a.numel(), 1), channels=("Y",), isotropic=True)
 
 
 def test_a_gridded_set_is_judged_by_whole_inner_rings() -> None:
@@ -116,7 +116,7 @@ def test_four_rings_are_enough_and_leave_no_empty_fold() -> None:
 
 
 def test_other_sets_are_judged_at_random() -> None:
-    scattered = Samples.make(
+    scattered = Samples(
         *draw_in_discs(500, torch.Generator().manual_seed(0)), torch.ones(500, 1), channels=("Y",), isotropic=True
     )
     for samples, rings in ((scattered, True), (_goniometer(), False)):
@@ -153,8 +153,8 @@ def test_textures_that_differ_get_smoothing_that_differs() -> None:
     noise = 0.5 * torch.randn(3000, dtype=torch.float64, generator=generator)
     samples = LogSamples(wi, wo, (rough + ramp + noise)[:, None], torch.ones(3000).double())
     folded = Folded.of(samples, (Partition(random_folds(3000, 4, 0), 1.0),), PROJECTIONS, ((10, 10), (10, 10)))
-    alike, common = folded.best_smoothing((1e-2, 1e-2), Account())
-    each, error = folded.best_each(alike, Account())
+    alike, common = folded.best_smoothing((1e-2, 1e-2), FitBudget())
+    each, error = folded.best_each(alike, FitBudget())
     assert alike[0] == alike[1]
     assert each[1] >= 10 * each[0]
     assert error < common
@@ -166,14 +166,14 @@ def test_textures_that_differ_get_smoothing_that_differs() -> None:
 def test_smoothing_moves_in_decades_or_half_ones_and_stays_in_its_range() -> None:
     folded = Folded.of(_noisy(1.0), (Partition(random_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
     for found, step in (
-        (folded.best_smoothing((2e-3, 2e-3), Account())[0], 1.0),
-        (folded.best_each((2e-3, 2e-3), Account())[0], 1.0),
-        (folded.best_each((2e-3, 2e-3), Account(), stride=1)[0], 0.5),
+        (folded.best_smoothing((2e-3, 2e-3), FitBudget())[0], 1.0),
+        (folded.best_each((2e-3, 2e-3), FitBudget())[0], 1.0),
+        (folded.best_each((2e-3, 2e-3), FitBudget(), stride=1)[0], 0.5),
     ):
         steps = [math.log10(value / 2e-3) / step for value in found]
         assert steps == pytest.approx([round(each) for each in steps], abs=1e-9)
         assert any(round(each) != 0 for each in steps)
-    half = [math.log10(value / 2e-3) * 2 for value in folded.best_each((2e-3, 2e-3), Account(), stride=1)[0]]
+    half = [math.log10(value / 2e-3) * 2 for value in folded.best_each((2e-3, 2e-3), FitBudget(), stride=1)[0]]
     assert any(round(each) % 2 for each in half)
 
 
@@ -184,5 +184,5 @@ def test_smoothing_that_only_helps_ends_at_the_last_step_in_its_range() -> None:
     flat = LogSamples(samples.wi, samples.wo, noise, torch.ones(900).double())
     folded = Folded.of(flat, (Partition(random_folds(900, 4, 0), 1.0),), PROJECTIONS, SHAPES)
     assert folded.error((200.0, 200.0)) < folded.error((20.0, 20.0)) < folded.error((2.0, 2.0))
-    assert folded.best_smoothing((2.0, 2.0), Account())[0] == pytest.approx((20.0, 20.0))
-    assert max(folded.best_each((2.0, 2.0), Account())[0]) <= 1e2
+    assert folded.best_smoothing((2.0, 2.0), FitBudget())[0] == pytest.approx((20.0, 20.0))
+    assert max(folded.best_each((2.0, 2.0), FitBudget())[0]) <= 1e2

@@ -8,23 +8,23 @@ import pytest
 import torch
 
 import homofact
-from homofact.brdf.analytic.ggx import Ggx, GgxLobe
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.analytic.spherical_gaussians import Gaussian, SphericalGaussians
 from homofact.brdf.factored import BINS, FactoredBrdf
-from homofact.brdf.faults import albedo
+from homofact.brdf.quality.faults import albedo
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
 from homofact.cli.main import main
 from homofact.errors import BadInput
-from homofact.evaluate.compare import fit_and_measure
+from homofact.evaluation.compare import fit_and_measure
 from homofact.geometry.directions import draw_uniform, from_spherical
 from homofact.methods.table import made
 from homofact.parametric.factored_fit import fit_factored
 from homofact.parametric.lobes import fit_gaussians, fit_ggx
 from homofact.parametric.network import train
 
-GGX = Ggx((0.3, 0.2, 0.1), (GgxLobe((0.5, 0.4, 0.6), 0.25, 0.08),))
-TWO = Ggx((0.1, 0.2, 0.1), (GgxLobe((0.3, 0.3, 0.3), 0.06, 0.1), GgxLobe((0.9, 0.5, 0.2), 0.4, 0.3)))
+GGX = GgxBrdf((0.3, 0.2, 0.1), (GgxLobe((0.5, 0.4, 0.6), 0.25, 0.08),))
+TWO = GgxBrdf((0.1, 0.2, 0.1), (GgxLobe((0.3, 0.3, 0.3), 0.06, 0.1), GgxLobe((0.9, 0.5, 0.2), 0.4, 0.3)))
 GAUSSIANS = SphericalGaussians((0.2, 0.3, 0.4), (Gaussian((1.0, 0.5, 0.2), 60.0), Gaussian((0.1, 0.2, 0.3), 4.0)), 0.05)
 
 
@@ -68,7 +68,7 @@ def test_ggx_at_normal_incidence_and_as_walter_prints_it() -> None:
 
 def test_a_white_microfacet_reflects_no_more_than_it_gets() -> None:
     for alpha in (0.05, 0.3, 1.0):
-        model = Ggx((0.0, 0.0, 0.0), (GgxLobe((1.0, 1.0, 1.0), alpha, 1.0),))
+        model = GgxBrdf((0.0, 0.0, 0.0), (GgxLobe((1.0, 1.0, 1.0), alpha, 1.0),))
         for degrees in (0.0, 45.0, 75.0):
             assert 0.3 < float(albedo(model, degrees)[0]) <= 1.01
 
@@ -176,7 +176,7 @@ def test_labels_that_mean_nothing_are_refused(label: str) -> None:
 
 
 def test_a_network_has_three_channels() -> None:
-    grey = sample_model(Ggx((0.3,), (GgxLobe((0.5,), 0.2, 0.1),), channels=("Y",)), 300, "lobe", 0)
+    grey = sample_model(GgxBrdf((0.3,), (GgxLobe((0.5,), 0.2, 0.1),), channels=("Y",)), 300, "lobe", 0)
     with pytest.raises(BadInput, match="nbrdf: found 1 channels, expected the 3"):
         homofact.Nbrdf(steps=1).fit(grey)
     assert homofact.Ggx().fit(grey).channels == ("Y",)
@@ -200,7 +200,7 @@ def test_what_wants_textures_refuses_a_model(tmp_path: Path, capsys: pytest.Capt
         assert main(command) == 2
         said = capsys.readouterr().err
         assert said.count("\n") == 1
-        assert "a GGX fit: has no textures, expected a fit by search" in said
+        assert "has no textures, expected a fit by search" in said
     assert main(["factorize", "material:phong-10", "--method", "ggx", "--out", str(tmp_path / "d")]) == 2
     assert "method: found 'ggx', expected one of search" in capsys.readouterr().err
     assert [each.name for each in tmp_path.iterdir()] == ["a.npz"]
@@ -209,10 +209,10 @@ def test_what_wants_textures_refuses_a_model(tmp_path: Path, capsys: pytest.Capt
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: Ggx((0.1, 0.1), ()),
-        lambda: Ggx((0.1, 0.1, 0.1), (GgxLobe((1.0,), 0.1, 0.1),)),
-        lambda: Ggx((0.1, 0.1, 0.1), (GgxLobe((1.0, 1.0, 1.0), 0.0, 0.1),)),
-        lambda: Ggx((0.1, 0.1, 0.1), (GgxLobe((1.0, 1.0, 1.0), 0.1, 1.5),)),
+        lambda: GgxBrdf((0.1, 0.1), ()),
+        lambda: GgxBrdf((0.1, 0.1, 0.1), (GgxLobe((1.0,), 0.1, 0.1),)),
+        lambda: GgxBrdf((0.1, 0.1, 0.1), (GgxLobe((1.0, 1.0, 1.0), 0.0, 0.1),)),
+        lambda: GgxBrdf((0.1, 0.1, 0.1), (GgxLobe((1.0, 1.0, 1.0), 0.1, 1.5),)),
         lambda: SphericalGaussians((0.1, 0.1, 0.1), (Gaussian((1.0, 1.0, 1.0), -1.0),), 0.1),
         lambda: SphericalGaussians((0.1, 0.1, 0.1), (Gaussian((1.0, 1.0), 1.0),), 0.1),
         lambda: SphericalGaussians((0.1, 0.1, 0.1), (), math.nan),
@@ -228,9 +228,9 @@ def test_parameters_that_cannot_be_are_refused(wrong) -> None:
 @pytest.mark.parametrize("label", ["ggx", "mccool"])
 def test_only_options_that_a_method_has_are_recommended(label: str) -> None:
     """Of a narrow lobe that neither can hold: McCool's projections have a size but no number of textures."""
-    narrow = Ggx((0.3, 0.2, 0.1), (GgxLobe((1.0, 1.0, 1.0), 0.02, 0.9), GgxLobe((1.0, 0.5, 0.2), 0.3, 0.5)))
+    narrow = GgxBrdf((0.3, 0.2, 0.1), (GgxLobe((1.0, 1.0, 1.0), 0.02, 0.9), GgxLobe((1.0, 0.5, 0.2), 0.3, 0.5)))
     source = Source("narrow", "material", sample_model(narrow, 1500, "lobe", 0), narrow, 1e-3, 0.0)
     row = fit_and_measure(source, made(label, {"size": 8} if label == "mccool" else {}))
-    recommended = {word for each in row.verdict.findings for word in each.options.split() if word.startswith("--")}
+    recommended = {each.advice.setting for each in row.verdict.findings if each.advice}
     assert row.verdict.findings
-    assert recommended <= ({"--size"} if label == "mccool" else set())
+    assert recommended <= ({"size"} if label == "mccool" else set())

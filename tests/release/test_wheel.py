@@ -36,10 +36,7 @@ def files_under(*folders: str) -> set[str]:
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the sdist, made of a copy of the sources, and the wheel, made of the sdist."""
     made = tmp_path_factory.mktemp("built")
-    # scripts/ is no package: as when a script of it is run.
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "scripts"))
-        sdist, _ = import_module("clean_install").built(made)
+    sdist, _ = import_module("scripts.checks.clean_install").built(made)
     with tarfile.open(sdist) as archive:
         archive.extractall(made / "apart", filter="data")
     return made
@@ -108,7 +105,7 @@ def test_what_is_installed_fits_embedded_data_in_an_empty_folder(installed: Path
 def test_what_is_installed_finds_what_embedded_scenes_name(installed: Path, tmp_path: Path) -> None:
     lines = (
         "from homofact.files.embedded import located;"
-        "from homofact.scene.transport.scene import read_relight_scene as read;"
+        "from homofact.relighting.scene_file import read_relight_scene as read;"
         "print(*(each.mesh for each in read(located('configs/scenes/relight.toml')).objects))"
     )
     assert "embedded" in run([str(installed.parent / "python"), "-c", lines], tmp_path)

@@ -2,21 +2,17 @@
 
 import importlib
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import ModuleType
 
 import numba
 import pytest
 import torch
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-
 
 @pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
-    """Imports a program by its name."""
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    return importlib.import_module
+def script() -> Callable[[str], ModuleType]:
+    """Imports a program of scripts/ by its name, "accuracy.seeds"."""
+    return lambda name: importlib.import_module(f"scripts.{name}")
 
 
 @pytest.fixture

@@ -5,12 +5,9 @@ from pathlib import Path
 
 import pytest
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-
 
 @pytest.fixture(autouse=True)
 def scripts_on_the_path(monkeypatch: pytest.MonkeyPatch, real_data: Path) -> None:
-    monkeypatch.syspath_prepend(str(SCRIPTS))
     monkeypatch.setenv("HOMOFACT_DATA", str(real_data))
 
 
@@ -22,25 +19,15 @@ def rows(text: str) -> list[list[str]]:
 
 def test_left_out_samples_and_left_out_rings_disagree_on_garnet(capsys: pytest.CaptureFixture[str]) -> None:
     """The reason for judging by rings: a second texture over θi wins by samples and loses by rings."""
-    importlib.import_module("accuracy").main(["--only", "rings", "--short"])
+    importlib.import_module("scripts.accuracy.against_interpolant").main(["--only", "rings", "--short"])
     found = {(mix, judged): float(error) for _, mix, judged, error, _ in rows(capsys.readouterr().out)}
     one, two = "theta_h-theta_d", "theta_h-theta_d · theta_i"
     assert found[two, "samples"] < 0.8 * found[one, "samples"]
     assert found[two, "rings"] > found[one, "rings"]
 
 
-def test_the_surrogates_table_holds_both_sizes(capsys: pytest.CaptureFixture[str]) -> None:
-    importlib.import_module("surrogates").main(["--short"])
-    small, large = rows(capsys.readouterr().out)
-    assert [small[0], small[1], large[0], large[1]] == ["16² + 16", "3.19", "32² + 32", "12.38"]
-    for row in (small, large):
-        median, ninetieth, most = map(float, row[2:5])
-        assert 0 < median <= ninetieth <= most < 0.1
-        assert 0 < float(row[5]) < 0.015
-
-
 def test_the_shared_basis_is_held_against_textures_of_ones_own(capsys: pytest.CaptureFixture[str]) -> None:
-    importlib.import_module("shared_basis").main(["--short"])
+    importlib.import_module("scripts.sweeps.shared_basis").main(["--short"])
     text = capsys.readouterr().out
     assert "4 materials, 500 pairs each" in text
     lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ") and line[2].isdigit()]

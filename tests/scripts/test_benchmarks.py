@@ -3,7 +3,6 @@
 Times are printed by them and never judged here.
 """
 
-import importlib
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -35,50 +34,11 @@ def shown(text: str) -> None:
         assert words in text
 
 
-def test_all_ways_of_an_inner_evaluation_find_one_error(
-    script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    module, out = script("inner_evaluation"), tmp_path / "inner.md"
-    assert module.main(["--short", "--out", str(out)]) == 0
-    text = capsys.readouterr().out
-    assert out.read_text(encoding="utf-8") == text.removesuffix("\n")
-    shown(text)
-    rows, verdicts = tables(text)
-    assert [row["evaluation"] for row in rows] == list(module.WAYS)
-    # 1e-5 of the right side is far from 1e-5 of the error; the others solve to rounding, or nearly.
-    within = dict.fromkeys(module.WAYS, 1e-10) | {module.REFERENCE: 1e-6}
-    for row in rows:
-        loose = row["evaluation"].endswith(f"{module.LOOSE:g}")
-        assert float(row["error apart"]) <= (1e-2 if loose else within[row["evaluation"]])
-        assert 0.01 < float(row["mean Cole error"]) < 0.2
-        assert all(float(row[column]) > 0 for column in ("median ms", "processor ms", "times faster", "processor"))
-    assert rows[-1]["times faster"] == "1"
-    assert verdicts[0]["found"] == rows[0]["times faster"]
-    assert verdicts[2]["found"] == rows[0]["median ms"]
-
-
-def test_ways_are_not_one_another(script: Callable[[str], ModuleType], monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is timed runs what it says: the compiled pass in its own rows, torch's in its own, and B in the sparse."""
-    module, calls = script("inner_evaluation"), []
-    problem_type, torch_pass = module.LeastSquares, module.accumulate_torch
-    rows = problem_type.rows
-    monkeypatch.setattr(problem_type, "rows", lambda self: calls.append("B") or rows(self))
-    monkeypatch.setattr(module, "accumulate_torch", lambda *each: calls.append("torch") or torch_pass(*each))
-    squares = importlib.import_module("homofact.linear.least_squares")
-    for name in ("accumulate", "accumulate_lower"):
-        own = getattr(squares, name)
-        monkeypatch.setattr(squares, name, lambda *each, own=own: calls.append("compiled") or own(*each))
-    module.measured(300, 4, 1, 0)
-    runs = {name: module.BEFORE.get(name, 1) + 1 for name in module.WAYS}
-    pattern = ["compiled", "compiled", "torch", "B", "B", "B"]
-    assert calls == [kind for kind, times in zip(pattern, runs.values(), strict=True) for _ in range(times)]
-
-
 @pytest.mark.slow
 def test_cole_is_extrapolated_from_what_was_counted_and_timed(
     script: Callable[[str], ModuleType], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    module = script("search_against_cole")
+    module = script("accuracy.search_against_cole")
     assert module.main(["--short", "--efforts", "20"]) == 0
     text = capsys.readouterr().out
     shown(text)
@@ -112,7 +72,7 @@ def test_cole_is_extrapolated_from_what_was_counted_and_timed(
 
 
 def test_later_terms_cost_what_the_second_does(script: Callable[[str], ModuleType]) -> None:
-    module = script("search_against_cole")
+    module = script("accuracy.search_against_cole")
     # The first evaluation of a term begins with what ended the term before, so it is not counted.
     part = module.Tally(ends={1: [(5.0, 1.0), (7.0, 2.0), (9.0, 3.0)], 2: [(20.0, 9.0), (25.0, 12.0)]})
     each, total = module.extrapolate([100, 10, 1], part)
@@ -121,7 +81,7 @@ def test_later_terms_cost_what_the_second_does(script: Callable[[str], ModuleTyp
 
 
 def test_an_exponent_is_the_slope_of_the_logarithms(script: Callable[[str], ModuleType]) -> None:
-    module = script("cost_against_samples")
+    module = script("speed.cost_against_samples")
     counts = [3000, 10_000, 70_000]
     assert module.exponent(counts, [2e-5 * count**1.3 for count in counts]) == pytest.approx(1.3, abs=1e-12)
     assert module.slope([0, 1, 2], [5, 7, 9.0]) == pytest.approx(2)
@@ -131,7 +91,7 @@ def test_an_exponent_is_the_slope_of_the_logarithms(script: Callable[[str], Modu
 def test_an_evaluation_holds_nothing_for_every_sample(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    module, plot = script("cost_against_samples"), tmp_path / "cost.png"
+    module, plot = script("speed.cost_against_samples"), tmp_path / "cost.png"
     assert module.main(["--short", "--plot", str(plot)]) == 0
     text = capsys.readouterr().out
     shown(text)
@@ -151,7 +111,7 @@ def test_an_evaluation_holds_nothing_for_every_sample(
 def test_the_race_is_won_by_who_reaches_first(
     script: Callable[[str], ModuleType], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    module = script("nlopt_race")
+    module = script("speed.nlopt_race")
     names = [search.name for search in module.SEARCHES]
     assert names == [
         "gradient",
@@ -186,7 +146,7 @@ def test_the_race_is_won_by_who_reaches_first(
 def test_every_search_races_from_the_same_start(
     script: Callable[[str], ModuleType], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    module = script("nlopt_race")
+    module = script("speed.nlopt_race")
     assert len(module.PROBLEMS) == 10
     assert len({problem.name for problem in module.PROBLEMS}) == 10
     reports = module.race(module.PROBLEMS[1], 400, 5, 0.1)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from homofact.brdf.analytic.ggx import Ggx, GgxLobe
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.factored import FactoredBrdf
 from homofact.factor.search.gradient import Gradient
 from homofact.factor.textures import LogSamples
@@ -18,8 +18,8 @@ from homofact.geometry.directions import draw_uniform
 from homofact.geometry.interpret import interpret, value_of
 from homofact.geometry.torch_functions import TORCH
 from homofact.methods import search_fit
-from homofact.methods.effort import Account
-from homofact.methods.materials import Material, Materials
+from homofact.methods.effort import FitBudget
+from homofact.methods.materials import Materials, TrainingMaterial
 from homofact.methods.models import Ggx as GgxMethod
 from homofact.methods.structure_search import StructureSearch
 from homofact.methods.trials import StructureSettings
@@ -35,7 +35,7 @@ needs_data = pytest.mark.skipif(
 @needs_data
 def test_readings_agree_as_was_measured_of_them(script: Callable[[str], ModuleType]) -> None:
     """Median MALE of 10 of 100 materials; of all 100 the README has .0008, .0014 and .0015."""
-    fits, table = script("published_fits"), script("compression_protocol")
+    fits, table = script("data.published_fits"), script("compression.compression_protocol")
     wi, wo = (w[:4000] for w in table.pairs())
     found: dict[tuple[str, str], list[float]] = {}
     chosen = fits.names(DATA)
@@ -54,13 +54,13 @@ def test_readings_agree_as_was_measured_of_them(script: Callable[[str], ModuleTy
 
 def shown(module: ModuleType, scale: float, size: int = 24):
     wi, wo = module.pairs()
-    values = scale * Ggx((0.3, 0.3, 0.3), (GgxLobe((0.5, 0.5, 0.5), 0.2, 0.1),)).evaluate(wi, wo)
+    values = scale * GgxBrdf((0.3, 0.3, 0.3), (GgxLobe((0.5, 0.5, 0.5), 0.2, 0.1),)).evaluate(wi, wo)
     ramp = torch.linspace(0.1, 1, size * size).reshape(1, size, size, 1).expand(3, -1, -1, 3).double()
     return module.Shown(values, scale * ramp, 32, 0, 0.0)
 
 
 def test_scores_of_equals_and_of_a_darker_copy(script: Callable[[str], ModuleType]) -> None:
-    module = script("compression_protocol")
+    module = script("compression.compression_protocol")
     coverage = torch.ones(24, 24, dtype=torch.float64)
     truth = shown(module, 1.0)
     same = module.scores(truth, truth, coverage)
@@ -79,13 +79,13 @@ def test_scores_of_equals_and_of_a_darker_copy(script: Callable[[str], ModuleTyp
 
 def test_the_first_materials_are_spread_over_all(script: Callable[[str], ModuleType]) -> None:
     every = [str(k) for k in range(100)]
-    found = script("compression_table").spread(every)
+    found = script("compression.compression_table").spread(every)
     assert sorted(found, key=int) == every
     assert found[:20] == [str(k) for k in (*range(0, 100, 10), *range(5, 100, 10))]
 
 
 def test_searches_that_ask_the_same_are_run_once(script: Callable[[str], ModuleType]) -> None:
-    module = script("compression_fits")
+    module = script("compression.compression_fits")
     wi, wo = draw_uniform(200, torch.Generator().manual_seed(0))
     samples = LogSamples(wi, wo, (wi[:, 2:] * wo[:, 2:]).log(), torch.ones(200, dtype=torch.float64))
     partitions = (Partition(random_folds(200, 4, 0), 1.0),)
@@ -96,7 +96,9 @@ def test_searches_that_ask_the_same_are_run_once(script: Callable[[str], ModuleT
         data: LogSamples = samples, chosen: StructureSettings = settings, granted: float = 5.0
     ) -> tuple[Any, int]:
         with shared.during():
-            search = search_fit.StructureSearch(Materials((Material(data, partitions),)), chosen, Account(granted))
+            search = search_fit.StructureSearch(
+                Materials((TrainingMaterial(data, partitions),)), chosen, FitBudget(granted)
+            )
             return search.run(1, (("theta_h-theta_d",),)), len(shared.known)
 
     first, count = found()
@@ -107,7 +109,7 @@ def test_searches_that_ask_the_same_are_run_once(script: Callable[[str], ModuleT
     assert count == 1
     assert shared.saved > 0
     # The same as alone, and as another search of other data, settings or effort.
-    alone = StructureSearch(Materials((Material(samples, partitions),)), settings, Account(5.0)).run(
+    alone = StructureSearch(Materials((TrainingMaterial(samples, partitions),)), settings, FitBudget(5.0)).run(
         1, (("theta_h-theta_d",),)
     )
     assert (alone.mix.kinds, alone.mix.error) == (first.mix.kinds, first.mix.error)
@@ -131,7 +133,7 @@ def entries_of(module: ModuleType, values: dict[str, tuple[float, ...]], of: str
 
 
 def test_where_ours_is_not_ahead_is_said(script: Callable[[str], ModuleType]) -> None:
-    module = script("compression_tables")
+    module = script("compression.compression_tables")
     # In the median ours is ahead of npf and behind abc; in the worse tenth behind npf.
     found = entries_of(module, {"npf": (1, 3, 5), "abc": (1, 1, 1), "ours 3.2 KiB": (2, 2, 6)})
     text, words = module.ahead(found)
@@ -156,7 +158,7 @@ def test_where_ours_is_not_ahead_is_said(script: Callable[[str], ModuleType]) ->
 
 
 def test_what_a_fit_adds_is_counted_material_by_material(script: Callable[[str], ModuleType]) -> None:
-    module = script("compression_tables")
+    module = script("compression.compression_tables")
     text = module.added(entries_of(module, {"npf": (1, 3, 5), "ours 3.2 KiB": (2, 2.5, 4)}))
     row = next(line for line in text.splitlines() if "ours" in line)
     cells = [cell.strip() for cell in row.split("|")[1:-1]]
@@ -165,7 +167,7 @@ def test_what_a_fit_adds_is_counted_material_by_material(script: Callable[[str],
 
 
 def test_worse_is_less_where_more_is_better(script: Callable[[str], ModuleType]) -> None:
-    module = script("compression_tables")
+    module = script("compression.compression_tables")
     values = [float(k) for k in range(11)]
     assert module.worse_tenth("MALE", values) == 9
     assert module.worse_tenth("PSNR", values) == 1
@@ -203,7 +205,7 @@ def published_models(fits: ModuleType) -> dict[str, Any]:
 
 @pytest.mark.parametrize("kind", ["abc", "sgd", "npf"])
 def test_programs_are_the_published_models(script: Callable[[str], ModuleType], kind: str) -> None:
-    programs, model = script("published_programs"), published_models(script("published_fits"))[kind]
+    programs, model = script("compression.published_programs"), published_models(script("data.published_fits"))[kind]
     made = getattr(programs, f"{kind}_program")(model)
     program, textures = made if kind == "npf" else (made, [])
     wi, wo = draw_uniform(3000, torch.Generator().manual_seed(2))
@@ -234,7 +236,7 @@ def names_of(let: Any) -> list[str]:
 def test_speeds_are_written_and_stand_in_the_table(
     script: Callable[[str], ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = script("compression_speed")
+    module = script("compression.compression_speed")
     monkeypatch.setattr(module, "PUBLISHED", ("abc",))
     # Compiling takes seconds a program.
     monkeypatch.setattr(module, "rates", lambda ways, *_: {way.name: (k + 1.5, 256) for k, way in enumerate(ways)})
@@ -243,7 +245,7 @@ def test_speeds_are_written_and_stand_in_the_table(
     assert [(row["method"], row["compiler"]) for row in rows] == [("abc", "ours"), ("GGX × 1", "ours")]
     assert module.median_of(rows, "abc") == 1.5
     assert module.median_of(rows, "sgd") is None
-    text = script("compression_tables").speeds(rows)
+    text = script("compression.compression_tables").speeds(rows)
     assert [line.split("|")[1].strip() for line in text.splitlines()[2:]] == ["abc", "GGX × 1"]
 
 
@@ -251,11 +253,11 @@ def test_speeds_are_written_and_stand_in_the_table(
 def test_seeds_and_limits_are_written_and_stand_in_the_table(
     script: Callable[[str], ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seeds, limits, protocol = (script(f"compression_{name}") for name in ("seeds", "limits", "protocol"))
+    seeds, limits, protocol = (script(f"compression.compression_{name}") for name in ("seeds", "limits", "protocol"))
     monkeypatch.setattr(protocol, "PIXELS", 24)
     protocol.surroundings.cache_clear()
     methods = {"ours, as if": GgxMethod(), "GGX × 1": GgxMethod()}
-    for module in (seeds, limits, script("compression_fits")):
+    for module in (seeds, limits, script("compression.compression_fits")):
         monkeypatch.setattr(module, "READINGS", ("nbrdf", "npf"))
         for name, value in (("DEFAULT_COUNT", 1500), ("METHODS", methods)):
             if hasattr(module, name):
@@ -265,11 +267,11 @@ def test_seeds_and_limits_are_written_and_stand_in_the_table(
     assert seeds.main([*shared, "--seeds", "2"]) == 0
     assert limits.main([*shared, "--materials", "pvc"]) == 0
     protocol.surroundings.cache_clear()
-    table = script("compression_table")
+    table = script("compression.compression_table")
     rows = table.rows_of(tmp_path / seeds.FILE)
     assert [(row["method"], row["seed"]) for row in rows] == [("ours, as if", "0"), ("ours, as if", "1")]
     assert rows[0]["MALE"] != rows[1]["MALE"]
-    line = script("compression_tables").seeds(rows).splitlines()[2].split("|")
+    line = script("compression.compression_tables").seeds(rows).splitlines()[2].split("|")
     assert float(line[4].split("±")[0]) == pytest.approx(sum(float(row["MALE"]) for row in rows) / 2, rel=0.01)
     assert [row["fit"] for row in table.rows_of(tmp_path / limits.FILE)] == ["few"]
     assert "| pvc | few | 0 | 32 |" in table.limits(table.rows_of(tmp_path / limits.FILE))
@@ -282,9 +284,9 @@ def test_what_is_done_is_not_done_again(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    module, fits, protocol = (script(f"compression_{name}") for name in ("table", "fits", "protocol"))
+    module, fits, protocol = (script(f"compression.compression_{name}") for name in ("table", "fits", "protocol"))
     # The processes' decoder takes most of the time.
-    for each in (module, fits, script("compression_tables"), script("compression_charts")):
+    for each in (module, fits, script("compression.compression_tables"), script("compression.compression_charts")):
         monkeypatch.setattr(each, "PUBLISHED", ("nbrdf", "npf", "abc"))
         if hasattr(each, "READINGS"):
             monkeypatch.setattr(each, "READINGS", ("nbrdf", "npf"))

@@ -1,4 +1,4 @@
-"""scripts/editing_numbers.py in its short form: every table has its rows, and figures are of the right size."""
+"""scripts/editing/editing_numbers.py in its short form: every table has its rows, and figures are of the right size."""
 
 import importlib
 from pathlib import Path
@@ -9,9 +9,9 @@ import pytest
 @pytest.mark.slow
 def test_the_tables_of_editing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
-    text = importlib.import_module("editing_numbers").main(["--short", "--to", str(tmp_path / "n.md")])
-    assert (tmp_path / "n.md").read_text(encoding="utf-8") == text
+    arguments = ["--short", "--out", str(tmp_path / "n.md")]
+    assert importlib.import_module("scripts.editing.editing_numbers").main(arguments) == 0
+    text = (tmp_path / "n.md").read_text(encoding="utf-8")
     rows = {line.split("|")[1].strip(): [cell.strip() for cell in line.strip("|").split("|")[1:]]
             for line in text.splitlines() if line.startswith("|")}  # fmt: skip
     assert rows["stored, MB"][0] == "642"

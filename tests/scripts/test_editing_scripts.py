@@ -8,20 +8,18 @@ from mitsuba_cases import variant
 
 from homofact.containers.png import read_png
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-
 
 @pytest.fixture(autouse=True)
 def scripts_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
-    monkeypatch.syspath_prepend(str(SCRIPTS))
 
 
 @pytest.mark.slow
 def test_edited_pictures_are_held_against_mitsuba(tmp_path: Path) -> None:
     variant("llvm_ad_rgb", register=False)
-    text = importlib.import_module("editing_truth").main(["--short", "--to", str(tmp_path / "truth.md")])
-    assert (tmp_path / "truth.md").read_text(encoding="utf-8") == text
+    arguments = ["--short", "--out", str(tmp_path / "truth.md")]
+    assert importlib.import_module("scripts.editing.editing_truth").main(arguments) == 0
+    text = (tmp_path / "truth.md").read_text(encoding="utf-8")
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| ")
     ]
@@ -36,7 +34,7 @@ def test_edited_pictures_are_held_against_mitsuba(tmp_path: Path) -> None:
 
 
 def test_an_increment_is_nearer_than_as_many_wavelets(tmp_path: Path) -> None:
-    text = importlib.import_module("editing_figures").main(
+    text = importlib.import_module("scripts.editing.editing_figures").main(
         ["--short", "--only", "increments", "--out", str(tmp_path / "gallery.md")]
     )
     assert read_png(tmp_path / "pictures" / "editing-increments.png").shape[2] >= 3

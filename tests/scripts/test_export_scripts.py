@@ -11,7 +11,7 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
 from homofact.brdf.neural import LAYERS, NeuralBrdf
 from homofact.brdf.sampling import sample_model
-from homofact.evaluate.metrics import measure
+from homofact.evaluation.metrics import measure
 from homofact.geometry.directions import draw_uniform
 from homofact.shading.compiled import compiled_program
 
@@ -27,7 +27,7 @@ def rows(text: str) -> list[list[str]]:
 
 
 def test_costs_of_shaders(script, capsys: pytest.CaptureFixture[str]) -> None:
-    module = script("cost_of_shading")
+    module = script("speed.cost_of_shading")
     assert module.main([]) == 0
     found = {
         cells[0]: [int(cell) for cell in cells[1:]] for cell_count, cells in enumerate(rows(capsys.readouterr().out))
@@ -43,7 +43,10 @@ def test_costs_of_shaders(script, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_noise_of_sampling(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert script("sampling_noise").main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "s.md")]) == 0
+    assert (
+        script("engines.sampling_noise").main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "s.md")])
+        == 0
+    )
     streams = capsys.readouterr()
     assert (tmp_path / "s.md").read_text(encoding="utf-8") == streams.out
     assert "skipped vch_golden_yellow" in streams.err
@@ -55,7 +58,9 @@ def test_the_noise_of_sampling(script, tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_whole_texels(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert script("quantization").main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "q.md")]) == 0
+    assert (
+        script("accuracy.quantization").main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "q.md")]) == 0
+    )
     text = capsys.readouterr().out
     assert (tmp_path / "q.md").read_text(encoding="utf-8") == text
     fitted, rounded, solved = rows(text)
@@ -90,7 +95,7 @@ def test_the_compiled_network_is_the_network(script) -> None:
     full = network(0)
     for part in (*full.weights[1:], *full.biases[:2]):
         part[WIDTH:] = 0
-    fast = compiled_program(script("network_program").network_program(narrow(full)), [])
+    fast = compiled_program(script("speed.network_program").network_program(narrow(full)), [])
     expected = full.evaluate(wi, wo)
     error = (fast.evaluate(wi, wo) - expected).abs() / expected.clamp_min(1e-2)
     assert float(error.median()) < 1e-6
@@ -98,7 +103,7 @@ def test_the_compiled_network_is_the_network(script) -> None:
 
 
 def test_a_network_learns_either_loss(script) -> None:
-    module = script("network_program")
+    module = script("speed.network_program")
     samples = sample_model(material("lafortune-clay").model, 4000, "discs", 0)
     transform = LogTransform.of(samples, 1e-2)
     for loss in module.LOSSES:
@@ -110,7 +115,7 @@ def test_a_network_learns_either_loss(script) -> None:
 def test_throughput_of_all_ways(
     script, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    module, program = script("throughput"), script("network_program").network_program
+    module, program = script("speed.throughput"), script("speed.network_program").network_program
     monkeypatch.setattr(module, "network_program", lambda network: program(narrow(network)))
     assert module.main(["--short", "--data", str(tmp_path)]) == 0
     streams = capsys.readouterr()
@@ -128,7 +133,7 @@ def test_throughput_of_all_ways(
 
 def test_a_copy_moves_what_an_evaluation_must(script) -> None:
     wi, wo = (w.float().numpy() for w in draw_uniform(100, torch.Generator().manual_seed(1)))
-    moved = script("throughput").copy(wi, wo)()
+    moved = script("speed.throughput").copy(wi, wo)()
     assert np.array_equal(moved.numpy(), wi + wo)
 
 
@@ -136,7 +141,7 @@ def test_a_copy_moves_what_an_evaluation_must(script) -> None:
 def test_errors_of_the_split_sum(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "spheres.png"
     arguments = ["--short", "--data", str(tmp_path), "--picture", str(picture), "--out", str(tmp_path / "e.md")]
-    assert script("split_sum_errors").main(arguments) == 0
+    assert script("engines.split_sum_errors").main(arguments) == 0
     streams = capsys.readouterr()
     assert (tmp_path / "e.md").read_text(encoding="utf-8") == streams.out
     assert "skipped aurora_white" in streams.err

@@ -2,20 +2,16 @@
 
 import importlib
 import sys
-from pathlib import Path
 
 import pytest
-
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 
 
 @pytest.mark.slow
 def test_every_method_reads_and_fits_the_grid(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.syspath_prepend(str(SCRIPTS))
     monkeypatch.delitem(sys.modules, "full_merl_grid", raising=False)
-    script = importlib.import_module("full_merl_grid")
+    script = importlib.import_module("scripts.data.full_merl_grid")
     assert script.main(["--short", "--material", "phong-10"]) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| ")]
     rows = {

@@ -13,13 +13,10 @@ from homofact.brdf.formats import READERS
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 @pytest.fixture
 def fuzzer(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module("fuzz_readers")
+    return importlib.import_module("scripts.checks.fuzz_readers")
 
 
 def test_a_short_run_finds_nothing(fuzzer: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,14 +9,12 @@ import pytest
 
 from homofact.errors import BadInput
 
-ROOT = Path(__file__).resolve().parents[2]
 KINDS = ("npz", "manifest", "toml", "scene", "ledger")
 
 
 @pytest.fixture
 def fuzzer(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module("fuzz_results")
+    return importlib.import_module("scripts.checks.fuzz_results")
 
 
 @pytest.mark.slow

@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from homofact.render.light import EnvironmentMap
-from homofact.render.sphere import SphereImage
-
-ROOT = Path(__file__).resolve().parents[2]
+from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.sphere import SphereImage
 
 
 @pytest.fixture
 def hero(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module("hero_picture")
+    return importlib.import_module("scripts.pictures.hero_picture")
 
 
 def test_without_the_measurements_it_says_which_file_is_missing(

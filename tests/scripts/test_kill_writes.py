@@ -8,13 +8,10 @@ from types import ModuleType
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 @pytest.fixture
 def killer(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module("kill_writes")
+    return importlib.import_module("scripts.checks.kill_writes")
 
 
 def may_trace() -> bool:

@@ -5,12 +5,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 def test_the_errors_grow_with_the_noise(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    script = importlib.import_module("light_field_numbers")
+    script = importlib.import_module("scripts.relighting.light_field_numbers")
     assert script.main(["--short", "--out", str(tmp_path)]) == 0
     text = (tmp_path / "light_field.md").read_text(encoding="utf-8")
     assert "a smoke test" in text

@@ -6,13 +6,10 @@ from types import ModuleType
 
 import pytest
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-
 
 @pytest.fixture
 def module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    return importlib.import_module("mahajan")
+    return importlib.import_module("scripts.accuracy.mahajan")
 
 
 @pytest.mark.slow

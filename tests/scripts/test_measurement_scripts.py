@@ -1,6 +1,7 @@
 """The programs behind the figures of measurements and of equal bytes, in their short forms."""
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,19 +11,19 @@ import pytest
 import torch
 
 from homofact.brdf.analytic import Lambert
-from homofact.brdf.beyond import Beyond
+from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import open_source
 from homofact.brdf.table import ring_weights
 from homofact.geometry.directions import draw_uniform, from_spherical
-from homofact.render.environment import read_environment
+from homofact.rendering.environment import read_environment
 
 ROOT = Path(__file__).resolve().parents[2]
 SYNTHETIC = ROOT / "data_synthetic" / "synthetic_cornell.brdf"
 
 
 def test_rings_are_left_out_whole(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
-    module = script("left_out_rings")
+    module = script("accuracy.left_out_rings")
     samples = open_source(str(SYNTHETIC)).samples
     rings = list(module.left_out(samples))
     # θi 10, 30, 50, 70°: two of them are inner ones.
@@ -44,7 +45,7 @@ def test_rings_are_left_out_whole(script: Callable[[str], ModuleType], tmp_path:
 
 
 def test_neighbours_are_nearest_whatever_the_azimuth(script: Callable[[str], ModuleType]) -> None:
-    module = script("beyond_the_measurement")
+    module = script("accuracy.beyond_the_measurement")
     samples = open_source(str(SYNTHETIC)).samples
     moved = samples.rotated_at_random(3)
     own = module.closeness(moved.wo, moved.wi, samples)
@@ -56,16 +57,17 @@ def test_neighbours_are_nearest_whatever_the_azimuth(script: Callable[[str], Mod
     assert bool((neighbours < samples.values.amax(0)).any())
     wi, wo = module.pairs_outside(samples, 100)
     assert len(wi) == 100
-    assert bool(Beyond(samples).outside(wi, wo).all())
+    assert bool(Extrapolation(samples).outside(wi, wo).all())
 
 
 def test_what_a_fit_does_beyond_the_measurement_is_told(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    module, out = script("beyond_the_measurement"), tmp_path / "beyond.md"
+    module, out = script("accuracy.beyond_the_measurement"), tmp_path / "beyond.md"
     assert module.main(["--short", "--data", str(tmp_path), "--out", str(out)]) == 0
     assert capsys.readouterr().err.count("skipped") == 4
-    cells = [cell.strip() for cell in out.read_text(encoding="utf-8").strip().splitlines()[-1].strip("|").split("|")]
+    rows = re.findall(r"^\|(.*)\|$", out.read_text(encoding="utf-8"), re.MULTILINE)
+    cells = [cell.strip() for cell in rows[-1].split("|")]
     assert cells[:2] == ["synthetic_cornell", "1 × 4²"]
     middle, most, largest = (float(cell) for cell in cells[2:5])
     assert 0 < middle <= most <= largest
@@ -81,13 +83,13 @@ def bins(step: float) -> Samples:
     wi, wo = from_spherical(angles[0], torch.zeros_like(angles[0])), from_spherical(angles[1], angles[2])
     weights = weights.reshape(-1)
     values = torch.full((len(wi), 1), 0.5 / math.pi)
-    return Samples.make(
+    return Samples(
         wi, wo, values, channels=("Y",), isotropic=True, weights=weights / weights.mean(),
     )  # fmt: skip
 
 
 def test_the_albedo_of_bins_is_that_of_what_they_measure(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
-    module = script("car_paint_albedo")
+    module = script("accuracy.car_paint_albedo")
     samples = bins(2.0)
     raw = samples.values.clone()
     raw[samples.wi[:, 2] < math.cos(math.radians(40))] *= 0.9
@@ -104,7 +106,7 @@ def test_the_albedo_of_bins_is_that_of_what_they_measure(script: Callable[[str],
 
 
 def test_more_is_held_against_the_best_with_fewer(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
-    module = script("more_is_never_worse")
+    module = script("accuracy.more_is_never_worse")
     one = module.Fitted(1, 1, 16, 1.0, 0.2, 1.0)
     fits = [one, replace(one, textures=2, taken=2, cole=0.5), replace(one, textures=3, taken=2, cole=0.6, rms=0.1)]
     assert module.against_fewer(fits) == [(1.0, 1.0), (0.5, 1.0), (pytest.approx(1.2), pytest.approx(0.5))]
@@ -117,7 +119,7 @@ def test_more_is_held_against_the_best_with_fewer(script: Callable[[str], Module
 
 
 def test_a_sum_of_products_is_one_reflectance(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
-    module = script("sums_of_products")
+    module = script("accuracy.sums_of_products")
     parts = Lambert((0.2,), channels=("Y",)), Lambert((0.3,), channels=("Y",))
     wi, wo = draw_uniform(10, torch.Generator().manual_seed(0))
     both = module.Sum(tuple(part.evaluate for part in parts), ("Y",))
@@ -130,7 +132,7 @@ def test_a_sum_of_products_is_one_reflectance(script: Callable[[str], ModuleType
 
 
 def test_seconds_are_of_commands_that_succeed(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
-    module = script("render_seconds")
+    module = script("speed.render_seconds")
     assert module.seconds_of(["--version"]) > 0
     with pytest.raises(RuntimeError, match=r"render nothing: exit 2"):
         module.seconds_of(["render", "nothing"])

@@ -14,7 +14,7 @@ from rgl_files import constant, write_tensors
 from homofact.errors import BadInput
 from homofact.files import extras
 from homofact.geometry.directions import draw_uniform
-from homofact.render import mitsuba_bsdf
+from homofact.rendering import mitsuba_bsdf
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def test_the_comparison_draws_what_it_measured(
     script: Callable[[str], ModuleType], file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     variant("llvm_ad_rgb")
-    main, out, picture = script("mitsuba_comparison").main, tmp_path / "out", tmp_path / "pictures" / "a.png"
+    main, out, picture = script("engines.mitsuba_comparison").main, tmp_path / "out", tmp_path / "pictures" / "a.png"
     assert main([str(file), "--short", "--out", str(out), "--picture", str(picture)]) == 0
     printed = capsys.readouterr().out
     written = (out / "made_up.md").read_text(encoding="utf-8")
@@ -56,7 +56,7 @@ def test_missing_and_bad_files(
     variant("llvm_ad_rgb")
     missing, text = tmp_path / "none.bsdf", tmp_path / "text.bsdf"
     text.write_text("no tensors")
-    main = script("mitsuba_comparison").main
+    main = script("engines.mitsuba_comparison").main
     for place in (missing, text):
         assert main([str(place), "--short", "--out", str(tmp_path / "out")]) == 2
         said = capsys.readouterr().err
@@ -71,17 +71,17 @@ def test_no_mitsuba(
     def absent(name: str) -> ModuleType:
         raise ModuleNotFoundError(f"No module named {name!r}")
 
-    main = script("mitsuba_comparison").main
+    main = script("engines.mitsuba_comparison").main
     monkeypatch.setattr(extras, "import_module", absent)
     assert main(["--short", "--out", str(tmp_path)]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("mitsuba: mitsuba is not installed, expected it: pip install")
+    assert said.startswith("mitsuba: mitsuba is not installed, expected it (pip install")
     assert said.count("\n") == 1
 
 
 def test_the_throughput_of_measured(script: Callable[[str], ModuleType], file: Path, tmp_path: Path) -> None:
     mi = variant("llvm_ad_rgb")
-    timing, drjit = script("mitsuba_throughput"), importlib.import_module("drjit")
+    timing, drjit = script("engines.mitsuba_throughput"), importlib.import_module("drjit")
     wi, wo = draw_uniform(300, torch.Generator().manual_seed(0))
     before = drjit.thread_count()
     found = timing.measured_throughput(file, wi, wo, threads=1, batches=(64, 1000), repeats=2)
@@ -98,4 +98,4 @@ def test_relative_rms_is_over_the_pixels_inside(script: Callable[[str], ModuleTy
     source = torch.tensor([[[3.0], [4.0], [100.0]]])
     error = torch.tensor([[[0.5], [0.0], [50.0]]])
     inside = torch.tensor([[True, True, False]])
-    assert script("mitsuba_comparison").relative_rms(error, source, inside) == pytest.approx(0.1)
+    assert script("engines.mitsuba_comparison").relative_rms(error, source, inside) == pytest.approx(0.1)

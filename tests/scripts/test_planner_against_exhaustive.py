@@ -5,14 +5,11 @@ from pathlib import Path
 
 import pytest
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-
 
 def test_it_prints_its_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    program = importlib.import_module("planner_against_exhaustive")
+    program = importlib.import_module("scripts.planning.planner_against_exhaustive")
     assert program.main(["--short", "--keep", str(tmp_path / "rows.jsonl")]) == 0
     first = capsys.readouterr().out
     assert "| all |  | 18 |" in first

@@ -1,17 +1,13 @@
 """The short form of the blind test of plans: two plans on small pictures, meaningless figures, whole tables."""
 
 import importlib
-from pathlib import Path
 
 import pytest
-
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 
 
 @pytest.mark.slow
 def test_it_prints_its_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    program = importlib.import_module("planner_blind")
+    program = importlib.import_module("scripts.planning.planner_blind")
     for name, value in {"VIEWS": 2, "SIZE": 32, "MAP_SIZE": 16, "TEXELS": 32}.items():
         monkeypatch.setattr(program, name, value)
     assert program.main(["--short", "--half", "tuning"]) == 0

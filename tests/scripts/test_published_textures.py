@@ -11,7 +11,7 @@ from PIL import Image
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.evaluate.metrics import six_errors
+from homofact.evaluation.metrics import six_errors
 from homofact.geometry.directions import draw_in_discs, normalize
 from homofact.geometry.parabolic import to_disc
 
@@ -31,7 +31,7 @@ def published(folder: Path, generator: torch.Generator) -> None:
 
 
 def test_published_textures_are_read_as_they_were_written(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
-    module = script("waterloo")
+    module = script("data.waterloo")
     generator = torch.Generator().manual_seed(0)
     published(tmp_path, generator)
     textures = module.read(tmp_path, "garnet_red")
@@ -47,7 +47,7 @@ def test_published_textures_are_read_as_they_were_written(script: Callable[[str]
     wanted = torch.tensor([0.2, 3.0, 40.0], dtype=torch.float64)
     for convention in (module.CONVENTIONS[0], module.Convention("gamma", "orthographic", "edge", True)):
         planted = module.PublishedTextures(textures.p, textures.q, 26.0, convention, constant=tuple(wanted.tolist()))
-        samples = Samples.make(wi, wo, planted.evaluate(wi, wo), channels=("R", "G", "B"), isotropic=True)
+        samples = Samples(wi, wo, planted.evaluate(wi, wo), channels=("R", "G", "B"), isotropic=True)
         transform = LogTransform.of(samples, 1e-2)
         ranking = module.choose_convention([(textures, samples, transform)])
         assert len(ranking) == 24
@@ -59,7 +59,7 @@ def test_published_textures_are_read_as_they_were_written(script: Callable[[str]
 
 
 def test_the_best_constant_is_the_best_and_scale_drops_out(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
-    module, cornell = script("waterloo"), script("cornell_numbers")
+    module, cornell = script("data.waterloo"), script("accuracy.cornell_numbers")
     generator = torch.Generator().manual_seed(1)
     published(tmp_path, generator)
     textures = module.read(tmp_path, "garnet_red")
@@ -68,7 +68,7 @@ def test_the_best_constant_is_the_best_and_scale_drops_out(script: Callable[[str
         wi, wo = draw_in_discs(500, generator, 0.98)
         noise = torch.exp(torch.randn(500, 3, dtype=torch.float64, generator=generator))
         values = textures.evaluate(wi, wo) * noise
-        halves.append(Samples.make(wi, wo, values, channels=("R", "G", "B"), isotropic=True))
+        halves.append(Samples(wi, wo, values, channels=("R", "G", "B"), isotropic=True))
     train, test = halves
     transform = LogTransform.of(train, 1e-2)
     found = textures.evaluate(train.wi, train.wo)
@@ -91,7 +91,7 @@ def test_the_best_constant_is_the_best_and_scale_drops_out(script: Callable[[str
 
 
 def test_a_texel_of_zero_is_read_as_what_fits(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
-    module = script("waterloo")
+    module = script("data.waterloo")
     generator = torch.Generator().manual_seed(0)
     published(tmp_path, generator)
     textures = module.read(tmp_path, "garnet_red")
@@ -100,7 +100,7 @@ def test_a_texel_of_zero_is_read_as_what_fits(script: Callable[[str], ModuleType
     wi, wo = draw_in_discs(600, generator, 0.98)
     for zero in (0.0, module.STEP / 2):
         planted = module.PublishedTextures(dark.p, dark.q, 26.0, zero=zero)
-        samples = Samples.make(wi, wo, planted.evaluate(wi, wo), channels=("R", "G", "B"), isotropic=True)
+        samples = Samples(wi, wo, planted.evaluate(wi, wo), channels=("R", "G", "B"), isotropic=True)
         assert module.calibrated(dark, samples, LogTransform.of(samples, 1e-2)).zero == zero
 
 
@@ -113,4 +113,4 @@ def test_damaged_published_files_are_named(
     published(tmp_path, torch.Generator())
     (tmp_path / "garnetred" / file).write_bytes(content)
     with pytest.raises(BadInput, match=rf"{file}: cannot be read .*expected"):
-        script("waterloo").read(tmp_path, "garnet_red")
+        script("data.waterloo").read(tmp_path, "garnet_red")

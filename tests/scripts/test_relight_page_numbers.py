@@ -31,9 +31,8 @@ components = 4
 
 @pytest.fixture
 def numbers(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
     monkeypatch.delitem(sys.modules, "relight_page_numbers", raising=False)
-    return importlib.import_module("relight_page_numbers")
+    return importlib.import_module("scripts.relighting.relight_page_numbers")
 
 
 @pytest.mark.slow

@@ -1,24 +1,20 @@
 """The scripts of relighting: what they truncate and light with is what they say."""
 
 import importlib
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
-from relighting import knot, light, occluder, shiny, whole
+from relighting_cases import knot, light, occluder, shiny, whole
 
-from homofact.scene.transport.cube import environment_cube, solid_angles
-from homofact.scene.transport.precompute import TransportSettings, transport
-from homofact.scene.transport.relight import Relit
-
-ROOT = Path(__file__).resolve().parents[2]
+from homofact.relighting.cube import environment_cube, solid_angles
+from homofact.relighting.precompute import TransportSettings, transport
+from homofact.relighting.relight import Relit
 
 
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module("relight_figures")
+    return importlib.import_module("scripts.relighting.relight_figures")
 
 
 def test_vectors_cut_short_are_those_of_fewer_coefficients(figures: ModuleType) -> None:
@@ -38,8 +34,7 @@ def test_the_lamp_sends_what_a_furnace_does(figures: ModuleType) -> None:
 
 
 def test_a_turning_light_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    numbers = importlib.import_module("relight_numbers")
+    numbers = importlib.import_module("scripts.relighting.relight_numbers")
     monkeypatch.setattr(numbers, "A_FRAME", 100)
     relit = Relit(whole())
     relit.relight(light(8, 0))

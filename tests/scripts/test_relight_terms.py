@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 @pytest.fixture
 def script(monkeypatch: pytest.MonkeyPatch) -> Any:
     pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
     pytest.importorskip("mitsuba", reason="mitsuba is not installed: pip install 'homofact[mitsuba]'")
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module("relight_terms")
+    return importlib.import_module("scripts.relighting.relight_terms")
 
 
 @pytest.mark.parametrize("total", [3, 7, 11, 30])

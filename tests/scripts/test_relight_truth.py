@@ -7,13 +7,10 @@ from pathlib import Path
 import pytest
 from mitsuba_cases import variant
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 def test_relit_vertices_are_held_against_both_truths(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     variant("llvm_ad_rgb", register=False)
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    script = importlib.import_module("relight_truth")
+    script = importlib.import_module("scripts.relighting.relight_truth")
     assert script.main(["--short", "--rules", "terms", "--terms", "8", "--map-size", "16", "--out", str(tmp_path)]) == 0
     text = (tmp_path / "relight_truth.md").read_text(encoding="utf-8")
     assert "a smoke test" in text
@@ -32,8 +29,7 @@ def test_relit_vertices_are_held_against_both_truths(monkeypatch: pytest.MonkeyP
 
 
 def test_noise_is_taken_off_in_squares(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    beyond = importlib.import_module("relight_truth").beyond
+    beyond = importlib.import_module("scripts.relighting.relight_truth").beyond
     assert beyond(0.05, 0.03) == pytest.approx(0.04)
     assert beyond(0.02, 0.03) == 0.0
     assert math.isfinite(beyond(0.0, 0.0))

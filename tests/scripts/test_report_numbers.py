@@ -9,14 +9,13 @@ import pytest
 from browser import browser
 from swept import make_sweep
 
-from homofact.sweep.report.reading import read_results
+from homofact.sweeps.report.reading import read_results
 
 
 @pytest.fixture
 def numbers(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
     monkeypatch.delitem(sys.modules, "report_numbers", raising=False)
-    return importlib.import_module("report_numbers")
+    return importlib.import_module("scripts.sweeps.report_numbers")
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""scripts/robustness.py in its short form: a table with a row a cell, and the document where it is asked for."""
+"""scripts/verdict/robustness.py in its short form: a table with a row a cell, and the page where it is asked for."""
 
 import importlib
 from pathlib import Path
@@ -9,8 +9,7 @@ import pytest
 def test_the_table_and_the_document(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
-    script = importlib.import_module("robustness")
+    script = importlib.import_module("scripts.verdict.robustness")
     place = tmp_path / "robustness.md"
     assert script.main(["--short", "--only", "lamp", "--methods", "mccool", "--out", str(place)]) == 0
     row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("| fall of the gain over θi |"))

@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from homofact.brdf.source import open_source
-from homofact.evaluate.compare import fit_and_measure
+from homofact.evaluation.compare import fit_and_measure
 from homofact.methods.cole import Cole
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,13 +44,13 @@ def table(text: str, first: str) -> list[dict[str, str]]:
 def test_a_ladder_gives_the_fits_of_fewer_textures(script: Callable[[str], ModuleType]) -> None:
     source = open_source(f"material:{PAINT}", count=900)
     settings = Cole(textures=3, size=6, restarts=2, search_size=4, search_samples=200, seed=3)
-    rows = script("ladder").ladder(source, settings)
+    rows = script("accuracy.ladder").ladder(source, settings)
     assert [len(row.factorization.terms) for row in rows] == [1, 2, 3]
     for count, row in enumerate(rows, 1):
         single = fit_and_measure(source, Cole(**{**vars(settings), "textures": count}))
         for mine, theirs in zip(row.factorization.terms, single.factorization.terms, strict=True):
-            assert torch.equal(mine.projection.matrix, theirs.projection.matrix)
-            assert torch.equal(mine.texture, theirs.texture)
+            assert np.array_equal(mine.projection.matrix, theirs.projection.matrix)
+            assert np.array_equal(mine.texture, theirs.texture)
         assert row.train == single.train
         assert row.held_out == single.held_out
         assert row.report.evaluations == single.report.evaluations
@@ -77,7 +76,7 @@ def test_the_comparison_writes_what_it_measured(
         "--plot",
         str(plot),
     ]
-    assert script("compare_with_mccool").main(arguments) == 0
+    assert script("accuracy.compare_with_mccool").main(arguments) == 0
     printed = capsys.readouterr()
     for paint in ("garnet_red", "krylon_blue", "cayman"):
         assert f"skipped {paint}: no {none / 'cornell' / paint}.brdf" in printed.err
@@ -150,7 +149,7 @@ def thesis_table(module: ModuleType) -> dict[Any, float]:
 
 
 def test_the_statements_are_judged_by_the_numbers(script: Callable[[str], ModuleType]) -> None:
-    module = script("thesis_statements")
+    module = script("accuracy.thesis_statements")
     errors = thesis_table(module)
     verdicts = module.judge(errors)
     assert len(verdicts) == 12
@@ -189,7 +188,7 @@ def test_the_paint_figures_are_quotients_of_what_is_shown(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "blue.md"
-    assert script("blue_paint_numbers").main(["--short", "--seeds", "0", "4", "--out", str(out)]) == 0
+    assert script("accuracy.blue_paint_numbers").main(["--short", "--seeds", "0", "4", "--out", str(out)]) == 0
     text = out.read_text(encoding="utf-8")
     assert text in capsys.readouterr().out
     assert "ε = 1e-05" in text
@@ -220,7 +219,7 @@ def test_the_paint_figures_are_quotients_of_what_is_shown(
 def test_the_paints_are_measured_beside_the_published_textures(
     script: Callable[[str], ModuleType], real_data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert script("cornell_numbers").main(["--short", "--data", str(real_data)]) == 0
+    assert script("accuracy.cornell_numbers").main(["--short", "--data", str(real_data)]) == 0
     text = capsys.readouterr().out
     assert "ε = 0.01; split by seeds [0]" in text
     assert "read as: linear texels, parabolic map" in text
@@ -241,14 +240,14 @@ def test_the_paints_are_measured_beside_the_published_textures(
 def test_without_the_paints_there_is_nothing_to_measure(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert script("cornell_numbers").main(["--short", "--data", str(tmp_path)]) == 0
+    assert script("accuracy.cornell_numbers").main(["--short", "--data", str(tmp_path)]) == 0
     printed = capsys.readouterr()
     assert printed.err.count("skipped") == 3
     assert "nothing to measure" in printed.out
 
 
 def test_one_evaluation_costs_what_it_costs(script: Callable[[str], ModuleType]) -> None:
-    module = script("cost_of_evaluation")
+    module = script("speed.cost_of_evaluation")
     for solver, status in (("cholesky", "direct"), ("lsmr", "converged")):
         job = argparse.Namespace(channels=3, samples=800, size=6, repeats=2, seed=0, solver=solver)
         found = module.evaluation(job)
@@ -264,7 +263,7 @@ def test_one_evaluation_costs_what_it_costs(script: Callable[[str], ModuleType])
 def test_the_peak_is_of_the_work_alone(
     script: Callable[[str], ModuleType], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    module = script("cost_of_evaluation")
+    module = script("speed.cost_of_evaluation")
     monkeypatch.setattr(module, "FITS", (("mccool", ""),))
     ballast = np.ones(90_000_000)  # 687 MiB that a child process must not inherit
     assert module.main(["--short", "--solvers", "cholesky", "--channels", "1"]) == 0

@@ -14,10 +14,10 @@ import torch
 from browser import browser, headless, requests
 from shading_cases import CASES
 
-from homofact.brdf.analytic.ggx import Ggx, GgxLobe
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.neural import LAYERS, NeuralBrdf
 from homofact.containers.formats import FORMATS
-from homofact.export.exported import exported
+from homofact.exporting.exported import exported
 from homofact.geometry.directions import draw_uniform
 from homofact.geometry.expression import Let, call, variable
 from homofact.geometry.interpret import interpret, value_of
@@ -29,12 +29,11 @@ Script = Callable[[str], ModuleType]
 
 @pytest.fixture
 def script(monkeypatch: pytest.MonkeyPatch) -> Script:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
     # The browser of the tests and that of the script are one file: let its errors be caught as they are.
     monkeypatch.setitem(sys.modules, "headless", headless)
     for name in ("shader_throughput", "shader_ways"):
         monkeypatch.delitem(sys.modules, name, raising=False)
-    return importlib.import_module
+    return lambda name: importlib.import_module(f"scripts.{name}")
 
 
 def run(program: Program, wi: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
@@ -49,8 +48,8 @@ LOBES = (GgxLobe((0.4, 0.5, 0.6), 0.02, 0.04), GgxLobe((0.1, 0.2, 3.0), 0.4, 0.5
 
 @pytest.mark.parametrize("lobes", [LOBES[:1], LOBES[1:], LOBES], ids=["narrow", "wide", "both"])
 def test_the_ggx_program_is_the_model(script: Script, lobes: tuple[GgxLobe, ...]) -> None:
-    model = Ggx((0.3, 0.2, 0.1), lobes)
-    program = script("ggx_program").ggx_program(model)
+    model = GgxBrdf((0.3, 0.2, 0.1), lobes)
+    program = script("speed.ggx_program").ggx_program(model)
     wi, wo = draw_uniform(2000, torch.Generator().manual_seed(1))
     mirrored = wi * torch.tensor([-1.0, -1, 1], dtype=torch.float64)
     near = torch.nn.functional.normalize(mirrored + 0.02 * wo, dim=1)
@@ -66,7 +65,7 @@ def test_the_ggx_program_is_the_model(script: Script, lobes: tuple[GgxLobe, ...]
 
 
 def test_directions_are_unit_above_the_horizon_and_all_different(script: Script) -> None:
-    module = script("shader_ways")
+    module = script("speed.shader_ways")
     wi, wo = module.directions(4000)
     for w in (wi, wo):
         assert torch.allclose(w.norm(dim=1), torch.ones(4000, dtype=torch.float64))
@@ -102,16 +101,16 @@ def ways(script: Script) -> list[Any]:
 
     "wrong" is GGX with values in Python that are not its own, "nan" a shader without values.
     """
-    module = script("shader_ways")
+    module = script("speed.shader_ways")
     sums = Program((), variable("wi", 3) + variable("wo", 3), (), ("R", "G", "B"), ())
     made = [module.Way("empty", "nothing", sums, (), module.Sum(), None, None)]
     for name, form in (("five of all kinds", "exr"), ("warped half-diff", "ktx2"), ("fixed h", "png8")):
         made.append(module.of_textures(f"textures-{form}", f"<b>{name}</b>", exported(CASES[name], FORMATS[form]), 0.1))
-    net, model = network(0), Ggx((0.3, 0.2, 0.1), LOBES)
+    net, model = network(0), GgxBrdf((0.3, 0.2, 0.1), LOBES)
     made.append(
-        module.Way("network", "network", script("network_program").network_program(net), (), net, 0.2, net.nbytes)
+        module.Way("network", "network", script("speed.network_program").network_program(net), (), net, 0.2, net.nbytes)
     )
-    program = script("ggx_program").ggx_program(model)
+    program = script("speed.ggx_program").ggx_program(model)
     made += [
         module.Way(key, key, program, (), what, 0.3, 52) for key, what in (("ggx", model), ("wrong", Louder(model)))
     ]
@@ -133,7 +132,7 @@ def test_the_page_s_values_are_python_s_and_a_wrong_shader_shows(
     script: Script, ways: list[Any], tmp_path: Path
 ) -> None:
     page = tmp_path / "page.html"
-    page.write_text(script("shader_throughput").page_of(ways, "t</script>", "about", 0.002, 16, 3, 0.1), "utf-8")
+    page.write_text(script("speed.shader_throughput").page_of(ways, "t</script>", "about", 0.002, 16, 3, 0.1), "utf-8")
     with browser(tmp_path) as driver:
         headless.open_page(driver, page)
         driver.execute_async_script(
@@ -173,9 +172,9 @@ def test_the_page_s_values_are_python_s_and_a_wrong_shader_shows(
 def test_what_does_not_compile_is_named(script: Script, ways: list[Any], tmp_path: Path) -> None:
     with browser(tmp_path):
         pass  # skips where there is none
-    module, page = script("shader_throughput"), tmp_path / "page.html"
+    module, page = script("speed.shader_throughput"), tmp_path / "page.html"
     keyword = Program((Let("flat", variable("wi", 3)),), variable("flat", 3), (), ("R", "G", "B"), ())
-    broken = script("shader_ways").Way("ggx", "the broken one", keyword, (), ways[0].reflectance, None, None)
+    broken = script("speed.shader_ways").Way("ggx", "the broken one", keyword, (), ways[0].reflectance, None, None)
     page.write_text(module.page_of([ways[0], broken], "t", "a", 0.002, 16, 1, 0.1), "utf-8")
     with pytest.raises(module.BadInput, match=r"page\.html: the broken one: the shader does not compile") as caught:
         module.shown(page, 60)
@@ -185,7 +184,7 @@ def test_what_does_not_compile_is_named(script: Script, ways: list[Any], tmp_pat
 def test_a_table_of_wrong_values_is_not_written(
     script: Script, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    module, out = script("shader_throughput"), tmp_path / "table.md"
+    module, out = script("speed.shader_throughput"), tmp_path / "table.md"
     rows = [{"cells": ["ours", "1"], "agrees": True}, {"cells": ["GGX", "5", ".3 (DIFFERS)"], "agrees": False}]
     monkeypatch.setattr(module, "shown", lambda page: ({"rows": rows}, "a browser"))
     assert module.main(["material:lafortune-clay", "--short", "--run", "--out", str(out)]) == 2
@@ -197,7 +196,7 @@ def test_a_table_of_wrong_values_is_not_written(
 def test_the_table_has_all_ways(script: Script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with browser(tmp_path):
         pass  # skips where there is none
-    module, out = script("shader_throughput"), tmp_path / "table.md"
+    module, out = script("speed.shader_throughput"), tmp_path / "table.md"
     assert module.main(["material:lafortune-clay", "--short", "--run", "--out", str(out)]) == 0
     text = out.read_text(encoding="utf-8")
     assert text in capsys.readouterr().out
@@ -223,7 +222,7 @@ def test_the_table_has_all_ways(script: Script, tmp_path: Path, capsys: pytest.C
 def test_without_run_a_page_is_written(script: Script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
     arguments = ["material:lafortune-clay", "--short", "--formats", "exr", "--page", str(page)]
-    assert script("shader_throughput").main(arguments) == 0
+    assert script("speed.shader_throughput").main(arguments) == 0
     text = page.read_text(encoding="utf-8")
     assert f"{page}: {len(text.encode()):,} bytes, 5 ways" in capsys.readouterr().out
     data = json.loads(text.partition('id="data">')[2].partition("</script>")[0])
@@ -246,7 +245,7 @@ def test_what_cannot_be_meant_is_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    assert script("shader_throughput").main([*arguments, "--short"]) == 2
+    assert script("speed.shader_throughput").main([*arguments, "--short"]) == 2
     streams = capsys.readouterr()
     assert told in streams.err
     assert (streams.out, streams.err.count("\n"), list(tmp_path.iterdir())) == ("", 1, [])
@@ -255,7 +254,7 @@ def test_what_cannot_be_meant_is_one_line(
 def test_without_a_browser_there_is_nothing_to_run(
     script: Script, ways: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = script("shader_throughput")
+    module = script("speed.shader_throughput")
     monkeypatch.setenv("PATH", "/nowhere")
     with pytest.raises(module.BadInput, match="no chromium on the PATH, expected Debian's chromium"):
         module.shown(tmp_path / "page.html")

@@ -7,13 +7,10 @@ from types import ModuleType
 import pytest
 import torch
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 @pytest.fixture
 def module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    return importlib.import_module("spectral_cost")
+    return importlib.import_module("scripts.speed.spectral_cost")
 
 
 def test_the_same_evaluations_of_3_and_31_channels(

@@ -10,41 +10,39 @@ from types import ModuleType
 
 import pytest
 
-from homofact.sweep.ledger import Ledger
-from homofact.sweep.local import Ending
-from homofact.sweep.summary import rows_of
-from homofact.sweep.task import Task
+from homofact.sweeps.ledger import SweepLedger
+from homofact.sweeps.local import TaskEnding
+from homofact.sweeps.summary import rows_of
+from homofact.sweeps.task import Task
 
 
 @pytest.fixture
 def script(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], ModuleType]:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
     monkeypatch.setenv("HOMOFACT_STAND_IN", str(tmp_path))
-    return importlib.import_module
+    return lambda name: importlib.import_module(f"scripts.{name}")
 
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The folder with the result that stands for all."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
         patch.setenv("HOMOFACT_STAND_IN", "")
         place = tmp_path_factory.mktemp("stand-in")
-        importlib.import_module("sweep_stand_in").prepare(place)
+        importlib.import_module("scripts.sweeps.sweep_stand_in").prepare(place)
         yield place
 
 
 def test_stand_ins_are_swept_and_summed_up_as_fits_are(
     script: Callable[[str], ModuleType], prepared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = script("sweep_stand_in")
+    module = script("sweeps.sweep_stand_in")
     monkeypatch.setenv("HOMOFACT_STAND_IN", str(prepared))
     out = tmp_path / "sweep"
 
     class Here:
-        def run(self, tasks: list[Task], ended: Callable[[Ending], bool]) -> None:
+        def run(self, tasks: list[Task], ended: Callable[[TaskEnding], bool]) -> None:
             for task in tasks:
-                ended(Ending(task, module.stand_in(task, out)["seconds"]))
+                ended(TaskEnding(task, module.stand_in(task, out)["seconds"]))
 
     @contextmanager
     def engine_of(*_: object) -> Iterator[Here]:
@@ -66,7 +64,7 @@ def test_stand_ins_are_swept_and_summed_up_as_fits_are(
 
 
 def test_time_between_tasks_is_what_no_task_takes(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
-    numbers = script("sweep_numbers")
+    numbers = script("sweeps.sweep_numbers")
     log = ["1 0 begin 100", "2 1 begin 101", "1 0 end 110", "1 2 begin 110.5", "2 1 end 111", "1 2 end 120.5"]
     (tmp_path / "log").write_text("\n".join([*log, "2 3 begin 111.25", "2 3 end 121"]) + "\n")
     share, longest = numbers.between_tasks()
@@ -77,10 +75,10 @@ def test_time_between_tasks_is_what_no_task_takes(script: Callable[[str], Module
 def test_a_row_tells_what_was_done_again_from_what_was_cut_short(
     script: Callable[[str], ModuleType], tmp_path: Path
 ) -> None:
-    kills, folder = script("sweep_kills"), tmp_path / "case"
+    kills, folder = script("sweeps.sweep_kills"), tmp_path / "case"
     folder.mkdir()
     case = kills.Case(folder, [""] * 5)
-    ledger = Ledger(case.out)
+    ledger = SweepLedger(case.out)
     ledger.begin("stand-ins", case.tasks)
     for task in case.tasks[:3]:
         ledger.place(task).mkdir(parents=True)
@@ -100,6 +98,6 @@ def test_a_client_that_ends_in_an_error_is_one_line(
 ) -> None:
     (tmp_path / "labels.json").write_text("[]")
     (tmp_path / "file").touch()
-    client = script("sweep_stand_in").main
+    client = script("sweeps.sweep_stand_in").main
     assert client(["client", str(tmp_path / "file"), str(tmp_path / "labels.json"), "2"]) == 2
     assert capsys.readouterr().err.count("\n") == 1

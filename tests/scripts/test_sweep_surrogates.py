@@ -8,14 +8,13 @@ import pytest
 from swept import make_sweep
 
 from homofact.methods.cole import Cole
-from homofact.sweep.summary import rows_of
-from homofact.sweep.sweep_file import read_sweep
+from homofact.sweeps.summary import rows_of
+from homofact.sweeps.sweep_file import read_sweep
 
 
 @pytest.fixture
 def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
-    return importlib.import_module("sweep_surrogates")
+    return importlib.import_module("scripts.sweeps.sweep_surrogates")
 
 
 def test_three_methods_at_three_sizes(script: ModuleType, tmp_path: Path) -> None:

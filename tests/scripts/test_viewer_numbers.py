@@ -14,9 +14,8 @@ def test_the_file_s_size_and_its_first_picture_are_measured(
 ) -> None:
     with browser(tmp_path):
         pass  # skips where there is none
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
     monkeypatch.delitem(sys.modules, "viewer_numbers", raising=False)
-    module = importlib.import_module("viewer_numbers")
+    module = importlib.import_module("scripts.speed.viewer_numbers")
     page, out = tmp_path / "view.html", tmp_path / "numbers.md"
     assert module.main(["--short", "--page", str(page), "--out", str(out)]) == 0
     text = out.read_text(encoding="utf-8")
@@ -36,8 +35,7 @@ def test_the_file_s_size_and_its_first_picture_are_measured(
 def test_without_a_browser_there_is_nothing_to_measure(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
-    module = importlib.import_module("viewer_numbers")
+    module = importlib.import_module("scripts.speed.viewer_numbers")
     monkeypatch.setenv("PATH", "/nowhere")
     assert module.main(["--short"]) == 2
     assert capsys.readouterr().err.startswith("no chromium on the PATH, expected Debian's chromium")

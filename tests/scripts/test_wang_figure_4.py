@@ -8,16 +8,9 @@ import torch
 
 from homofact.geometry.directions import draw_uniform
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-
-
-@pytest.fixture(autouse=True)
-def scripts_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-
 
 def test_it_leaves_a_table_and_a_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert importlib.import_module("wang_figure_4").main(["--short", "--out", str(tmp_path)]) == 0
+    assert importlib.import_module("scripts.accuracy.wang_figure_4").main(["--short", "--out", str(tmp_path)]) == 0
     text = (tmp_path / "wang_figure_4.md").read_text()
     assert text in capsys.readouterr().out
     assert "(equal to 1e-6)" in text
@@ -27,6 +20,8 @@ def test_it_leaves_a_table_and_a_figure(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_skin_needs_few_terms() -> None:
     pairs = draw_uniform(5000, torch.Generator().manual_seed(0))
-    found = importlib.import_module("wang_figure_4").curve("lafortune-skin", "polar", False, 16, 8, pairs)
+    found = importlib.import_module("scripts.accuracy.wang_figure_4").curve(
+        "lafortune-skin", "polar", False, 16, 8, pairs
+    )
     assert list(found.errors) == sorted(found.errors, reverse=True)
     assert found.errors[7] < 0.5 * found.errors[0] < 0.03

@@ -17,13 +17,13 @@ from skies import normals
 from webgpu import SAMPLER, WIDENED, Gpu, Image, hlsl_main
 
 from homofact.containers.formats import FORMATS
-from homofact.export.exported import exported, write_exported
-from homofact.export.layered import codes, exported_layers
-from homofact.export.prefiltered import PrefilteredExport
+from homofact.exporting.exported import exported, write_exported
+from homofact.exporting.layered import codes, exported_layers
+from homofact.exporting.prefiltered import PrefilteredExport
 from homofact.factor.projection import Warp, fixed_projection
-from homofact.render.cube import directions_of
-from homofact.render.prefilter import Prefiltered, program_of_light
-from homofact.render.sky_chain import SkyChain
+from homofact.rendering.cube import directions_of
+from homofact.rendering.prefilter import Prefiltered, program_of_light
+from homofact.rendering.sky_chain import SkyChain
 from homofact.shading.functions import functions_text, sampling_functions
 from homofact.shading.languages import HLSL, shader
 from homofact.shading.mixture_fit import fitted_mixture

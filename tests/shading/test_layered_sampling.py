@@ -14,7 +14,7 @@ from torch import Tensor
 from webgpu import Gpu, glslang
 
 from homofact.containers.formats import FORMATS
-from homofact.export.layered import codes, exported_layers, put_layers, with_sampling
+from homofact.exporting.layered import codes, exported_layers, put_layers, with_sampling
 from homofact.geometry.directions import draw_uniform
 from homofact.shading.functions import functions_in_c, functions_text, sampling_functions, sampling_of_layers
 from homofact.shading.languages import GLSL, HLSL, WGSL, Language

@@ -31,7 +31,9 @@ class AshikhminShirley(AnalyticModel):
         for name in ("diffuse", "specular"):
             self.check_colour(name)
             if max(getattr(self, name)) > 1:
-                raise BadInput(f"AshikhminShirley: {name} is {getattr(self, name)}, expected numbers in [0, 1]")
+                raise BadInput(
+                    f"{name} is {getattr(self, name)}", where="AshikhminShirley", expected="numbers in [0, 1]"
+                )
         self.check_above("nu", 0, inclusive=True)
         self.check_above("nv", 0, inclusive=True)
 

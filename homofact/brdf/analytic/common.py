@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
+from homofact.brdf.in_kind import answering_in_kind
 from homofact.errors import BadInput
 from homofact.geometry.namespace import length, like, namespace, normalized
 
@@ -52,6 +53,7 @@ class AnalyticModel(ABC):
     def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """The model's values (N, C) in sr⁻¹ for directions on or above the horizon."""
 
+    @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """BRDF values (N, C) in sr⁻¹, linear, without the cosine; 0 where a direction is under the horizon.
 
@@ -76,16 +78,18 @@ class AnalyticModel(ABC):
         value = getattr(self, name)
         who = f"{type(self).__name__}: {name}"
         if len(value) != len(self.channels):
-            raise BadInput(f"{who} has {len(value)} numbers, expected one for each of {', '.join(self.channels)}")
+            raise BadInput(f"{who} has {len(value)} numbers", expected=f"one for each of {', '.join(self.channels)}")
         if not all(math.isfinite(x) and x >= 0 for x in value):
-            raise BadInput(f"{who} is {value}, expected finite numbers >= 0")
+            raise BadInput(f"{who} is {value}", expected="finite numbers >= 0")
 
     def check_above(self, name: str, bound: float, inclusive: bool = False) -> None:
         """Refuse a scalar field that is not finite and above (or at, where `inclusive`) `bound`."""
         value = getattr(self, name)
         if not math.isfinite(value) or value < bound or (value == bound and not inclusive):
             sign = ">=" if inclusive else ">"
-            raise BadInput(f"{type(self).__name__}: {name} is {value}, expected a finite number {sign} {bound:g}")
+            raise BadInput(
+                f"{name} is {value}", where=type(self).__name__, expected=f"a finite number {sign} {bound:g}"
+            )
 
 
 def _count(value: Any) -> int:

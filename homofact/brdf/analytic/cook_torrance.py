@@ -39,7 +39,7 @@ class CookTorrance(AnalyticModel):
         self.check_colour("specular")
         self.check_above("roughness", 0)
         if not 0 < self.reflectance < 1:
-            raise BadInput(f"CookTorrance: reflectance is {self.reflectance}, expected between 0 and 1")
+            raise BadInput(f"reflectance is {self.reflectance}", where="CookTorrance", expected="between 0 and 1")
 
     @property
     def index(self) -> float:

@@ -32,7 +32,7 @@ class GgxLobe:
 
 
 @dataclass(frozen=True)
-class Ggx(AnalyticModel):
+class GgxBrdf(AnalyticModel):
     """The formula of the module's head in sr⁻¹, `diffuse` kd."""
 
     diffuse: Colour
@@ -43,11 +43,12 @@ class Ggx(AnalyticModel):
         self.check_colour("diffuse")
         for lobe in self.lobes:
             if len(lobe.specular) != len(self.channels) or not all(0 <= x < math.inf for x in lobe.specular):
-                raise BadInput(f"Ggx: specular is {lobe.specular}, expected one number >= 0 a channel")
+                raise BadInput(f"specular is {lobe.specular}", where="Ggx", expected="one number >= 0 a channel")
             if not 0 < lobe.roughness < math.inf or not 0 <= lobe.reflectance <= 1:
                 raise BadInput(
-                    f"Ggx: found a roughness of {lobe.roughness} and a reflectance of {lobe.reflectance}, expected"
-                    " the one above 0, the other from 0 to 1"
+                    where="Ggx",
+                    found=f"a roughness of {lobe.roughness} and a reflectance of {lobe.reflectance}",
+                    expected="the one above 0, the other from 0 to 1",
                 )
 
     def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":

@@ -40,11 +40,14 @@ class Lafortune(AnalyticModel):
                 value = getattr(lobe, name)
                 if len(value) != len(self.channels):
                     raise BadInput(
-                        f"Lafortune: {name} of lobe {j} has {len(value)} numbers,"
-                        f" expected one for each of {', '.join(self.channels)}"
+                        f"{name} of lobe {j} has {len(value)} numbers",
+                        where="Lafortune",
+                        expected=f"one for each of {', '.join(self.channels)}",
                     )
                 if not all(math.isfinite(x) for x in value) or (name == "n" and min(value) <= 0):
-                    raise BadInput(f"Lafortune: {name} of lobe {j} is {value}, expected finite numbers, n above 0")
+                    raise BadInput(
+                        f"{name} of lobe {j} is {value}", where="Lafortune", expected="finite numbers, n above 0"
+                    )
 
     def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
         """Diffuse term and lobes."""

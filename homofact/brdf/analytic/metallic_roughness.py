@@ -22,7 +22,7 @@ from torch import Tensor
 from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector, schlick
 from homofact.errors import BadInput
 
-DIELECTRIC = 0.04
+_DIELECTRIC = 0.04
 # Renderers keep α above 0: below, a lamp's mirror image is a point that no pixel meets.
 _LEAST_ALPHA = 1e-4
 
@@ -46,7 +46,7 @@ class MetallicRoughness(AnalyticModel):
         numbers = {name: getattr(self, name) for name in single} | {"base_colour": max(self.base_colour)}
         for name, value in numbers.items():
             if not 0 <= value <= 1:
-                raise BadInput(f"MetallicRoughness: {name} is {value}, expected 0 to 1")
+                raise BadInput(f"{name} is {value}", where="MetallicRoughness", expected="0 to 1")
 
     @property
     def isotropic(self) -> bool:
@@ -66,7 +66,7 @@ def metallic_roughness(colour: Tensor, numbers: Tensor, along: Tensor | None, wi
     metallic, roughness, coat, coat_roughness = numbers
     h, towards = half_vector(wi, wo)
     lobe = _lobe(roughness, h, wi, wo) if along is None else _long_lobe(roughness, along, h, wi, wo)
-    fresnel = schlick(torch.full_like(colour[:1], DIELECTRIC), towards)
+    fresnel = schlick(torch.full_like(colour[:1], _DIELECTRIC), towards)
     dielectric = colour / math.pi * (1 - fresnel) + lobe[:, None] * fresnel
     material = (1 - metallic) * dielectric + metallic * lobe[:, None] * schlick(colour, towards)
     share = coat * fresnel

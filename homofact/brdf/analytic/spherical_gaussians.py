@@ -37,21 +37,27 @@ class SphericalGaussians(AnalyticModel):
     def __post_init__(self) -> None:
         """Refuse colours that do not fit the channels, λ ≤ 0 and F0 outside [0, 1]."""
         self.check_colour("diffuse")
-        for each in self.gaussians:
-            if len(each.amplitude) != len(self.channels) or not all(0 <= x < math.inf for x in each.amplitude):
-                raise BadInput(f"SphericalGaussians: amplitude is {each.amplitude}, expected one number >= 0 a channel")
-            if not 0 < each.sharpness < math.inf:
-                raise BadInput(f"SphericalGaussians: sharpness is {each.sharpness}, expected a number above 0")
+        for lobe in self.gaussians:
+            if len(lobe.amplitude) != len(self.channels) or not all(0 <= x < math.inf for x in lobe.amplitude):
+                raise BadInput(
+                    f"amplitude is {lobe.amplitude}", where="SphericalGaussians", expected="one number >= 0 a channel"
+                )
+            if not 0 < lobe.sharpness < math.inf:
+                raise BadInput(
+                    f"sharpness is {lobe.sharpness}", where="SphericalGaussians", expected="a number above 0"
+                )
         if not 0 <= self.reflectance <= 1:
-            raise BadInput(f"SphericalGaussians: reflectance is {self.reflectance}, expected a number from 0 to 1")
+            raise BadInput(
+                f"reflectance is {self.reflectance}", where="SphericalGaussians", expected="a number from 0 to 1"
+            )
 
     def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """Diffuse term and the Gaussians."""
         values = self.diffuse_term(self.diffuse, wi)
         f0 = like(self.reflectance, wi)
-        for each in self.gaussians:
-            sharpness = like(each.sharpness, wi)
-            values = values + gaussian(sharpness, f0, wi, wo)[..., None] * self.colour(each.amplitude, wi)
+        for lobe in self.gaussians:
+            sharpness = like(lobe.sharpness, wi)
+            values = values + gaussian(sharpness, f0, wi, wo)[..., None] * self.colour(lobe.amplitude, wi)
         return values
 
 

@@ -36,17 +36,18 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     del raw
     for reader in _readers_of(head, size):
         if member is not None and not hasattr(reader, "material_names"):
-            raise BadInput(f"{path}: {reader.NAME} files hold one material, expected no #{member}")
+            raise BadInput(f"{reader.NAME} files hold one material", where=path, expected=f"no #{member}")
         if hasattr(reader, "open_file"):
             return reader.open_file(path, channels, drawing)
         return Reading(reader.read(path, channels))
     if hint := hint_of(head):
         others = ", ".join(reader.NAME for reader in READERS if reader is not csv)
-        raise BadInput(
-            f"{file}: content of no known format (begins with {beginning(head)}): {hint}; other formats: {others}"
-        )
+        what = f"content of no known format (begins with {beginning(head)}): {hint}; other formats: {others}"
+        raise BadInput(what, where=file)
     known = "; ".join(f"{reader.NAME}: {reader.DESCRIPTION}" for reader in READERS)
-    raise BadInput(f"{file}: content of no known format (begins with {beginning(head)}), expected one of: {known}")
+    raise BadInput(
+        f"content of no known format (begins with {beginning(head)})", where=file, expected=f"one of: {known}"
+    )
 
 
 def format_of(path: str | os.PathLike[str]) -> str | None:

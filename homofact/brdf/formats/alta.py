@@ -70,18 +70,20 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     parameters = PARAMETERIZATIONS[name]
     count, intervals = _sizes(path, header, parameters.columns)
     if output.endswith("COLOR") and count != 3:
-        raise BadInput(f"{path}: {output} with {count} values a row, expected 3")
+        raise BadInput(f"{output} with {count} values a row", where=path, expected="3")
     rows = [(number, line) for number, line in lines if not line.startswith("#")]
     if not rows:
-        raise BadInput(f"{path}: no samples after the header, expected rows of {parameters.columns + count} numbers")
+        raise BadInput(
+            "no samples after the header", where=path, expected=f"rows of {parameters.columns + count} numbers"
+        )
     what = f"{parameters.columns} of {name}, {count} values" + (f", {intervals} of intervals" if intervals else "")
     numbers, places = number_table(path, rows, parameters.columns + count + intervals, what)
     check_last_line(path, raw, lines[-1][0])
     wide = np.abs(numbers[:, : parameters.columns]).max(1) > 2 * math.pi + _SLACK
     if parameters.angles and wide.any():
         row = int(wide.argmax())
-        found = numbers[row, : parameters.columns].tolist()
-        raise BadInput(f"{path}: line {places[row]}: {name} is {found}, expected angles in radians")
+        angles = numbers[row, : parameters.columns].tolist()
+        raise BadInput(f"{name} is {angles}", where=f"{path}: line {places[row]}", expected="angles in radians")
     light, view = parameters.directions(torch.from_numpy(numbers[:, : parameters.columns].copy()))
     values = torch.from_numpy(numbers[:, parameters.columns : parameters.columns + count].copy())
     usable = _above(light) & _above(view)
@@ -89,7 +91,9 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     keep = usable & ~near
     light, view, values = _on(light[keep]), _on(view[keep]), values[keep]
     if not len(values):
-        raise BadInput(f"{path}: none of {len(keep)} rows has both directions above the horizon, expected at least one")
+        raise BadInput(
+            f"none of {len(keep)} rows has both directions above the horizon", where=path, expected="at least one"
+        )
     if output == _COSINE:
         values = values / view[:, 2:]
     if output == "XYZ_COLOR":
@@ -101,7 +105,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         "negative": int(negative.sum()),
         "exact_zeros": int((values == 0).sum()),
     }
-    samples = Samples.make(
+    samples = Samples(
         light,
         view,
         values.clamp_min(0),
@@ -118,7 +122,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     try:
         return as_channels(samples, channels)
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise error.at(path) from error
 
 
 def _header(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, tuple[int, str]], list[str]]:
@@ -131,10 +135,10 @@ def _header(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, tuple
         key, _, text = line.partition(" ")
         if key in ("#DIM", "#VS", "#PARAM_IN", "#PARAM_OUT", "#CHANNELS"):
             if header.get(key, (0, text.strip()))[1] != text.strip():
-                raise BadInput(f"{path}: line {number}: {key} for the second time, expected it once")
+                raise BadInput(f"{key} for the second time", where=f"{path}: line {number}", expected="it once")
             header[key] = (number, text.strip())
         elif "BINARY" in key or (key == "#FORMAT" and "binary" in text.lower()):
-            raise BadInput(f"{path}: line {number}: binary ALTA data, expected text")
+            raise BadInput("binary ALTA data", where=f"{path}: line {number}", expected="text")
         elif len(comments) < 64:
             comments.append(line.lstrip("# ")[:200])
     return header, [comment for comment in comments if comment]
@@ -144,9 +148,9 @@ def _named(path: object, header: dict[str, tuple[int, str]], key: str, known: Co
     number, text = header.get(key, (0, ""))
     words = ", ".join(known)
     if not text:
-        raise BadInput(f"{path}: no {key}, so its units are unknown; expected one of {words}")
+        raise BadInput(f"no {key}, so its units are unknown", where=path, expected=f"one of {words}")
     if text not in known:
-        raise BadInput(f"{path}: line {number}: {key} is {short(text)}, expected one of {words}")
+        raise BadInput(f"{key} is {short(text)}", where=f"{path}: line {number}", expected=f"one of {words}")
     return text
 
 
@@ -155,18 +159,26 @@ def _sizes(path: object, header: dict[str, tuple[int, str]], columns: int) -> tu
     number, text = header.get("#DIM", (0, ""))
     words = text.split()
     if len(words) != 2 or not all(word.isascii() and word.isdecimal() and len(word) < 6 for word in words):
-        raise BadInput(f"{path}: line {number}: #DIM is {short(text)}, expected two numbers: inputs and values")
+        raise BadInput(
+            f"#DIM is {short(text)}", where=f"{path}: line {number}", expected="two numbers: inputs and values"
+        )
     if int(words[0]) != columns or not 1 <= int(words[1]) <= _MOST_COLUMNS:
-        raise BadInput(f"{path}: line {number}: #DIM is {short(text)}, expected {columns} inputs and 1 or more values")
+        raise BadInput(
+            f"#DIM is {short(text)}", where=f"{path}: line {number}", expected=f"{columns} inputs and 1 or more values"
+        )
     number, text = header.get("#VS", (0, "0"))
     intervals = text.split()
     if not intervals or len(intervals) > _MOST_COLUMNS or any(word not in ("0", "1", "2") for word in intervals):
-        raise BadInput(f"{path}: line {number}: #VS is {short(text)}, expected 0, 1 or 2 for each value")
+        raise BadInput(f"#VS is {short(text)}", where=f"{path}: line {number}", expected="0, 1 or 2 for each value")
     # One number stands for all values.
-    each = intervals * int(words[1]) if len(intervals) == 1 else intervals
-    if len(each) != int(words[1]):
-        raise BadInput(f"{path}: line {number}: #VS has {len(each)} numbers, expected {words[1]}, one for each value")
-    return int(words[1]), sum(map(int, each))
+    intervals = intervals * int(words[1]) if len(intervals) == 1 else intervals
+    if len(intervals) != int(words[1]):
+        raise BadInput(
+            f"#VS has {len(intervals)} numbers",
+            where=f"{path}: line {number}",
+            expected=f"{words[1]}, one for each value",
+        )
+    return int(words[1]), sum(map(int, intervals))
 
 
 def _channels(path: object, header: dict[str, tuple[int, str]], count: int) -> tuple[str, ...]:
@@ -174,7 +186,9 @@ def _channels(path: object, header: dict[str, tuple[int, str]], count: int) -> t
     if text:
         names = tuple(text.split())
         if len(names) != count or len(set(names)) != count:
-            raise BadInput(f"{path}: line {number}: #CHANNELS is {short(text)}, expected {count} different names")
+            raise BadInput(
+                f"#CHANNELS is {short(text)}", where=f"{path}: line {number}", expected=f"{count} different names"
+            )
         return names
     return {1: ("Y",), 3: ("R", "G", "B")}.get(count) or tuple(f"value{k}" for k in range(1, count + 1))
 
@@ -192,7 +206,7 @@ def _on(w: Tensor) -> Tensor:
     return torch.where((length - 1).abs() <= 4 * torch.finfo(w.dtype).eps, w, w / length)
 
 
-WRITTEN = ("ISOTROPIC_TV_TL_DPHI", "SPHERICAL_TL_PL_TV_PV", "CARTESIAN")
+_WRITTEN = ("ISOTROPIC_TV_TL_DPHI", "SPHERICAL_TL_PL_TV_PV", "CARTESIAN")
 
 
 def write(
@@ -206,13 +220,13 @@ def write(
     Raises BadInput for an unknown parameterization, an isotropic one for anisotropic samples, channel names
     with blanks, and where the place cannot be written.
     """
-    name = parameterization or WRITTEN[0 if samples.isotropic else 1]
-    if name not in WRITTEN:
-        raise BadInput(f"ALTA parameterization: found {name!r}, expected one of {', '.join(WRITTEN)}")
-    if name == WRITTEN[0] and not samples.isotropic:
-        raise BadInput(f"ALTA parameterization: {name} for anisotropic samples, expected {WRITTEN[1]}")
+    name = parameterization or _WRITTEN[0 if samples.isotropic else 1]
+    if name not in _WRITTEN:
+        raise BadInput(where="ALTA parameterization", found=repr(name), expected=f"one of {', '.join(_WRITTEN)}")
+    if name == _WRITTEN[0] and not samples.isotropic:
+        raise BadInput(f"{name} for anisotropic samples", where="ALTA parameterization", expected=_WRITTEN[1])
     if any(channel.split() != [channel] for channel in samples.channels):
-        raise BadInput(f"ALTA file: channels {', '.join(samples.channels)}, expected names without blanks")
+        raise BadInput(f"channels {', '.join(samples.channels)}", where="ALTA file", expected="names without blanks")
     columns = torch.cat((_inputs(samples, name), samples.values), 1)
     head = [f"#SOURCE {' '.join(line.split())}" for line in comments]
     head += [

@@ -23,9 +23,8 @@ import torch
 
 from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
 from homofact.brdf.formats.reading import check_azimuths
-from homofact.brdf.samples import Samples
+from homofact.brdf.samples import Samples, lit_from_one_azimuth
 from homofact.brdf.spectral import FROM_XYZ
-from homofact.brdf.symmetry import lit_from_one_azimuth
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
@@ -57,7 +56,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     names, count, comments, start = _header(path, lines)
     numbers, places = number_table(path, lines[start:], len(names), "as VARS names", ",")
     if len(numbers) != count:
-        raise BadInput(f"{path}: {len(numbers)} rows, expected {count} (NUM_POINTS)")
+        raise BadInput(f"{len(numbers)} rows", where=path, expected=f"{count} (NUM_POINTS)")
     check_last_line(path, raw, lines[-1][0])
     table = {name: torch.from_numpy(numbers[:, k].copy()) for k, name in enumerate(names)}
     zero = torch.zeros(count, dtype=torch.float64)
@@ -70,8 +69,9 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     if bool(wrong.any()):
         row = int(wrong.nonzero()[0])
         raise BadInput(
-            f"{path}: line {places[row]}: theta_i {float(theta_i[row]):g}, theta_s {float(theta_s[row]):g};"
-            " expected angles up to the horizon, pi/2 radians or 90 degrees"
+            f"theta_i {float(theta_i[row]):g}, theta_s {float(theta_s[row]):g}",
+            where=f"{path}: line {places[row]}",
+            expected="angles up to the horizon, pi/2 radians or 90 degrees",
         )
     for name, phi in (("phi_i", phi_i), ("phi_s", phi_s)):
         check_azimuths(path, places, name, phi, degrees)
@@ -83,7 +83,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     negative = values < 0
     across = torch.where(theta_s < 0, math.pi, 0.0)
     wi = from_spherical((theta_i * scale).clamp_max(math.pi / 2), phi_i * scale)
-    samples = Samples.make(
+    samples = Samples(
         wi,
         from_spherical((theta_s.abs() * scale).clamp_max(math.pi / 2), phi_s * scale + across),
         values.clamp_min(0),
@@ -100,7 +100,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     try:
         return as_channels(samples, channels)
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise error.at(path) from error
 
 
 def _header(path: object, lines: list[tuple[int, str]]) -> tuple[list[str], int, list[str], int]:
@@ -111,26 +111,30 @@ def _header(path: object, lines: list[tuple[int, str]]) -> tuple[list[str], int,
         text = text.strip()
         if key == "NUM_POINTS":
             if not (text.isascii() and text.isdecimal() and len(text) < 10 and int(text) > 0):
-                raise BadInput(f"{path}: line {number}: NUM_POINTS is {short(text)}, expected how many rows there are")
+                raise BadInput(
+                    f"NUM_POINTS is {short(text)}", where=f"{path}: line {number}", expected="how many rows there are"
+                )
             count = int(text)
         elif key == "VARS":
             if count is None:
-                raise BadInput(f"{path}: line {number}: VARS before NUM_POINTS, expected how many rows there are")
+                raise BadInput(
+                    "VARS before NUM_POINTS", where=f"{path}: line {number}", expected="how many rows there are"
+                )
             # The length in lines is known, so a count that the file cannot hold is refused here.
             if count > len(lines) - index - 1:
-                raise BadInput(f"{path}: {len(lines) - index - 1} rows, expected {count} (NUM_POINTS)")
+                raise BadInput(f"{len(lines) - index - 1} rows", where=path, expected=f"{count} (NUM_POINTS)")
             return _columns(path, number, text), count, comments, index + 1
         elif len(comments) < 64:
             comments.append(line[:200])
-    raise BadInput(f"{path}: no VARS, expected a line that names the columns")
+    raise BadInput("no VARS", where=path, expected="a line that names the columns")
 
 
 def _columns(path: object, number: int, text: str) -> list[str]:
     names = [" ".join(word.split()) for word in text.split(",")]
     if len(names) > _MOST_COLUMNS or "" in names or len(set(names)) < len(names):
-        raise BadInput(f"{path}: line {number}: VARS has {len(names)} columns, expected different names")
+        raise BadInput(f"VARS has {len(names)} columns", where=f"{path}: line {number}", expected="different names")
     if "theta_i" not in names or "theta_s" not in names or all(name in ANGLES for name in names):
-        raise BadInput(f"{path}: line {number}: VARS is {short(text)}, expected theta_i, theta_s and values")
+        raise BadInput(f"VARS is {short(text)}", where=f"{path}: line {number}", expected="theta_i, theta_s and values")
     return names
 
 
@@ -138,7 +142,7 @@ def write(path: str | os.PathLike[str], samples: Samples, name: str = "sample") 
     """Write samples under the SAMPLE_NAME `name`. Raises BadInput for channel names that the format cannot hold."""
     for channel in samples.channels:
         if channel in ANGLES or " ".join(channel.split()) != channel or not channel or "," in channel:
-            raise BadInput(f"ASTM file: channel {channel!r}, expected a name without commas that is no angle")
+            raise BadInput(f"channel {channel!r}", where="ASTM file", expected="a name without commas that is no angle")
     theta_i, phi_i = to_spherical(samples.wi)
     theta_s, phi_s = to_spherical(samples.wo)
     if samples.isotropic:

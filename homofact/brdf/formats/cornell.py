@@ -57,11 +57,15 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     wavelengths, start = _wavelengths(path, lines)
     rows = [_row(path, number, line, len(wavelengths)) for number, line in lines[start:]]
     if not rows:
-        raise BadInput(f"{path}: no samples after the wavelengths, expected rows of {4 + len(wavelengths)} numbers")
+        raise BadInput(
+            "no samples after the wavelengths", where=path, expected=f"rows of {4 + len(wavelengths)} numbers"
+        )
     if not raw.endswith((b"\n", b"\r")):
         raise BadInput(
-            f"{path}: line {lines[-1][0]} has no line end, so its last number may be cut;"
-            " expected a whole file (or add the line end)"
+            f"line {lines[-1][0]} has no line end, so its last number may be cut",
+            where=path,
+            expected="a whole file",
+            hint="or add the line end",
         )
     table = torch.tensor(rows, dtype=torch.float64)
     theta_i, theta_s = (table[:, k].clamp_max(math.pi / 2) for k in (0, 2))
@@ -70,7 +74,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     values = table[:, 4:]
     zeros = values == 0
     comments = [line.lstrip("# ").rstrip() for line in text_of(raw).splitlines() if line.startswith("#")]
-    samples = Samples.make(
+    samples = Samples(
         from_spherical(theta_i, table[:, 1]),
         from_spherical(theta_s, table[:, 3]),
         values,
@@ -99,8 +103,9 @@ def write(
     """
     if angles.shape != (spectra.shape[0], 4) or spectra.shape[1] != len(wavelengths):
         raise BadInput(
-            f"{path}: angles {tuple(angles.shape)}, spectra {tuple(spectra.shape)} and"
-            f" {len(wavelengths)} wavelengths disagree, expected (N, 4), (N, W) and W"
+            f"angles {tuple(angles.shape)}, spectra {tuple(spectra.shape)} and {len(wavelengths)} wavelengths disagree",
+            where=path,
+            expected="(N, 4), (N, W) and W",
         )
     text = [*(f"# {line}" for line in comments), "", "# num wls", str(len(wavelengths)), "", "# wls"]
     words = [f"{w:g}" for w in wavelengths]
@@ -126,40 +131,43 @@ def _is_count(word: str) -> bool:
 def _wavelengths(path: object, lines: list[tuple[int, str]]) -> tuple[list[float], int]:
     """The wavelengths in nm and the index of the first line after them."""
     if not lines:
-        raise BadInput(f"{path}: only comments, expected the number of wavelengths")
+        raise BadInput("only comments", where=path, expected="the number of wavelengths")
     number, line = lines[0]
     if not _is_count(line):
-        raise BadInput(f"{path}: line {number}: found {short(line)}, expected the number of wavelengths")
-    count, found, index = int(line), [], 1
-    while len(found) < count:
+        raise BadInput(where=f"{path}: line {number}", found=short(line), expected="the number of wavelengths")
+    count, wavelengths, index = int(line), [], 1
+    while len(wavelengths) < count:
         if index == len(lines):
-            raise BadInput(f"{path}: the file ends after {len(found)} wavelengths, expected {count}")
+            raise BadInput(f"the file ends after {len(wavelengths)} wavelengths", where=path, expected=count)
         number, line = lines[index]
         for word in line.split():
             value = _number(path, number, word)
-            if not value > (found[-1] if found else 0):
-                raise BadInput(f"{path}: line {number}: wavelength {word}, expected rising numbers above 0")
-            found.append(value)
-        if len(found) > count:
-            raise BadInput(f"{path}: line {number}: {len(found)} wavelengths, expected {count}")
+            if not value > (wavelengths[-1] if wavelengths else 0):
+                raise BadInput(f"wavelength {word}", where=f"{path}: line {number}", expected="rising numbers above 0")
+            wavelengths.append(value)
+        if len(wavelengths) > count:
+            raise BadInput(f"{len(wavelengths)} wavelengths", where=f"{path}: line {number}", expected=count)
         index += 1
-    return found, index
+    return wavelengths, index
 
 
 def _row(path: object, number: int, line: str, wavelengths: int) -> list[float]:
     words = line.split()
     if len(words) != 4 + wavelengths:
         raise BadInput(
-            f"{path}: line {number}: {len(words)} columns, expected {4 + wavelengths}"
-            f" (4 angles and {wavelengths} values)"
+            f"{len(words)} columns",
+            where=f"{path}: line {number}",
+            expected=f"{4 + wavelengths} (4 angles and {wavelengths} values)",
         )
     row = [_number(path, number, word) for word in words]
     for name, theta in (("theta i", row[0]), ("theta s", row[2])):
         if not 0 <= theta <= math.pi / 2 + _ANGLE_SLACK:
-            raise BadInput(f"{path}: line {number}: {name} is {theta:g}, under the horizon; expected 0 to pi/2 radians")
+            raise BadInput(
+                f"{name} is {theta:g}, under the horizon", where=f"{path}: line {number}", expected="0 to pi/2 radians"
+            )
     for k, value in enumerate(row[4:], 1):
         if value < 0:
-            raise BadInput(f"{path}: line {number}: value {k} is {value:g}, expected a BRDF >= 0")
+            raise BadInput(f"value {k} is {value:g}", where=f"{path}: line {number}", expected="a BRDF >= 0")
     return row
 
 
@@ -170,5 +178,5 @@ def _number(path: object, number: int, word: str) -> float:
         value = math.nan
     # float() takes "1_0" too, which no measurement means.
     if not math.isfinite(value) or "_" in word:
-        raise BadInput(f"{path}: line {number}: found {short(word)}, expected a finite number")
+        raise BadInput(where=f"{path}: line {number}", found=short(word), expected="a finite number")
     return value

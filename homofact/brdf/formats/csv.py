@@ -22,8 +22,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
-from homofact.brdf.samples import Samples
-from homofact.brdf.symmetry import lit_from_one_azimuth
+from homofact.brdf.samples import Samples, lit_from_one_azimuth
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
@@ -44,7 +43,7 @@ _LENGTH_TOLERANCE = 1e-3
 _ASSUMED = "taken as isotropic, as all light has one azimuth (a line # isotropic: false says otherwise)"
 
 # Which rows of a column are wrong (N,), and what is said of one.
-_Fault = tuple[Tensor, Callable[[int], str]]
+_Fault = tuple[Tensor, Callable[[int], BadInput]]
 
 
 def sniff(head: bytes) -> bool:
@@ -72,10 +71,10 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     form = _form(path, number, names)
     values = [name for name in names if name not in form and name != "weight"]
     if not values:
-        raise BadInput(f"{path}: line {number}: no channel beside the directions, expected at least one")
+        raise BadInput("no channel beside the directions", where=f"{path}: line {number}", expected="at least one")
     rows = lines[index + 1 :]
     if not rows:
-        raise BadInput(f"{path}: no samples after the header, expected rows of {len(names)} numbers")
+        raise BadInput("no samples after the header", where=path, expected=f"rows of {len(names)} numbers")
     numbers, places = number_table(path, rows, len(names), "as the header names", ",")
     check_last_line(path, raw, lines[-1][0])
     table = {name: torch.from_numpy(numbers[:, k].copy()) for k, name in enumerate(names)}
@@ -86,7 +85,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         comments.append(_ASSUMED)
     stacked = torch.stack([table[name] for name in values], 1)
     zeros = stacked == 0
-    samples = Samples.make(
+    samples = Samples(
         wi,
         wo,
         stacked,
@@ -105,7 +104,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     try:
         return as_channels(samples, channels)
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise error.at(path) from error
 
 
 def _stated(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, bool | None], list[str], int]:
@@ -121,35 +120,42 @@ def _stated(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, bool 
             # A table saved by a spreadsheet has a comma for each of its columns.
             value = value.strip().rstrip(",").strip()
             if value.lower() not in _WORDS:
-                raise BadInput(f"{path}: line {number}: {key} is {short(value)}, expected true or false (or yes or no)")
+                raise BadInput(
+                    f"{key} is {short(value)}", where=f"{path}: line {number}", expected="true or false (or yes or no)"
+                )
             facts[key] = _WORDS[value.lower()]
         elif len(comments) < 64 and line.lstrip("# "):
             comments.append(line.lstrip("# ")[:200])
-    raise BadInput(f"{path}: only comments, expected a header that names the columns")
+    raise BadInput("only comments", where=path, expected="a header that names the columns")
 
 
 def _form(path: object, number: int, names: list[str]) -> tuple[str, ...]:
     if len(names) > _MOST_COLUMNS or "" in names:
-        raise BadInput(f"{path}: line {number}: {len(names)} columns, one without a name; expected a name each")
+        raise BadInput(
+            f"{len(names)} columns, one without a name", where=f"{path}: line {number}", expected="a name each"
+        )
     twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
     if twice:
-        raise BadInput(f"{path}: line {number}: {short(twice[0])} names two columns, expected different names")
+        raise BadInput(
+            f"{short(twice[0])} names two columns", where=f"{path}: line {number}", expected="different names"
+        )
     given = [form for form in _FORMS if any(name in names for name in form)]
     if len(given) != 1 or not all(name in names for name in given[0]):
-        found = ", ".join(name for form in given for name in form if name in names)
+        named = ", ".join(name for form in given for name in form if name in names)
         raise BadInput(
-            f"{path}: line {number}: directions by {found or 'nothing'};"
-            f" expected all of {', '.join(ANGLES)}, the same with _deg in degrees, or all of {', '.join(VECTORS)}"
+            f"directions by {named or 'nothing'}",
+            where=f"{path}: line {number}",
+            expected=f"all of {', '.join(ANGLES)}, the same with _deg in degrees, or all of {', '.join(VECTORS)}",
         )
     return given[0]
 
 
 def _check(path: object, places: list[int], table: dict[str, Tensor], form: tuple[str, ...]) -> None:
     """Raise BadInput for the first line with a value, a weight or a direction that cannot be; places are the lines."""
-    found = [(int(wrong.nonzero()[0]), said) for wrong, said in _faults(table, form) if bool(wrong.any())]
-    if found:
-        row, said = min(found, key=lambda each: each[0])
-        raise BadInput(f"{path}: line {places[row]}: {said(row)}")
+    faults = [(int(wrong.nonzero()[0]), said) for wrong, said in _faults(table, form) if bool(wrong.any())]
+    if faults:
+        row, said = min(faults, key=lambda fault: fault[0])
+        raise said(row).at(f"{path}: line {places[row]}")
 
 
 def _faults(table: dict[str, Tensor], form: tuple[str, ...]) -> Iterator[_Fault]:
@@ -162,13 +168,16 @@ def _faults(table: dict[str, Tensor], form: tuple[str, ...]) -> Iterator[_Fault]
             yield _angle_fault(name, table[name], form)
     for name, column in table.items():
         if name not in form:
-            yield column < 0, lambda row, name=name, column=column: f"{name} is {float(column[row]):g}, expected >= 0"
+            yield (
+                column < 0,
+                lambda row, name=name, column=column: BadInput(f"{name} is {float(column[row]):g}", expected=">= 0"),
+            )
 
 
 def _vector_fault(name: str, w: Tensor) -> _Fault:
-    def said(row: int) -> str:
-        found = [round(x, 6) for x in w[row].tolist()]
-        return f"{name} {found}, expected a unit vector on or above the horizon"
+    def said(row: int) -> BadInput:
+        vector = [round(x, 6) for x in w[row].tolist()]
+        return BadInput(f"{name} {vector}", expected="a unit vector on or above the horizon")
 
     return ((w.norm(dim=1) - 1).abs() > _LENGTH_TOLERANCE) | (w[:, 2] < -_SLACK), said
 
@@ -183,11 +192,11 @@ def _angle_fault(name: str, angle: Tensor, form: tuple[str, ...]) -> _Fault:
         wrong = angle.abs() > turn * (1 + 1e-3)
         expected = f"at most a turn, {'360' if form == _DEGREES else '2 pi'} {unit}"
 
-    def said(row: int) -> str:
+    def said(row: int) -> BadInput:
         # A negative angle is no less wrong in degrees.
         degrees = form != _DEGREES and (float(angle[row]) > 0 or not polar)
-        hint = f"; for degrees name the columns {', '.join(_DEGREES)}" if degrees else ""
-        return f"{name} is {float(angle[row]):g}, expected {expected}{hint}"
+        hint = f"for degrees name the columns {', '.join(_DEGREES)}" if degrees else ""
+        return BadInput(f"{name} is {float(angle[row]):g}", expected=expected, hint=hint)
 
     return wrong, said
 
@@ -211,7 +220,7 @@ def write(path: str | os.PathLike[str], samples: Samples, comments: tuple[str, .
     for name in samples.channels:
         if name in reserved or name != name.strip() or not name or set(name) & set(",\n\r#"):
             raise BadInput(
-                f"CSV file: channel {name!r}, expected a name without commas that is no column of directions"
+                f"channel {name!r}", where="CSV file", expected="a name without commas that is no column of directions"
             )
     columns = [samples.wi, samples.wo, samples.values]
     header = [*VECTORS, *samples.channels]

@@ -23,8 +23,7 @@ import torch
 
 from homofact.brdf.channels import as_channels, check_channels
 from homofact.brdf.formats.reading import check_azimuths
-from homofact.brdf.samples import Samples
-from homofact.brdf.symmetry import lit_from_one_azimuth
+from homofact.brdf.samples import Samples, lit_from_one_azimuth
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes, split_member
@@ -68,19 +67,19 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     file, member = split_member(path)
     place = Path(file)
     beside = [place.with_name(name) for name in COLOURS]
-    coloured = place.name in COLOURS and all(each.is_file() for each in beside)
+    coloured = place.name in COLOURS and all(own.is_file() for own in beside)
     files = beside if coloured else [place]
-    tables = [_rows(each) for each in files]
+    tables = [_rows(own) for own in files]
     number = _chosen(file, tables[0], member)
-    for each, table in zip(files, tables, strict=True):
+    for own, table in zip(files, tables, strict=True):
         if number not in table:
-            raise BadInput(f"{each}: holds no sample {number}, expected it as in {place.name}")
+            raise BadInput(f"holds no sample {number}", where=own, expected=f"it as in {place.name}")
     values = torch.from_numpy(np.stack([table[number] for table in tables], 1))
     theta_v, phi_v, theta_i, phi_i = torch.from_numpy(_directions(place.with_name(TABLE))).T
     negative = int((values < 0).sum())
     names = ("R", "G", "B") if coloured else ("luminance" if place.name not in COLOURS else place.name[0].upper(),)
     wi = from_spherical(theta_i, phi_i)
-    samples = Samples.make(
+    samples = Samples(
         wi,
         from_spherical(theta_v, phi_v),
         values.clamp_min(0),
@@ -97,7 +96,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     try:
         return as_channels(samples, channels)
     except BadInput as error:
-        raise BadInput(f"{file}: {error}") from error
+        raise error.at(file) from error
 
 
 def _chosen(file: object, table: dict[int, np.ndarray], member: str | None) -> int:
@@ -106,12 +105,13 @@ def _chosen(file: object, table: dict[int, np.ndarray], member: str | None) -> i
         if len(table) > 1:
             listed = ", ".join(map(str, list(table)[:4]))
             raise BadInput(
-                f"{file}: holds {len(table)} samples ({listed}, …), expected one of them as"
-                f" {os.path.basename(str(file))}#{next(iter(table))}"
+                f"holds {len(table)} samples ({listed}, …)",
+                where=file,
+                expected=f"one of them as {os.path.basename(str(file))}#{next(iter(table))}",
             )
         return next(iter(table))
     if not _is_number_of_sample(member) or int(member) not in table:
-        raise BadInput(f"{file}: found no sample {member!r}, expected one of its {len(table)}")
+        raise BadInput(where=file, found=f"no sample {member!r}", expected=f"one of its {len(table)}")
     return int(member)
 
 
@@ -126,10 +126,12 @@ def _rows(path: str | os.PathLike[str]) -> dict[int, np.ndarray]:
     table: dict[int, np.ndarray] = {}
     for row, line in zip(numbers, places, strict=True):
         if row[0] != int(row[0]) or not 1 <= row[0] <= SAMPLES or int(row[0]) in table:
-            raise BadInput(f"{path}: line {line}: sample {row[0]:g}, expected each of 1 to {SAMPLES} at most once")
+            raise BadInput(
+                f"sample {row[0]:g}", where=f"{path}: line {line}", expected=f"each of 1 to {SAMPLES} at most once"
+            )
         table[int(row[0])] = row[1:]
     if not table:
-        raise BadInput(f"{path}: holds no row, expected rows of a sample's number and {MEASUREMENTS} values")
+        raise BadInput("holds no row", where=path, expected=f"rows of a sample's number and {MEASUREMENTS} values")
     return table
 
 
@@ -138,15 +140,16 @@ def _directions(path: Path) -> np.ndarray:
     raw = read_bytes(path, f"the database's table of {MEASUREMENTS} directions there")
     numbers, places = number_table(path, numbered_lines(raw), 4, "theta_v phi_v theta_i phi_i")
     if len(numbers) != MEASUREMENTS:
-        raise BadInput(f"{path}: {len(numbers)} rows, expected {MEASUREMENTS}")
+        raise BadInput(f"{len(numbers)} rows", where=path, expected=MEASUREMENTS)
     check_last_line(path, raw, places[-1])
     theta = numbers[:, [0, 2]]
     wrong = ((theta < -_SLACK) | (theta > math.pi / 2 + _SLACK)).any(1)
     if wrong.any():
         row = int(wrong.argmax())
         raise BadInput(
-            f"{path}: line {places[row]}: theta_v {theta[row, 0]:g}, theta_i {theta[row, 1]:g};"
-            " expected radians from 0 to pi/2"
+            f"theta_v {theta[row, 0]:g}, theta_i {theta[row, 1]:g}",
+            where=f"{path}: line {places[row]}",
+            expected="radians from 0 to pi/2",
         )
     for column, name in ((1, "phi_v"), (3, "phi_i")):
         check_azimuths(path, places, name, torch.from_numpy(numbers[:, column].copy()), False)
@@ -165,8 +168,9 @@ def write(folder: str | os.PathLike[str], samples: Samples, number: int = 1) -> 
     """
     if len(samples) != MEASUREMENTS or len(samples.channels) not in (1, 3) or not 1 <= number <= SAMPLES:
         raise BadInput(
-            f"CUReT files: {len(samples)} samples of {len(samples.channels)} channels as number {number},"
-            f" expected {MEASUREMENTS} samples of 1 or 3 channels and a number from 1 to {SAMPLES}"
+            f"{len(samples)} samples of {len(samples.channels)} channels as number {number}",
+            where="CUReT files",
+            expected=f"{MEASUREMENTS} samples of 1 or 3 channels and a number from 1 to {SAMPLES}",
         )
     columns = {MEAN: samples.values.mean(1)}
     if len(samples.channels) == 3:

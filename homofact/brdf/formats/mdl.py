@@ -24,7 +24,7 @@ from torch import Tensor
 from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.samples import Samples
-from homofact.brdf.table import AngleTable, Axis, ring_weights
+from homofact.brdf.table import AngleTable, TableAxis, ring_weights
 from homofact.errors import BadInput
 from homofact.files.reading import read_bytes
 from homofact.geometry.directions import from_spherical
@@ -60,7 +60,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     weights = (ring_weights(theta)[:rows, None, None] * ring_weights(theta)[:columns, None]).expand(
         rows, columns, len(phi)
     )
-    samples = Samples.make(
+    samples = Samples(
         from_spherical(theta_i, torch.zeros_like(theta_i)),
         from_spherical(theta_o, delta),
         values.reshape(-1, len(names)),
@@ -86,8 +86,8 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     try:
         samples = as_channels(samples, channels)
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
-    table = AngleTable((Axis(theta[:rows]), Axis(theta[:columns]), Axis(phi)), values, names)
+        raise error.at(path) from error
+    table = AngleTable((TableAxis(theta[:rows]), TableAxis(theta[:columns]), TableAxis(phi)), values, names)
     return Reading(samples, LuminanceOf(table) if channels == "luminance" and len(names) == 3 else table)
 
 
@@ -102,36 +102,39 @@ def read_entries(path: object, raw: bytes) -> tuple[np.ndarray, tuple[str, ...],
     `path` names the file in what is raised: BadInput as by `open_file`.
     """
     if not sniff(raw):
-        raise BadInput(f"{path}: begins with {raw[:20]!r}, expected {_MAGIC!r}")
+        raise BadInput(f"begins with {raw[:20]!r}", where=path, expected=repr(_MAGIC))
     start, comments = len(_MAGIC), []
     while not raw.startswith(_MARKS, start):
         end = raw.find(b"\n", start)
         if end < 0 or raw.startswith(b"MBSDF_DATA", start):
-            raise BadInput(f"{path}: no reflection found after {len(comments)} lines, expected MBSDF_DATA_REFLECTION=")
+            raise BadInput(
+                f"no reflection found after {len(comments)} lines", where=path, expected="MBSDF_DATA_REFLECTION="
+            )
         line = raw[start:end].decode("latin-1").strip()
         if line and len(comments) < 64:
             comments.append(line[:200])
         start = end + 1
     start = raw.index(b"\n", start) + 1
     if len(raw) < start + 12:
-        raise BadInput(f"{path}: the file ends in the header, expected type, nθ and nφ")
+        raise BadInput("the file ends in the header", where=path, expected="type, nθ and nφ")
     kind, n_theta, n_phi = struct.unpack_from("<3I", raw, start)
     if kind not in _CHANNELS or not n_theta or not n_phi:
         raise BadInput(
-            f"{path}: found type {kind}, nθ {n_theta}, nφ {n_phi};"
-            " expected type 0 (scalar) or 1 (RGB) and sizes above 0"
+            where=path,
+            found=f"type {kind}, nθ {n_theta}, nφ {n_phi}",
+            expected="type 0 (scalar) or 1 (RGB) and sizes above 0",
         )
     names = _CHANNELS[kind]
     size = 4 * n_theta * n_theta * n_phi * len(names)
     rest = len(raw) - start - 12
     follows = raw[start + 12 + size : start + 12 + size + 11] if rest > size else b""
     if rest < size or (rest > size and not follows.startswith(b"MBSDF_DATA_")):
-        raise BadInput(f"{path}: {rest} bytes of data, expected {size} for {n_theta} × {n_theta} × {n_phi} bins")
-    found = np.frombuffer(raw, "<f4", size // 4, start + 12)
-    if not np.isfinite(found).all():
-        where = int(np.flatnonzero(~np.isfinite(found))[0])
-        raise BadInput(f"{path}: number {where} of the data is {found[where]}, expected finite numbers")
-    return found.astype(np.float64).reshape(n_theta, n_theta, n_phi, len(names)), names, comments
+        raise BadInput(f"{rest} bytes of data", where=path, expected=f"{size} for {n_theta} × {n_theta} × {n_phi} bins")
+    numbers = np.frombuffer(raw, "<f4", size // 4, start + 12)
+    if not np.isfinite(numbers).all():
+        where = int(np.flatnonzero(~np.isfinite(numbers))[0])
+        raise BadInput(f"number {where} of the data is {numbers[where]}", where=path, expected="finite numbers")
+    return numbers.astype(np.float64).reshape(n_theta, n_theta, n_phi, len(names)), names, comments
 
 
 def _centres(count: int, span: float) -> Tensor:

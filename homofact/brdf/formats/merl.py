@@ -44,19 +44,22 @@ def load(path: str | os.PathLike[str]) -> MerlTable:
     """The table of a file. Raises BadInput for sizes that disagree with the file's, and entries not finite."""
     raw = read_bytes(path, DESCRIPTION)
     if not sniff(raw[:_HEADER]):
-        raise BadInput(f"{path}: begins with {raw[:_HEADER]!r}, expected three int32 numbers of bins (90, 90, 180)")
+        raise BadInput(
+            f"begins with {raw[:_HEADER]!r}", where=path, expected="three int32 numbers of bins (90, 90, 180)"
+        )
     shape = struct.unpack("<3i", raw[:_HEADER])
     expected = _HEADER + 24 * shape[0] * shape[1] * shape[2]
     if len(raw) != expected:
         bins = " × ".join(str(n) for n in shape)
-        raise BadInput(f"{path}: {len(raw)} bytes, expected {expected} for {bins} bins of three float64")
+        raise BadInput(f"{len(raw)} bytes", where=path, expected=f"{expected} for {bins} bins of three float64")
     planes = np.frombuffer(raw, "<f8", offset=_HEADER).astype(np.float64).reshape(3, *shape)
     finite = np.isfinite(planes)
     if not finite.all():
         channel, h, d, p = (int(x[0]) for x in np.nonzero(~finite))
         raise BadInput(
-            f"{path}: {'RGB'[channel]} at bin θh {h}, θd {d}, φd {p} is {planes[channel, h, d, p]},"
-            " expected finite numbers (negative where not measured)"
+            f"{'RGB'[channel]} at bin θh {h}, θd {d}, φd {p} is {planes[channel, h, d, p]}",
+            where=path,
+            expected="finite numbers (negative where not measured)",
         )
     return MerlTable(torch.from_numpy(planes))
 
@@ -76,10 +79,10 @@ def samples_of(table: MerlTable) -> Samples:
     index = torch.cat(kept)
     values = table.raw.reshape(3, -1)[:, index].T * torch.tensor(SCALES, dtype=torch.float64)
     if not len(index):
-        raise BadInput("MERL table: no bin was measured, expected at least one entry that is not negative")
+        raise BadInput("no bin was measured", where="MERL table", expected="at least one entry that is not negative")
     weights = grid.measure().reshape(-1)[index]
     zeros = values == 0
-    return Samples.make(
+    return Samples(
         torch.cat([wi for wi, _ in directions]),
         torch.cat([wo for _, wo in directions]),
         values,
@@ -111,7 +114,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     try:
         samples = as_channels(samples_of(table), channels)
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise error.at(path) from error
     return Reading(samples, LuminanceOf(table) if channels == "luminance" else table)
 
 
@@ -132,7 +135,7 @@ def write(
         raw, clipped = source.raw, 0
     else:
         if len(shape) != 3 or not all(2 <= n <= 4096 for n in shape):
-            raise BadInput(f"MERL bins: found {tuple(shape)}, expected three numbers of 2 to 4096")
+            raise BadInput(where="MERL bins", found=tuple(shape), expected="three numbers of 2 to 4096")
         grid = MerlGrid(shape)
         raw, clipped = _binned(source, grid) if isinstance(source, Samples) else _evaluated(source, grid)
         raw = raw.T.reshape(3, *shape)
@@ -156,7 +159,7 @@ def _evaluated(reflectance: Reflectance, grid: MerlGrid) -> tuple[Tensor, int]:
 def _binned(samples: Samples, grid: MerlGrid) -> tuple[Tensor, int]:
     values = _rgb(samples.values, samples.channels)
     if not samples.isotropic:
-        raise BadInput("MERL file: the samples are anisotropic, expected an isotropic material")
+        raise BadInput("the samples are anisotropic", where="MERL file", expected="an isotropic material")
     bins = grid.bins(samples.wi, samples.wo)
     counts = torch.bincount(bins, minlength=grid.count)
     sums = torch.zeros(grid.count, 3, dtype=torch.float64).index_add_(0, bins, values)
@@ -169,12 +172,14 @@ def _binned(samples: Samples, grid: MerlGrid) -> tuple[Tensor, int]:
 
 def _rgb(values: Tensor, channels: tuple[str, ...]) -> Tensor:
     if not bool(torch.isfinite(values).all()):
-        raise BadInput("MERL file: a value is not finite, expected finite numbers")
+        raise BadInput("a value is not finite", where="MERL file", expected="finite numbers")
     wavelengths = wavelengths_of(channels)
     if wavelengths is not None and len(wavelengths) > 1:
         return to_rgb(values, wavelengths)[0]
     if len(channels) not in (1, 3):
-        raise BadInput(f"MERL file: channels {', '.join(channels)}, expected R, G, B, a spectrum, or one channel")
+        raise BadInput(
+            f"channels {', '.join(channels)}", where="MERL file", expected="R, G, B, a spectrum, or one channel"
+        )
     return values.expand(-1, 3)
 
 

@@ -53,21 +53,22 @@ def load(path: str | os.PathLike[str]) -> NeuralBrdf:
     if name is None:
         if len(names) > 1:
             raise BadInput(
-                f"{file}: holds {len(names)} materials ({', '.join(names[:4])}, …), expected one of them as"
-                f" {os.path.basename(file)}#{names[0]}"
+                f"holds {len(names)} materials ({', '.join(names[:4])}, …)",
+                where=file,
+                expected=f"one of them as {os.path.basename(file)}#{names[0]}",
             )
         name = names[0]
     if name not in names:
         near = get_close_matches(name, names, n=1, cutoff=0.3)
         nearest = f", nearest {near[0]}" if near else ""
-        raise BadInput(f"{file}: found no material {name!r}{nearest}, expected one of its {len(names)}")
+        raise BadInput(where=file, found=f"no material {name!r}{nearest}", expected=f"one of its {len(names)}")
     arrays = read_arrays(file, raw, [f"{name}/{part}" for part in _PARTS], _WHOLE)
     tensors = {}
     for part in _PARTS:
         array = arrays.get(f"{name}/{part}")
         if array is None or array.dtype.kind != "f":
-            found = "missing" if array is None else f"of {array.dtype}"
-            raise BadInput(f"{file}: {name}/{part} is {found}, expected an array of floats")
+            stated = "missing" if array is None else f"of {array.dtype}"
+            raise BadInput(f"{name}/{part} is {stated}", where=file, expected="an array of floats")
         # A number that float32 cannot hold becomes infinite, and the network refuses it.
         with np.errstate(all="ignore"):
             tensors[part] = torch.from_numpy(array.astype(np.float32))
@@ -77,7 +78,7 @@ def load(path: str | os.PathLike[str]) -> NeuralBrdf:
             weights=(tensors["w0"], tensors["w1"], tensors["w2"]), biases=tuple(tensors[f"b{k}"] for k in layers)
         )
     except BadInput as error:
-        raise BadInput(f"{file}: {name}: {error}") from error
+        raise error.at(f"{file}: {name}") from error
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
@@ -111,5 +112,5 @@ def _names(path: object, raw: bytes) -> list[str]:
     members = member_names(path, raw, _WHOLE)
     names = sorted({name.rpartition("/")[0] for name in members if name.rpartition("/")[2] in _PARTS} - {""})
     if not names:
-        raise BadInput(f"{path}: holds no NAME/w0, expected {_WHOLE}")
+        raise BadInput("holds no NAME/w0", where=path, expected=_WHOLE)
     return names

@@ -46,30 +46,33 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     """
     check_channels(channels)
     raw = read_bytes(path, DESCRIPTION)
-    found = member_names(path, raw, _WHOLE)
+    members = member_names(path, raw, _WHOLE)
     data = read_arrays(path, raw, _KEYS, _WHOLE)
     missing = [name for name in _KEYS if name not in data]
     if missing:
         raise BadInput(
-            f"{path}: holds {', '.join(sorted(found)[:8]) or 'nothing'}; expected arrays {', '.join(_KEYS)},"
-            f" of which {', '.join(missing)} missing"
+            f"holds {', '.join(sorted(members)[:8]) or 'nothing'}",
+            where=path,
+            expected=f"arrays {', '.join(_KEYS)}, of which {', '.join(missing)} missing",
         )
     header = read_header(path, data, _WHOLE)
     if data["isotropic"].shape != () or data["isotropic"].dtype != np.bool_:
-        raise BadInput(f"{path}: isotropic is {data['isotropic'].dtype}, expected one boolean")
+        raise BadInput(f"isotropic is {data['isotropic'].dtype}", where=path, expected="one boolean")
     if data["channels"].ndim != 1 or data["channels"].dtype.kind != "U":
-        raise BadInput(f"{path}: channels is {data['channels'].dtype}, expected a list of strings")
+        raise BadInput(f"channels is {data['channels'].dtype}", where=path, expected="a list of strings")
     for name in ("wi", "wo", "values"):
         if data[name].ndim != 2 or data[name].dtype.kind != "f":
             raise BadInput(
-                f"{path}: {name} has shape {data[name].shape} of {data[name].dtype}, expected two dimensions of floats"
+                f"{name} has shape {data[name].shape} of {data[name].dtype}",
+                where=path,
+                expected="two dimensions of floats",
             )
     wi, wo = (_directions(path, name, data[name]) for name in ("wi", "wo"))
     values = torch.from_numpy(_doubles(data["values"]))
     zeros = values == 0
     faults = {"exact_zeros": int(zeros.sum()), "samples_with_zeros": int(zeros.any(1).sum())}
     try:
-        samples = Samples.make(
+        samples = Samples(
             wi,
             wo,
             values,
@@ -78,7 +81,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
             provenance=header | {"format": NAME, "faults": faults},
         )
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise error.at(path) from error
     return as_channels(samples, channels)
 
 
@@ -107,10 +110,10 @@ def _doubles(array: np.ndarray) -> np.ndarray:
 def _directions(path: object, name: str, array: np.ndarray) -> torch.Tensor:
     directions = torch.from_numpy(_doubles(array))
     if directions.shape[1] != 3:
-        raise BadInput(f"{path}: {name} has shape {tuple(array.shape)}, expected (N, 3)")
+        raise BadInput(f"{name} has shape {tuple(array.shape)}", where=path, expected="(N, 3)")
     length = directions.norm(dim=1, keepdim=True)
     off = ~((length - 1).abs() <= _LENGTH_TOLERANCE).reshape(-1)
     if bool(off.any()):
         row = int(off.nonzero()[0])
-        raise BadInput(f"{path}: {name} at row {row} has length {float(length[row]):.6g}, expected a unit vector")
+        raise BadInput(f"{name} at row {row} has length {float(length[row]):.6g}", where=path, expected="a unit vector")
     return directions / length

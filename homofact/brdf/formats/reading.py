@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from homofact.brdf.names import DEFAULT_COUNT, DEFAULT_SCHEME
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
+from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME
 from homofact.errors import BadInput
 
 
@@ -36,4 +36,6 @@ def check_azimuths(path: object, lines: Sequence[int], name: str, phi: Tensor, d
     if bool(over.any()):
         row = int(over.nonzero()[0])
         unit = "360 degrees" if degrees else "2 pi radians"
-        raise BadInput(f"{path}: line {lines[row]}: {name} {float(phi[row]):g}, expected at most a turn, {unit}")
+        raise BadInput(
+            f"{name} {float(phi[row]):g}", where=f"{path}: line {lines[row]}", expected=f"at most a turn, {unit}"
+        )

@@ -56,11 +56,12 @@ def load(path: str | os.PathLike[str], channels: str = "rgb") -> AdaptiveTable:
     missing = [name for name in needed if name not in fields]
     if missing:
         raise BadInput(
-            f"{path}: holds {', '.join(map(short, sorted(fields)[:12])) or 'no fields'}; expected"
-            f" {', '.join(needed)}, of which {', '.join(missing)} missing"
+            f"holds {', '.join(map(short, sorted(fields)[:12])) or 'no fields'}",
+            where=path,
+            expected=f"{', '.join(needed)}, of which {', '.join(missing)} missing",
         )
     if kind == "rgb" and channels == "spectral":
-        raise BadInput(f"channels: found 'spectral' for {path}, which holds RGB; expected rgb or luminance")
+        raise BadInput(where="channels", found=f"'spectral' for {path}, which holds RGB", expected="rgb or luminance")
     axes = {"theta_i": 1, "phi_i": 1, "ndf": 2, "sigma": 2, "vndf": 4, "rgb": 5, "spectra": 5, "wavelengths": 1}
     tensors = {name: _floats(path, name, fields[name], axes[name]) for name in needed}
     names, values = _RGB, tensors[kind]
@@ -68,7 +69,7 @@ def load(path: str | os.PathLike[str], channels: str = "rgb") -> AdaptiveTable:
     facts["units"] = "1/sr, no cosine; cos(theta_o) divided out"
     facts["faults"] = {"negative_entries": int((values < 0).sum())}
     if kind == "rgb" and values.shape[-1] != 3:
-        raise BadInput(f"{path}: field rgb has {values.shape[-1]} channels, expected 3")
+        raise BadInput(f"field rgb has {values.shape[-1]} channels", where=path, expected="3")
     try:
         if kind == "spectra":
             wavelengths = tensors["wavelengths"].double().tolist()
@@ -87,7 +88,7 @@ def load(path: str | os.PathLike[str], channels: str = "rgb") -> AdaptiveTable:
             facts,
         )
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise error.at(path) from error
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
@@ -97,7 +98,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     try:
         samples = as_channels(table.sample(draw.count, draw.scheme, draw.seed), channels)
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise error.at(path) from error
     wants_sum = channels == "luminance" and table.channels == _RGB
     return Reading(samples, LuminanceOf(table) if wants_sum else table)
 
@@ -112,7 +113,7 @@ def write(path: str | os.PathLike[str], table: AdaptiveTable, comments: Sequence
     try:
         content = packed(table, comments)
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise error.at(path) from error
     write_bytes(path, content)
 
 
@@ -127,7 +128,7 @@ def packed(table: AdaptiveTable, comments: Sequence[str] = ()) -> bytes:
     spectral = wavelengths is not None and len(wavelengths) > 1
     if not spectral and len(table.channels) not in (1, 3):
         names = ", ".join(table.channels)
-        raise BadInput(f"channels {names}, expected R, G, B, one alone, or wavelengths")
+        raise BadInput(f"channels {names}", expected="R, G, B, one alone, or wavelengths")
     values = table.table if spectral or len(table.channels) == 3 else table.table.expand(*table.table.shape[:-1], 3)
     # A description without a character is no field that readers take.
     words = "\n".join(comments) or "a BRDF"
@@ -142,10 +143,10 @@ def packed(table: AdaptiveTable, comments: Sequence[str] = ()) -> bytes:
     }
     fields = {"description": np.frombuffer(words.encode(errors="replace"), "u1")}
     with np.errstate(over="ignore"):
-        fields |= {name: each.detach().cpu().numpy().astype("f4") for name, each in tensors.items()}
+        fields |= {name: tensor.detach().cpu().numpy().astype("f4") for name, tensor in tensors.items()}
     for name, array in fields.items():
         if name != "description" and not np.isfinite(array).all():
-            raise BadInput(f"{name} has values that are not finite in float32, expected finite ones")
+            raise BadInput(f"{name} has values that are not finite in float32", expected="finite ones")
     if spectral:
         fields["spectra"] = fields.pop("rgb")
         fields["wavelengths"] = np.array(wavelengths, "f4")
@@ -156,7 +157,7 @@ def _in_channels(values: Tensor, wavelengths: list[float], channels: str) -> tup
     """(table, channel names, facts of the colour) of a spectral table (F, T, R, C, W) in `channels`."""
     if len(wavelengths) != values.shape[-1]:
         raise BadInput(
-            f"field spectra has {values.shape[-1]} wavelengths, expected {len(wavelengths)}, the size of wavelengths"
+            f"field spectra has {values.shape[-1]} wavelengths", expected=f"{len(wavelengths)}, the size of wavelengths"
         )
     if channels == "spectral":
         return values, spectral_names(wavelengths), None
@@ -174,11 +175,11 @@ def _floats(path: object, name: str, array: np.ndarray, axes: int) -> Tensor:
     """A field as finite float32 (float64 where the file has it) of `axes` axes; of five, the third comes last."""
     if array.ndim != axes or array.dtype.kind != "f":
         raise BadInput(
-            f"{path}: field {name} has shape {array.shape} of {array.dtype.name}, expected {axes} axes of floats"
+            f"field {name} has shape {array.shape} of {array.dtype.name}", where=path, expected=f"{axes} axes of floats"
         )
     if not np.isfinite(array).all():
         where = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
-        raise BadInput(f"{path}: field {name} at {where} is {array[where]}, expected finite numbers")
+        raise BadInput(f"field {name} at {where} is {array[where]}", where=path, expected="finite numbers")
     if axes == 5:
         array = np.moveaxis(array, 2, -1)
     return torch.from_numpy(array.astype(np.float64 if array.dtype.itemsize == 8 else np.float32, order="C"))
@@ -188,7 +189,9 @@ def _flag(path: object, array: np.ndarray | None) -> bool:
     if array is None:
         return True
     if array.shape != (1,) or array.dtype.kind not in "iu" or array[0] not in (0, 1):
-        raise BadInput(f"{path}: field jacobian has shape {array.shape} of {array.dtype.name}, expected one 0 or 1")
+        raise BadInput(
+            f"field jacobian has shape {array.shape} of {array.dtype.name}", where=path, expected="one 0 or 1"
+        )
     return bool(array[0])
 
 

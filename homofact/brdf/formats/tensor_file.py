@@ -39,19 +39,19 @@ def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     raw = read_bytes(path, DESCRIPTION)
     place = len(MAGIC)
     if not raw.startswith(MAGIC):
-        raise BadInput(f"{path}: begins with {raw[:12]!r}, expected {MAGIC!r}")
+        raise BadInput(f"begins with {raw[:12]!r}", where=path, expected=repr(MAGIC))
 
     def take(form: str, what: str) -> tuple[Any, ...]:
         nonlocal place
         size = struct.calcsize("<" + form)
         if place + size > len(raw):
-            raise BadInput(f"{path}: the file ends at byte {len(raw)} within {what}, expected a whole header")
+            raise BadInput(f"the file ends at byte {len(raw)} within {what}", where=path, expected="a whole header")
         place += size
         return struct.unpack_from("<" + form, raw, place - size)
 
     major, minor = take("2B", "the version")
     if (major, minor) != (1, 0):
-        raise BadInput(f"{path}: tensor file of version {major}.{minor}, expected 1.0")
+        raise BadInput(f"tensor file of version {major}.{minor}", where=path, expected="1.0")
     (count,) = take("I", "the number of fields")
     layouts: dict[str, tuple[str, int, tuple[int, ...]]] = {}
     for number in range(1, count + 1):
@@ -61,14 +61,14 @@ def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         try:
             name = word.decode()
         except UnicodeDecodeError as error:
-            raise BadInput(f"{path}: the name of {what} is {word[:20]!r}, expected UTF-8") from error
+            raise BadInput(f"the name of {what} is {word[:20]!r}", where=path, expected="UTF-8") from error
         if name in layouts:
-            raise BadInput(f"{path}: field {short(name)} is there twice, expected once")
+            raise BadInput(f"field {short(name)} is there twice", where=path, expected="once")
         rank, code, offset = take("HBQ", f"field {short(name)}")
         if rank > _MOST_AXES:
-            raise BadInput(f"{path}: field {short(name)} has {rank} axes, expected at most {_MOST_AXES}")
+            raise BadInput(f"field {short(name)} has {rank} axes", where=path, expected=f"at most {_MOST_AXES}")
         if code not in _TYPES:
-            raise BadInput(f"{path}: field {short(name)} is of type {code}, expected 1 to {len(_TYPES)}")
+            raise BadInput(f"field {short(name)} is of type {code}", where=path, expected=f"1 to {len(_TYPES)}")
         layouts[name] = (_TYPES[code], offset, take(f"{rank}Q", f"field {short(name)}"))
     # Python's integers: no product of sizes overflows.
     ends = [offset + math.prod(shape) * np.dtype(kind).itemsize for kind, offset, shape in layouts.values()]
@@ -79,11 +79,12 @@ def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         if offset < place or offset + size > len(raw):
             cut = f"cut off: {len(raw)} bytes, its header asks for {max(ends)}; " if offset >= place else ""
             raise BadInput(
-                f"{path}: {cut}field {short(name)} {shape} takes {size} bytes from byte {offset}, expected it"
-                f" between the header's end, {place}, and the file's, {len(raw)}"
+                f"{cut}field {short(name)} {shape} takes {size} bytes from byte {offset}",
+                where=path,
+                expected=f"it between the header's end, {place}, and the file's, {len(raw)}",
             )
         if numbers == 0:
-            raise BadInput(f"{path}: field {short(name)} has shape {shape}, expected at least one number")
+            raise BadInput(f"field {short(name)} has shape {shape}", where=path, expected="at least one number")
         fields[name] = np.frombuffer(raw, dtype, numbers, offset).reshape(shape)
     return fields
 

@@ -22,7 +22,7 @@ from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
-from homofact.brdf.table import AngleTable, Axis, ring_weights
+from homofact.brdf.table import AngleTable, TableAxis, ring_weights
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.files.reading import read_bytes
@@ -40,10 +40,10 @@ def sniff(head: bytes) -> bool:
     return False
 
 
-def axes() -> tuple[Axis, Axis, Axis, Axis]:
+def axes() -> tuple[TableAxis, TableAxis, TableAxis, TableAxis]:
     """θi, φi, θv and φv of the nodes, in radians."""
-    theta = Axis(torch.arange(SHAPE[1], dtype=torch.float64) * math.radians(15))
-    phi = Axis(torch.arange(SHAPE[2], dtype=torch.float64) * math.radians(7.5), periodic=True)
+    theta = TableAxis(torch.arange(SHAPE[1], dtype=torch.float64) * math.radians(15))
+    phi = TableAxis(torch.arange(SHAPE[2], dtype=torch.float64) * math.radians(7.5), periodic=True)
     return theta, phi, theta, phi
 
 
@@ -56,14 +56,14 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     raw = read_bytes(path, DESCRIPTION)
     if len(raw) not in SIZES:
         raise BadInput(
-            f"{path}: {len(raw)} bytes, expected {' or '.join(map(str, SIZES))}: 3 × 6 × 48 × 6 × 48 numbers"
+            f"{len(raw)} bytes", where=path, expected=f"{' or '.join(map(str, SIZES))}: 3 × 6 × 48 × 6 × 48 numbers"
         )
     entries = np.frombuffer(raw, SIZES[len(raw)])
     plausible = np.abs(entries) <= _MOST
     if not plausible.all():
         where = int(np.flatnonzero(~plausible)[0])
         raise BadInput(
-            f"{path}: number {where} is {entries[where]:g}, expected values of a BRDF (a UTIA .bin by its size)"
+            f"number {where} is {entries[where]:g}", where=path, expected="values of a BRDF (a UTIA .bin by its size)"
         )
     values = torch.from_numpy(np.moveaxis(entries.astype(np.float64).reshape(SHAPE), 0, -1).copy())
     negative, zeros = values < 0, values == 0
@@ -73,7 +73,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     theta_i, phi_i, theta_o, phi_o = (x.reshape(-1) for x in grid)
     rings = ring_weights(nodes[0].nodes)
     weights = (rings[:, None, None, None] * rings[:, None]).expand(SHAPE[1:]).reshape(-1)
-    samples = Samples.make(
+    samples = Samples(
         from_spherical(theta_i, phi_i),
         from_spherical(theta_o, phi_o),
         values.reshape(-1, 3),
@@ -94,7 +94,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     try:
         samples = as_channels(samples, channels)
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise error.at(path) from error
     table = AngleTable(nodes, values, ("R", "G", "B"))
     return Reading(samples, LuminanceOf(table) if channels == "luminance" else table)
 
@@ -107,10 +107,10 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
 def write(path: str | os.PathLike[str], reflectance: Reflectance) -> None:
     """Write an RGB reflectance in float64. Raises BadInput for other channels and values not finite."""
     if len(reflectance.channels) != 3:
-        raise BadInput(f"UTIA file: channels {', '.join(reflectance.channels)}, expected R, G and B")
+        raise BadInput(f"channels {', '.join(reflectance.channels)}", where="UTIA file", expected="R, G and B")
     grid = torch.meshgrid(*(axis.nodes for axis in axes()), indexing="ij")
     theta_i, phi_i, theta_o, phi_o = (x.reshape(-1) for x in grid)
     values = reflectance.evaluate(from_spherical(theta_i, phi_i), from_spherical(theta_o, phi_o)).double()
     if not bool(torch.isfinite(values).all()):
-        raise BadInput("UTIA file: a value is not finite, expected finite numbers")
+        raise BadInput("a value is not finite", where="UTIA file", expected="finite numbers")
     write_bytes(path, values.T.reshape(SHAPE).contiguous().cpu().numpy().astype("<f8").tobytes())

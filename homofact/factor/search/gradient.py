@@ -11,7 +11,7 @@ import scipy.optimize
 import torch
 from torch import Tensor
 
-from homofact.factor.search.minimize import Ending, Measured
+from homofact.factor.search.minimize import MeasuredObjective, SearchEnding
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Gradient:
         """The same with at most `steps` iterations."""
         return replace(self, iterations=steps)
 
-    def descend(self, measured: Measured, start: Tensor, seed: int) -> Ending:
+    def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:
         """See `minimize.Search`; the seed has no part in it."""
 
         # scipy's tolerance is relative for values above 1 only: in units of the first value it is relative to that.
@@ -58,4 +58,4 @@ class Gradient:
             method="L-BFGS-B",
             options={"maxiter": self.iterations, "ftol": self.tolerance, "gtol": 0.0, "maxcor": self.memory},
         )
-        return Ending(int(result.nit) < self.iterations, int(result.nit))
+        return SearchEnding(int(result.nit) < self.iterations, int(result.nit))

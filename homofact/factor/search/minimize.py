@@ -15,19 +15,19 @@ from homofact.errors import BadInput, Report, Status
 from homofact.factor.objective import JointObjective, Objective
 
 
-class GuardStruck(Exception):
+class DeadlineReached(Exception):
     """Raised inside an evaluation to leave a library's loop when the clock is up; never seen outside of `minimize`."""
 
 
 @dataclass(frozen=True)
-class Ending:
+class SearchEnding:
     """How a search ended by itself: whether by its own tolerance, and after how many iterations."""
 
     converged: bool
     iterations: int
 
 
-class Search(Protocol):
+class Minimizer(Protocol):
     """A way to minimise, a frozen dataclass of its own settings."""
 
     @property
@@ -40,16 +40,16 @@ class Search(Protocol):
         """Whether several may run side by side with equal results."""
         ...
 
-    def limited(self, steps: int) -> "Search":
+    def limited(self, steps: int) -> "Minimizer":
         """The same search with at most so many iterations (or, where it counts those, evaluations)."""
         ...
 
-    def descend(self, measured: "Measured", start: Tensor, seed: int) -> Ending:
+    def descend(self, measured: "MeasuredObjective", start: Tensor, seed: int) -> SearchEnding:
         """Ask `measured` about vectors, from `start` on, until this search's own end."""
         ...
 
 
-class Measured:
+class MeasuredObjective:
     """An objective that remembers: the best vector so far and the trace of how it got better."""
 
     def __init__(self, objective: Objective | JointObjective, deadline: float) -> None:
@@ -63,11 +63,11 @@ class Measured:
         self.trace: list[tuple[float, int, float]] = []
 
     def value(self, vector: Tensor) -> float:
-        """R at a vector (V,). Raises GuardStruck once the time is up."""
+        """R at a vector (V,). Raises DeadlineReached once the time is up."""
         return self._noted(self.objective.error(vector), vector)
 
     def slope(self, vector: Tensor) -> tuple[float, Tensor]:
-        """R and its gradient (V,). Raises GuardStruck once the time is up."""
+        """R and its gradient (V,). Raises DeadlineReached once the time is up."""
         evaluation = self.objective.evaluate(vector)
         return self._noted(evaluation.value, vector), evaluation.gradient
 
@@ -78,12 +78,12 @@ class Measured:
             self.best, self.vector = value, vector.clone()
             self.trace.append((now - self._began, self.evaluations, value))
         if now > self._deadline:
-            raise GuardStruck
+            raise DeadlineReached
         return value
 
 
 def minimize(
-    search: Search,
+    search: Minimizer,
     objective: Objective | JointObjective,
     start: Tensor,
     *,
@@ -96,22 +96,22 @@ def minimize(
     it is. Ctrl-C ends the search as INTERRUPTED with the best so far, or is raised again where there is none.
     """
     if not seconds > 0:
-        raise BadInput(f"budget: found {seconds} seconds, expected more than 0")
+        raise BadInput(where="budget", found=f"{seconds} seconds", expected="more than 0")
     began = time.perf_counter()
-    measured = Measured(objective, began + seconds)
+    measured = MeasuredObjective(objective, began + seconds)
     iterations = 0
     try:
         ending = search.descend(measured, start.to(torch.float64), seed)
         status = Status.CONVERGED if ending.converged else Status.BUDGET
         iterations = ending.iterations
-    except GuardStruck:
+    except DeadlineReached:
         status = Status.GUARD
     except KeyboardInterrupt:
         if measured.vector is None:
             raise
         status = Status.INTERRUPTED
     if measured.vector is None:
-        raise BadInput("search: no evaluation gave a finite value, expected finite samples")
+        raise BadInput("no evaluation gave a finite value", where="search", expected="finite samples")
     elapsed = time.perf_counter() - began
     trace = tuple(measured.trace)
     return measured.vector, Report(status, iterations, measured.evaluations, elapsed, measured.best, seed, trace)

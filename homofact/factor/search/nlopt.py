@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.factor.search.minimize import Ending, GuardStruck, Measured
-from homofact.factor.search.names import EXPECTED_OF_NLOPT, has_algorithm, in_full
+from homofact.factor.search.algorithms import EXPECTED_OF_NLOPT, has_algorithm, in_full
+from homofact.factor.search.minimize import DeadlineReached, MeasuredObjective, SearchEnding
 
 _NEEDS_LOCAL = ("MLSL", "AUGLAG")
 
@@ -32,7 +32,7 @@ class Nlopt:
     def __post_init__(self) -> None:
         """Refuse a name that nlopt does not have."""
         if not has_algorithm(self.algorithm):
-            raise BadInput(f"search: found nlopt algorithm {self.algorithm!r}, expected {EXPECTED_OF_NLOPT}")
+            raise BadInput(where="search", found=f"nlopt algorithm {self.algorithm!r}", expected=EXPECTED_OF_NLOPT)
 
     @property
     def full_name(self) -> str:
@@ -53,7 +53,7 @@ class Nlopt:
         """The same with at most as many evaluations as `steps` gradient iterations or 8 direct sweeps cost."""
         return replace(self, evaluations=steps if "D_" in self.full_name[:3] else 8 * steps)
 
-    def descend(self, measured: Measured, start: Tensor, seed: int) -> Ending:
+    def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:
         """See `minimize.Search`."""
         nlopt.srand(seed)
         ended: BaseException | None = None
@@ -69,7 +69,7 @@ class Nlopt:
                 value, gradient = measured.slope(vector)
                 slope[:] = gradient.numpy()
                 return value
-            except (GuardStruck, KeyboardInterrupt) as stop:
+            except (DeadlineReached, KeyboardInterrupt) as stop:
                 # Some algorithms call once more after an exception: nlopt's own way out is a flag.
                 ended = stop
                 optimizer.force_stop()
@@ -87,7 +87,7 @@ class Nlopt:
                 raise
         if ended is not None:
             raise ended
-        return Ending(converged, measured.evaluations)
+        return SearchEnding(converged, measured.evaluations)
 
     def _optimizer(self, dimension: int) -> nlopt.opt:
         optimizer = self._configured(self.full_name, dimension)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from torch import Tensor
 
-from homofact.factor.search.minimize import Ending, Measured
+from homofact.factor.search.minimize import MeasuredObjective, SearchEnding
 from homofact.factor.search.powell import Powell
 from homofact.geometry.rotation import Rotation
 
@@ -36,7 +36,7 @@ class OneAtATime:
         """The same with fewer sweeps: one for every four gradient iterations."""
         return replace(self, rounds=1, powell=replace(self.powell, sweeps=max(1, steps // 4)))
 
-    def descend(self, measured: Measured, start: Tensor, seed: int) -> Ending:
+    def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:
         """See `minimize.Search`."""
         vector = start.clone()
         before = measured.value(vector)
@@ -44,9 +44,9 @@ class OneAtATime:
             for part in measured.objective.parts():
                 vector = self._improve(measured.value, vector, part, seed)
             if before - measured.best <= self.tolerance * before:
-                return Ending(True, number)
+                return SearchEnding(True, number)
             before = measured.best
-        return Ending(False, self.rounds)
+        return SearchEnding(False, self.rounds)
 
     def _improve(self, measure: Callable[[Tensor], float], vector: Tensor, part: slice, seed: int) -> Tensor:
         def joined(rotation: Rotation) -> Tensor:
@@ -55,5 +55,5 @@ class OneAtATime:
             return result
 
         here = Rotation.of_numbers(vector[part])
-        found, report = self.powell.minimize(lambda rotation: measure(joined(rotation)), here, seed)
-        return joined(found) if report.residual <= measure(vector) else vector
+        rotation, report = self.powell.minimize(lambda rotation: measure(joined(rotation)), here, seed)
+        return joined(rotation) if report.residual <= measure(vector) else vector

@@ -1,0 +1,258 @@
+"""Charting: error against cost over methods, textures, sizes and searches."""
+
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.comparing import HELD_OUT, named_methods
+from homofact.api.places import check_place
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.subjects import Place, given_source, open_given
+from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.errors import BadInput
+from homofact.files.extras import check as check_library
+from homofact.files.lock import claimed
+from homofact.methods.table import methods_with, parsed_label
+from homofact.sections import COMPARED, SourceSettings
+
+if TYPE_CHECKING:
+    from homofact.brdf.source import Source
+    from homofact.evaluation.chart import Run
+    from homofact.evaluation.chart_ledger import ChartLedger, ChartRow
+    from homofact.evaluation.chart_points import ChartPoint
+    from homofact.evaluation.estimate import TimeEstimate
+    from homofact.methods.method import Method
+
+
+class ChartInterrupted(KeyboardInterrupt):
+    """Ctrl-C ended a chart: `kept` of `total` runs are in its folder, and the same call goes on there."""
+
+    def __init__(self, kept: int, total: int) -> None:
+        super().__init__()
+        self.kept, self.total = kept, total
+
+
+@dataclass(frozen=True)
+class SourceChart:
+    """The chart of one source.
+
+    Attributes
+    ----------
+    source : str
+        Its name.
+    rows : list of ChartRow
+        Every run, in their order.
+    files : list of Path
+        The CSV with all runs, and the pictures.
+    others : int
+        Runs of other settings that the CSV holds too.
+    """
+
+    source: str
+    rows: "list[ChartRow]"
+    files: list[Path]
+    others: int
+
+    def points(self) -> "list[ChartPoint]":
+        """Return the runs, those that differ in their seed alone as one point."""
+        from homofact.evaluation.chart_points import points_of
+
+        return points_of(self.rows)
+
+    def reference(self) -> float | None:
+        """Return McCool's lowest mean error; None where there is none."""
+        from homofact.evaluation.chart_points import reference
+
+        found = reference(self.points())
+        return None if found is None else found.error.mean
+
+
+@dataclass(frozen=True)
+class ChartResult:
+    """The charts of all sources.
+
+    Attributes
+    ----------
+    charts : tuple of SourceChart
+        One for each source.
+    """
+
+    charts: tuple[SourceChart, ...]
+
+    @property
+    def files(self) -> list[Path]:
+        """All files."""
+        return [file for chart in self.charts for file in chart.files]
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        rows = [row.record() for chart in self.charts for row in chart.rows]
+        return {"rows": rows, "files": [str(file) for file in self.files]}
+
+
+def chart(
+    source: Any,
+    to: Place,
+    methods: "Sequence[str | Method] | Mapping[str, Method]" = COMPARED,
+    *,
+    textures: Sequence[int] = (1, 2, 3),
+    sizes: Sequence[int] = (8, 16, 32),
+    searches: Sequence[str] = ("gradient",),
+    seeds: int = 1,
+    held_out: float = HELD_OUT,
+    seed: int = 0,
+    force: bool = False,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> ChartResult:
+    """Run methods × textures × sizes × searches, and draw error against cost.
+
+    Runs that the folder holds already are not fitted again: the same call goes on where an interrupted one ended.
+
+    Parameters
+    ----------
+    source : source, path, or list of these
+        What is fitted, as for `fit`.
+    to : path
+        The folder: for each source NAME.csv, NAME_time and NAME_cost as PNG and SVG.
+    methods : sequence of str or Method, or dict, optional
+        As for `compare`.
+    textures : sequence of int, optional
+        Counts of textures.
+    sizes : sequence of int, optional
+        Texels per side.
+    searches : sequence of str, optional
+        How `search` refines: "gradient", "powell", "nlopt-NAME".
+    seeds : int, optional
+        How many seeds to fit by, from `seed` on.
+    held_out : float, optional
+        The part of the samples that is held out of the fits.
+    seed : int, optional
+        Of the split, of the samples of a model, and of methods that are given by name.
+    force : bool, optional
+        Fit all runs anew.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+    **settings
+        Of the methods that are given by name, each taking those that it has.
+
+    Returns
+    -------
+    ChartResult
+        Every run by source, and the files.
+
+    Raises
+    ------
+    BadInput
+        For sources, methods or settings that cannot be used, and a folder that cannot be written.
+    ChartInterrupted
+        For Ctrl-C: the runs so far are in the folder.
+
+    Examples
+    --------
+    >>> found = homofact.chart("material:phong-30", "charts", ["mccool"], sizes=[4, 8])
+    >>> [row.size for row in found.charts[0].rows]
+    [4, 8]
+    """
+    several = isinstance(source, list)
+    names = {name: given_source(one) for name, one in _names(source if several else [source]).items()}
+    varied = {"textures": textures, "size": sizes, "search": searches}
+    if not isinstance(methods, Mapping):
+        methods = named_methods(methods, charted(methods, varied, settings) | {"seed": seed})
+
+    from homofact.evaluation.chart import plan
+
+    runs = plan(methods, textures, sizes, searches, seeds)
+    # A library that is missing is known before anything is fitted.
+    check_library("charts", "matplotlib")
+    folder = Path(to)
+    check_place(folder)
+    return _Charting(names, runs, folder, held_out, seed, force, ProgressSteps(progress)).run()
+
+
+def charted(
+    labels: "Sequence[str | Method]", varied: Mapping[str, Sequence[Any]], settings: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The settings that the first of a chart's runs have: what is varied by its first value, where a method has it."""
+    names = {parsed_label(label)[0] for label in labels if isinstance(label, str)}
+    first = {name: values[0] for name, values in varied.items() if not names.isdisjoint(methods_with(name))}
+    return {name: value for name, value in settings.items() if name not in varied} | first
+
+
+@dataclass(frozen=True)
+class _Charting:
+    """Charts under way: sources by the names of their files, runs, and where they go."""
+
+    sources: dict[str, Any]
+    runs: "tuple[Run, ...]"
+    folder: Path
+    held_out: float
+    seed: int
+    force: bool
+    steps: ProgressSteps
+
+    def run(self) -> ChartResult:
+        """All charts. Raises ChartInterrupted for Ctrl-C."""
+        from homofact.evaluation.chart import estimate_charts
+        from homofact.evaluation.chart_ledger import ChartLedger
+
+        # How many runs, of all sources, are behind us.
+        self_kept = [0]
+        with ExitStack() as claims:
+            ledgers = {}
+            for name in self.sources:
+                path = self.folder / f"{name}.csv"
+                claims.enter_context(claimed(path))
+                ledgers[name] = ChartLedger(path, self.force)
+            try:
+                self.steps.stage("reading")
+                opened = {name: open_given(source, self.seed) for name, source in self.sources.items()}
+                pairs = [(opened[name], ledgers[name]) for name in self.sources]
+                estimate = estimate_charts(pairs, self.runs, self.held_out)
+                self.steps.estimate(estimate)
+                charts = [self._one(name, opened[name], ledgers[name], estimate, self_kept) for name in self.sources]
+            except KeyboardInterrupt as error:
+                raise ChartInterrupted(self_kept[0], len(self.runs) * len(self.sources)) from error
+        return ChartResult(tuple(charts))
+
+    def _one(
+        self, name: str, source: "Source", ledger: "ChartLedger", estimate: "TimeEstimate", kept: list[int]
+    ) -> SourceChart:
+        from homofact.evaluation.chart import run_chart
+        from homofact.evaluation.estimate import about
+        from homofact.figures.chart import write_charts
+
+        before, total = kept[0], len(self.runs) * len(self.sources)
+
+        def started(place: int, run: "Run") -> None:
+            kept[0] = before + place
+            self.steps.run(f"{source.name}: {run.name}, {about(estimate.seconds_left)} left", kept[0], total)
+
+        def ended(place: int, row: "ChartRow") -> None:
+            estimate.finish(before + place, row.seconds_total - row.seconds_read)
+
+        rows = run_chart(source, self.runs, ledger, self.held_out, started, self.steps, ended)
+        kept[0] = before + len(self.runs)
+        files = [ledger.path, *write_charts(self.folder, name, rows)]
+        return SourceChart(source.name, rows, files, max(len(ledger) - len(rows), 0))
+
+
+def _names(sources: Sequence[Any]) -> dict[str, Any]:
+    """The sources by the name that their files get. Raises BadInput for none, and for two of one name."""
+    if not sources:
+        raise BadInput(where="source", found="none", expected="at least one")
+    names: dict[str, Any] = {}
+    for source in sources:
+        text = source.path if isinstance(source, SourceSettings) else getattr(source, "name", source)
+        text = text if isinstance(text, str) else "samples"
+        stem = text.removeprefix(MATERIAL_PREFIX) if text.startswith(MATERIAL_PREFIX) else Path(text).stem
+        name = re.sub(r"[^\w.+-]", "_", stem) or "_"
+        if name in names:
+            raise BadInput(
+                where="SOURCE", found=f"two named {name}", expected="names that differ: their files would be the same"
+            )
+        names[name] = source
+    return names

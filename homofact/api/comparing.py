@@ -1,0 +1,383 @@
+"""Comparing: several methods fitted to the same split of one source or several, measured alike."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.places import check_file
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.refusing import checked_findings, refuse_findings
+from homofact.api.subjects import Place, given_source, open_given, subset_of
+from homofact.errors import BadInput, Status
+from homofact.files import extras
+from homofact.methods.table import made_each
+from homofact.sections import COMPARED, SourceSettings
+
+if TYPE_CHECKING:
+    from homofact.brdf.source import Source
+    from homofact.evaluation.estimate import TimeEstimate
+    from homofact.evaluation.means import MeanRow, MeasuredFit
+    from homofact.evaluation.seeds import SeedRows
+    from homofact.methods.method import Method
+
+HELD_OUT = 0.2  # as `evaluation.compare.HELD_OUT`, which help must not load
+
+
+@dataclass(frozen=True)
+class SourceComparison:
+    """The methods' fits to one source, each with its metrics.
+
+    Attributes
+    ----------
+    source : Source
+        What was fitted.
+    rows : dict of SeedRows
+        The fits of each method by label, one for every seed.
+    values : dict
+        The chosen metrics of each fit by label, on the held-out samples.
+    conditions : list of str
+        Under which conditions these metrics hold.
+    """
+
+    source: "Source"
+    rows: "dict[str, SeedRows]"
+    values: dict[str, list[dict[str, float | None]]]
+    conditions: list[str]
+
+    def records(self) -> dict[str, dict[str, Any]]:
+        """Return the JSON form of each method's fits, by label."""
+        means = self.metrics()
+        return {label: rows.record() | {"metrics": means[label]} for label, rows in self.rows.items()}
+
+    def metrics(self) -> dict[str, Mapping[str, float | None]]:
+        """Return the means of the chosen metrics over the seeds, by label; None where a fit has none."""
+        return {label: _means(values) for label, values in self.values.items()}
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {
+            "source": self.source.name,
+            "rows": [{"label": label, **record} for label, record in self.records().items()],
+            "metric_conditions": self.conditions,
+        }
+
+    def measured(self) -> "list[MeasuredFit]":
+        """Return every fit with its numbers."""
+        from homofact.evaluation.means import MeasuredFit
+
+        found = []
+        for label, seeds in self.rows.items():
+            for row, values in zip(seeds.rows, self.values[label], strict=True):
+                fit = row.factorization
+                found.append(MeasuredFit(self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values))
+        return found
+
+
+@dataclass(frozen=True)
+class CompareResult:
+    """What a comparison found.
+
+    Attributes
+    ----------
+    sources : tuple of SourceComparison
+        The fits to each source.
+    fits : int
+        How many fits of a method to a source were planned.
+    several : bool
+        Whether it was asked for a list of sources.
+    interrupted : bool
+        Whether Ctrl-C ended it before all of them were done.
+    files : dict of Path
+        The files that were written: "plot", "csv", "latex".
+    """
+
+    sources: tuple[SourceComparison, ...]
+    fits: int
+    several: bool
+    interrupted: bool
+    files: dict[str, Path]
+
+    @property
+    def rows(self) -> "dict[str, SeedRows]":
+        """The fits to the first source, by label."""
+        return self.sources[0].rows
+
+    @property
+    def fits_done(self) -> int:
+        """How many fits of a method to a source are compared."""
+        return sum(len(source.rows) for source in self.sources)
+
+    @property
+    def with_means(self) -> bool:
+        """Whether the JSON form has the means over sources and seeds."""
+        return self.several or not self.files.keys().isdisjoint(("csv", "latex"))
+
+    def measured(self) -> "list[MeasuredFit]":
+        """Return every fit with its numbers."""
+        return [fit for source in self.sources for fit in source.measured()]
+
+    def means(self) -> "list[MeanRow]":
+        """Return means and standard deviations over sources and seeds, by method and bytes."""
+        from homofact.evaluation.means import mean_rows
+
+        return mean_rows(self.measured())
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        records = [source.record() for source in self.sources]
+        answer: dict[str, Any] = {"sources": records} if self.several else records[0]
+        if self.with_means:
+            answer["means"] = [
+                {
+                    "method": row.method,
+                    "bytes": row.nbytes,
+                    "fetches": row.fetches,
+                    "sources": row.sources,
+                    "fits": row.fits,
+                    "metrics": {name: spread and spread.record() for name, spread in row.spreads.items()},
+                }
+                for row in self.means()
+            ]
+        return answer | {name: str(file) for name, file in self.files.items()}
+
+
+def compare(
+    source: Any,
+    methods: "Sequence[str | Method] | Mapping[str, Method]" = COMPARED,
+    *,
+    held_out: float = HELD_OUT,
+    seeds: int | Sequence[int] | str = 1,
+    seed: int = 0,
+    metrics: Sequence[str] = ("six",),
+    plot: Place | None = None,
+    csv: Place | None = None,
+    latex: Place | None = None,
+    strict: bool = False,
+    refuse: Sequence[str] = (),
+    progress: Progress | None = None,
+    **settings: Any,
+) -> CompareResult:
+    """Fit several methods to the same samples and measure them on the same held-out ones.
+
+    Parameters
+    ----------
+    source : source, path, or list of these
+        What is fitted, as for `fit`. Of several sources there are means and standard deviations too.
+    methods : sequence of str or Method, or dict, optional
+        Methods by name ("mccool:theta_h-theta_d+wi" has fixed projections, "ggx:2" two lobes), as objects, or as
+        objects by label.
+    held_out : float, optional
+        The part of the samples that is held out of the fits.
+    seeds : int, sequence of int or str, optional
+        How many seeds to fit by, from `seed` on, or which ones; as text "3" or "0,1,2".
+    seed : int, optional
+        Of the split, of the samples of a model, and of methods that are given by name.
+    metrics : sequence of str, optional
+        "six", "all", or names of metrics.
+    plot, csv, latex : path, optional
+        Files to write: a figure of the errors (.png, .pdf, .svg; one source only), and the means (.csv, .tex).
+    strict : bool, optional
+        Refuse a fit with a visible error.
+    refuse : sequence of str, optional
+        Refuse a fit with any of these findings.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+    **settings
+        Of the methods that are given by name, each taking those that it has.
+
+    Returns
+    -------
+    CompareResult
+        The fits and their errors by source and label. Ctrl-C ends it with what is compared by then.
+
+    Raises
+    ------
+    BadInput
+        For sources, methods, settings or metrics that cannot be used, and for a fit that is refused.
+
+    Examples
+    --------
+    >>> found = homofact.compare("material:phong-30", [homofact.McCool(size=8), homofact.Svd(size=8)])
+    >>> list(found.rows), found.rows["mccool"].held_out["log_mse"].mean < 1
+    (['mccool', 'svd'], True)
+    """
+    refused = checked_findings(refuse)
+    several = isinstance(source, list | tuple) and not _is_samples(source)
+    sources = [given_source(one) for one in (source if several else [source])]
+    files = _files(plot, csv, latex, len(sources))
+    fits = named_methods(methods, settings | {"seed": seed})
+
+    from homofact.evaluation.judging import chosen_metrics
+    from homofact.evaluation.seeds import asked_seeds, seeds_from
+
+    names = chosen_metrics(metrics)
+    if isinstance(seeds, str):
+        listed = asked_seeds(seed, seeds)
+    else:
+        listed = seeds_from(seed, seeds) if isinstance(seeds, int) else tuple(seeds)
+    work = _Comparison(fits, listed, held_out, seed, names, strict, refused, ProgressSteps(progress))
+    work.steps.stage("reading")
+    opened = [open_given(one, seed) for one in sources]
+    work.steps.warm_up()
+    done, interrupted = work.run(opened, [subset_of(one) for one in sources])
+    result = CompareResult(tuple(done), len(opened) * len(fits), several and len(sources) > 1, interrupted, files)
+    _write(result, work.steps)
+    return result
+
+
+def named_methods(
+    methods: "Sequence[str | Method] | Mapping[str, Method]", settings: Mapping[str, Any]
+) -> "dict[str, Method]":
+    """The methods by label. Raises BadInput for none, one that is there twice, and settings that none of them has."""
+    if isinstance(methods, Mapping):
+        return dict(methods)
+    listed = [methods] if isinstance(methods, str) or not isinstance(methods, Sequence) else list(methods)
+    if not listed:
+        raise BadInput(where="methods", found="none", expected="at least one")
+    by_name = [method for method in listed if isinstance(method, str)]
+    made = made_each(by_name, settings) if by_name else {}
+    if not by_name and settings.keys() - {"seed"}:
+        raise BadInput(where=next(iter(settings)), found="it beside methods as objects", expected="it in these")
+    found: dict[str, Method] = {}
+    for method in listed:
+        if isinstance(method, type) or not (isinstance(method, str) or hasattr(method, "fit")):
+            words = f"the class {method.__name__}" if isinstance(method, type) else repr(method)
+            raise BadInput(
+                where="methods", found=words, expected="a name, or an object such as homofact.McCool(size=16)"
+            )
+        label = method if isinstance(method, str) else method.name
+        if label in found:
+            raise BadInput(where="methods", found=f"{label} twice", expected="labels in a dict: {label: method}")
+        found[label] = made[method] if isinstance(method, str) else method
+    return found
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """A comparison under way: what is fitted by which seeds, how it is measured, and which findings are refused."""
+
+    fits: "dict[str, Method]"
+    seeds: tuple[int, ...]
+    held_out: float
+    split_seed: int
+    metrics: tuple[str, ...]
+    strict: bool
+    refused: tuple[str, ...]
+    steps: ProgressSteps
+
+    def run(self, sources: "Sequence[Source]", subsets: Sequence[int]) -> tuple[list[SourceComparison], bool]:
+        """The fits to every source, and whether Ctrl-C ended it: at once where nothing is done."""
+        estimate = self._estimate(sources, subsets)
+        self.steps.estimate(estimate)
+        done: list[SourceComparison] = []
+        for source, subset in zip(sources, subsets, strict=True):
+            rows: dict[str, SeedRows] = {}
+            interrupted = self._fit(source, subset, rows, estimate, bool(done), len(sources))
+            if rows:
+                done.append(self._measured(source, rows))
+            if interrupted:
+                return done, True
+        return done, False
+
+    def _estimate(self, sources: "Sequence[Source]", subsets: Sequence[int]) -> "TimeEstimate":
+        from homofact.evaluation.estimate import TimeEstimate, fit_seconds, training_count
+
+        jobs = []
+        for source, subset in zip(sources, subsets, strict=True):
+            for fit in self.fits.values():
+                seconds = fit_seconds(fit, training_count(source, fit, self.held_out, subset))
+                jobs += [(fit.name, seconds)] * len(self.seeds)
+        return TimeEstimate(jobs)
+
+    def _fit(
+        self,
+        source: "Source",
+        subset: int,
+        rows: "dict[str, SeedRows]",
+        estimate: "TimeEstimate",
+        some: bool,
+        count: int,
+    ) -> bool:
+        """Add the fits of every method to `rows`; whether Ctrl-C ended them: passed on where nothing at all is done."""
+        from homofact.evaluation.estimate import about
+        from homofact.evaluation.seeds import fit_seeds
+
+        runs = count * len(self.fits) * len(self.seeds)
+        for label, fit in self.fits.items():
+            of = f"{source.name}, {label}" if count > 1 else label
+            self.steps.run(f"{of}, {about(estimate.seconds_left)} left", estimate.done, runs)
+            try:
+                rows[label] = fit_seeds(source, fit, self.seeds, self.held_out, self.steps, subset, self.split_seed)
+            except KeyboardInterrupt:
+                if not rows and not some:
+                    raise
+                return True
+            for row in rows[label].rows:
+                estimate.finish(estimate.done, row.seconds_total - row.seconds_read)
+                refuse_findings(row.verdict, label, self.strict, self.refused)
+            # The fit may have kept its best: a row, but the last one.
+            if rows[label].rows[-1].report.status is Status.INTERRUPTED:
+                return True
+        return False
+
+    def _measured(self, source: "Source", rows: "dict[str, SeedRows]") -> SourceComparison:
+        from homofact.evaluation.judging import FitEvaluator
+
+        self.steps.stage("measuring")
+        judge = FitEvaluator(source, self.metrics)
+        values = {
+            label: [judge.measure(row.factorization, row.split) for row in several.rows]
+            for label, several in rows.items()
+        }
+        return SourceComparison(source, rows, values, judge.conditions())
+
+
+def _files(plot: Place | None, csv: Place | None, latex: Place | None, sources: int) -> dict[str, Path]:
+    """The files to write, by what they are. Raises BadInput where one cannot be put."""
+    if plot is not None and sources > 1:
+        raise BadInput(where="plot", found=f"{sources} sources", expected="one for a figure")
+    asked = (("plot", plot, (".png", ".pdf", ".svg")), ("csv", csv, (".csv",)), ("latex", latex, (".tex",)))
+    places = {}
+    for name, given, endings in asked:
+        if given is not None:
+            check_file(Path(given), *endings)
+            places[name] = Path(given)
+    if plot is not None:
+        extras.check("plot", "matplotlib")
+    return places
+
+
+def _write(result: CompareResult, steps: ProgressSteps) -> None:
+    """Write the files that were asked for."""
+    from homofact.evaluation.means import csv_of, latex_of
+    from homofact.files.atomic import write_text
+
+    for name, place in result.files.items():
+        steps.stage("drawing" if name == "plot" else "writing")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if name == "plot":
+            from homofact.figures.plot import plot_rows
+
+            plot_rows(place, list(result.rows.values()))
+        else:
+            write_text(place, (csv_of if name == "csv" else latex_of)(result.measured()))
+
+
+def _is_samples(source: Any) -> bool:
+    """Whether a tuple is (wi, wo, values) or more of one source, not several sources."""
+    return (
+        isinstance(source, tuple)
+        and len(source) >= 3
+        and not any(isinstance(part, str | os.PathLike | SourceSettings) or hasattr(part, "samples") for part in source)
+    )
+
+
+def _means(measured: list[dict[str, float | None]]) -> Mapping[str, float | None]:
+    """The mean of every metric over the seeds, None where one of them has none."""
+    found = {name: [values[name] for values in measured] for name in measured[0]}
+    return {
+        name: None if None in numbers else sum(number or 0.0 for number in numbers) / len(numbers)
+        for name, numbers in found.items()
+    }

@@ -1,0 +1,234 @@
+"""Converting: a source or a fit written in another format, chosen by the ending of the new file.
+
+.csv, .npz and .dat (ALTA text) hold samples: the measurement's, or drawn from the model. .binary (MERL) and .bsdf
+(RGL) are full tables: the source's own where it is one, else the model or interpolated samples at their nodes.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.places import check_file, check_result
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.subjects import Place, given_source, open_given
+from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME
+from homofact.errors import Advice, BadInput
+from homofact.files.atomic import replace_file
+from homofact.sections import SourceSettings
+
+if TYPE_CHECKING:
+    from homofact.brdf.source import Source
+
+ENDINGS = (".binary", ".bsdf", ".csv", ".npz", ".dat")
+_TABLES = (".binary", ".bsdf")
+# Pairs at which a written table is compared with its source.
+_PAIRS = 5000
+
+
+@dataclass(frozen=True)
+class ConvertResult:
+    """A file that was written.
+
+    Attributes
+    ----------
+    source : str
+        What was converted.
+    file : Path
+        The new file.
+    size : int
+        Its bytes.
+    format : str
+        Its format: "merl", "rgl", "csv", "npz" or "alta".
+    notes : tuple of str
+        What got lost, was interpolated or mended, in sentences.
+    facts : dict
+        The rest of the JSON form: samples, channels, and how far a table is off its source.
+    """
+
+    source: str
+    file: Path
+    size: int
+    format: str
+    notes: tuple[str, ...]
+    facts: dict[str, Any]
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {"source": self.source, "out": str(self.file), "bytes": self.size, **self.facts}
+
+
+def convert(
+    source: Any,
+    to: Place,
+    *,
+    undo: Sequence[str] = (),
+    channels: str = "rgb",
+    count: int = DEFAULT_COUNT,
+    scheme: str = DEFAULT_SCHEME,
+    calibrate: Sequence[str] = (),
+    seed: int = 0,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> ConvertResult:
+    """Write a measurement, a model or a fit in another format, by the ending of the new file.
+
+    Parameters
+    ----------
+    source : source, Fit or path
+        What is converted, as for `fit`; or a fit, its folder or its .npz file.
+    to : path
+        The new file: .binary (MERL), .bsdf (RGL, Mitsuba's measured), .csv, .npz or .dat (ALTA).
+    undo : sequence of str, optional
+        Conventions to undo, as `info` names them: "cosine-o", "srgb", "elevation" and others. Not for tables.
+    channels : str, optional
+        "rgb", "luminance", "spectral", or one channel's name.
+    count, scheme : int and str, optional
+        How many pairs are drawn from a model or a fit, and how.
+    calibrate : sequence of str, optional
+        Gains of the instrument to estimate and divide out.
+    seed : int, optional
+        Of the pairs that are drawn.
+    force : bool, optional
+        Replace a file that is there.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+
+    Returns
+    -------
+    ConvertResult
+        The file, its format, and what got lost.
+
+    Raises
+    ------
+    BadInput
+        For what cannot be read, an unknown ending, and a file that is there.
+
+    Examples
+    --------
+    >>> found = homofact.convert("material:phong-30", "phong.csv", count=100)
+    >>> found.format, len(homofact.read("phong.csv").samples)
+    ('csv', 100)
+    """
+    settings = SourceSettings(None, channels, count, scheme, tuple(calibrate))
+    given = _given(source)
+    target = Path(to)
+    check_file(target, *ENDINGS)
+    if target.exists() and not force:
+        raise BadInput("exists already", where=target, expected=f"a new file or {Advice('force', True)}")
+
+    from homofact.brdf.quality.mending import mending_lines
+    from homofact.brdf.quality.suspicion.undo import names_in, undone
+
+    names = names_in(",".join(undo))
+    if names and target.suffix.lower() in _TABLES:
+        raise BadInput(where="undo", found=f"it with {target}", expected="a file of samples (.csv, .npz or .dat)")
+    steps = ProgressSteps(progress)
+    steps.stage("reading")
+    subject = _opened(given, settings, seed)
+    read = len(subject.samples)
+    subject = replace(subject, samples=undone(subject.samples, names))
+    steps.stage("writing")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    facts: dict[str, Any] = {}
+    replace_file(target, lambda made: facts.update(_write(made, subject)), new=not force)
+    if names:
+        lost = read - len(subject.samples)
+        facts["undone"] = list(names)
+        facts["notes"].append(
+            f"undone: {', '.join(names)}" + (f"; {lost} samples at the horizon left out" if lost else "")
+        )
+    facts["notes"] += mending_lines(subject.samples.provenance)
+    size = target.stat().st_size
+    return ConvertResult(subject.name, target, size, facts["format"], tuple(facts["notes"]), facts)
+
+
+def _given(source: Any) -> Any:
+    """A fit, or a source that is checked. Raises BadInput."""
+    if isinstance(source, str | os.PathLike) and Path(source).is_dir():
+        check_result(Path(source))
+        return os.fspath(source)
+    return source if _fitted(source) is not None else given_source(source)
+
+
+def _fitted(source: Any) -> Any:
+    """The fit in memory that it is; None for all else."""
+    found = getattr(source, "factorization", source)
+    return found if callable(getattr(found, "with_textures", None)) else None
+
+
+def _opened(source: Any, settings: SourceSettings, seed: int) -> "Source":
+    """The source, or the fit as one. Raises BadInput."""
+    from homofact.exporting.as_source import as_source, fit_as_source, is_fit
+
+    fitted = _fitted(source)
+    if fitted is None and not (isinstance(source, str) and is_fit(source)):
+        return open_given(replace(settings, path=source) if isinstance(source, str) else source, seed)
+    if settings.channels != "rgb" or settings.calibrate:
+        name = "calibrate" if settings.calibrate else "channels"
+        raise BadInput(where=name, found="it with a fit", expected="it with a measurement or a material")
+    if fitted is None:
+        return fit_as_source(source, settings.count, settings.scheme, seed)
+    return as_source(fitted, "fit", settings.count, settings.scheme, seed)
+
+
+def _write(target: Path, subject: "Source") -> dict[str, Any]:
+    """Write the source in the format of the file's ending; what was written, and what got lost."""
+    from homofact.brdf.formats import alta, csv, merl
+    from homofact.brdf.source import NOISE_FREE_EPSILON
+
+    noise_free = subject.default_epsilon == NOISE_FREE_EPSILON
+    facts_of_source = subject.samples.provenance | ({"noise_free": True} if noise_free else {})
+    samples = replace(subject.samples, provenance=facts_of_source)
+    comments = (f"converted from {subject.name}", *samples.provenance.get("comments", ()))
+    facts: dict[str, Any] = {"samples": len(samples), "channels": list(samples.channels), "notes": []}
+    ending = target.suffix.lower()
+    if ending == ".binary":
+        counts = merl.write(target, subject.reflectance)
+        facts |= {"format": "merl", "samples": counts["written"], "channels": ["R", "G", "B"], "bins": counts}
+        if not samples.isotropic:
+            facts["notes"].append("an anisotropic source: the table holds the cut with h in the xz-plane")
+        if not hasattr(subject.reflectance, "raw") and subject.kind == "measurement":
+            facts["notes"].append("bins between and beyond the samples are interpolated")
+    elif ending == ".bsdf":
+        facts |= _write_adaptive(target, subject, comments)
+    elif ending == ".csv":
+        csv.write(target, samples, comments)
+        facts["format"] = "csv"
+    elif ending == ".npz":
+        from homofact.brdf.formats import npz
+
+        header = {"comments": list(comments), "noise_free": noise_free}
+        npz.write(target, samples, header)
+        facts["format"] = "npz"
+    else:
+        alta.write(target, samples, comments=comments)
+        facts["format"] = "alta"
+    if ending in (".npz", ".dat") and bool((samples.weights != 1).any()):
+        facts["notes"].append("weights are not kept in this format")
+    return facts
+
+
+def _write_adaptive(target: Path, subject: "Source", comments: tuple[str, ...]) -> dict[str, Any]:
+    """Write RGL's tensor file; what it is, and how far its values are from the source's."""
+    from homofact.brdf.adaptive import relative_differences, tabulated
+    from homofact.brdf.formats import rgl
+    from homofact.brdf.rgl import AdaptiveTable
+
+    reflectance, notes = subject.reflectance, []
+    if isinstance(reflectance, AdaptiveTable):
+        rgl.write(target, reflectance, comments)
+        notes.append("the source's own table, every number as it was; luminance made anew")
+        table = reflectance
+    else:
+        table = tabulated(reflectance, subject.samples.isotropic)
+        rgl.write(target, table, comments)
+        if subject.kind == "measurement":
+            notes.append("between and beyond the samples values are interpolated")
+    facts = {"format": "rgl", "channels": list(table.channels), "samples": table.table[..., 0].numel(), "notes": notes}
+    if table is not reflectance:
+        middle, most = relative_differences(reflectance, table, _PAIRS)
+        facts["difference"] = {"median": middle, "quantile_99": most}
+        notes.append(f"off the source's values by {middle:.2%} in the median, {most:.2%} at the 99th percentile")
+    return facts

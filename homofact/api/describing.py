@@ -1,0 +1,138 @@
+"""Describing: what is in a file or a scene's folder, or what a source is."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.places import check_file
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.scene_facts import scene_facts
+from homofact.api.subjects import Place, given_source, open_given
+from homofact.errors import BadInput
+from homofact.sections import SourceSettings
+
+if TYPE_CHECKING:
+    from homofact.brdf.quality.suspicion.check import Suspicion
+    from homofact.brdf.source import Source
+
+
+@dataclass(frozen=True)
+class InfoResult:
+    """What is known of a source or a scene.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    kind : str
+        "material", "measurement" or "drawn"; "relit scene" or "prepared scene".
+    facts : dict
+        The JSON form.
+    rows : dict
+        The same for people: names and values.
+    mended : tuple of str
+        How the data were mended, in sentences.
+    suspected : tuple of Suspicion
+        Units and conventions that the data seem not to keep to.
+    """
+
+    name: str
+    kind: str
+    facts: dict[str, Any]
+    rows: dict[str, Any]
+    mended: tuple[str, ...] = ()
+    suspected: "tuple[Suspicion, ...]" = ()
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return self.facts
+
+
+def info(
+    source: Any,
+    *,
+    plot: Place | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> InfoResult:
+    """Say what is in a measurement's file, what a source is, or what a scene's folder holds.
+
+    Parameters
+    ----------
+    source : source or path
+        As for `fit`; or the folder of a scene that `relight` or `edit` wrote.
+    plot : path, optional
+        A .png to draw: a slice, lobes and a lit sphere.
+    seed : int, optional
+        Of the samples of a model.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+
+    Returns
+    -------
+    InfoResult
+        Its kind and facts, and what is suspected of its units and conventions.
+
+    Raises
+    ------
+    BadInput
+        For what cannot be read, and a picture that cannot be written.
+
+    Examples
+    --------
+    >>> found = homofact.info("material:phong-30")
+    >>> found.kind, found.facts["channels"]
+    ('material', ['R', 'G', 'B'])
+    """
+    place = source.path if isinstance(source, SourceSettings) else source
+    found = scene_facts(Path(place)) if isinstance(place, str | os.PathLike) else None
+    if found is not None:
+        title, rows, facts = found
+        if plot is not None:
+            raise BadInput(f"{place} is a {rows['kind']}, which has its pictures", where="plot", expected="none")
+        return InfoResult(title, str(rows["kind"]), facts, rows)
+    given = given_source(source)
+    picture = None if plot is None else Path(plot)
+    if picture is not None:
+        check_file(picture, ".png")
+
+    from homofact.brdf.pair_density import scheme_of
+    from homofact.brdf.quality.mending import mending_lines
+    from homofact.brdf.quality.suspicion.suspects import suspicions
+    from homofact.brdf.source import describe
+
+    steps = ProgressSteps(progress)
+    steps.stage("reading")
+    subject = open_given(given, seed)
+    facts = describe(subject)
+    suspected: list[Suspicion] = []
+    # Of pairs that were drawn of a table the checks know nothing: they look for rings and steps of an instrument.
+    if scheme_of(subject.samples) is None:
+        steps.stage("checking units and conventions")
+        suspected = list(suspicions(subject.samples))
+        facts["suspected"] = [suspicion.record() for suspicion in suspected]
+    if picture is not None:
+        steps.stage("drawing")
+        facts |= _draw(picture, subject)
+    # A model's name and parameters read better as rows of their own.
+    apart = ("material", "suspected", "gains", "clipped")
+    rows = {name: value for name, value in facts.items() if name not in apart} | (facts.get("material") or {})
+    mended = tuple(mending_lines(subject.samples.provenance))
+    return InfoResult(subject.name, subject.kind, facts, rows, mended, tuple(suspected))
+
+
+def _draw(picture: Path, subject: "Source") -> dict[str, Any]:
+    """Draw the picture; its file, and what it was drawn with."""
+    from homofact.brdf.channels import display_of
+    from homofact.figures.info_picture import info_picture
+
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    report = info_picture(
+        picture,
+        subject.name,
+        subject.reflectance,
+        measured=subject.samples if subject.kind == "measurement" else None,
+        to_rgb=display_of(subject.samples.channels),
+    )
+    return {"plot": {"file": str(picture), "exposure": report.exposure, "clipped": report.clipped}}

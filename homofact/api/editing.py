@@ -1,0 +1,308 @@
+"""Editing: a scene whose materials are edited by curves under its light, and an edit taken into textures."""
+
+import os
+import time
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.places import check_folder, check_place
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.errors import BadInput
+from homofact.files.folder import check_new_folder
+from homofact.files.kinds import PREPARED
+from homofact.files.lock import claimed
+from homofact.files.plain import plain
+from homofact.files.reading import check_readable
+
+if TYPE_CHECKING:
+    from homofact.editing.curves import Bands
+    from homofact.editing.edited_fit import EditedFit
+    from homofact.editing.errors import PartError
+    from homofact.editing.picture import Address
+    from homofact.editing.result import EditResult
+    from homofact.editing.scene import PreparedScene
+    from homofact.editing.scene_file import EditSceneFile
+    from homofact.factor.fitted import Fitted
+
+Place = str | os.PathLike[str]
+
+
+def edit(
+    scene: Place, *, to: Place | None = None, force: bool = False, progress: Progress | None = None
+) -> "EditResult":
+    """Precompute a scene whose materials are edited by curves under its light.
+
+    Parameters
+    ----------
+    scene : path
+        A scene's file in TOML, or the folder of a scene that was prepared before, which is opened.
+    to : path, optional
+        The folder of the prepared scene, which `homofact view` shows. Nothing is written unless it is given.
+    force : bool, optional
+        Replace a prepared scene that is in the folder.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+
+    Returns
+    -------
+    EditResult
+        What was precomputed: its `session` sets curves and makes pictures, `report` states the errors.
+
+    Raises
+    ------
+    BadInput
+        For what cannot be read, materials without such curves, and a folder that is taken.
+    MissingDependency
+        Without Embree (the extra `relight`).
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> _ = Path("ball.toml").write_text('''
+    ... edit = {triangles = 40}
+    ... lighting = {named = "studio"}
+    ... [[object]]
+    ... mesh = "shape:sphere"
+    ... material = "material:cook-torrance-plastic"
+    ... bands = [32, 32]
+    ... [[camera]]
+    ... eye = [0, 0.5, 4]
+    ... pixels = [16, 12]
+    ... ''')
+    >>> session = homofact.edit("ball.toml").session()
+    >>> session.slide(("cook-torrance-plastic", "specular", "distribution"), sigma=0.05)
+    >>> session.picture(0).shape[1]
+    3
+    """
+    place = Path(scene)
+    folder = None if to is None else Path(to)
+    if folder is not None:
+        check_new_folder(folder, PREPARED, force)
+        check_place(folder)
+
+    from homofact.editing.result import is_edit, open_edit
+    from homofact.editing.scene_file import read_edit_scene
+
+    steps = ProgressSteps(progress)
+    if is_edit(place):
+        if folder is not None:
+            raise BadInput("is a prepared scene already", where=scene, expected="a scene in TOML, or curves to apply")
+        return open_edit(place, steps.stage)
+    file = read_edit_scene(place)
+    with nullcontext() if folder is None else claimed(folder):
+        result = _prepared(file, steps)
+        if folder is not None:
+            steps.stage("writing")
+            result.save(folder, force)
+    return result
+
+
+@dataclass(frozen=True)
+class EditedTextures:
+    """Textures of an edited material.
+
+    Attributes
+    ----------
+    material : str
+        The material's name in the scene.
+    result : EditedFit
+        The fit with the edit in it, and how far it is from the edited material.
+    report : dict
+        The JSON form, as in the folder's report.json.
+    folder : Path or None
+        The result's folder, where one was written.
+    """
+
+    material: str
+    result: "EditedFit"
+    report: dict[str, Any] = field(repr=False)
+    folder: Path | None = None
+
+    @property
+    def fit(self) -> "Fitted":
+        """The fit with the edit in its textures."""
+        return self.result.fit
+
+
+def apply_curves(
+    scene: Place,
+    curves: "Place | Mapping[Address, Bands]",
+    *,
+    to: Place | None = None,
+    material: str | None = None,
+    way: str | None = None,
+    refine: int = 1,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> EditedTextures:
+    """Make textures of an edited material: take the edit into those of a fit, or fit the material anew.
+
+    Parameters
+    ----------
+    scene : path
+        A scene's file in TOML, or a prepared scene's folder.
+    curves : path or mapping
+        Edited curves in JSON, as the page exports them, or a session's `changed` curves.
+    to : path, optional
+        The folder of the result, which `load` opens. Nothing is written unless it is given.
+    material : str, optional
+        Which material, where several are edited.
+    way : {"texels", "solve", "texture"}, optional
+        How the edit is taken into a fit's textures; what suits them unless given.
+    refine : int, optional
+        Of the way "texels": steps that one between two texels becomes.
+    force : bool, optional
+        Replace a result that is in the folder.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+
+    Returns
+    -------
+    EditedTextures
+        The fit and its errors against the edited material.
+
+    Raises
+    ------
+    BadInput
+        For what cannot be read, curves that change no material or several, and a folder that is taken.
+    """
+    folder = None if to is None else Path(to)
+    if isinstance(curves, str | os.PathLike):
+        check_readable(curves, "edited curves in JSON")
+    if folder is not None:
+        check_folder(folder, force)
+
+    from homofact.editing.build import open_edit_materials
+    from homofact.editing.curves_file import read_curves
+    from homofact.editing.edited_fit import chosen_material, fit_edit
+    from homofact.editing.result import read_report
+    from homofact.editing.scene_file import read_edit_scene
+
+    place, steps = Path(scene), ProgressSteps(progress)
+    with nullcontext() if folder is None else claimed(folder):
+        file = read_report(place)[0] if place.is_dir() else read_edit_scene(place)
+        materials = open_edit_materials(file, steps.stage)
+        if isinstance(curves, str | os.PathLike):
+            given = read_curves(curves, [own.material for own in materials])
+            try:
+                chosen, changed = chosen_material(materials, given, material)
+            except BadInput as error:
+                raise error.at(curves) from error
+        else:
+            chosen, changed = chosen_material(materials, curves, material)
+        name = chosen.material.name
+        steps.stage(f"textures of {name}")
+        made = fit_edit(chosen, changed, way, refine, steps)
+        report = plain(_textures_report(name, chosen.opened.words, made))
+        if folder is not None:
+            steps.stage("drawing and writing")
+            _write_textures(folder, name, made, report, force)
+    return EditedTextures(name, made, report, folder)
+
+
+def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":
+    """Open, precompute and judge a scene."""
+    from homofact.editing.build import open_edit_scene
+    from homofact.editing.errors import light_error, rank_errors
+    from homofact.editing.precompute import prepare
+    from homofact.editing.result import EditResult
+
+    begun = time.perf_counter()
+    scene = open_edit_scene(file, steps.stage)
+    for line in scene.notes:
+        steps.note(line)
+    opened = time.perf_counter()
+    prepared = prepare(
+        scene,
+        file.settings.triangles,
+        tolerance=file.settings.tolerance,
+        progress=lambda share: steps.run("precomputing", min(round(100 * share), 99), 100),
+    )
+    done = time.perf_counter()
+    steps.stage("measuring the error")
+    parts, lights = rank_errors(prepared), light_error(prepared)
+    report = _report(file, prepared, parts, lights)
+    report["seconds"] = {
+        "materials": opened - begun, "precompute": done - opened, "errors": time.perf_counter() - done,
+    }  # fmt: skip
+    report["notes"] = list(scene.notes)
+    return EditResult(file, prepared, report, parts)
+
+
+def _report(
+    file: "EditSceneFile", prepared: "PreparedScene", parts: "tuple[PartError, ...]", lights: dict[str, float]
+) -> dict[str, Any]:
+    """The JSON form, as in edit.json."""
+    scene = prepared.scene
+    entries = [
+        {
+            "view": part.view, "material": part.material, "term": part.term, "pixels": part.pixels,
+            "bands": list(part.bands), "rank": part.rank, "error": part.error,
+        }
+        for part in parts
+    ]  # fmt: skip
+    return {
+        "scene": file.name,
+        "light": scene.lighting.words or scene.lighting.name,
+        "triangles": prepared.lights.count,
+        "tolerance": file.settings.tolerance,
+        "views": [
+            {"name": view, "pixels": len(seen)} for view, seen in zip(scene.view_names, prepared.pixels, strict=True)
+        ],
+        "materials": {
+            material.name: [
+                {"term": term.name, "curve": slot.name, "angle": slot.angle, "bands": slot.bands,
+                 "sliders": list(slot.sliders.start) if slot.sliders else []}
+                for term in material.terms for slot in term.slots
+            ]
+            for material in scene.materials
+        },
+        "parts": entries,
+        "bytes": prepared.nbytes,
+        "error": {
+            "low_rank": max((part.error for part in parts), default=0.0),
+            "lights_and_bands": lights,
+        },
+    }  # fmt: skip
+
+
+def _textures_report(name: str, words: str, made: "EditedFit") -> dict[str, Any]:
+    """The JSON form of textures of an edit, as in report.json."""
+    edits = [
+        {
+            "way": applied.way,
+            "rms": applied.rms,
+            "log_rms": applied.log_rms,
+            "by_epsilon": applied.by_epsilon,
+            "clamped": applied.clamped,
+        }
+        for applied in made.applied
+    ]
+    row = {} if made.row is None else made.row.record()
+    return {
+        **row,
+        "material": name,
+        "made_of": words,
+        "way": "fitted anew" if made.row is not None else [applied.way for applied in made.applied],
+        "bytes": made.fit.nbytes,
+        "fetches": made.fit.fetches,
+        "error": {**row.get("error", {}), "edited": made.rms, "edits": edits},
+    }
+
+
+def _write_textures(folder: Path, name: str, made: "EditedFit", report: dict[str, Any], force: bool) -> None:
+    """Write a result's folder with a picture that compares the textures with the edited material."""
+    from homofact.brdf.channels import display_of
+    from homofact.exporting.result import write_result
+    from homofact.figures.compare_picture import compare_picture
+
+    panels = [("textures of the edit", made.fit, [f"relative RMS {made.rms:.2%}"])]
+
+    def draw(place: Path) -> None:
+        source = (f"{name} as edited", made.edited)
+        compare_picture(place / "compare.png", source, panels, to_rgb=display_of(made.fit.channels))
+
+    write_result(folder, factorization=made.fit, report=report, pictures=draw, force=force)

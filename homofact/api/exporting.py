@@ -1,0 +1,319 @@
+"""Exporting: a fit's textures in an engine's format, with the shaders that read them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.subjects import Place, given_fit, given_source, reopened_or_why
+from homofact.containers.format_names import FORMAT_NAMES
+from homofact.errors import BadInput
+from homofact.files.kinds import ENGINE_MARK
+from homofact.files.lock import claimed
+
+if TYPE_CHECKING:
+    from homofact.brdf.reflectance import Reflectance
+    from homofact.brdf.samples import Samples
+    from homofact.containers.formats import Format
+    from homofact.evaluation.reopening import Reopened
+    from homofact.exporting.engines.base import Engine
+    from homofact.exporting.exported import Exported
+    from homofact.exporting.prefiltered import PrefilteredExport
+    from homofact.factor.fitted import Fitted
+    from homofact.shading.cost import EvaluationCost
+
+QUANTIZED = ("png8", "png16")
+SEEN = "the fit has, or may have, seen the samples that its errors are on"
+SKY_SIDE = 256  # as `rendering.sky_chain.SIDE`, which help must not load
+
+
+@dataclass(frozen=True)
+class ExportResult:
+    """What an export wrote.
+
+    Attributes
+    ----------
+    result : str
+        The fit's place, "fit" for one in memory.
+    folder : Path
+        Where the export is.
+    format : str
+        The textures' format.
+    files : tuple of str
+        The names of all files in the folder.
+    errors : dict
+        Errors of the fit and of the stored texels by label: `log_difference` to the fit, and metrics by part of the
+        samples.
+    part : str
+        The name of the part that was tested, "held_out" or "source".
+    caution : str
+        Why there are no errors on samples, or that the fit may have seen them; empty where neither holds.
+    source_found : bool
+        Whether there are errors on samples.
+    cost : EvaluationCost
+        Fetches, operations and bytes of one evaluation.
+    noise : tuple of dict
+        By the viewer's angle, the relative variance of one direction drawn by `homofact_sample`.
+    engine : str
+        The engine that the export is for, empty for a plain one.
+    looks : dict
+        How an engine's look-alikes compare, by label.
+    prefiltered : PrefilteredExport or None
+        The filtered sky.
+    """
+
+    result: str
+    folder: Path
+    format: str
+    files: tuple[str, ...]
+    errors: dict[str, Any]
+    part: str
+    caution: str
+    source_found: bool
+    cost: "EvaluationCost"
+    noise: tuple[Mapping[str, float], ...]
+    engine: str = ""
+    looks: Mapping[str, Any] | None = None
+    prefiltered: "PrefilteredExport | None" = None
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        record = {
+            "result": self.result,
+            "out": str(self.folder),
+            "errors": self.errors,
+            "cost": self.cost.record(),
+            "format": self.format,
+        }
+        if self.prefiltered is not None:
+            record["prefiltered"] = self.prefiltered.record()
+        return record | ({"engine": self.engine, "looks": dict(self.looks or {})} if self.engine else {})
+
+
+def export(
+    fit: Any,
+    to: Place,
+    *,
+    format: str | None = None,
+    quantize: str | None = None,
+    engine: str | None = None,
+    prefilter: Place | None = None,
+    prefilter_side: int | None = None,
+    source: Any = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> ExportResult:
+    """Write a fit's textures and the shaders that read them: GLSL, HLSL, WGSL and C.
+
+    Parameters
+    ----------
+    fit : Fit or path
+        A fit, a result's folder, or a saved .npz file.
+    to : path
+        The folder that is written, whole or not at all.
+    format : str, optional
+        The textures' format, such as "exr", "png8" or "ktx2". "exr", or what `quantize` names, unless given.
+    quantize : {"png8", "png16"}, optional
+        Solve for the best texels of 8 or 16 bits, instead of rounding each by itself.
+    engine : str, optional
+        Add what an engine loads: "three", "gltf", "materialx", "godot", "blender" or "pbrt".
+    prefilter : path, optional
+        A lat-long .hdr or .exr to filter for the material.
+    prefilter_side : int, optional
+        Texels per side of the filtered sky's faces, a power of two; 256 unless given.
+    source : path or source, optional
+        What the fit was made from. It is found by itself where it can be.
+    force : bool, optional
+        Replace an export that is there.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+
+    Returns
+    -------
+    ExportResult
+        The folder, its files, and the errors of the stored texels.
+
+    Raises
+    ------
+    BadInput
+        For a fit or source that cannot be read, a format that cannot hold the fit, and a folder that is taken.
+
+    Examples
+    --------
+    >>> fit = homofact.fit("material:phong-30", homofact.McCool(size=8))
+    >>> exported = homofact.export(fit, "engine", format="png16")
+    >>> exported.format, "brdf.glsl" in exported.files
+    ('png16', True)
+    """
+    name = _format_of(format, quantize)
+    if prefilter_side is not None and prefilter is None:
+        raise BadInput(where="prefilter-side", found="it without a sky", expected="prefilter, the sky to filter")
+    given = given_fit(fit)
+    source = None if source is None else given_source(source)
+
+    from homofact.containers.formats import format_named
+    from homofact.exporting.exported import check_export_folder
+    from homofact.rendering.environment import read_environment
+    from homofact.rendering.sky_chain import check_side
+
+    of_engine = None
+    if engine is not None:
+        from homofact.exporting.engines.table import engine_named
+
+        of_engine, name = engine_named(engine, format or quantize)
+    folder = Path(to)
+    check_export_folder(folder, force)
+    side = SKY_SIDE if prefilter_side is None else prefilter_side
+    check_side(side)
+    light = None if prefilter is None else read_environment(prefilter)
+    steps = ProgressSteps(progress)
+    with claimed(folder):
+        steps.stage("reading")
+        fitted = given.open()
+        work = _Work(fitted, reopened_or_why(fitted, source, given.near), format_named(name), steps)
+        made, rows = work.stored(quantize)
+        steps.stage("fitting lobes to draw from")
+        made = work.drawable(made)
+        if light is not None:
+            from homofact.exporting.prefiltered import prefiltered_export
+
+            steps.stage("filtering the environment")
+            made = replace(made, prefiltered=prefiltered_export(made.stored, light, made.format, side))
+        return work.write(given.words, folder, made, rows, of_engine, force)
+
+
+def _format_of(form: str | None, quantize: str | None) -> str:
+    """The textures' format. Raises BadInput where there is none such, and for two that differ."""
+    name = form or quantize or "exr"
+    if quantize is not None and quantize not in QUANTIZED:
+        raise BadInput(where="quantize", found=repr(quantize), expected="png8 or png16")
+    if quantize is not None and quantize != name:
+        raise BadInput(where="format", found=f"{name!r} beside quantize {quantize}", expected=quantize)
+    if name not in FORMAT_NAMES:
+        raise BadInput(where="format", found=repr(name), expected=f"one of {', '.join(FORMAT_NAMES)}")
+    return name
+
+
+@dataclass(frozen=True)
+class _Work:
+    """One export under way: the fit, its source again or why not, the textures' format."""
+
+    fitted: "Fitted"
+    source: "Reopened | str"
+    format: "Format"
+    steps: ProgressSteps
+
+    def stored(self, quantize: str | None) -> "tuple[Exported, dict[str, Exported | Fitted]]":
+        """The fit as it will be stored, and what its errors are compared with, by label."""
+        from homofact.exporting.exported import exported
+        from homofact.factor.quantize import is_solved
+
+        made = exported(self.fitted, self.format)
+        if quantize is None:
+            return made, {"as fitted": self.fitted, f"stored as {self.format.name}": made}
+        self.steps.stage("solving for whole texels")
+        best = exported(self._quantized(quantize), self.format)
+        rows: dict[str, Exported | Fitted] = {"as fitted": self.fitted, "each texel rounded": made}
+        return best, rows | ({f"solved for {self.format.name}": best} if is_solved(self.fitted) else {})
+
+    def _quantized(self, storage: str) -> "Fitted":
+        """The fit with whole texels; a product's are solved on the samples that it was made from."""
+        from homofact.evaluation.reopening import settings_of
+        from homofact.factor.quantize import is_solved, rounded
+        from homofact.methods.common import quantized
+
+        if not is_solved(self.fitted):
+            return rounded(self.fitted, storage)
+        if isinstance(self.source, str):
+            raise BadInput(self.source, where="quantize", expected="the samples to solve on: name their source")
+        return quantized(self.fitted, self.source.training, settings_of(self.fitted), storage)
+
+    def drawable(self, made: "Exported") -> "Exported":
+        """The export with the mixture that its shaders draw directions from."""
+        from homofact.shading.mixture_fit import fitted_mixture
+
+        return replace(made, sampling=fitted_mixture(made.stored))
+
+    def write(
+        self,
+        words: str,
+        folder: Path,
+        made: "Exported",
+        rows: "Mapping[str, Exported | Fitted]",
+        engine: "Engine | None",
+        force: bool,
+    ) -> ExportResult:
+        """Measure and write."""
+        from homofact.exporting.exported import write_exported
+
+        self.steps.stage("measuring and writing")
+        samples = None if isinstance(self.source, str) else self.source.parts
+        errors = {label: self._errors(row, samples) for label, row in rows.items()}
+        more: dict[str, str | bytes] = {}
+        looks: dict[str, Any] = {}
+        if engine is not None:
+            self.steps.stage(f"making what {engine.name} loads")
+            added = engine.add(made)
+            more, looks = dict(added.files), self._looks(made, added.looks)
+        of_looks = {label: look["errors"] for label, look in looks.items() if label != "fit"}
+        name = "" if engine is None else engine.name
+        description = write_exported(folder, made, errors | of_looks, force, name, more)
+        light = [] if made.prefiltered is None else made.prefiltered.files
+        beside = [*more, ENGINE_MARK] if more else []
+        found = self.source
+        seen = "" if isinstance(found, str) or found.held_out else SEEN
+        return ExportResult(
+            result=words,
+            folder=folder,
+            format=self.format.name,
+            files=(*made.names, *description["code"]["files"], *light, "manifest.json", *beside),
+            errors=errors,
+            part="held_out" if isinstance(found, str) else found.part,
+            caution=found if isinstance(found, str) else seen,
+            source_found=not isinstance(found, str),
+            cost=made.cost,
+            noise=tuple(description["sampling"]["measured"]),
+            engine=name,
+            looks=looks,
+            prefiltered=made.prefiltered,
+        )
+
+    def _errors(self, row: "Exported | Fitted", samples: "dict[str, Samples] | None") -> dict[str, Any]:
+        """What a fit's values are off: from the samples where there are some, and from the fit as it was."""
+        from homofact.evaluation.metrics import measure
+        from homofact.exporting.exported import Exported, log_difference
+
+        values = row.stored if isinstance(row, Exported) else row
+        parts = (samples or {}).items()
+        measured = {part: measure(values, own, self.fitted.transform).record() for part, own in parts}
+        return {"log_difference": log_difference(self.fitted, values)} | measured
+
+    def _looks(self, made: "Exported", looks: "Mapping[str, Reflectance]") -> dict[str, Any]:
+        """How each of an engine's look-alikes, and the fit beside them, compares with the source, else with the fit."""
+        from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
+        from homofact.brdf.source import made_of_samples
+        from homofact.evaluation.appearance import appearance
+        from homofact.evaluation.metrics import measure
+        from homofact.exporting.as_source import as_source
+        from homofact.exporting.engines.gltf import said
+        from homofact.exporting.exported import log_difference
+
+        if not looks:
+            return {}
+        found = self.source
+        whole = None if isinstance(found, str) or made_of_samples(found.source.reflectance) else found.source
+        against = whole or as_source(made.stored, "the fit")
+        compared = dict(looks) if whole is None else {"fit": made.stored, **looks}
+        answer = {}
+        for label, look in compared.items():
+            figures = appearance(look, against)
+            six = measure(look, against.samples, made.stored.transform).record()
+            numbers = f"{said(look)}; " if isinstance(look, MetallicRoughness) else ""
+            answer[label] = {
+                "against": against.name,
+                "appearance": None if figures is None else figures.record(),
+                "errors": six | {"log_difference": log_difference(made.stored, look)},
+                "said": "" if label == "fit" else f"{label}: {numbers}log_mse {six['log_mse']:.3g}",
+            }
+        return answer

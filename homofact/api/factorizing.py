@@ -1,0 +1,206 @@
+"""Factorizing: a source fitted and judged on held-out samples, and the folder of the result."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.places import check_folder
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.refusing import checked_findings, refuse_findings
+from homofact.api.subjects import Place, given_source, open_given, subset_of
+from homofact.errors import BadInput
+from homofact.evaluation.wording import counted, figure
+from homofact.files import extras
+from homofact.files.lock import claimed
+from homofact.files.plain import plain
+from homofact.methods.search import Search
+from homofact.methods.table import made, mccool_like
+from homofact.sections import SourceSettings
+
+if TYPE_CHECKING:
+    from homofact.brdf.source import Source
+    from homofact.evaluation.compare import ComparisonRow
+    from homofact.factor.fitted import Fitted
+    from homofact.methods.method import Method
+
+HELD_OUT = 0.2  # as `evaluation.compare.HELD_OUT`, which help must not load
+
+
+@dataclass(frozen=True)
+class FactorizeResult:
+    """A fit, beside McCool's projections of the same size, and the folder that they are in.
+
+    Attributes
+    ----------
+    folder : Path
+        The result's folder, which `load` opens.
+    source : Source
+        What was fitted.
+    rows : dict of ComparisonRow
+        The fit by its method's name, and McCool's projections as "McCool" where the fit is not that itself.
+    report : dict
+        The JSON form, as in the folder's report.json.
+    picture : Path or None
+        Source and fits on a lit sphere; None without matplotlib.
+    left_out : str
+        What was not written for want of a library; empty where nothing was.
+    """
+
+    folder: Path
+    source: "Source"
+    rows: "dict[str, ComparisonRow]"
+    report: dict[str, Any]
+    picture: Path | None
+    left_out: str
+
+    @property
+    def row(self) -> "ComparisonRow":
+        """The fit with its errors and verdict."""
+        return next(iter(self.rows.values()))
+
+    @property
+    def fit(self) -> "Fitted":
+        """The fit."""
+        return self.row.factorization
+
+    def records(self) -> dict[str, dict[str, Any]]:
+        """Return the JSON form of each fit, by label."""
+        return {label: row.record() for label, row in self.rows.items()}
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return self.report
+
+
+def factorize(
+    source: Any,
+    to: Place,
+    method: "Method | str | None" = None,
+    *,
+    held_out: float = HELD_OUT,
+    seed: int = 0,
+    strict: bool = False,
+    refuse: tuple[str, ...] = (),
+    force: bool = False,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> FactorizeResult:
+    """Fit a source, judge the fit on held-out samples, and write a folder with textures, pictures and figures.
+
+    Parameters
+    ----------
+    source : source or path
+        What is fitted, as for `fit`.
+    to : path
+        The folder: factorization.npz, manifest.json, report.json, every texture as EXR and PNG, compare.png.
+    method : Method or str, optional
+        The method, or its name; `Search` unless given.
+    held_out : float, optional
+        The part of the samples that is held out of the fit.
+    seed : int, optional
+        Of the samples of a model, and of a method that is given by name.
+    strict : bool, optional
+        Refuse a fit with a visible error.
+    refuse : tuple of str, optional
+        Refuse a fit with any of these findings.
+    force : bool, optional
+        Replace a result that is in the folder.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+    **settings
+        Of a method that is given by name.
+
+    Returns
+    -------
+    FactorizeResult
+        The fit with its errors, verdict and folder.
+
+    Raises
+    ------
+    BadInput
+        For a source or settings that cannot be used, a folder that is taken, and a fit that is refused.
+
+    Examples
+    --------
+    >>> found = homofact.factorize("material:phong-30", "phong", homofact.McCool(size=8))
+    >>> found.row.held_out.log_mse < 1, homofact.load("phong").nbytes == found.fit.nbytes
+    (True, True)
+    """
+    refused = checked_findings(refuse)
+    source = given_source(source)
+    chosen = _method(method, settings, seed)
+    folder = Path(to)
+    drawn = extras.installed("matplotlib")
+    check_folder(folder, force)
+
+    from homofact.evaluation.compare import fit_and_measure
+    from homofact.exporting.images import LIBRARIES
+    from homofact.exporting.result import write_result
+
+    steps = ProgressSteps(progress)
+    with claimed(folder):
+        steps.stage("reading")
+        subject, subset = open_given(source, seed), subset_of(source)
+        steps.warm_up()
+        steps.stage(chosen.name)
+        rows = {chosen.name: fit_and_measure(subject, chosen, held_out, steps, subset)}
+        refuse_findings(rows[chosen.name].verdict, chosen.name, strict, refused)
+        baseline = mccool_like(chosen)
+        if baseline != chosen:
+            steps.stage("McCool's projections")
+            rows["McCool"] = fit_and_measure(subject, baseline, held_out, subset=subset)
+        records = {label: row.record() for label, row in rows.items()}
+        report = _report(subject, source, records, folder)
+        steps.stage("drawing and writing")
+
+        def draw(place: Path) -> None:
+            _draw(place / "compare.png", subject, rows, records)
+
+        write_result(
+            folder,
+            factorization=rows[chosen.name].factorization,
+            report=plain(report),
+            pictures=draw if drawn else None,
+            force=force,
+        )
+    without = extras.left_out({**LIBRARIES, "pictures": "matplotlib"})
+    return FactorizeResult(folder, subject, rows, report, folder / "compare.png" if drawn else None, without)
+
+
+def caption(record: dict[str, Any]) -> list[str]:
+    """The lines under a fit's sphere: its errors on the held-out samples and what it costs to evaluate."""
+    held, train = record["error"]["held_out"], record["error"]["train"]
+    return [
+        f"log MSE {figure(held['log_mse'])} held out, {figure(train['log_mse'])} training",
+        f"log MAE {figure(held['log_mae'])}, MAE {figure(held['mae'])} sr⁻¹ held out",
+        f"{counted(record['textures'], 'texture')}, {record['bytes']} bytes, {counted(record['fetches'], 'fetch')}",
+    ]
+
+
+def _method(method: "Method | str | None", settings: dict[str, Any], seed: int) -> "Method":
+    if method is None or isinstance(method, str):
+        return made(method or Search.name, settings | {"seed": seed})
+    if isinstance(method, type) or not hasattr(method, "fit"):
+        words = f"the class {method.__name__}" if isinstance(method, type) else repr(method)
+        raise BadInput(where="method", found=words, expected="one such as homofact.McCool(size=16)")
+    if settings:
+        raise BadInput(where=next(iter(settings)), found="it beside a method as an object", expected="it in that")
+    return method
+
+
+def _report(subject: "Source", source: Any, records: dict[str, dict[str, Any]], folder: Path) -> dict[str, Any]:
+    """What report.json says: the fit's record, how the source was mended and opened, McCool's record."""
+    first, *others = records.values()
+    mended = {name: subject.samples.provenance.get(name) for name in ("gains", "clipped")}
+    opened = source.path if isinstance(source, SourceSettings) else source if isinstance(source, str) else subject.name
+    return {**first, **mended, "opened": opened, "out": str(folder)} | ({"mccool": others[0]} if others else {})
+
+
+def _draw(
+    picture: Path, subject: "Source", rows: "dict[str, ComparisonRow]", records: dict[str, dict[str, Any]]
+) -> None:
+    from homofact.brdf.channels import display_of
+    from homofact.figures.compare_picture import compare_picture
+
+    panels = [(label, row.factorization, caption(records[label])) for label, row in rows.items()]
+    compare_picture(picture, (subject.name, subject.reflectance), panels, to_rgb=display_of(subject.samples.channels))

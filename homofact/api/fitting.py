@@ -1,0 +1,88 @@
+"""The five lines of Python: read, fit, evaluate, save, load (`api.reading`, `api.loading`).
+
+source = homofact.read("paint.brdf")              # or "material:lafortune-blue-paint"
+fitted = homofact.fit(source, textures=2)         # or homofact.fit(source, homofact.Cole(textures=5))
+values = fitted.evaluate(wi, wo)                  # (N, 3) in sr⁻¹; fitted.report and fitted.verdict say how it went
+fitted.save("paint.npz")
+same = homofact.load("paint.npz")
+"""
+
+from dataclasses import replace
+from typing import Any
+
+from homofact.api.result import Fit
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import samples_of, source_of
+from homofact.errors import BadInput
+from homofact.evaluation.appearance import appearance
+from homofact.evaluation.metrics import measure
+from homofact.evaluation.split import Split
+from homofact.evaluation.verdict.judge import judge
+from homofact.methods.fitting import ProgressCallback
+from homofact.methods.method import Method
+from homofact.methods.search import Search
+from homofact.methods.table import made as made_method
+
+
+def fit(
+    source: Any,
+    method: Method | None = None,
+    *,
+    progress: ProgressCallback | None = None,
+    **settings: Any,
+) -> Fit:
+    """Factor all samples of a source into a few small textures.
+
+    Nothing is held out, as the fit's split says: the verdict judges the fit on the samples that it was made from,
+    turned at random where they are isotropic, and cannot see overfitting. `homofact.evaluation.compare.fit_and_measure`
+    gives an honest error. Bare `Samples`, and arrays of them, leave the fit without a split and take ε for values
+    without noise; pass `epsilon` with measured ones (1e-2 where zeros and noise are to be expected), or `read` them.
+
+    Parameters
+    ----------
+    source : what `homofact.read` returns or takes.
+    method : `Search` (the default), `Cole`, `McCool`, `Svd`, `Nmf`, or a model: `Ggx`, `Gaussians`, `Npf`, `Nbrdf`.
+    progress : called with a `FitProgress` now and then.
+    settings : those of `Search`, where no method is given.
+
+    Returns
+    -------
+    The fit, with its report and its verdict.
+
+    Raises
+    ------
+    BadInput : for what is no source, settings that cannot be meant or that the method does not have.
+
+    Examples
+    --------
+    >>> import homofact
+    >>> fit = homofact.fit("material:phong-10", homofact.McCool(size=4))
+    >>> fit.nbytes, fit.fetches
+    (360, 3)
+    """
+    if method is None:
+        method = made_method(Search.name, settings)
+    elif isinstance(method, type) or not hasattr(method, "fit"):
+        found = f"the class {method.__name__}" if isinstance(method, type) else repr(method)
+        raise BadInput(where="method", found=found, expected="one such as homofact.McCool(size=16)")
+    elif settings:
+        as_in = f"{type(method).__name__}({', '.join(f'{name}=...' for name in settings)})"
+        raise BadInput(
+            where="fit",
+            found=f"a method and {', '.join(settings)} beside it",
+            expected=f"a method with its settings, as in {as_in}",
+        )
+    bare = source if isinstance(source, Samples) else samples_of(source)
+    if bare is not None:
+        given, samples = None, bare
+    else:
+        given = source_of(source)
+        method = method if method.epsilon is not None else replace(method, epsilon=given.default_epsilon)
+        samples, _ = Split.of(given, 0.0, method.seed).parts(given)
+    made = method.fit(samples, progress)
+    turned = samples.rotated_at_random(method.seed)
+    fitted = made.factorization
+    errors = measure(fitted, turned, fitted.transform)
+    seen = None if given is None else appearance(fitted, given)
+    verdict = judge(fitted, made.report, method, samples, turned, (errors, errors), seen)
+    return Fit(fitted, made.report, verdict)

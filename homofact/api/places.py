@@ -1,0 +1,91 @@
+"""Where results go: checked before a long fit, so that an hour's work never meets a closed door."""
+
+import os
+from difflib import get_close_matches
+from pathlib import Path
+
+from homofact.brdf.source_names import MATERIAL_NAMES, MATERIAL_PREFIX
+from homofact.errors import BadInput
+from homofact.files.private import private_folder
+from homofact.files.reading import check_readable, split_member
+
+_ROOM = 1 << 18  # bytes: less than any result takes
+
+
+def check_measurement(source: str) -> None:
+    """Refuse a source's file that is missing or cannot be read, before what reads it is loaded. Raises BadInput."""
+    if source.startswith(MATERIAL_PREFIX):
+        return
+    file, member = split_member(source)
+    near = get_close_matches(source, MATERIAL_NAMES, n=1, cutoff=0.7)
+    if near and not Path(file).exists():
+        raise BadInput(
+            "no such file",
+            where=source,
+            expected="a BRDF file or material:NAME",
+            hint=f"nearest: {MATERIAL_PREFIX}{near[0]}",
+        )
+    # Of a missing "a#b" the name as it was given is what helps.
+    check_readable(file if member is None or Path(file).exists() else source, "a BRDF file or material:NAME")
+
+
+def check_result(place: Path) -> None:
+    """Refuse a result that is not there, before what opens it is loaded. Raises BadInput."""
+    from homofact.files.archive import saved_file
+
+    if str(place).startswith(MATERIAL_PREFIX):
+        hint = f"fit it first: `homofact.fit({str(place)!r})`"
+        raise BadInput("is a material", where=place, expected="a saved fit", hint=hint)
+    if not saved_file(place, "manifest.json").exists():
+        raise BadInput("no such file", where=place, expected="a saved factorization")
+
+
+def check_folder(folder: Path, force: bool) -> None:
+    """Refuse a result folder that cannot be made or written, or that holds something without `force`.
+
+    Raises BadInput; leaves nothing behind.
+    """
+    from homofact.files.folder import check_new_folder
+    from homofact.files.kinds import RESULT
+
+    # As `exporting.result.check_result_folder`, which loads torch.
+    check_new_folder(folder, RESULT, force)
+    _try_writing(folder.resolve())
+
+
+def check_place(folder: Path) -> None:
+    """Refuse a folder for several files that is a file itself or cannot be made or written. Raises BadInput."""
+    if folder.exists() and not folder.is_dir():
+        raise BadInput("is a file", where=folder, expected="a folder")
+    _try_writing(folder.resolve() / "x")
+
+
+def check_file(path: Path, *endings: str) -> None:
+    """Refuse a file that is a folder, has none of the `endings`, or is in a closed place. Raises BadInput."""
+    if path.is_dir():
+        raise BadInput("is a folder", where=path, expected="a file's name")
+    if path.suffix.lower() not in endings:
+        found = repr(path.suffix) if path.suffix else "nothing"
+        raise BadInput(f"ends in {found}", where=path, expected=" or ".join(endings))
+    _try_writing(path.resolve())
+
+
+def _try_writing(target: Path) -> None:
+    """Make a file of this name, in folders of these names, within a hidden folder where it will be; take all away.
+
+    Permission bits do not tell of everything that can be in the way: a name too long, a full or an odd file system.
+    """
+    place = next(each for each in target.parents if each.exists())
+    if not place.is_dir():
+        raise BadInput(f"{place} is a file", where=target.parent, expected="a folder")
+    try:
+        with private_folder(place / target.name) as folder:
+            trial = folder / target.relative_to(place)
+            trial.parent.mkdir(parents=True, exist_ok=True)
+            with open(trial, "wb") as file:
+                file.write(bytes(_ROOM))
+                file.flush()
+                os.fsync(file.fileno())
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise BadInput(f"cannot be written ({reason})", where=target, expected="a writable place") from error

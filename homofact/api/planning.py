@@ -1,0 +1,272 @@
+"""Planning: the cheapest representation of every material of a scene that meets its tolerances."""
+
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.places import check_file, check_place
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.refusing import checked_findings, refuse_findings
+from homofact.api.subjects import Place
+from homofact.errors import BadInput
+from homofact.files.lock import claimed
+from homofact.planning.settings import PlanSettings
+
+if TYPE_CHECKING:
+    from homofact.evaluation.verdict.verdict import Verdict
+    from homofact.planning.plan import ScenePlan
+    from homofact.planning.scene import Scene
+    from homofact.relighting.plan import ObjectPlan
+
+USUAL = PlanSettings()
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """The plan of a scene of materials.
+
+    Attributes
+    ----------
+    plan : ScenePlan
+        The choice for every material, with its errors.
+    verdicts : dict of Verdict
+        The verdicts on the choices, by material and choice; None for one colour.
+    against : ScenePlan or None
+        The plan under the other lighting that was asked for.
+    folders : dict or None
+        Where each choice was written, by source; None where nothing was.
+    plot : Path or None
+        The figure.
+    """
+
+    plan: "ScenePlan"
+    verdicts: "Mapping[str, Verdict | None]"
+    against: "ScenePlan | None"
+    folders: dict[str, str] | None
+    plot: Path | None
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """Tolerances that no choice meets, in sentences."""
+        return self.plan.warnings
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        from homofact.planning.record import plan_record
+
+        answer = plan_record(self.plan)
+        if self.against is not None:
+            answer["against"] = plan_record(self.against)
+        return answer | {"plot": None if self.plot is None else str(self.plot), "folders": self.folders}
+
+
+@dataclass(frozen=True)
+class TransportPlan:
+    """The plan of a scene of relighting: how each object's transport is stored.
+
+    Attributes
+    ----------
+    scene : str
+        The scene's name.
+    light : str
+        Its light in words.
+    reflected : float
+        The tolerance: relative RMS of the reflected light.
+    objects : tuple of ObjectPlan
+        The choices for each object.
+    notes : tuple of str
+        What was found on the way.
+    """
+
+    scene: str
+    light: str
+    reflected: float
+    objects: "tuple[ObjectPlan, ...]"
+    notes: tuple[str, ...]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Tolerances that no choice meets, in sentences."""
+        return [plan.warning for plan in self.objects if plan.warning]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all choices."""
+        return sum(plan.chosen.bytes for plan in self.objects)
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return transport_record(self.objects) | {"scene": self.scene, "light": self.light}
+
+
+def plan(
+    scene: "Place | Scene",
+    to: Place | None = None,
+    *,
+    plot: Place | None = None,
+    against: str | None = None,
+    effort: str | float = USUAL.effort,
+    budget: float | None = None,
+    count: int = USUAL.count,
+    strict: bool = False,
+    refuse: Sequence[str] = (),
+    force: bool = False,
+    progress: Progress | None = None,
+) -> PlanResult | TransportPlan:
+    """Find the cheapest representation of every material of a scene that meets its tolerances.
+
+    Parameters
+    ----------
+    scene : path or Scene
+        A TOML file with materials, lighting and tolerance, or with objects to relight; or a `planning.scene.Scene`.
+    to : path, optional
+        The folder for the choices and plan.json. Nothing is written unless given.
+    plot : path, optional
+        A figure of error against bytes (.png, .pdf, .svg).
+    against : str, optional
+        A named lighting to plan under too.
+    effort : str or int, optional
+        How much each search tries: "quick", "normal", "thorough", or a number of inner evaluations.
+    budget : float, optional
+        A guard in seconds: ends each search, and the plan is then not reproducible.
+    count : int, optional
+        Pairs drawn from an analytic model.
+    strict : bool, optional
+        Refuse a missed tolerance, and a fit with a visible error.
+    refuse : sequence of str, optional
+        Refuse a fit with any of these findings.
+    force : bool, optional
+        Replace a plan that is in the folder.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+
+    Returns
+    -------
+    PlanResult or TransportPlan
+        The choices; of a scene of relighting, how each object's transport is stored.
+
+    Raises
+    ------
+    BadInput
+        For a scene or sources that cannot be read, a folder that is taken, and what is refused.
+
+    Examples
+    --------
+    >>> scene = [
+    ...     '[[material]]', 'source = "material:phong-10"', 'share = 1.0',
+    ...     '[lighting]', 'named = "overcast"',
+    ...     '[tolerance]', 'reflected = 0.5',
+    ... ]
+    >>> _ = Path("scene.toml").write_text("\\n".join(scene))
+    >>> found = homofact.plan("scene.toml", count=500)
+    >>> [material.name for material in found.plan.materials], found.warnings
+    (['phong-10'], ())
+    """
+    steps = ProgressSteps(progress)
+    if isinstance(scene, str | os.PathLike) and _is_relighting(Path(scene)):
+        given = {
+            "plot": plot, "to": to, "against": against, "effort": effort != USUAL.effort, "budget": budget,
+            "count": count != USUAL.count, "force": force, "refuse": refuse,
+        }  # fmt: skip
+        return _plan_transport(Path(scene), given, strict, steps)
+    refused = checked_findings(refuse)
+    figure = None if plot is None else Path(plot)
+    if figure is not None:
+        check_file(figure, ".png", ".pdf", ".svg")
+    settings = PlanSettings(effort, budget, count)
+
+    from homofact.planning.export import check_plan_folder, write_plan
+    from homofact.planning.ladder import FitOptions
+    from homofact.planning.plan import plan_scene
+    from homofact.planning.scene import read_scene
+    from homofact.scene.lighting import named_lighting
+
+    folder = None if to is None else Path(to)
+    if folder is not None:
+        check_plan_folder(folder, force)
+        check_place(folder)
+    asked = read_scene(Path(scene)) if isinstance(scene, str | os.PathLike) else scene
+    other_lighting = None if against is None else named_lighting(against)
+    with claimed(folder) if folder is not None else nullcontext():
+        steps.warm_up()
+        options = FitOptions(**vars(settings), seed=asked.seed)
+        fits: dict[str, Any] = {}
+        found = plan_scene(asked, options, fits, steps.stage)
+        other = None
+        if other_lighting is not None:
+            other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, steps.stage)
+        if strict and found.warnings:
+            raise BadInput(found.warnings[0])
+        steps.stage("judging the choices")
+        verdicts = _verdicts(found)
+        for label, verdict in verdicts.items():
+            if verdict is not None:
+                refuse_findings(verdict, label, strict, refused)
+        steps.stage("writing")
+        if figure is not None:
+            _draw(figure, found)
+        folders = None if folder is None else write_plan(folder, found, force)
+    return PlanResult(found, verdicts, other, folders, figure)
+
+
+def transport_record(plans: "Sequence[ObjectPlan]") -> dict[str, Any]:
+    """The JSON form of the plans of a scene's objects, at least one."""
+    return {
+        "reflected": plans[0].reflected,
+        "objects": [plan.record() for plan in plans],
+        "bytes": sum(plan.chosen.bytes for plan in plans),
+        "warnings": [plan.warning for plan in plans if plan.warning],
+    }
+
+
+def _is_relighting(scene: Path) -> bool:
+    if not scene.is_file():
+        return False
+    from homofact.relighting.scene_file import is_relight_scene
+
+    return is_relight_scene(scene)
+
+
+def _verdicts(found: "ScenePlan") -> "dict[str, Verdict | None]":
+    """The verdicts on the choices, where there is one, by material and choice."""
+    return {
+        f"{material.name}, {material.walk.choice.label}": material.verdict
+        for material in found.distinct
+        if material.walk.choice
+    }
+
+
+def _draw(figure: Path, found: "ScenePlan") -> None:
+    from homofact.files.atomic import replace_file
+    from homofact.planning.figure import plot_plan
+
+    figure.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(figure, lambda beside: plot_plan(beside, found))
+
+
+def _plan_transport(scene: Path, given: Mapping[str, object], strict: bool, steps: ProgressSteps) -> TransportPlan:
+    """Plan the transport of a scene of relighting.
+
+    Raises BadInput for options that are about fits, a scene without a tolerance and, if `strict`, a tolerance that
+    cannot be met.
+    """
+    for name, value in given.items():
+        if value:
+            raise BadInput(f"{scene} is a scene of relighting, which fits nothing", where=name, expected="none")
+
+    from homofact.relighting.build import open_relight_scene
+    from homofact.relighting.scene_file import read_relight_scene
+
+    asked = read_relight_scene(scene)
+    if asked.reflected is None:
+        raise BadInput(
+            where=f"{scene}: tolerance", found="none", expected="reflected = a relative RMS error of the light"
+        )
+    ready = open_relight_scene(asked, steps.stage)
+    found = TransportPlan(asked.name, asked.light.describe(), asked.reflected, ready.plans, ready.notes)
+    if strict and found.warnings:
+        raise BadInput(found.warnings[0])
+    return found

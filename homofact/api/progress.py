@@ -1,0 +1,85 @@
+"""What a long call says on its way: one callback for every function of the front.
+
+homofact.compare("paint.brdf", progress=lambda step: print(step.stage, step.done, step.total))
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from homofact.evaluation.estimate import TimeEstimate
+    from homofact.methods.fitting import FitProgress
+
+WORTH_SAYING = 5.0  # seconds that a call may take without saying so
+
+
+@dataclass(frozen=True)
+class ProgressStep:
+    """Where a call is: the `stage` in words, `done` of `total` parts (None where nobody knows), and `figures` of a fit.
+
+    A step with a `note` is a sentence for the user, and moves nothing; a `passing` one explains a wait and is of no use
+    afterwards.
+    """
+
+    stage: str = ""
+    done: float = 0.0
+    total: float | None = None
+    figures: str = ""
+    note: str = ""
+    passing: bool = False
+
+
+Progress = Callable[[ProgressStep], object]
+
+
+class ProgressSteps:
+    """Makes the steps of one call and hands them to its callback, where there is one."""
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        """Take the callback."""
+        self._progress = progress
+        self._stage, self._done, self._runs = "", 0, 1
+
+    def stage(self, name: str) -> None:
+        """Begin a stage of unknown length."""
+        self._stage, self._done, self._runs = name, 0, 1
+        self._say(ProgressStep(name))
+
+    def run(self, name: str, done: int, runs: int) -> None:
+        """Begin one of several runs, of which `done` are behind it."""
+        self._stage, self._done, self._runs = f"{done + 1}/{runs} {name}", done, runs
+        self._say(ProgressStep(self._stage, done, runs))
+
+    def note(self, text: str, passing: bool = False) -> None:
+        """Say a sentence."""
+        self._say(ProgressStep(note=text, passing=passing))
+
+    def estimate(self, estimate: "TimeEstimate") -> None:
+        """Say how many fits there are to do and for how long, where that is long enough to be worth knowing."""
+        if estimate.seconds_left >= WORTH_SAYING:
+            self.note(estimate.words())
+
+    def warm_up(self) -> None:
+        """Make the compiled kernels ready before a fit is timed, and say so where it took compiling."""
+        from homofact.linear.normal import warm_up
+
+        seconds = warm_up()
+        if seconds > 0:
+            self.note(f"compiled its kernels in {seconds:.1f} s; from now on they are loaded", passing=True)
+
+    def __call__(self, at: "FitProgress") -> None:
+        """Say where a fit is."""
+        done = at.term - 1 + (at.restart - 1) / max(at.restarts, 1)
+        best = f" best {at.best:.4g}" if math.isfinite(at.best) else ""
+        words = f"{self._stage}: term {at.term}/{at.terms}, restart {at.restart}/{at.restarts}"
+        figures = f"{at.evaluations} evaluations{best}"
+        if self._runs == 1:
+            self._say(ProgressStep(words, done, at.terms, figures))
+        else:
+            self._say(ProgressStep(words, self._done + done / max(at.terms, 1), self._runs, figures))
+
+    def _say(self, step: ProgressStep) -> None:
+        if self._progress is not None:
+            self._progress(step)

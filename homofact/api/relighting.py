@@ -1,0 +1,290 @@
+"""Relighting: a scene precomputed for any light of its cameras' surroundings, or one mesh of one material."""
+
+import os
+import shutil
+import time
+from collections.abc import Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+from homofact.api.places import check_place
+from homofact.api.planning import transport_record
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.errors import BadInput
+from homofact.files.folder import check_new_folder
+from homofact.files.kinds import RELIT
+from homofact.files.lock import claimed
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from homofact.brdf.reflectance import Reflectance
+    from homofact.meshes.mesh import Mesh
+    from homofact.relighting.build import RelightScene, RelitObject
+    from homofact.relighting.errors import RelightErrors
+    from homofact.relighting.relight import RelitMesh
+    from homofact.relighting.result import RelightResult
+    from homofact.rendering.light import EnvironmentMap
+
+Place = str | os.PathLike[str]
+# Stages of the error that take seconds; the others take minutes.
+QUICK_STAGES = ("truncation", "quantisation", "harmonics", "clusters", "together")
+
+
+@overload
+def relight(
+    scene: Place,
+    *,
+    to: Place | None = None,
+    vertices: int = 64,
+    every_stage: bool = False,
+    reference: bool = False,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> "RelightResult":
+    """Relight a scene's file."""
+    ...
+
+
+@overload
+def relight(
+    scene: "Mesh | Place", material: "Reflectance | Place", *, progress: Progress | None = None, **transport: Any
+) -> "RelitMesh":
+    """Relight a mesh of one material."""
+    ...
+
+
+def relight(
+    scene: "Mesh | Place",
+    material: "Reflectance | Place | None" = None,
+    *,
+    to: Place | None = None,
+    vertices: int = 64,
+    every_stage: bool = False,
+    reference: bool = False,
+    force: bool = False,
+    progress: Progress | None = None,
+    **transport: Any,
+) -> "RelightResult | RelitMesh":
+    """Precompute the light transport of a scene, or of one mesh of one material, so that any sky relights it.
+
+    Parameters
+    ----------
+    scene : path or Mesh
+        A scene's file in TOML. With `material` a mesh: a `Mesh`, an OBJ, PLY or glTF file, or "shape:sphere" or
+        "shape:knot".
+    material : Reflectance or path, optional
+        The mesh's material: a fit, a model, a measurement's file, or "material:NAME".
+    to : path, optional
+        The folder of the relit scene, which `homofact view` shows. Nothing is written unless it is given. A run that
+        was stopped goes on where it was.
+    vertices : int, optional
+        At how many vertices of each object the error is measured; 0 is none.
+    every_stage : bool, optional
+        Measure every stage of the error by itself. This takes minutes.
+    reference : bool, optional
+        Sum the light of every vertex that the first camera sees in full, for comparison.
+    force : bool, optional
+        Replace a relit scene that is in the folder.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+    **transport
+        Of a mesh: `terms`, `error` or `share` (how many in-out factors), `light` (which the `error` is under),
+        `map_size`, `cube`, `rays`, `kept`, `tolerance` (as in `relighting.precompute.TransportSettings`), `among`
+        (other meshes, which throw shadows on it), and `folder` (keeps finished blocks for a later run).
+
+    Returns
+    -------
+    RelightResult or RelitMesh
+        The scene's objects, pictures, errors and report. Or the mesh in the dark: its `relight` takes a light, its
+        `shade` returns the radiance of its vertices towards a point.
+
+    Raises
+    ------
+    BadInput
+        For what cannot be read, a folder that is taken, and settings that cannot be used.
+    MissingDependency
+        Without Embree (the extra `relight`).
+
+    Examples
+    --------
+    >>> ball = homofact.relight("shape:sphere", "material:phong-10", terms=4, cube=8)
+    >>> ball.relight("studio")
+    >>> ball.shade((0.6, 0.9, 3.6)).shape == ball.mesh.positions.shape
+    True
+    """
+    if material is not None:
+        given = {"to": to, "every_stage": every_stage, "reference": reference, "force": force}
+        for name, value in given.items():
+            if value:
+                raise BadInput(where=name, found=f"{value} with a mesh and its material", expected="it with a scene")
+        return _relit_mesh(scene, material, progress, **transport)
+    if transport:
+        name = next(iter(transport))
+        raise BadInput(where=name, found="it with a scene's file", expected="it in the file, or a mesh and a material")
+    if not isinstance(scene, str | os.PathLike):
+        raise BadInput(where="scene", found=type(scene).__name__, expected="a scene in TOML, or a mesh and a material")
+    if vertices < 0:
+        raise BadInput(where="vertices", found=vertices, expected="0 or more")
+    folder = None if to is None else Path(to)
+    if folder is not None:
+        check_new_folder(folder, RELIT, force)
+        check_place(folder)
+
+    from homofact.relighting.errors import STAGES
+    from homofact.relighting.scene_file import read_relight_scene
+
+    file = read_relight_scene(Path(scene))
+    blocks = None if folder is None else folder.with_name(f"{folder.name}.blocks")
+    steps = ProgressSteps(progress)
+    with nullcontext() if folder is None else claimed(folder):
+        stages = STAGES if every_stage else QUICK_STAGES
+        result = _relit_scene(file, blocks, vertices, stages, reference, steps)
+        if folder is not None:
+            steps.stage("writing")
+            result.save(folder, force)
+            shutil.rmtree(str(blocks), ignore_errors=True)
+    return result
+
+
+def _relit_scene(
+    file: Any, blocks: Path | None, vertices: int, stages: Sequence[str], reference: bool, steps: ProgressSteps
+) -> "RelightResult":
+    """Open, precompute, render and judge a scene."""
+    from dataclasses import replace
+
+    from homofact.relighting.build import open_relight_scene, relit_objects
+    from homofact.relighting.errors import dense_colours, scene_errors
+    from homofact.relighting.result import RelightResult
+
+    begun = time.perf_counter()
+    scene = open_relight_scene(file, steps.stage)
+    for line in (*scene.notes, *(plan.warning for plan in scene.plans if plan.warning)):
+        steps.note(line)
+    steps.note(scene.cost.describe())
+    opened = time.perf_counter()
+    objects = relit_objects(
+        scene, blocks, lambda name, done, count: steps.run(f"transport of {name}", min(done, count - 1), count)
+    )
+    traced = time.perf_counter()
+    steps.stage("rendering")
+    result = RelightResult.of(file, objects, {})
+    light = result.sky.cube.astype(float)
+    pictures = _pictures(scene, objects, light)
+    errors: list[RelightErrors | None] = []
+    if vertices:
+        steps.stage("measuring the error")
+        errors = scene_errors(scene, objects, vertices, stages)
+    sums = None
+    if reference:
+        steps.stage("summing every vertex in full")
+        sums = tuple(dense_colours(scene, light))
+    report = _report(scene, objects, errors)
+    report["seconds"] = {
+        "materials": opened - begun, "transport": traced - opened, "pictures and errors": time.perf_counter() - traced,
+    }  # fmt: skip
+    report["notes"] = list(scene.notes)
+    report["plan"] = transport_record(scene.plans) if scene.plans else None
+    return replace(
+        result, report=report, reference=sums, pictures=tuple(pictures), plans=scene.plans, notes=scene.notes
+    )
+
+
+def _pictures(scene: "RelightScene", objects: "Sequence[RelitObject]", light: "np.ndarray") -> "list[np.ndarray]":
+    """8-bit pictures of all cameras, under the cube map of radiance."""
+    from homofact.relighting.picture import displayed_picture, picture
+    from homofact.relighting.relight import shaded
+
+    tuples = [relit.tuples(light) for relit in objects]
+    meshes, pictures = [relit.mesh for relit in objects], []
+    for camera in scene.file.cameras:
+        colours = [shaded(relit.transport, own, camera.eye) for relit, own in zip(objects, tuples, strict=True)]
+        pictures.append(displayed_picture(*picture(meshes, colours, scene.occluder, camera, scene.file.light)))
+    return pictures
+
+
+def _relit_mesh(
+    mesh: "Mesh | Place",
+    material: "Reflectance | Place",
+    progress: Progress | None,
+    *,
+    terms: int | None = None,
+    error: float | None = None,
+    share: float | None = None,
+    light: "EnvironmentMap | Place | None" = None,
+    map_size: int | None = None,
+    among: "Sequence[Mesh]" = (),
+    folder: Place | None = None,
+    **settings: Any,
+) -> "RelitMesh":
+    """The transport of one mesh among others."""
+    from homofact.meshes.mesh import Mesh
+    from homofact.meshes.prepare import prepared
+    from homofact.relighting.factoring import MAP_SIZE, SHARE, factor
+    from homofact.relighting.precompute import TransportSettings, transport
+    from homofact.relighting.relight import RelitMesh
+    from homofact.scene.lighting import open_environment
+    from homofact.scene.materials import open_reflectance
+    from homofact.scene.meshes import MeshGroup, open_mesh
+
+    unknown = settings.keys() - {"cube", "rays", "kept", "tolerance"}
+    if unknown:
+        known = "terms, error, share, light, map_size, cube, rays, kept, tolerance, among, folder"
+        raise BadInput(f"no such setting {min(unknown)!r}", where="relight", expected=f"one of {known}")
+    kept = TransportSettings(**settings)
+    given, notes = prepared(mesh if isinstance(mesh, Mesh) else open_mesh(os.fspath(mesh)))
+    given_material: Any = getattr(material, "factorization", material)
+    reflectance: Any = given_material
+    if isinstance(material, str | os.PathLike):
+        reflectance = open_reflectance(os.fspath(material))
+    under = open_environment(os.fspath(light)) if isinstance(light, str | os.PathLike) else light
+    share, size = SHARE if share is None else share, MAP_SIZE if map_size is None else map_size
+    factors = factor(reflectance, terms, share, size, error, under)
+    steps = ProgressSteps(progress)
+    place = None if folder is None else Path(folder)
+    occluder = MeshGroup([given, *among]).occluder
+
+    def traced_block(done: int, count: int) -> None:
+        steps.run(f"transport of {given.name}", min(done, count - 1), count)
+
+    return RelitMesh(given, transport(given, factors, kept, occluder, place, traced_block), notes)
+
+
+def _report(
+    scene: "RelightScene", objects: "Sequence[RelitObject]", errors: "Sequence[RelightErrors | None]"
+) -> dict[str, Any]:
+    """The JSON form, as in relight.json."""
+    file, settings = scene.file, scene.file.settings
+    entries = []
+    for number, relit in enumerate(objects):
+        made, error = relit.transport, errors[number] if errors else None
+        entries.append(
+            {
+                "mesh": relit.mesh.name,
+                "material": relit.material,
+                "vertices": made.vertices,
+                "terms": made.factors.terms,
+                "form": relit.form,
+                "map_size": made.factors.view.shape[1],
+                "share_of_energy": made.factors.share,
+                "expected_error_of_terms": made.factors.expected_error,
+                "coefficients_per_vector": made.mean_kept,
+                "bytes": relit.nbytes,
+                "bytes_unclustered": made.nbytes + made.factors.view.nbytes,
+                "error": None if error is None else error.record(),
+            }
+        )
+    return {
+        "scene": file.name,
+        "light": file.light.describe(),
+        "cube": settings.cube,
+        "rays": settings.rays,
+        "kept": settings.kept if settings.tolerance is None and file.reflected is None else None,
+        "reflected": file.reflected,
+        "tolerance": settings.tolerance,
+        "seed": file.seed,
+        "objects": entries,
+        "bytes": sum(relit.nbytes for relit in objects),
+        "error": {entry["mesh"]: entry["error"] for entry in entries},
+    }

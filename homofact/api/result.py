@@ -1,0 +1,287 @@
+"""What a fit is for a user: one type, from `homofact.fit`, `homofact.load` and a sweep alike.
+
+fit = homofact.fit("paint.brdf", textures=2)
+values = fit.evaluate(wi, wo)  # tensors, arrays or lists (..., 3), answered in kind
+fit.export("out/paint", engine="three")
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from homofact.brdf.in_kind import Pairs
+from homofact.errors import Report, Status
+from homofact.factor.evaluation import Evaluation
+from homofact.shading.encoded import plain
+from homofact.shading.on_arrays import ModelOnArrays, OnArrays, TexturesOnArrays
+from homofact.shading.program import Program, program_of
+
+if TYPE_CHECKING:
+    from homofact.api.module import FitModule
+    from homofact.brdf.log_transform import LogTransform
+    from homofact.factor.fitted import Fitted, QuantizationGrid, Texture
+
+
+class Judgement(Protocol):
+    """What was found against a fit: `homofact.evaluation.verdict.verdict.Verdict`, or one read from a report."""
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing that a picture shows is wrong with it."""
+        ...
+
+    @property
+    def findings(self) -> Sequence[Any]:
+        """What was, the worst first."""
+        ...
+
+    @property
+    def summary(self) -> str:
+        """In a line."""
+        ...
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Fit:
+    """A fitted BRDF: textures and the projections that index them, or a model without textures.
+
+    Attributes
+    ----------
+    factorization : what is evaluated and saved: a `Factorization`, a `Separable` or a `ModelFit`.
+    report : how the fit was reached; None where nobody noted it.
+    verdict : what was found against it (`trusted`, `findings`, `summary`); None where it was not judged.
+    """
+
+    factorization: "Fitted"
+    report: Report | None = None
+    verdict: Judgement | None = None
+
+    def __repr__(self) -> str:
+        """In a line or two: what was fitted, how the search ended, and the verdict."""
+        ended = "" if self.report is None else f", {self.report.status.value}"
+        judged = "" if self.verdict is None else f": {self.verdict.summary}"
+        return f"<Fit of {self.factorization!r}{ended}{judged}>"
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the C channels."""
+        return tuple(self.factorization.channels)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all texels (or of a model's numbers) as float32."""
+        return self.factorization.nbytes
+
+    @property
+    def fetches(self) -> int:
+        """Texture lookups of one evaluation."""
+        return self.factorization.fetches
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """What it was made from and by (method, seed, settings, version), JSON-able."""
+        return self.factorization.provenance
+
+    @property
+    def textures(self) -> "tuple[Texture, ...]":
+        """All textures, in the order in which lookups number them; empty for a model without textures."""
+        return self.factorization.textures
+
+    @property
+    def projections(self) -> tuple[dict[str, Any], ...]:
+        """What indexes each term's textures, JSON-able: name, coordinates, matrix, reciprocity, warp, rotation.
+
+        A term of a sum of products gives its direction map and what its two sides are indexed by; a model gives none.
+        """
+        described = self.factorization.describe()
+        terms = described.get("terms", [])
+        if described["kind"] == "product":
+            return tuple(term["projection"] for term in terms)
+        return tuple({"map": described["map"], "sides": described["parameterization"]} for _ in terms)
+
+    @property
+    def evaluation(self) -> Evaluation | None:
+        """How values come from the textures, as plain data; None for a model without textures."""
+        return self.factorization.evaluation
+
+    @property
+    def terms(self) -> Sequence[Any]:
+        """The terms of the product or of the sum."""
+        return self.factorization.terms
+
+    @property
+    def transform(self) -> "LogTransform":
+        """The fit's ε and A, by which its error in log space is measured."""
+        return self.factorization.transform
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether it is so by its coordinates; a model without textures always is."""
+        return self.evaluation is None or self.evaluation.isotropic
+
+    @cached_property
+    def program(self) -> Program | None:
+        """The shading program that shaders, compiled code and `evaluate` on arrays share; None for a model.
+
+        Raises BadInput for more than the four channels of a texture.
+        """
+        if self.evaluation is None:
+            return None
+        return program_of(self.factorization, [plain(texels) for texels in self._texels])
+
+    @cached_property
+    def on_arrays(self) -> OnArrays:
+        """What evaluates NumPy arrays."""
+        if self.evaluation is None:
+            model: Any = self.factorization
+            return ModelOnArrays(self.channels, model.model)
+        return TexturesOnArrays(self.channels, self._texels, self.evaluation, self.provenance)
+
+    @property
+    def _texels(self) -> tuple[np.ndarray, ...]:
+        return tuple(texture.texels for texture in self.textures)
+
+    def evaluate(self, wi: Any, wo: Any) -> Any:
+        """Return BRDF values in sr⁻¹, without the cosine.
+
+        Parameters
+        ----------
+        wi, wo : unit vectors (..., 3) to the light and to the viewer, of shapes that broadcast, in the surface frame
+            (z the normal, x the tangent): NumPy arrays, torch tensors of any floating type and device, or nested lists.
+
+        Returns
+        -------
+        Values (..., C) of the kind, type and device of the directions; 0 where a direction is below the horizon.
+
+        Raises
+        ------
+        BadInput : for other shapes, what are no real numbers, and tensors on two devices.
+
+        Examples
+        --------
+        >>> import homofact
+        >>> fit = homofact.fit("material:phong-10", homofact.McCool(size=4))
+        >>> len(fit.evaluate([0, 0, 1], [0.6, 0, 0.8]))
+        3
+        """
+        pairs = Pairs.of(wi, wo)
+        if pairs.kind == "tensor":
+            return pairs.answer(self.factorization.evaluate(pairs.wi, pairs.wo))
+        return pairs.answer(self.on_arrays.evaluate(pairs.wi, pairs.wo))
+
+    def with_textures(
+        self,
+        texels: Sequence[Any],
+        grids: "Sequence[QuantizationGrid | None] | None" = None,
+        facts: Mapping[str, Any] | None = None,
+    ) -> "Fit":
+        """Return the fit with other texels of the same sizes; it has no report and no verdict.
+
+        `grids` are the values that texels of whole numbers can have, and `facts` join the provenance. Raises BadInput
+        for a model without textures.
+        """
+        return Fit(self.factorization.with_textures(texels, grids, facts))
+
+    def module(self, device: Any = None, dtype: Any = None) -> "FitModule":
+        """Return the fit as a `torch.nn.Module` with texels and projections as parameters.
+
+        Parameters
+        ----------
+        device, dtype : where the parameters are to be and of which floating type; by default the CPU and float64.
+
+        Returns
+        -------
+        A module that maps directions (..., 3) to values (..., C), differentiable in directions and parameters;
+        `module.to_fit()` turns it back into a fit.
+
+        Raises
+        ------
+        BadInput : for a model without textures.
+
+        Examples
+        --------
+        >>> import homofact, torch
+        >>> module = homofact.fit("material:phong-10", homofact.McCool(size=4)).module()
+        >>> up = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
+        >>> module(up, up).sum().backward()
+        >>> module.textures[0].grad.shape
+        torch.Size([4, 4, 3])
+        """
+        from homofact.api.module import module_of
+
+        return module_of(self, device, dtype)
+
+    @classmethod
+    def from_module(cls, module: "FitModule") -> "Fit":
+        """Return the fit that a module is now: `module.to_fit()`."""
+        return module.to_fit()
+
+    def describe(self) -> dict[str, Any]:
+        """Return what a manifest says of the fit beside texels and transform, JSON-able."""
+        return self.factorization.describe()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the one .npz file that `homofact.load` reads back. Raises BadInput for an unwritable place."""
+        self.factorization.save(path)
+
+    def export(self, to: str | os.PathLike[str], **settings: Any) -> Any:
+        """Write textures, shaders and manifest for an engine to a folder: `homofact.export` of this fit."""
+        from homofact.api.exporting import export
+
+        return export(self, to, **settings)
+
+    def view(self, to: str | os.PathLike[str], **settings: Any) -> Any:
+        """Write a page that shows the fit in a browser: `homofact.view` of this fit."""
+        from homofact.api.viewing import view
+
+        return view(self, to, **settings)
+
+    def render(self, **settings: Any) -> Any:
+        """Draw a sphere of the fit: `homofact.render` of this fit."""
+        from homofact.api.rendering import render
+
+        return render(self, **settings)
+
+
+@dataclass(frozen=True)
+class RecordedVerdict:
+    """A verdict as a result's report.json has it: `findings` are the records of what was found."""
+
+    trusted: bool
+    summary: str
+    findings: tuple[dict[str, Any], ...]
+    facts: Mapping[str, Any]
+
+    def record(self) -> dict[str, Any]:
+        """What the report says, JSON-able."""
+        return dict(self.facts)
+
+    @classmethod
+    def of(cls, record: Any) -> "RecordedVerdict | None":
+        """The verdict of a record; None for what is none, as a report of an early version may hold."""
+        if not isinstance(record, Mapping) or not isinstance(record.get("trusted"), bool):
+            return None
+        findings = record.get("findings")
+        kept = [finding for finding in findings if isinstance(finding, dict)] if isinstance(findings, list) else []
+        summary = record.get("summary")
+        return cls(record["trusted"], summary if isinstance(summary, str) else "", tuple(kept), record)
+
+
+def with_record(fit: Fit, record: Mapping[str, Any]) -> Fit:
+    """The fit with the report and the verdict that the report.json of its folder holds; None for what it lacks."""
+    return replace(fit, report=_report(record), verdict=RecordedVerdict.of(record.get("verdict")))
+
+
+def _report(record: Mapping[str, Any]) -> Report | None:
+    seconds = record.get("seconds")
+    try:
+        status, evaluations, seed = Status(record["status"]), int(record["evaluations"]), int(record["seed"])
+        took = float(seconds["fit"]) if isinstance(seconds, Mapping) else 0.0
+    except (KeyError, TypeError, ValueError):
+        return None
+    # The record keeps no count of iterations and no objective.
+    return Report(status, evaluations, evaluations, took, float("nan"), seed, details=dict(record))

@@ -1,0 +1,70 @@
+"""What is in the folders of scenes: those that `relight` and `edit` wrote."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from homofact.errors import BadInput
+from homofact.evaluation.wording import counted
+from homofact.files.kinds import PREPARED, RELIT
+
+
+def scene_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
+    """(title, rows for people, the answer) of a folder of a scene; None of anything else.
+
+    Raises BadInput where the folder's report is missing or damaged.
+    """
+    # Before what reads them is loaded.
+    if not any((place / kind.mark).exists() for kind in (PREPARED, RELIT)):
+        return None
+
+    from homofact.editing import result as editing
+    from homofact.files.fields import Fields
+    from homofact.relighting import result as transport
+
+    if editing.is_edit(place):
+        kind, file, rows = "prepared scene", place / editing.REPORT, _edit_rows
+        fields = Fields.read(file, "the report of a prepared scene")
+        fields.text("format", (editing.FORMAT,))
+        found = fields.inner("report").found
+    elif transport.is_relit(place):
+        kind, file, rows = "relit scene", place / transport.REPORT, _relit_rows
+        found = Fields.read(file, "the report of a relit scene").found
+    else:
+        return None
+    try:
+        return str(found["scene"]), {"kind": kind, **rows(found)}, {"folder": str(place), "kind": kind, **found}
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise BadInput(f"damaged ({error!r})", where=file, expected=f"the report of a {kind}") from error
+
+
+def _edit_rows(found: Mapping[str, Any]) -> dict[str, Any]:
+    materials = {}
+    for name, curves in found["materials"].items():
+        own = [f"{each['term']} {each['curve']} ({each['angle']}, {each['bands']} bands)" for each in curves]
+        materials[f"material {name}"] = ", ".join(own)
+    errors = [f"{view} {error:.2%}" for view, error in found["error"]["lights_and_bands"].items()]
+    return {
+        "light": f"{found['light']}, {counted(found['triangles'], 'triangle')}",
+        "views": [f"{each['name']}, {counted(each['pixels'], 'covered pixel')}" for each in found["views"]],
+        **materials,
+        "stored": _stored(found["bytes"]),
+        "error of the low rank": f"at most {found['error']['low_rank']:.2%} (relative RMS)",
+        "error of lights and bands": ", ".join(errors),
+    }
+
+
+def _relit_rows(found: Mapping[str, Any]) -> dict[str, Any]:
+    objects = {}
+    for each in found["objects"]:
+        error = "not measured" if each["error"] is None else f"{each['error']['together']:.2%} (relative RMS)"
+        objects[f"object {each['mesh']}"] = (
+            f"{each['material']}; {each['vertices']} vertices,"
+            f" {counted(each['terms'], 'term')}, {each['form']}, {each['coefficients_per_vector']:.0f} numbers a"
+            f" vector; error {error}"
+        )
+    return {"light": found["light"], "cube": f"{found['cube']}²", **objects, "stored": _stored(found["bytes"])}
+
+
+def _stored(count: int) -> str:
+    return f"{count / 1e6:.3g} MB"

@@ -1,0 +1,103 @@
+"""What the functions of the front are given: a fit as an object or a place, a source in all the ways that `fit` takes.
+
+What is cheap to refuse is refused before anything is loaded.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.places import check_measurement, check_result
+from homofact.errors import BadInput
+from homofact.sections import SourceSettings
+
+if TYPE_CHECKING:
+    from homofact.brdf.source import Source
+    from homofact.evaluation.reopening import Reopened
+    from homofact.factor.fitted import Fitted
+
+Place = str | os.PathLike[str]
+
+
+@dataclass(frozen=True)
+class GivenFit:
+    """A fit that a function was given: in memory, or at a place that is checked but not yet opened.
+
+    `words` name it in records, `near` are the folders around which its source is looked for.
+    """
+
+    words: str
+    place: Path | None
+    found: Any = None
+
+    @property
+    def near(self) -> tuple[Path, ...]:
+        """The folder of the fit, where it has one."""
+        return () if self.place is None else (self.place if self.place.is_dir() else self.place.parent,)
+
+    def open(self) -> "Fitted":
+        """The stored representation. Raises BadInput for what is no fit."""
+        if self.place is not None:
+            from homofact.exporting.result import open_result
+
+            return open_result(self.place)
+        return getattr(self.found, "factorization", self.found)
+
+
+def given_fit(fit: Any) -> GivenFit:
+    """A fit as an object, a result's folder or a saved file. Raises BadInput for anything else, and a missing file."""
+    if isinstance(fit, str | os.PathLike):
+        place = Path(fit)
+        check_result(place)
+        return GivenFit(str(place), place)
+    kind = isinstance(fit, type)
+    if kind or not callable(getattr(fit, "evaluate", None)) or not callable(getattr(fit, "save", None)):
+        raise BadInput(where="fit", found=_kind(fit), expected="a fit, its folder or its .npz file")
+    return GivenFit("fit", None, fit)
+
+
+def given_source(source: Any) -> Any:
+    """A source that may be opened later: text where a place was given, all else as it was. Raises BadInput."""
+    if isinstance(source, SourceSettings):
+        if source.path is None:
+            raise BadInput("none given", where="source", expected="a file or material:NAME")
+        check_measurement(source.path)
+        return source
+    if isinstance(source, str | os.PathLike):
+        text = os.fspath(source)
+        check_measurement(text)
+        return text
+    if source is None or isinstance(source, (bool, int, float, bytes, type)):
+        raise BadInput(
+            where="source", found=_kind(source), expected="a file, material:NAME, a Source, Samples or f(wi, wo)"
+        )
+    return source
+
+
+def open_given(source: Any, seed: int = 0) -> "Source":
+    """The source that `given_source` let through; samples of a model are drawn by `seed`. Raises BadInput."""
+    from homofact.brdf.source import source_of
+
+    if isinstance(source, SourceSettings):
+        return source.opening(seed).open()
+    return source_of(source, seed=seed)
+
+
+def reopened_or_why(fitted: "Fitted", source: Any, near: tuple[Path, ...]) -> "Reopened | str":
+    """The fit's source opened again, or why it cannot be. Raises BadInput for a source that is given and not there."""
+    from homofact.evaluation.reopening import NotReopened, reopen
+
+    try:
+        return reopen(fitted, source if source is None or isinstance(source, str) else open_given(source), near)
+    except NotReopened as error:
+        return str(error)
+
+
+def subset_of(source: Any) -> int:
+    """The most samples that a fit of the source is given, 0 for all: where the source's settings say so."""
+    return source.subset if isinstance(source, SourceSettings) else 0
+
+
+def _kind(found: Any) -> str:
+    return f"the class {found.__name__}" if isinstance(found, type) else type(found).__name__

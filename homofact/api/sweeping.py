@@ -1,0 +1,230 @@
+"""Sweeping: every source with every method, on all processors, and every result kept; or all sources in one fit."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.places import check_place
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.subjects import Place
+from homofact.errors import Advice, BadInput
+from homofact.files.lock import claimed
+
+if TYPE_CHECKING:
+    from homofact.sweeps.ledger import Aside
+    from homofact.sweeps.local import TaskEnding
+    from homofact.sweeps.run import State
+    from homofact.sweeps.summary import FitRow
+    from homofact.sweeps.sweep_file import AskedSweep
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """What a sweep has done.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the results are, and where the same call goes on.
+    name : str
+        The sweep's name.
+    rows : list of FitRow
+        The figures of every result.
+    aside : list of Aside
+        What was set aside for good, and why.
+    tasks, done_before, done : int
+        How many fits there are, were done before this call, and are done now.
+    """
+
+    folder: Path
+    name: str
+    rows: "list[FitRow]"
+    aside: "list[Aside]"
+    tasks: int
+    done_before: int
+    done: int
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        from homofact.sweeps.summary import summary_records
+
+        return {
+            "folder": str(self.folder),
+            "name": self.name,
+            "tasks": self.tasks,
+            "done_before": self.done_before,
+            "done": self.done,
+            "set_aside": [
+                {**aside.task.record(), "reason": aside.reason, "deaths": aside.deaths} for aside in self.aside
+            ],
+            "error": summary_records(self.rows),
+        }
+
+
+@dataclass(frozen=True)
+class TogetherResult:
+    """Sources fitted together: a spatially varying material, or a common basis.
+
+    Attributes
+    ----------
+    folder : Path
+        What was written.
+    kind : str
+        "svbrdf" or "basis".
+    facts : dict
+        Errors and bytes, as in the folder's .json file.
+    """
+
+    folder: Path
+    kind: str
+    facts: dict[str, Any]
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {"folder": str(self.folder)} | self.facts
+
+
+def sweep(
+    asked: "Place | AskedSweep",
+    to: Place,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry: bool = False,
+    svbrdf: bool = False,
+    basis: int | None = None,
+    progress: Progress | None = None,
+) -> SweepResult | TogetherResult:
+    """Fit many sources by several methods, and keep every result.
+
+    What is done is never done again: the same call goes on after Ctrl-C or a crash. A source whose worker dies twice is
+    set aside and named, as is one that cannot be read.
+
+    Parameters
+    ----------
+    asked : path or AskedSweep
+        A TOML file with sources, methods, bytes and seeds.
+    to : path
+        The folder of the results.
+    workers : int, optional
+        Processes on this machine; one for each processor unless given.
+    scheduler : str, optional
+        Dask's workers instead: "local", "tcp://HOST:8786", a scheduler's .json file, or MODULE:CLASS of a cluster.
+    retry : bool, optional
+        Try again what was set aside.
+    svbrdf : bool, optional
+        Take the sources for the clusters of one spatially varying material, with the file's section svbrdf.
+    basis : int, optional
+        Fit one basis of so many textures for all sources.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+
+    Returns
+    -------
+    SweepResult or TogetherResult
+        The figures of every result; with `svbrdf` or `basis`, those of the common fit.
+
+    Raises
+    ------
+    BadInput
+        For a file or sources that cannot be read, options that exclude each other, and a folder that is another's.
+
+    Examples
+    --------
+    >>> lines = ['sources = ["material:phong-10"]', '[source]', 'count = 500', '[[method]]', 'method = "mccool"']
+    >>> _ = Path("sweep.toml").write_text("\\n".join([*lines, "size = 4"]))
+    >>> found = homofact.sweep("sweep.toml", "swept", workers=1)
+    >>> found.done, [row.name for row in found.rows]
+    (1, ['phong-10'])
+    """
+    if workers is not None and workers < 1:
+        raise BadInput(where="workers", found=workers, expected="1 or more")
+    folder = Path(to)
+    steps = ProgressSteps(progress)
+    if svbrdf or basis is not None:
+        beside = {"workers": workers is not None, "scheduler": scheduler is not None, "retry": retry}
+        beside["basis"] = svbrdf and basis is not None
+        for name in (name for name, given in beside.items() if given):
+            what = "svbrdf" if svbrdf else "basis"
+            raise BadInput(f"found it beside {what}, which is one fit, in this process", where=name)
+        if basis is not None:
+            return _basis(_read(asked), basis, folder, steps)
+        return _svbrdf(_read(asked), folder, steps)
+    check_place(folder)
+
+    from homofact.sweeps.cluster import DaskCluster
+    from homofact.sweeps.local import Local
+    from homofact.sweeps.progress import SweepProgress
+    from homofact.sweeps.run import sweep as run_sweep
+    from homofact.sweeps.summary import rows_of
+
+    wanted = _read(asked)
+    if wanted.svbrdf is not None:
+        raise BadInput(
+            where=_words(asked), found="a section [svbrdf]", expected=f"{Advice('svbrdf', True)} beside it, or none"
+        )
+    count = workers or _processors()
+    engine = Local(folder, count) if scheduler is None else DaskCluster(folder, scheduler, count, steps.note)
+    counted = SweepProgress(count)
+    steps.stage("reading the sources")
+
+    def told(state: "State", ending: "TaskEnding | None") -> None:
+        if ending is None:
+            steps.note(counted.begin(state))
+        else:
+            counted.end(state, ending)
+            if ending.seconds is None:
+                steps.note(f"{ending.task.words}: {counted.misfortune(state, ending)}")
+        steps.run(counted.words(), len(state.tasks) - state.left, len(state.tasks))
+
+    state = run_sweep(wanted, folder, engine, told, retry)
+    aside = [task for task in state.aside.values() if task.final]
+    return SweepResult(folder, wanted.name, rows_of(folder), aside, len(state.tasks), state.before, state.done)
+
+
+def _read(asked: "Place | AskedSweep") -> "AskedSweep":
+    from homofact.sweeps.sweep_file import AskedSweep, read_sweep
+
+    if isinstance(asked, AskedSweep):
+        return asked
+    if not isinstance(asked, str | os.PathLike):
+        raise BadInput(where="sweep", found=type(asked).__name__, expected="a TOML file")
+    return read_sweep(Path(asked))
+
+
+def _words(asked: "Place | AskedSweep") -> str:
+    return os.fspath(asked) if isinstance(asked, str | os.PathLike) else asked.name
+
+
+def _svbrdf(asked: "AskedSweep", folder: Path, steps: ProgressSteps) -> TogetherResult:
+    """Fit the clusters of one material, compare with fits of each alone, and write texture arrays and shaders."""
+    from homofact.sweeps.svbrdf import check_place as check_new
+    from homofact.sweeps.svbrdf import fit_clusters, read_asked, write_clusters
+
+    check_new(folder)
+    with claimed(folder):
+        opened = read_asked(asked, lambda words: steps.stage(f"reading {words}"))
+        fit = fit_clusters(opened, steps, steps.run)
+        steps.stage("fitting lobes to draw from, and writing")
+        return TogetherResult(folder, "svbrdf", dict(write_clusters(folder, fit)))
+
+
+def _basis(asked: "AskedSweep", count: int, folder: Path, steps: ProgressSteps) -> TogetherResult:
+    """Fit a common basis of `count` log textures."""
+    from homofact.sweeps.basis_folder import check_place as check_new
+    from homofact.sweeps.basis_folder import fit_asked, write_basis
+
+    if count < 1:
+        raise BadInput(where="basis", found=count, expected="1 or more")
+    if asked.svbrdf is not None:
+        raise BadInput(where=asked.name, found="a section [svbrdf]", expected="none beside basis")
+    check_new(folder)
+    with claimed(folder):
+        fit = fit_asked(asked, count, steps, lambda words: steps.stage(f"reading {words}"), steps.run)
+        steps.stage("writing")
+        return TogetherResult(folder, "basis", dict(write_basis(folder, fit)))
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,123 @@
+"""Terms: how many in-out terms a material needs, and what a homomorphic fit costs instead."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.subjects import given_source, open_given, subset_of
+from homofact.errors import BadInput
+
+if TYPE_CHECKING:
+    from homofact.evaluation.compare import ComparisonRow
+    from homofact.methods.method import Method
+    from homofact.theory.term_costs import TermCosts
+    from homofact.theory.terms import InOutCount
+
+
+@dataclass(frozen=True)
+class TermsResult:
+    """How many in-out terms a source needs.
+
+    Attributes
+    ----------
+    source : str
+        The source's name.
+    count : InOutCount
+        The terms that are predicted and measured.
+    nbytes : int
+        Bytes of the measured terms as maps.
+    row : ComparisonRow or None
+        The fit beside them, where one was asked for.
+    costs : TermCosts or None
+        What the terms and that fit cost.
+    """
+
+    source: str
+    count: "InOutCount"
+    nbytes: int
+    row: "ComparisonRow | None" = None
+    costs: "TermCosts | None" = None
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        answer = {"source": self.source} | self.count.record() | {"bytes": self.nbytes}
+        if self.row is not None and self.costs is not None:
+            answer |= {"fit": self.row.record(), "within_limit": self.costs.record()}
+        return answer
+
+
+def terms(
+    source: Any,
+    *,
+    share: float = 0.99,
+    limit: float = 85.0,
+    method: "Method | None" = None,
+    held_out: float = 0.2,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> TermsResult:
+    """Predict and count the in-out terms (SVD) that a source needs.
+
+    Parameters
+    ----------
+    source : source or path
+        As for `fit`.
+    share : float, optional
+        The share of the energy, Σσ², that the terms must hold.
+    limit : float, optional
+        The greatest angle from the normal, in degrees.
+    method : Method, optional
+        Fit by it too, and compare the costs.
+    held_out : float, optional
+        The part of the samples that is held out of that fit.
+    seed : int, optional
+        Of the samples of a model.
+    progress : callable, optional
+        Called with a `ProgressStep` on the way.
+
+    Returns
+    -------
+    TermsResult
+        The terms that are predicted from the half-angle curve, and those counted.
+
+    Raises
+    ------
+    BadInput
+        For a source that cannot be read, and a share or limit out of range.
+
+    References
+    ----------
+    Mahajan, Tseng and Ramamoorthi (2008), An analysis of the in-out BRDF factorization for view-dependent relighting.
+
+    Examples
+    --------
+    >>> found = homofact.terms("material:phong-10")
+    >>> found.count.predicted, found.count.measured
+    (29, 23)
+    """
+    given = given_source(source)
+    if not 0 < share < 1:
+        raise BadInput(where="share", found=share, expected="between 0 and 1")
+    if not 0 < limit <= 90:
+        raise BadInput(where="limit", found=f"{limit:g} degrees", expected="above 0 and at most 90")
+
+    from homofact.theory.term_costs import against_fit, map_bytes
+    from homofact.theory.terms import predicted_terms
+
+    steps = ProgressSteps(progress)
+    steps.stage("reading")
+    subject = open_given(given, seed)
+    steps.stage("counting terms")
+    found = predicted_terms(subject.reflectance, share, math.radians(limit))
+    nbytes = map_bytes(found.measured, len(subject.reflectance.channels))
+    if method is None:
+        return TermsResult(subject.name, found, nbytes)
+
+    from homofact.evaluation.compare import fit_and_measure
+
+    steps.warm_up()
+    steps.stage("fitting")
+    row = fit_and_measure(subject, method, held_out, steps, subset_of(given))
+    steps.stage("comparing")
+    return TermsResult(subject.name, found, nbytes, row, against_fit(subject, row, found, held_out))

@@ -1,0 +1,62 @@
+"""Where the samples of a measurement lie: the spread of their angles, and the holes between them.
+
+Holes are counted on a coarse grid of θi × θo × |Δφ|, six steps of 15°, 15° and 30°. A measurement that leaves
+a cell empty leaves every fit of it to guess there. Neither reciprocity nor the azimuth fills a cell: an
+anisotropic material's samples may miss azimuths that this grid does not know of.
+"""
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.samples import Samples
+from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
+from homofact.geometry.directions import to_spherical
+
+STEPS = 6
+
+
+def holes(samples: Samples) -> dict[str, Any]:
+    """The share of empty cells of the module head's grid, their number and that of all cells (JSON-able)."""
+    place = (coordinate_system("isotropic-in-out").evaluate(samples.wi, samples.wo) + 1) / 2
+    cells = occupied_cells(place, (STEPS, STEPS, STEPS))
+    total = STEPS**3
+    empty = total - int(torch.unique(cells).numel())
+    return {"share": round(empty / total, 4), "empty": empty, "cells": total}
+
+
+def occupied_cells(place: Tensor, steps: tuple[int, ...]) -> Tensor:
+    """The cell (N,) int64 of each place (N, k) in [0, 1]^k on a grid of `steps`; what is outside goes to the edge."""
+    index = torch.zeros(place.shape[0], dtype=torch.int64, device=place.device)
+    for axis, count in enumerate(steps):
+        index = index * count + (place[:, axis] * count).long().clamp(0, count - 1)
+    return index
+
+
+def spread(samples: Samples) -> dict[str, Any]:
+    """How far the samples reach, in degrees: [5%, median, 95%] of θi, θo, θh, θd, and how many lights there are.
+
+    `lights` counts the ωi that differ by more than 0.01° (JSON-able).
+    """
+    theta_h, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
+    angles = {
+        "theta_i": to_spherical(samples.wi)[0],
+        "theta_o": to_spherical(samples.wo)[0],
+        "theta_h": theta_h,
+        "theta_d": theta_d,
+    }
+    figures: dict[str, Any] = {name: _quantiles(angle * (180 / math.pi)) for name, angle in angles.items()}
+    theta, phi = to_spherical(samples.wi)
+    # At the normal every azimuth is the same light.
+    pair = torch.stack((theta, torch.where(theta < 1e-6, 0.0, phi)), 1) * (180 / math.pi)
+    figures["lights"] = int(torch.unique((pair * 100).round(), dim=0).shape[0])
+    return figures
+
+
+def _quantiles(degrees: Tensor) -> list[float]:
+    # Sorted by hand: torch.quantile refuses more than 16 million values.
+    ordered = degrees.sort().values
+    last = len(ordered) - 1
+    return [round(float(ordered[round(part * last)]), 2) for part in (0.05, 0.5, 0.95)]

@@ -1,0 +1,247 @@
+"""Gains of the instrument, estimated from the samples alone and divided out: ring by ring of θi and θo, or row by row.
+
+A goniometer's lamp and detector may give each ring of angles another gain, or drift while it measures. Beside the
+smooth reciprocal fit of log f (`suspicion.evidence`) such gains are further columns, one for each ring or a hat
+function for each block of rows, and least squares reweighted for outliers finds them:
+
+    log f(ωi, ωo) = smooth reciprocal (ωi, ωo) + a(θi) + b(θo)        (rings)
+    log f(ωi, ωo) = smooth reciprocal (ωi, ωo) + c(row)               (rows)
+
+What cannot be known is fixed, not guessed:
+
+* the mean of the log gains is 0 over the samples: how bright the lamp was altogether no sample tells;
+* a smooth gain that is the same over θi and over θo is another material, as likely, and stays in the data;
+* of a smooth gain over the angle only the difference between θi and θo shows, as lacking reciprocity. Where the rings
+  of θo have no gains of their own it is put down to θi, the lamp's side; where they have, half to each. (Where it was
+  the detector's after all, what is left is again a smooth gain that is the same over both.)
+* samples that lie on no rings of θo have no b: `BINS` bins of θi, their gains by reciprocity alone;
+* rows in the order of an angle drift as a ring does: rows and rings cannot be told apart then.
+
+Gains under `LEAST_GAIN` (RMS of the log), or that hardly improve the fit, are no more than what the smooth fit cannot
+hold of a clean material: they are reported and left alone.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.brdf.quality.suspicion.evidence import LEAST_SAMPLES, Evidence, hats, robust_fit
+from homofact.brdf.samples import Samples
+from homofact.brdf.source_names import GAINS
+from homofact.brdf.symmetry import ring_numbers
+from homofact.errors import BadInput
+from homofact.geometry.directions import to_spherical
+
+MOST_SAMPLES = 20_000
+BINS, BLOCKS, FEWEST_IN_A_BLOCK = 24, 24, 40
+NOISES = 3.0
+_SMOOTH_DEGREE = 3  # of the polynomial over θo that counts as a smooth gain
+_HARDLY = 0.3  # of the unevenness over θi: what that over θo may be to count as none
+LEAST_GAIN, LEAST_IMPROVEMENT = 0.03, 0.5  # logs: RMS of the gains, fall of the fit's error
+_RIDGE_OF_BASIS, _RIDGE = 1e-4, 3e-3
+_RIDGE_OF_ROWS = 1e-3
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Log gains of one kind: `at` (K,) are angles in degrees or rows, `logs` (K,) the gains there.
+
+    `of` is "theta_i", "theta_o" or "row". A ring's gain is that of the nearest angle, a row's is interpolated.
+    """
+
+    of: str
+    at: np.ndarray
+    logs: np.ndarray
+
+    def record(self) -> list[list[float]]:
+        """[[degrees or row, gain]], JSON-able."""
+        return [
+            [round(float(at), 4), round(float(gain), 6)] for at, gain in zip(self.at, np.exp(self.logs), strict=True)
+        ]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was found of one `kind`, "rings" or "rows": gains, their RMS in logs, by how much the fit's error falls (in
+    logs), and whether that is enough to divide them out."""
+
+    kind: str
+    gains: tuple[Gains, ...]
+    rms: float
+    improvement: float
+
+    @property
+    def removed(self) -> bool:
+        """Whether the gains are more than what the smooth fit misses of a clean material."""
+        return self.rms >= LEAST_GAIN and self.improvement >= LEAST_IMPROVEMENT
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        return {
+            "rms": round(self.rms, 6), "improvement": round(self.improvement, 6), "removed": self.removed,
+            **{gains.of: gains.record() for gains in self.gains},
+        }  # fmt: skip
+
+    def line(self) -> str:
+        """One line for people."""
+        what = "gains by ring of θ" if self.kind == "rings" else "gains along the rows"
+        if not self.removed:
+            return f"{what}: none found ({self.rms:.1%} RMS, no more than a clean material may show); nothing changed"
+        low, high = (math.exp(end(gains.logs.max() if end is max else gains.logs.min() for gains in self.gains))
+                     for end in (min, max))  # fmt: skip
+        return f"{what}: {self.rms:.1%} RMS, from {low:.3g} to {high:.3g}; divided out, their mean kept"
+
+
+def calibrated(samples: Samples, kinds: Sequence[str]) -> Samples:
+    """The samples without their gains of `kinds` ("rings", "rows"), one kind after the other.
+
+    provenance["gains"] has what was found of each (`Calibration.record`). Raises BadInput for an unknown kind,
+    anisotropic samples, and fewer than `LEAST_SAMPLES`.
+    """
+    for kind in kinds:
+        if kind not in GAINS:
+            raise BadInput(where="calibrate", found=repr(kind), expected=f"some of {', '.join(GAINS)}")
+    if kinds and not samples.isotropic:
+        raise BadInput("the samples are anisotropic", where="calibrate", expected="an isotropic material")
+    if kinds and len(samples) < LEAST_SAMPLES:
+        raise BadInput(where="calibrate", found=f"{len(samples)} samples", expected=f"at least {LEAST_SAMPLES}")
+    for kind in kinds:
+        calibration = calibration_of(samples, kind)
+        facts = samples.provenance.get("gains", {}) | {kind: calibration.record() | {"words": calibration.line()}}
+        values = samples.values
+        if calibration.removed:
+            logs = torch.stack([gain_at(gains, samples) for gains in calibration.gains]).sum(0)
+            values = values / torch.exp(logs)[:, None]
+        samples = replace(samples, values=values, provenance=samples.provenance | {"gains": facts})
+    return samples
+
+
+def gain_at(gains: Gains, samples: Samples) -> Tensor:
+    """The log gain of every sample (N,)."""
+    if gains.of == "row":
+        logs = np.interp(np.arange(len(samples)), gains.at, gains.logs)
+    else:
+        theta = _degrees(samples.wi if gains.of == "theta_i" else samples.wo)
+        logs = gains.logs[_nearest(theta, gains.at)]
+    return torch.from_numpy(logs).to(samples.values)
+
+
+def calibration_of(samples: Samples, kind: str) -> Calibration:
+    """The gains of one kind, without asking whether they are worth removing; see the module's head."""
+    order = torch.randperm(len(samples), generator=torch.Generator().manual_seed(0))
+    index = order[:MOST_SAMPLES].sort().values
+    some = samples.select(index.to(samples.wi.device))
+    wi, wo, values = (tensor.cpu().numpy() for tensor in (some.wi, some.wo, some.values))
+    evidence = Evidence(wi, wo, values, np.zeros(len(some)))
+    return (_of_rings if kind == "rings" else _of_rows)(some, evidence, index.numpy(), len(samples))
+
+
+def _of_rows(samples: Samples, evidence: Evidence, index: np.ndarray, count: int) -> Calibration:
+    blocks = max(2, min(BLOCKS, len(samples) // FEWEST_IN_A_BLOCK))
+    knots = np.linspace(0, count - 1, blocks)
+    columns = hats(index.astype(float), knots)
+    logs, _, improvement = _fitted(evidence, columns, _RIDGE_OF_ROWS)
+    logs = logs - (columns @ logs).mean()
+    rms = float(np.sqrt(np.mean((columns @ logs) ** 2)))
+    return Calibration("rows", (Gains("row", knots, logs),), rms, improvement)
+
+
+def _of_rings(samples: Samples, evidence: Evidence, index: np.ndarray, count: int) -> Calibration:
+    theta_i, theta_o = _degrees(samples.wi), _degrees(samples.wo)
+    rings_i, rings_o = _rings(samples.wi), _rings(samples.wo)
+    if rings_i is None or rings_o is None:
+        at_i = at_o = _bins(np.concatenate((theta_i, theta_o))) if rings_i is None else rings_i
+    else:
+        at_i, at_o = rings_i, rings_o
+    near_i, near_o = _nearest(theta_i, at_i), _nearest(theta_o, at_o)
+    members = np.hstack((np.eye(len(at_i))[near_i], np.eye(len(at_o))[near_o]))
+    logs, _, improvement = _fitted(evidence, members, _RIDGE)
+    a, b = logs[: len(at_i)], logs[len(at_i) :]
+    if rings_i is None or rings_o is None:
+        # By reciprocity alone: what a and b have in common is as well the material's.
+        a, b = a - b, None
+    else:
+        a, b = _attributed(at_i, a, near_i, at_o, b, near_o)
+    a = a - a[near_i].mean()
+    gains, every = [Gains("theta_i", at_i, a)], a[near_i]
+    if b is not None:
+        b = b - b[near_o].mean()
+        gains.append(Gains("theta_o", at_o, b))
+        every = every + b[near_o]
+    return Calibration("rings", tuple(gains), float(np.sqrt(np.mean(every**2))), improvement)
+
+
+def lacking_reciprocity(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, float]:
+    """(angles (K,) in degrees, log gains over θi there of mean 0, their RMS beyond what noise makes of it).
+
+    By reciprocity alone, of samples that lie on no rings: `BINS` bins of the angle, the gain over θi less that over θo.
+    The error of a bin's mean is that of the fit over the root of the samples in it; `NOISES` times its square is taken
+    off, for the samples of a bin are not as many as they are where they are weighted.
+    """
+    theta_i, theta_o = (np.rad2deg(np.arccos(np.clip(w[:, 2], 0, 1))) for w in (evidence.wi, evidence.wo))
+    at = _bins(np.concatenate((theta_i, theta_o)))
+    near_i, near_o = _nearest(theta_i, at), _nearest(theta_o, at)
+    members = np.hstack((np.eye(len(at))[near_i], np.eye(len(at))[near_o]))
+    logs, plain, _ = _fitted(evidence, members, _RIDGE)
+    gains = logs[: len(at)] - logs[len(at) :]
+    gains = gains - gains[near_i].mean()
+    counts = [np.maximum(np.bincount(near, minlength=len(at)), 1) for near in (near_i, near_o)]
+    noise = plain**2 * (1 / counts[0] + 1 / counts[1])
+    beyond = float(np.mean(gains[near_i] ** 2) - NOISES * np.mean(noise[near_i]))
+    return at, gains, math.sqrt(max(beyond, 0.0))
+
+
+def _attributed(
+    at_i: np.ndarray, a: np.ndarray, near_i: np.ndarray, at_o: np.ndarray, b: np.ndarray, near_o: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(a, b) with the smooth part of b put down to θi, where b has next to nothing else.
+
+    p(θi) + p(θo) is the material's; without it b loses p, and so does a.
+    """
+    smooth_a, smooth_b = (
+        np.polynomial.Polynomial.fit(at, logs, min(_SMOOTH_DEGREE, len(at) - 2), w=np.sqrt(np.bincount(near)))
+        for at, logs, near in ((at_i, a, near_i), (at_o, b, near_o))
+    )
+    rough_a, rough_b = ((logs - smooth(at)).std() for logs, smooth, at in ((a, smooth_a, at_i), (b, smooth_b, at_o)))
+    if rough_b > max(_HARDLY * rough_a, LEAST_GAIN):
+        return a, b
+    return a - smooth_b(np.clip(at_i, at_o[0], at_o[-1])), b - smooth_b(at_o)
+
+
+def _fitted(evidence: Evidence, columns: np.ndarray, ridge: float) -> tuple[np.ndarray, float, float]:
+    """(coefficients (K,) of further columns (N, K), the error without them, its fall with them), in logs."""
+    logs, weight = evidence.logs
+    basis = evidence.basis
+    ridges = np.concatenate((np.full(basis.shape[1], _RIDGE_OF_BASIS), np.full(columns.shape[1], ridge)))
+    plain = evidence.fitted().scale
+    coefficients, _, scale = robust_fit(np.hstack((basis, columns)), logs, weight, ridges)
+    return coefficients[basis.shape[1] :], plain, math.log((plain + 1e-3) / (scale + 1e-3))
+
+
+def _degrees(directions: Tensor) -> np.ndarray:
+    return np.rad2deg(to_spherical(directions)[0].cpu().numpy())
+
+
+def _rings(directions: Tensor) -> np.ndarray | None:
+    """The angles (K,) of the rings that directions lie on, rising; None where they lie on none."""
+    numbers = ring_numbers(directions)
+    if numbers is None:
+        return None
+    rank, count = numbers
+    theta = _degrees(directions)
+    return np.bincount(rank.cpu().numpy(), theta, count) / np.bincount(rank.cpu().numpy(), minlength=count)
+
+
+def _bins(theta: np.ndarray) -> np.ndarray:
+    """The middles of `BINS` bins with as many of the angles (N,) in each."""
+    return np.unique(np.quantile(theta, (np.arange(BINS) + 0.5) / BINS))
+
+
+def _nearest(theta: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """The number of the nearest of rising angles `at` (K,), for each of `theta` (N,)."""
+    return np.searchsorted((at[1:] + at[:-1]) / 2, theta)

@@ -1,0 +1,77 @@
+"""How much neighbouring samples disagree: an estimate of a measurement's noise from the measurement alone.
+
+Round each of some samples its nearest neighbours are met by a plane over the directions (θi, θo, |Δφ| of an isotropic
+material, all of ωi and ωo otherwise), and what the plane leaves of the sample itself, put in proportion to its degrees
+of freedom, is its scatter. Where the BRDF bends between neighbours that is counted too, so the estimate is an upper
+one; the median over samples keeps highlights from ruling it.
+
+`relative` is the scatter of log(f/A + 0.01), A the mean: the noise in shares of the value. `floor` is the scatter of f
+itself among the darkest quarter of the samples, in units of A: below it a value says nothing, which is what ε of the
+log transform should know of.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.spatial import KDTree
+
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.samples import Samples
+from homofact.brdf.symmetry import angles_of_pairs
+
+NEIGHBOURS = 12
+_QUERIES = 2000
+MOST_SAMPLES = 40_000
+_NORMAL_MAD = 1.4826
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """`relative` in log units, `floor` in units of the mean value; both of the worst channel."""
+
+    relative: float
+    floor: float
+
+
+def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
+    """The scatter of the module's head; None for fewer samples than two neighbourhoods."""
+    some = samples.subset(MOST_SAMPLES, seed)
+    if len(some) < 2 * NEIGHBOURS:
+        return None
+    place = places_of(some).numpy()
+    mean = some.values.mean(0).clamp_min(1e-300)
+    linear = (some.values / mean).numpy()
+    logs = LogTransform(0.01, mean).forward(some.values).numpy()
+    chosen = torch.randperm(len(some), generator=torch.Generator().manual_seed(seed))[:_QUERIES].numpy()
+    _, near = KDTree(place).query(place[chosen], k=NEIGHBOURS)
+    both = np.hstack([logs, linear])
+    residuals = np.stack([_left_out(place[at], both[at]) for at in np.asarray(near)])
+    channels = logs.shape[1]
+    relative = _NORMAL_MAD * np.median(np.abs(residuals[:, :channels]), 0)
+    brightness = linear[chosen].mean(1)
+    dark = residuals[brightness <= np.quantile(brightness, 0.25), channels:]
+    return Scatter(float(relative.max()), float((_NORMAL_MAD * np.median(np.abs(dark), 0)).max()))
+
+
+def places_of(samples: Samples) -> torch.Tensor:
+    """Where pairs of directions stand for a search of neighbours, (N, 3) of an isotropic material, else (N, 6).
+
+    In radians: θi, θo and the arc that |Δφ| is at their mean angle, so that near the normal an azimuth counts for
+    little.
+    """
+    if not samples.isotropic:
+        return torch.cat((samples.wi, samples.wo), 1)
+    theta_i, theta_o, turn = angles_of_pairs(samples.wi, samples.wo).unbind(1)
+    return torch.stack((theta_i, theta_o, turn * torch.sin((theta_i + theta_o) / 2)), 1)
+
+
+def _left_out(place: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What a plane through all neighbours leaves of the first, over the square root of its freedom."""
+    design = np.hstack([np.ones((len(place), 1)), place - place[0]])
+    basis, sizes, _ = np.linalg.svd(design, full_matrices=False)
+    basis = basis[:, sizes > 1e-9 * sizes[0]]
+    left = values[0] - basis[0] @ (basis.T @ values)
+    freedom = 1 - float(basis[0] @ basis[0])
+    return left / math.sqrt(freedom) if freedom > 1e-6 else np.zeros_like(left)

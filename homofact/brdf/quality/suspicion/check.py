@@ -1,0 +1,70 @@
+"""One check: what is suspected, how it is measured in the samples, and what undoes it."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from homofact.brdf.quality.suspicion.calibration import LOGISTIC
+from homofact.brdf.quality.suspicion.evidence import Evidence
+from homofact.errors import Advice
+
+Figures = tuple[float, ...]
+_MOST_LOG_ODDS = float(np.log(1e30))
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """What is suspected of samples: `odds` to 1 against the samples as they stand, in words, and what to do."""
+
+    name: str
+    odds: float
+    words: str
+    remedy: str
+
+    def line(self) -> str:
+        """One line: "the values hold cosθo: odds 200 to 1; `convert(undo='cosine-o')`"."""
+        return f"{self.words}: odds {_figure(self.odds)} to 1; {self.remedy}"
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A fault that samples may have.
+
+    `figures` measure it (None where these samples cannot tell), `LOGISTIC[name]` of the calibration turns them into log
+    odds; `words(figures)` say what is found. `undo` is a name of `undo.UNDO`, empty where nothing undoes it; then
+    `remedy` says what to do.
+    """
+
+    name: str
+    figures: Callable[[Evidence], Figures | None]
+    words: Callable[[Figures], str]
+    undo: str = ""
+    remedy: str = ""
+
+    def log_odds(self, figures: Figures) -> float:
+        """Log of the odds of the fault against none, from its figures; both are as likely before."""
+        weights, offset = LOGISTIC[self.name]
+        odds = offset + sum(weight * figure for weight, figure in zip(weights, figures, strict=True))
+        return float(np.clip(odds, -_MOST_LOG_ODDS, _MOST_LOG_ODDS))
+
+    def suspicion(self, evidence: Evidence) -> Suspicion | None:
+        """What the samples say, with its odds however small; None where they cannot tell."""
+        figures = self.figures(evidence)
+        if figures is None or not all(np.isfinite(figures)):
+            return None
+        remedy = str(Advice("undo", self.undo, of="convert")) if self.undo else self.remedy
+        return Suspicion(self.name, float(np.exp(self.log_odds(figures))), self.words(figures), remedy)
+
+
+def _figure(odds: float) -> str:
+    """The odds with two digits and no exponent: 23, 150, 12,000, over 100,000."""
+    if odds > 1e5:
+        return "over 100,000"
+    step = 10 ** max(int(np.floor(np.log10(max(odds, 1)))) - 1, 0)
+    return f"{round(odds / step) * step:,}"

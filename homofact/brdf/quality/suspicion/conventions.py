@@ -1,0 +1,78 @@
+"""Cosines and π that are in the values, or out of them once too often.
+
+A factor cosθi^p cosθo^q is told by two exponents. The difference q − p breaks reciprocity: it is the coefficient of
+½ (log cosθo − log cosθi) beside the smooth reciprocal fit. The sum is only a matter of what real materials do: their
+base, away from the highlight, hardly depends on the cosines, so that its exponent of cosθi cosθo is (p + q)/2. Both are
+compared with what they would be without the factor, as normal deviates whose spread the calibration knows.
+
+A factor of π is told by energy alone: an albedo above 1. A dark material times π is merely a brighter one, and f/π a
+darker one: neither can be known.
+"""
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+from homofact.brdf.quality.suspicion.base import base_of
+from homofact.brdf.quality.suspicion.calibration import BASE_EXPONENT, BASE_SPREAD, RECIPROCITY_SPREAD
+from homofact.brdf.quality.suspicion.check import Check, Figures
+from homofact.brdf.quality.suspicion.evidence import Evidence
+from homofact.brdf.quality.suspicion.undo import UNDO
+
+_LEAST = 0.2  # cosines below this graze, where few measurements are to be trusted
+_FEWEST = 100
+POWERS = {
+    "cosine-o": (0, 1), "cosine-i": (1, 0), "cosines": (1, 1), "cosine-o-squared": (0, 2), "cosine-i-squared": (2, 0),
+    "per-cosine-o": (0, -1), "per-cosine-i": (-1, 0), "per-cosines": (-1, -1),
+}  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def exponents(evidence: Evidence) -> tuple[float, float] | None:
+    """(q − p, (p + q)/2) of the module's head; None where too few samples are away from grazing."""
+    base = base_of(evidence)
+    cos_i, cos_o = evidence.cosines
+    inner = (cos_i > _LEAST) & (cos_o > _LEAST) & (evidence.brightness > 0)
+    # Where all lights are at one angle, cosθi is a constant and the symmetric part takes what cosθo has.
+    if base is None or inner.sum() < _FEWEST or np.std(np.log(cos_i[inner])) < 0.02:
+        return None
+    part = Evidence(evidence.wi[inner], evidence.wo[inner], evidence.values[inner], evidence.place[inner])
+    odd = 0.5 * (np.log(cos_o[inner]) - np.log(cos_i[inner]))
+    return float(part.fitted(odd[:, None]).further[0]), base[0]
+
+
+def _ratio(power_i: int, power_o: int) -> Callable[[Evidence], Figures | None]:
+    """The log likelihood ratio of a factor with these powers, as the only figure."""
+
+    def figures(evidence: Evidence) -> Figures | None:
+        measured = exponents(evidence)
+        if measured is None:
+            return None
+        odd, even = measured[0], measured[1] - BASE_EXPONENT
+        off_odd, off_even = power_o - power_i, (power_i + power_o) / 2
+        gain = (odd**2 - (odd - off_odd) ** 2) / (2 * RECIPROCITY_SPREAD**2)
+        gain += (even**2 - (even - off_even) ** 2) / (2 * BASE_SPREAD**2)
+        return (gain,)
+
+    return figures
+
+
+def _albedo(evidence: Evidence) -> Figures | None:
+    """The log of the base's albedo."""
+    base = base_of(evidence)
+    return None if base is None or base[1] <= 0 else (math.log(base[1]),)
+
+
+def _said(words: str) -> Callable[[Figures], str]:
+    return lambda figures: words
+
+
+CHECKS = (
+    *(Check(name, _ratio(*powers), _said(UNDO[name].words), undo=name) for name, powers in POWERS.items()),
+    Check(
+        "pi", _albedo, lambda f: f"more light out than in ({math.exp(f[0]):.2g} from the base alone): times π or so",
+        undo="pi",
+    ),
+)  # fmt: skip

@@ -1,0 +1,68 @@
+"""Directions that are not what they should be: elevation for zenith angle, an azimuth off by 180°, radians for degrees.
+
+A wrong direction leaves the values and moves the highlight off the mirror direction, and what was smooth over
+directions is no longer: at θ = 0 the azimuth still matters, at the horizon it does not. So the smooth reciprocal fit
+is made to the data as they stand and as they would be undone; the figures are the logs of the ratio of its two errors,
+in the median and at the 95% quantile of the residuals. A material without a highlight says nothing here, and loses
+nothing.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from homofact.brdf.quality.suspicion.check import Check, Figures
+from homofact.brdf.quality.suspicion.evidence import Evidence
+from homofact.brdf.quality.suspicion.undo import UNDO
+
+_MOST_DEGREES = 1.6  # π/2 read as degrees, and a little
+_FLOOR = 1e-3
+
+
+def gain(evidence: Evidence, other: Evidence) -> Figures:
+    """The logs of the error as it stands over that of `other`, of the module's head.
+
+    Both fits have terms for a gain over the angle too, so that a cosine too many is no wrong direction.
+    """
+    errors = []
+    for one in (evidence, other):
+        fit, (_, weight) = one.fitted(odd_columns(one)), one.logs
+        missed = np.abs(fit.residual)[weight > 0.1]
+        errors.append((fit.scale + _FLOOR, (float(np.quantile(missed, 0.95)) if len(missed) else 0.0) + _FLOOR))
+    return tuple(math.log(here / there) for here, there in zip(*errors, strict=True))
+
+
+def odd_columns(evidence: Evidence) -> np.ndarray:
+    """What breaks reciprocity smoothly (N, 4): functions of θi minus the same of θo."""
+    theta_i, theta_o = (np.arccos(np.clip(w[:, 2], 0, 1)) / (math.pi / 2) for w in (evidence.wi, evidence.wo))
+    cos_i, cos_o = evidence.cosines
+    powers = [theta_i**k - theta_o**k for k in (1, 2, 4)]
+    return np.stack([*powers, np.log(cos_i) - np.log(cos_o)], 1)
+
+
+def _undone(name: str) -> Callable[[Evidence], Figures | None]:
+    def figures(evidence: Evidence) -> Figures | None:
+        turned = UNDO[name].apply(evidence.samples())
+        if len(turned) < len(evidence):
+            return None
+        return gain(evidence, evidence.with_directions(turned.wi.numpy(), turned.wo.numpy()))
+
+    return figures
+
+
+def _radians(evidence: Evidence) -> Figures | None:
+    """How far the largest θ is under π/2 taken as degrees, in degrees, at most 5 over it."""
+    largest = math.degrees(math.acos(np.clip(min(evidence.wi[:, 2].min(), evidence.wo[:, 2].min()), -1, 1)))
+    return (max(_MOST_DEGREES - largest, -5.0),)
+
+
+def _said(words: str) -> Callable[[Figures], str]:
+    return lambda figures: words
+
+
+NAMES = ("elevation", "elevation-i", "elevation-o", "azimuth")
+CHECKS = (
+    Check("radians", _radians, _said(UNDO["radians"].words), undo="radians"),
+    *(Check(name, _undone(name), _said(UNDO[name].words), undo=name) for name in NAMES),
+)

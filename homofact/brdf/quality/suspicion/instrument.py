@@ -1,0 +1,214 @@
+"""Faults of the instrument: a lamp that drifts, a bad ring, an arm's shadow, channels mixed up.
+
+All are gains, and so further columns beside the smooth reciprocal fit of log f. Of a gain over θi the part that is the
+same over θo hides in the material; the rest breaks reciprocity and shows.
+"""
+
+import math
+
+import numpy as np
+import torch
+
+from homofact.brdf.quality.gains import lacking_reciprocity
+from homofact.brdf.quality.suspicion.check import Check, Figures
+from homofact.brdf.quality.suspicion.evidence import Evidence, hats, robust_fit
+from homofact.brdf.quality.suspicion.geometry import odd_columns
+from homofact.brdf.symmetry import ring_numbers
+from homofact.errors import Advice
+
+_RINGS = 18
+_FEWEST_ON_A_RING = 12
+_FEWEST_FOR_GAINS = 1500
+_TOLD = 0.5  # of the variance of a row's place, left when an angle is known
+_CONE, _AROUND = math.radians(6.0), math.radians(13.0)  # half of the angle between ωi and ωo is θd
+
+
+def _thetas(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
+    return tuple(np.arccos(np.clip(w[:, 2], 0, 1)) for w in (evidence.wi, evidence.wo))  # type: ignore[return-value]
+
+
+def _spread(gains: np.ndarray, weight: np.ndarray) -> float:
+    mean = np.average(gains, weights=weight)
+    return float(np.sqrt(np.average((gains - mean) ** 2, weights=weight)))
+
+
+def _sorted_by_angle(evidence: Evidence) -> bool:
+    """Whether θi, θo or the azimuth between them tells where a row stands in the file."""
+    theta_i, theta_o = _thetas(evidence)
+    turn = np.arctan2(evidence.wi[:, 1], evidence.wi[:, 0]) - np.arctan2(evidence.wo[:, 1], evidence.wo[:, 0])
+    around = np.arccos(np.clip(np.cos(turn), -1, 1))
+    for angle in (theta_i, theta_o, around):
+        knots = np.unique(np.quantile(angle, np.linspace(0, 1, _RINGS + 1)))
+        residual = robust_fit(hats(angle, knots), evidence.place, np.ones(len(angle)))[1]
+        if residual.var() < _TOLD * evidence.place.var():
+            return True
+    return False
+
+
+def _time(evidence: Evidence) -> Figures | None:
+    """The log of the RMS of a slow gain over the rows, and by how much the fit's error falls with it.
+
+    None where rows are sorted by an angle: a gain over the rows is one over the angle then, or the material itself.
+    """
+    if len(np.unique(evidence.place)) < 100 or _sorted_by_angle(evidence):
+        return None
+    odd = odd_columns(evidence)
+    slow = np.polynomial.legendre.legvander(evidence.place, 5)[:, 1:]
+    plain, fit = evidence.fitted(odd), evidence.fitted(np.column_stack([odd, slow]))
+    _, weight = evidence.logs
+    spread = _spread(slow @ fit.further[odd.shape[1] :], weight + 1e-12)
+    return math.log(spread + 1e-4), math.log((plain.scale + 1e-3) / (fit.scale + 1e-3))
+
+
+def _angle(evidence: Evidence) -> Figures | None:
+    """The log of the RMS of the gain that breaks reciprocity, and by how much the fit's error falls with it."""
+    odd = odd_columns(evidence)
+    fit, (_, weight) = evidence.fitted(odd), evidence.logs
+    spread = _spread(odd @ fit.further, weight + 1e-12)
+    return math.log(spread + 1e-4), math.log((evidence.fitted().scale + 1e-3) / (fit.scale + 1e-3))
+
+
+def _gains(evidence: Evidence) -> Figures | None:
+    """The log of the RMS of the gain over θi by reciprocity alone, its least and its greatest log.
+
+    None on rings, and for few samples.
+    """
+    directions = [torch.from_numpy(w) for w in (evidence.wi, evidence.wo)]
+    if len(evidence.wi) < _FEWEST_FOR_GAINS or any(ring_numbers(w) is not None for w in directions):
+        return None
+    _, gains, rms = lacking_reciprocity(evidence)
+    return (math.log(rms + 1e-4), float(gains.min()), float(gains.max()))
+
+
+def _ring(evidence: Evidence) -> Figures | None:
+    """The largest step of a ring of θi or θo against its neighbours: its log, and its log over the usual step."""
+    best: tuple[float, float] | None = None
+    _, weight = evidence.logs
+    for theta in _thetas(evidence):
+        rounded = np.round(theta, 3)
+        rings = np.unique(rounded)
+        if len(rings) > len(theta) / 20:
+            edges = np.unique(np.quantile(theta, np.linspace(0, 1, _RINGS + 1)))
+            number = np.clip(np.searchsorted(edges, theta, side="right") - 1, 0, len(edges) - 2)
+        else:
+            number = np.searchsorted(rings, rounded)
+        count = int(number.max()) + 1
+        if count < 6:
+            continue
+        members = np.eye(count)[number]
+        trusted = (members * (weight > 0.1)[:, None]).sum(0) >= _FEWEST_ON_A_RING
+        odd = odd_columns(evidence)
+        gains = evidence.fitted(np.column_stack([odd, members])).further[odd.shape[1] :]
+        # Bent twice: a smooth gain over the angle has no steps.
+        bent = np.abs(gains[1:-1] - (gains[:-2] + gains[2:]) / 2)[trusted[1:-1]]
+        if len(bent) < 4:
+            continue
+        largest = float(bent.max())
+        figures = math.log(largest + 1e-4), math.log((largest + 1e-3) / (float(np.median(bent)) + 1e-3))
+        best = figures if best is None else max(best, figures)
+    return best
+
+
+def _shadow(evidence: Evidence) -> Figures | None:
+    """How much darker it is near the light than the fit to all around it says: in logs, and in errors of the fit."""
+    _, theta_d = evidence.half_angles
+    _, weight = evidence.logs
+    near = theta_d < _CONE
+    lit = near & (evidence.brightness > 0)
+    if near.sum() < 8 or (theta_d < _AROUND).sum() < 30:
+        return None
+    around = weight * (theta_d > _CONE)
+    fit = evidence.fitted(weight=around)
+    # What is exactly zero there counts as far darker than anything.
+    missed = np.where(lit, fit.residual, -3.0)[near]
+    inner = theta_d[near] < np.median(theta_d[near])
+    low = float(np.median(missed[inner]))
+    return -low, -low / (fit.scale + 0.02)
+
+
+def _colours(evidence: Evidence) -> np.ndarray | None:
+    """Logs of the channels over their geometric mean (N, C); None for one channel."""
+    if evidence.values.shape[1] < 2:
+        return None
+    logs = np.log(np.maximum(evidence.values, 1e-6 * evidence.values.mean() + 1e-300))
+    return logs - logs.mean(1, keepdims=True)
+
+
+def _channels(evidence: Evidence) -> Figures | None:
+    """The per cent of rows whose colour fits its neighbours only with two channels exchanged, and how far apart."""
+    colours, (_, weight) = _colours(evidence), evidence.logs
+    if colours is None:
+        return None
+    fits = [evidence.fitted(logs=colours[:, c]) for c in range(colours.shape[1])]
+    expected = np.stack([colours[:, c] - fit.residual for c, fit in enumerate(fits)], 1)
+    scale = max(fit.scale for fit in fits) + 0.01
+    own = np.abs(colours - expected).max(1)
+    best = 0.0
+    for one in range(colours.shape[1]):
+        for two in range(one + 1, min(colours.shape[1], one + 4)):
+            order = list(range(colours.shape[1]))
+            order[one], order[two] = two, one
+            other = np.abs(colours[:, order] - expected).max(1)
+            struck = (weight > 0.3) & (own > 6 * scale) & (other < 0.35 * own)
+            best = max(best, float(struck.mean()))
+    return (min(100 * best, 10.0),)
+
+
+def _late(evidence: Evidence) -> Figures | None:
+    """The fall of the colours' error, in logs, where one channel is moved by a row: the best of both ways."""
+    colours = _colours(evidence)
+    if colours is None:
+        return None
+    raw = np.log(np.maximum(evidence.values, 1e-6 * evidence.values.mean() + 1e-300))
+    best = -1.0
+    for c in range(min(raw.shape[1], 3)):
+        others = np.delete(raw, c, 1).mean(1)
+        here = evidence.fitted(logs=raw[:, c] - others).scale
+        for late in (-1, 1):
+            there = evidence.fitted(logs=np.roll(raw[:, c], late) - others).scale
+            best = max(best, math.log((here + 1e-3) / (there + 1e-3)))
+    return (best,)
+
+
+def _percent(log_gain: float) -> str:
+    return f"{math.expm1(min(log_gain, 5)):.0%}"
+
+
+_MEASURE_AGAIN = "measure again, or take it out of the file"
+_CHECK_GAINS = (
+    f"check the lamp's and the detector's gain over their angles; {Advice('calibrate', 'rings')} divides it out"
+)
+CHECKS = (
+    Check(
+        "drift-in-time", _time, lambda f: f"the gain drifts along the rows by {math.exp(f[0]):.0%} RMS: the lamp",
+        remedy=f"divide by the lamp's monitor, or by what {Advice('calibrate', 'rows')} estimates",
+    ),
+    Check(
+        "drift-with-angle", _angle,
+        lambda f: f"swapped directions differ by a smooth gain over the angle, {math.exp(f[0]):.0%} RMS",
+        remedy=f"{_CHECK_GAINS}, {Advice('reciprocal', False)} follows the data",
+    ),
+    Check(
+        "gains", _gains,
+        lambda f: f"the gain differs from angle to angle, {math.exp(f[0]):.0%} RMS, from {math.exp(f[1]):.2f}"
+        f" to {math.exp(f[2]):.2f}",
+        remedy=_CHECK_GAINS,
+    ),
+    Check(
+        "ring", _ring, lambda f: f"one ring of angles is off its neighbours by {_percent(math.exp(f[0]))}",
+        remedy=f"{_MEASURE_AGAIN}, or {Advice('calibrate', 'rings')}",
+    ),
+    Check(
+        "shadow", _shadow,
+        lambda f: f"darker by {-math.expm1(-min(max(f[0], 0), 9)):.0%} near the light: an arm's shadow",
+        remedy="leave the samples within 8° of the light out",
+    ),
+    Check(
+        "channels", _channels, lambda f: f"{f[0]:.2g}% of the rows have two channels exchanged",
+        remedy="exchange them in the file, or leave these rows out",
+    ),
+    Check(
+        "channel-late", _late, lambda f: "a channel is a row late or early",
+        remedy="move its column by one row",
+    ),
+)  # fmt: skip

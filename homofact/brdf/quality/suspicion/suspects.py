@@ -1,0 +1,82 @@
+"""What is suspected of samples: every check in turn, and what is beyond doubt undone before the next is asked.
+
+A wrong direction or a cosine too many looks like many faults at once: as long as it is in, rings are off, the lamp
+drifts and nothing is reciprocal. So directions come first, then channels, then what is in the values, each with the
+likeliest suspicion undone, and the instrument last, on what is left.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from homofact.brdf.quality.suspicion import conventions, encodings, geometry, instrument
+from homofact.brdf.quality.suspicion.calibration import SAID
+from homofact.brdf.quality.suspicion.check import Check, Suspicion
+from homofact.brdf.quality.suspicion.evidence import LEAST_SAMPLES, Evidence
+from homofact.brdf.quality.suspicion.undo import UNDO
+from homofact.brdf.samples import Samples
+
+_BY_NAME: dict[str, Check] = {
+    check.name: check
+    for check in (*geometry.CHECKS, *encodings.CHECKS, *conventions.CHECKS, *instrument.CHECKS)
+}  # fmt: skip
+NAMES = tuple(_BY_NAME)
+_COUNTED = ("quantised", "clipped", "zeros")
+_COLOURS = ("channels", "channel-late")
+_COSINES = tuple(conventions.POWERS)
+_VALUES = (*_COSINES, "pi")
+_REST = ("drift-with-angle", "gains", "drift-in-time", "ring", "shadow")
+
+
+def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
+    """What is suspected, likeliest first; nothing of fewer than `LEAST_SAMPLES` samples.
+
+    A few thousand samples are looked at, drawn by `seed`. The odds are against the samples as they stand, both taken
+    as equally likely before; under `SAID` to 1 nothing is said.
+    """
+    if len(samples) < LEAST_SAMPLES or not bool((samples.values > 0).any()):
+        return []
+    evidence = Evidence.of(samples, seed)
+    # Where a spectrum left the gamut of sRGB the reader has cut it at zero itself, and says so.
+    cut = any((samples.provenance.get("colour") or {}).get("clipped", {}).values())
+    suspicions = _said([name for name in _COUNTED if not (cut and name == "zeros")], evidence)
+    suspicions += _said(_COLOURS, evidence)[:1]
+    turned = _said([check.name for check in geometry.CHECKS], evidence)[:1]
+    for suspicion in turned:
+        evidence = undone_evidence(evidence, suspicion.name)
+    values: list[Suspicion] = []
+    for _ in range(2):
+        # A second convention is looked for among the other kind alone: two cosines are one of the checks already.
+        names = [
+            name
+            for name in _VALUES
+            if not any((suspicion.name in _COSINES) == (name in _COSINES) for suspicion in values)
+        ]
+        best = _said(names, evidence)[:1]
+        values += best
+        for suspicion in best:
+            evidence = undone_evidence(evidence, suspicion.name)
+    suspicions += turned + values + _said(_REST, evidence)
+    return sorted(suspicions, key=lambda suspicion: -suspicion.odds)
+
+
+def undone_evidence(evidence: Evidence, name: str) -> Evidence:
+    """The evidence without what `name` of `undo.UNDO` says; as it is where nothing is so called."""
+    if name not in UNDO:
+        return evidence
+    samples = UNDO[name].apply(evidence.samples())
+    arrays = (samples.wi, samples.wo, samples.values, samples.weights - 2)
+    return Evidence(*(tensor.numpy() for tensor in arrays))
+
+
+def _said(names: Sequence[str], evidence: Evidence) -> list[Suspicion]:
+    """What these checks suspect by more than `SAID` to 1, likeliest first."""
+    with np.errstate(all="ignore"):
+        all_of = [_BY_NAME[name].suspicion(evidence) for name in names]
+    likely = [suspicion for suspicion in all_of if suspicion is not None and suspicion.odds >= SAID]
+    return sorted(likely, key=lambda suspicion: -suspicion.odds)
+
+
+def check_of(name: str) -> Check:
+    """The check called `name`."""
+    return _BY_NAME[name]

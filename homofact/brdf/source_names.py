@@ -1,0 +1,14 @@
+"""The names of channels, schemes and materials, apart from what they do, so that checks and help load no torch."""
+
+CHANNELS = ("rgb", "spectral", "luminance")
+SCHEMES = ("lobe", "discs", "cosine", "grid")
+DEFAULT_SCHEME = "lobe"
+DEFAULT_COUNT = 45_000
+MOST_COUNT = 10_000_000  # pairs: a gigabyte of samples
+MATERIAL_PREFIX = "material:"
+MATERIAL_NAMES = (
+    "lafortune-blue-paint", "lafortune-clay", "lafortune-skin", "cook-torrance-plastic", "ashikhmin-shirley-wang",
+    "phong-10", "phong-30", "blinn-phong-50", "torrance-sparrow-20", "ward-brushed",
+)  # fmt: skip
+GAINS = ("rings", "rows")  # what `brdf.quality.gains` can divide out
+MOST = 80.0  # logarithms above it are cut: e⁸⁰ is the largest power that float32 holds

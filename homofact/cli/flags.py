@@ -1,0 +1,36 @@
+"""What the library advises, in the words of the command line: `robust=True` as --robust."""
+
+import ast
+import re
+
+from homofact.errors import Advice
+
+# An `Advice` as text: "`robust=True`", "`convert(undo='cosine-o')`".
+_ADVICE = re.compile(r"`(?:(\w+)\()?(\w+)=('[^']*'|[^`()]+)\)?`")
+_ARGUMENTS = {"convert": "IN OUT"}
+# A function of the library, perhaps with what it is given: "`homofact.edit`", "`homofact.fit('a.brdf')`".
+_FUNCTION = re.compile(r"`homofact\.(\w+)(?:\(('[^`]*'|\"[^`]*\")\))?`")
+_COMMANDS = {"fit": "factorize"}
+
+
+def option(advice: Advice) -> str:
+    """The option of a setting with its value; the whole command where it is not the one that was run."""
+    flag = advice.setting.replace("_", "-")
+    if isinstance(advice.value, bool):
+        words = f"--{flag}" if advice.value else f"--no-{flag}"
+    else:
+        words = f"--{flag} {advice.value}"
+    return f"homofact {advice.of} {_ARGUMENTS.get(advice.of, '...')} {words}" if advice.of else words
+
+
+def _command(function: str, given: str | None) -> str:
+    words = f"homofact {_COMMANDS.get(function, function)}"
+    if given is None:
+        return words
+    return f"{words} {ast.literal_eval(given)}" + (" --out FOLDER" if function == "fit" else "")
+
+
+def with_options(text: str) -> str:
+    """A text of the library with the options and commands for all that it advises."""
+    text = _FUNCTION.sub(lambda match: _command(match[1], match[2]), text)
+    return _ADVICE.sub(lambda match: option(Advice(match[2], ast.literal_eval(match[3]), match[1] or "")), text)

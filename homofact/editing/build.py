@@ -1,0 +1,139 @@
+"""From a scene's file to what is edited: placed and opened, materials given their curves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from homofact.brdf.analytic.ashikhmin_shirley import AshikhminShirley
+from homofact.brdf.analytic.cook_torrance import CookTorrance
+from homofact.brdf.analytic.lambert import Lambert
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.editing import models
+from homofact.editing.factored import half_and_diffuse, homomorphic
+from homofact.editing.material import Editable
+from homofact.editing.scene import EditObject, EditScene
+from homofact.editing.scene_file import HD, HF, OWN, EditGroundTable, EditObjectTable, EditSceneFile
+from homofact.errors import BadInput
+from homofact.files.kinds import FACTORIZATION
+from homofact.scene.materials import MATT, OpenedMaterial, Stage, open_materials
+from homofact.scene.objects import place_objects
+
+GROUND = "ground"
+_ANGLES, _BANDS = ("theta_h", "theta_d"), (256, 64)
+
+
+@dataclass(frozen=True)
+class EditMaterial:
+    """A material of the scene: as it was opened, and as it is edited."""
+
+    opened: OpenedMaterial
+    material: Editable
+
+
+def open_edit_materials(file: EditSceneFile, stage: Stage | None = None) -> tuple[EditMaterial, ...]:
+    """The materials of the objects and of the ground, with their curves.
+
+    Raises BadInput for what cannot be read, curves that a material cannot have, and a name that is there twice.
+    """
+    return _with_curves(file, open_materials(_tables(file).values(), stage), stage)
+
+
+def open_edit_scene(file: EditSceneFile, stage: Stage | None = None) -> EditScene:
+    """Read and place everything. Raises BadInput for what cannot be read, and what `EditScene` refuses."""
+    lighting = file.lighting.lighting(Path())
+    placed, notes = place_objects(file.objects, file.ground, stage)
+    edited = _with_curves(file, [thing.material for thing in placed], stage)
+    remarks = [f"{each.material.name}: {note}" for each in edited for note in each.material.notes]
+    objects = tuple(EditObject(thing.mesh, each.material) for thing, each in zip(placed, edited, strict=True))
+    return EditScene(objects, lighting, file.cameras, (*notes, *remarks))
+
+
+def _with_curves(
+    file: EditSceneFile, opened: Sequence[OpenedMaterial], stage: Stage | None
+) -> tuple[EditMaterial, ...]:
+    tables = _tables(file)
+    names, materials = _names(tables), []
+    for (where, table), source in zip(tables.items(), opened, strict=True):
+        if stage is not None:
+            stage(f"curves of {names[where]}")
+        try:
+            material = editable(source.reflectance, names[where], table.curves, table.bands)
+        except BadInput as error:
+            raise error.at(where) from error
+        materials.append(EditMaterial(source, material))
+    return tuple(materials)
+
+
+def editable(
+    reflectance: Reflectance, name: str, curves: str | tuple[str, ...] = OWN, bands: tuple[int, ...] | None = None
+) -> Editable:
+    """A reflectance with curves as a scene file asks for them. Raises BadInput for a wrong number of bands."""
+    if isinstance(curves, tuple) or (
+        curves == OWN and not isinstance(reflectance, CookTorrance | AshikhminShirley | Lambert)
+    ):
+        angles = curves if isinstance(curves, tuple) else _ANGLES
+        return models.from_reflectance(reflectance, angles, name, _bands(bands, len(angles), _BANDS[: len(angles)]))
+    if isinstance(reflectance, Lambert) and curves == OWN:
+        if bands is not None:
+            raise BadInput(where="bands", found="some for a matt material, whose curves have 256", expected="none")
+        return models.light_view(reflectance, name)
+    pair = None if bands is None else _pair(bands)
+    more = () if pair is None else (pair,)
+    if curves == HF:
+        return homomorphic(reflectance, name, *more)
+    if curves == HD:
+        return half_and_diffuse(reflectance, name, *more)
+    if isinstance(reflectance, CookTorrance):
+        return models.cook_torrance(reflectance, name, *more)
+    assert isinstance(reflectance, AshikhminShirley)
+    return models.ashikhmin_shirley(reflectance, name, *more)
+
+
+def _bands(given: tuple[int, ...] | None, count: int, usual: tuple[int, ...]) -> tuple[int, ...]:
+    if given is None:
+        return (*usual, *(_BANDS[-1],) * (count - len(usual)))
+    if len(given) != count:
+        raise BadInput(where="bands", found=f"{len(given)} numbers", expected=f"{count}, one a curve")
+    return given
+
+
+def _pair(bands: tuple[int, ...]) -> tuple[int, int]:
+    if len(bands) != 2:
+        raise BadInput(where="bands", found=f"{len(bands)} numbers", expected="2, one a curve")
+    return bands[0], bands[1]
+
+
+def _tables(file: EditSceneFile) -> dict[str, EditObjectTable | EditGroundTable]:
+    """The objects' tables and the ground's, by where they stand."""
+    found: dict[str, EditObjectTable | EditGroundTable] = {f"object[{k}]": own for k, own in enumerate(file.objects)}
+    return found if file.ground is None else found | {"ground": file.ground}
+
+
+def _names(tables: dict[str, EditObjectTable | EditGroundTable]) -> dict[str, str]:
+    """A name for each, numbered where a name that was not given is taken. Raises BadInput for a given one twice."""
+    given: dict[str, str] = {}
+    for where, table in tables.items():
+        if table.name is not None:
+            if table.name in given.values():
+                raise BadInput(where=f"{where}: name", found=f"{table.name!r} twice", expected="different names")
+            given[where] = table.name
+    found: dict[str, str] = {}
+    for where, table in tables.items():
+        taken = {*given.values(), *found.values()}
+        first = given.get(where) or _own_name(table)
+        name, number = first, 1
+        while where not in given and name in taken:
+            number += 1
+            name = f"{first} {number}"
+        found[where] = name
+    return found
+
+
+def _own_name(table: EditObjectTable | EditGroundTable) -> str:
+    if table.material is None:
+        return GROUND if isinstance(table, EditGroundTable) else MATT
+    if table.material.startswith(MATERIAL_PREFIX):
+        return table.material.removeprefix(MATERIAL_PREFIX)
+    place = Path(table.material)
+    return place.resolve().parent.name if place.name == FACTORIZATION else place.stem

@@ -1,0 +1,168 @@
+"""Curves f(γ) over an angle in [0, π/2]: what a user edits, and the bands in which pictures know them.
+
+A curve is any function of γ with C channels: a model's own (`Formula`), drawn between knots (`Knots`), or constant on
+each of J equal bands (`Bands`, the box functions of Ben-Artzi et al. 2006, eq. 8). `banded` takes any curve to bands
+by its mean over each one, not by its value at the centre (appendix B): a narrow peak that moves by less than a band
+still changes the picture smoothly. `band_deviation` says how far the curve itself is from that.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.editing.angles import RIGHT_ANGLE
+from homofact.errors import BadInput
+
+# What a curve may be divided into, the finest first.
+BANDS = (256, 128, 64, 32)
+_NODES, _LOOKED_AT = 8, 33
+
+
+class Curve(Protocol):
+    """Non-negative f(γ) of C channels."""
+
+    @property
+    def channels(self) -> int:
+        """C."""
+        ...
+
+    def at(self, gamma: Tensor) -> Tensor:
+        """Values (N, C) at angles (N,) in radians."""
+        ...
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A curve given by a function of γ (N,) with values (N, C); `words` say which."""
+
+    function: Callable[[Tensor], Tensor]
+    channels: int
+    words: str = ""
+
+    def at(self, gamma: Tensor) -> Tensor:
+        """Values (N, C) at angles (N,) in radians."""
+        return self.function(gamma)
+
+
+def flat(channels: int, level: float = 1.0) -> Formula:
+    """The curve that is `level` everywhere."""
+    return Formula(lambda gamma: torch.full((*gamma.shape, channels), level, dtype=gamma.dtype), channels, "constant")
+
+
+@dataclass(frozen=True)
+class Knots:
+    """Straight lines between M values (M, C) at equal steps of γ from 0 to π/2; with `logs`, of logarithms.
+
+    `logs` says that `values` are logarithms of the curve.
+    """
+
+    values: Tensor
+    logs: bool = False
+
+    @property
+    def channels(self) -> int:
+        """C."""
+        return int(self.values.shape[1])
+
+    def at(self, gamma: Tensor) -> Tensor:
+        """Values (N, C) at angles (N,) in radians."""
+        number, share = hat(gamma, len(self.values))
+        values = self.values.to(gamma)
+        found = torch.lerp(values[number], values[number + 1], share[:, None])
+        return torch.exp(found) if self.logs else found
+
+
+def hat(gamma: Tensor, knots: int) -> tuple[Tensor, Tensor]:
+    """(lower knot (N,) int64, share (N,) of the next) of angles among `knots` equal steps from 0 to π/2."""
+    place = (gamma / RIGHT_ANGLE * (knots - 1)).clamp(0, knots - 1)
+    number = place.floor().to(torch.int64).clamp_max(knots - 2)
+    return number, place - number
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Constant on each of J equal bands of [0, π/2]: `values` (J, C) float64.
+
+    Raises BadInput where they are no such table, negative or not finite, or J is not one of `BANDS`.
+    """
+
+    values: Tensor
+
+    def __post_init__(self) -> None:
+        """Refuse what is no curve."""
+        shape = tuple(self.values.shape)
+        if len(shape) != 2 or shape[0] not in BANDS or shape[1] < 1:
+            raise BadInput(
+                where="curve", found=f"values of the shape {shape}", expected=f"({' or '.join(map(str, BANDS))}, C)"
+            )
+        bad = ~torch.isfinite(self.values) | (self.values < 0)
+        if bool(bad.any()):
+            band, channel = (int(place) for place in bad.nonzero()[0])
+            found = float(self.values[band, channel])
+            raise BadInput(
+                f"value {band} of channel {channel} is {found}", where="curve", expected="finite numbers >= 0"
+            )
+
+    @property
+    def channels(self) -> int:
+        """C."""
+        return int(self.values.shape[1])
+
+    @property
+    def count(self) -> int:
+        """J."""
+        return int(self.values.shape[0])
+
+    def at(self, gamma: Tensor) -> Tensor:
+        """Values (N, C) at angles (N,) in radians."""
+        return self.values.to(gamma)[band_of(gamma, self.count)]
+
+
+def band_of(gamma: Tensor, count: int) -> Tensor:
+    """The band (N,) int64 that each angle lies in; what is outside [0, π/2] counts to the nearest."""
+    return (gamma * (count / RIGHT_ANGLE)).floor().to(torch.int64).clamp(0, count - 1)
+
+
+def band_edges(count: int) -> Tensor:
+    """The J + 1 edges in radians."""
+    return torch.linspace(0, RIGHT_ANGLE, count + 1, dtype=torch.float64)
+
+
+def band_centres(count: int) -> Tensor:
+    """The J centres in radians."""
+    return (torch.arange(count, dtype=torch.float64) + 0.5) * (RIGHT_ANGLE / count)
+
+
+def banded(curve: Curve, count: int) -> Bands:
+    """The curve's mean over each of `count` bands (appendix B), by 8 Gauss-Legendre nodes a band.
+
+    Bands of the same number stay as they are.
+    """
+    if isinstance(curve, Bands) and curve.count == count:
+        return curve
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    place = torch.from_numpy((nodes + 1) / 2)
+    gamma = (torch.arange(count, dtype=torch.float64)[:, None] + place) * (RIGHT_ANGLE / count)
+    values = curve.at(gamma.reshape(-1)).reshape(count, _NODES, -1)
+    return Bands((values * torch.from_numpy(weights / 2)[:, None]).sum(1).clamp_min(0))
+
+
+def band_deviation(curve: Curve, count: int) -> Tensor:
+    """How far the curve is from its mean over each band at most (J, C), looked at in 33 places a band, its ends too."""
+    means = banded(curve, count).values
+    place = torch.linspace(0, 1, _LOOKED_AT, dtype=torch.float64)
+    gamma = (torch.arange(count, dtype=torch.float64)[:, None] + place) * (RIGHT_ANGLE / count)
+    values = curve.at(gamma.reshape(-1)).reshape(count, _LOOKED_AT, -1)
+    return (values - means[:, None]).abs().amax(1)
+
+
+def resampled(bands: Bands, count: int) -> Bands:
+    """The curve in another number of bands: means over several of them, or each one repeated."""
+    have = bands.count
+    if count <= have:
+        return Bands(bands.values.reshape(count, have // count, -1).mean(1))
+    return Bands(bands.values.repeat_interleave(count // have, 0))

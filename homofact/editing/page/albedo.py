@@ -1,0 +1,55 @@
+"""The white furnace for the page: `furnace`'s sum with everything in it that no curve changes already done.
+
+Curves are constant on bands, so that all nodes in the same bands of a term's curves count as one. What is left is, for
+each angle of ωi and each such combination of bands, a weight a channel: Σ ρ_q cosθo dωo. The page multiplies by the
+curves, and has the library's albedo to rounding.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from homofact.editing.angles import angle
+from homofact.editing.curves import band_of
+from homofact.editing.furnace import DEGREES, furnace_nodes
+from homofact.editing.material import EditableTerm
+
+
+@dataclass(frozen=True)
+class FurnaceTable:
+    """One row for each combination: `degrees` (N,) uint8, the number in `DEGREES`; `bands` (N, F) uint8; `weights`.
+
+    The F columns are the term's factors in the order of `factors`; `weights` (N, C) float32.
+    """
+
+    degrees: np.ndarray
+    bands: np.ndarray
+    weights: np.ndarray
+
+
+def factors(term: EditableTerm) -> list[tuple[int, str, int]]:
+    """(slot's number, angle, bands) of what multiplies the quotient; a curve at both ends is there twice."""
+    found = []
+    for number, slot in enumerate(term.slots):
+        found.append((number, slot.angle, slot.bands))
+        if slot.also_outgoing:
+            found.append((number, "theta_o", slot.bands))
+    return found
+
+
+def furnace_table(term: EditableTerm) -> FurnaceTable:
+    """The table of a term."""
+    rows, weights = [], []
+    for number, degrees in enumerate(DEGREES):
+        combined, values = [], []
+        for wi, wo, share in furnace_nodes(degrees):
+            columns = [band_of(angle(name, wi, wo), count).numpy() for _, name, count in factors(term)]
+            combined.append(np.stack(columns, 1))
+            values.append((term.quotient(wi, wo) * share[:, None]).numpy())
+        bands, value = np.concatenate(combined), np.concatenate(values)
+        kept, place = np.unique(bands, axis=0, return_inverse=True)
+        total = np.stack([np.bincount(place.reshape(-1), each, len(kept)) for each in value.T], 1)
+        rows.append(np.column_stack((np.full(len(kept), number), kept)))
+        weights.append(total)
+    whole = np.concatenate(rows).astype(np.uint8)
+    return FurnaceTable(whole[:, 0], np.ascontiguousarray(whole[:, 1:]), np.concatenate(weights).astype(np.float32))

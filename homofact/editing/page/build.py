@@ -1,0 +1,218 @@
+"""The file of the page: a prepared scene in one HTML page in which its curves are dragged.
+
+    write_edit_page(Path("edit.html"), prepare(scene), title="Teapot")
+
+The page holds what a picture needs: the transports at low rank (`coded`), the curves as they start in full, and which
+band of θo each pixel has. Beside it tables for what is shown next to the picture: the white furnace (`albedo`) and a
+preview on a sphere (`quotients`). Light and meshes are not in it.
+
+The page is `page.html` with the viewer's style, that of scenes and this package's, and the scripts of `SCRIPTS`.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from homofact.brdf.channels import wavelengths_of
+from homofact.editing import basis, curves_file, furnace
+from homofact.editing.angles import LETTERS
+from homofact.editing.curves import band_of
+from homofact.editing.errors import rank_errors
+from homofact.editing.lowrank import LowRank
+from homofact.editing.material import Editable, EditableTerm, Slot
+from homofact.editing.page.albedo import factors, furnace_table
+from homofact.editing.page.coded import coded
+from homofact.editing.page.quotients import quotient_table
+from homofact.editing.scene import Part, PreparedScene
+from homofact.errors import BadInput
+from homofact.evaluation.wording import figure
+from homofact.files.atomic import write_bytes
+from homofact.web import assembly
+from homofact.web.packing import differences, halves, pack
+
+PACKAGE = "homofact.editing.page"
+# Each from the package that it belongs to.
+SCRIPTS = (
+    ("homofact.web", ("data.js", "elements.js", "vectors.js", "files.js", "tones.js", "webgl.js")),
+    (PACKAGE, (
+        "formulas.js", "history.js", "transport.js", "scene.js", "tones.js", "furnace.js", "curves_file.js",
+        "shapes.js", "plot.js", "hands.js", "preview_shader.js", "preview.js", "presets.js", "readings.js",
+        "controls.js", "page.js",
+    )),
+)  # fmt: skip
+STYLES = (("homofact.web", "page.css"), ("homofact.web", "scene.css"), (PACKAGE, "page.css"))
+Numbers = Mapping[str, Mapping[str, str | int | float]]
+_MOST_CODE = 65535
+
+
+def write_edit_page(
+    target: Path,
+    prepared: PreparedScene,
+    *,
+    title: str = "Editing",
+    subtitle: str = "",
+    numbers: Numbers | None = None,
+    stage: Callable[[str], object] | None = None,
+    new: bool = False,
+) -> int:
+    """Write the page, whole or not at all; its bytes. `new` says that nothing there may be replaced.
+
+    `numbers` are shown as a table a section, after those of the scene itself; `stage` is called with what is done.
+    Raises BadInput for transports in full, channels that are neither one nor red, green and blue, and a place that
+    cannot be written.
+    """
+    _check(prepared)
+    tell = stage or (lambda words: None)
+    tell("materials")
+    materials = [_material(material) for material in prepared.scene.materials]
+    tell("transports")
+    data = {
+        "channels": list(prepared.scene.channels),
+        "floor": basis.FLOOR,
+        "file": {"format": curves_file.FORMAT, "version": curves_file.FORMAT_VERSION, "most": curves_file.MOST_CURVES},
+        "furnace": {"degrees": furnace.DEGREES, "slack": furnace.SLACK},
+        "materials": materials,
+        "views": [_view(prepared, number) for number in range(len(prepared.pixels))],
+        "parts": [_part(prepared, part) for part in prepared.parts],
+        "numbers": [
+            [section, [[name, _shown(value)] for name, value in rows.items()]]
+            for section, rows in {**scene_numbers(prepared), **(numbers or {})}.items()
+        ],
+    }
+    tell("writing the page")
+    page = assembly.assembled(
+        assembly.part(PACKAGE, "page.html"),
+        title=title,
+        subtitle=subtitle,
+        styles=[assembly.part(*style) for style in STYLES],
+        scripts=[assembly.part(package, name) for package, names in SCRIPTS for name in names],
+        data=data,
+    ).encode()
+    write_bytes(target, page, new=new)
+    return len(page)
+
+
+def scene_numbers(prepared: PreparedScene) -> dict[str, dict[str, str | int | float]]:
+    """What the page says of the scene: pixels, lights, ranks, and how far low rank is off as the curves start."""
+    pixels = sum(len(seen) for seen in prepared.pixels)
+    found: dict[str, dict[str, str | int | float]] = {
+        "Scene": {
+            "covered pixels": pixels,
+            "spherical triangles of light": prepared.lights.count,
+            "triangles of the meshes": sum(len(edited.mesh.triangles) for edited in prepared.scene.objects),
+            "bytes of the transports": prepared.nbytes,
+        }
+    }
+    for part in rank_errors(prepared):
+        view = f"{part.view}: " if len(prepared.pixels) > 1 else ""
+        rows = found.setdefault(f"{view}{part.material}", {"pixels": part.pixels})
+        rows[f"{part.term}, {' × '.join(map(str, part.bands))} bands"] = (
+            f"rank {part.rank}, error {percent(part.error)}"
+        )
+    return found
+
+
+def percent(share: float) -> str:
+    """A share in words; what nobody sees is not counted out."""
+    return "below 0.001%" if share < 1e-5 else f"{figure(100 * share)}%"
+
+
+def _check(prepared: PreparedScene) -> None:
+    channels = prepared.scene.channels
+    if len(channels) != 1 and (len(channels) != 3 or wavelengths_of(channels) is not None):
+        raise BadInput(where="channels", found=", ".join(channels[:4]), expected="one, or red, green and blue")
+    for part in prepared.parts:
+        _low_rank(part)
+
+
+def _low_rank(part: Part) -> LowRank:
+    if not isinstance(part.transport, LowRank):
+        raise BadInput(where="page", found="transports in full", expected="them at low rank")
+    return part.transport
+
+
+def _shown(value: str | int | float) -> str:
+    return value if isinstance(value, str) else f"{value:,}" if isinstance(value, int) else figure(float(value))
+
+
+def _material(material: Editable) -> dict[str, Any]:
+    return {
+        "name": material.name,
+        "notes": list(material.notes),
+        "terms": [_term(term) for term in material.terms],
+        "curves": [
+            _curve(term, slot, bands.values.tolist())
+            for (term, slot), bands in zip(
+                ((term, slot) for term in material.terms for slot in term.slots),
+                material.banded_start().values(),
+                strict=True,
+            )
+        ],
+    }
+
+
+def _curve(term: EditableTerm, slot: Slot, values: list[list[float]]) -> dict[str, Any]:
+    return {
+        "term": term.name,
+        "name": slot.name,
+        "angle": slot.angle,
+        "letters": LETTERS[slot.angle],
+        "bands": slot.bands,
+        "also": slot.also_outgoing,
+        "summed": slot.in_sum,
+        "start": values,
+        "sliders": None if slot.sliders is None else {name: value for name, value in slot.sliders.start.items()},
+    }
+
+
+def _term(term: EditableTerm) -> dict[str, Any]:
+    table = quotient_table(term)
+    values, scale = halves(table.values)
+    sums = furnace_table(term)
+    return {
+        "name": term.name,
+        "quotient": {"sizes": table.sizes, "scale": scale, "values": pack(values), "error": table.error(term)},
+        "furnace": {
+            "factors": [[number, name] for number, name, _ in factors(term)],
+            "degrees": pack(sums.degrees),
+            "bands": pack(np.ascontiguousarray(sums.bands.T)),
+            "weights": pack(np.ascontiguousarray(sums.weights.T)),
+        },
+    }
+
+
+def _view(prepared: PreparedScene, number: int) -> dict[str, Any]:
+    (width, height), seen = prepared.scene.cameras[number].pixels, prepared.pixels[number]
+    return {
+        "name": prepared.scene.view_names[number],
+        "width": width,
+        "height": height,
+        "numbers": pack(differences(seen.numbers.astype(np.uint32), (0,))),
+        "objects": pack(seen.objects.astype(np.uint16)),
+    }
+
+
+def _part(prepared: PreparedScene, part: Part) -> dict[str, Any]:
+    transport = _low_rank(part)
+    found = coded(transport)
+    term = prepared.scene.objects[part.object].material.term(part.term)
+    bands_of = lru_cache(lambda count: pack(band_of(part.theta_o, count).numpy().astype(np.uint8)))
+    pattern = None
+    if part.factor is not None:
+        factor = part.factor.expand(len(part.rows), len(prepared.scene.channels)).numpy()
+        scale = max(float(factor.max()), 1e-300) / _MOST_CODE
+        pattern = {"scale": scale, "values": pack(np.rint(factor / scale).astype(np.uint16))}
+    return {
+        "view": part.view,
+        "thing": part.object,
+        "term": part.term,
+        "numbers": pack(found.numbers),
+        "steps": found.steps.tolist(),
+        "outward": pack(differences(found.outward.reshape(-1, *transport.bands), (1,))),
+        "outward_steps": found.outward_steps.tolist(),
+        "outgoing": {slot.name: bands_of(slot.bands) for slot in term.slots if slot.also_outgoing or not slot.in_sum},
+        "pattern": pattern,
+    }

@@ -1,0 +1,72 @@
+"""Transports at low rank as whole numbers for the page: fine steps where a picture feels them, coarse ones elsewhere.
+
+R = Σ_k a_k h_k, h = W ρ. Every column k of a and every row of W has one step. A step is chosen so that its rounding,
+were it noise, adds the same to R for all k, and `QUIET` of R's root mean square in all, over edits ρ at random: numbers
+of what matters little are then small, and deflate makes them short. No step is finer than 16 bits need for the largest
+number of its column.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from homofact.editing.lowrank import LowRank
+
+# A tenth of what a half float leaves of each value, for a and for W each.
+QUIET = 5e-5
+_LARGEST, _EDITS = 32767, 8
+
+
+@dataclass(frozen=True)
+class Coded:
+    """`numbers` (r, P, C) int16 times `steps` (r,) is a; `outward` (r, J·K) int16 times `outward_steps` (r,) is W."""
+
+    numbers: np.ndarray
+    steps: np.ndarray
+    outward: np.ndarray
+    outward_steps: np.ndarray
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        """a (P, C, r), float64, as the page has it."""
+        return (self.numbers * self.steps[:, None, None]).transpose(1, 2, 0)
+
+    @property
+    def rows(self) -> np.ndarray:
+        """W (r, J·K), float64, as the page has it."""
+        return self.outward * self.outward_steps[:, None]
+
+
+def coded(transport: LowRank) -> Coded:
+    """A transport in whole numbers."""
+    a = transport.coefficients.values().astype(np.float64)
+    rows = transport.outward.values()[:, 0].astype(np.float64)
+    # The picture as the curves start, up to the scale's floor: ρ = 1.
+    picture = math.sqrt(float(((a @ rows.sum(1)) ** 2).mean()))
+    each = np.sqrt((a**2).mean((0, 1)))
+    held = np.sqrt(((rows @ _edits(transport.bands)) ** 2).mean(1))
+    share = QUIET * math.sqrt(12) * picture / math.sqrt(len(rows))
+    steps = _steps(share / np.maximum(held, 1e-300), np.abs(a).max((0, 1)))
+    outward_steps = _steps(share / math.sqrt(rows.shape[1]) / np.maximum(each, 1e-300), np.abs(rows).max(1))
+    numbers = np.rint(a.transpose(2, 0, 1) / steps[:, None, None]).astype(np.int16)
+    return Coded(numbers, steps, np.rint(rows / outward_steps[:, None]).astype(np.int16), outward_steps)
+
+
+def _edits(bands: tuple[int, ...]) -> np.ndarray:
+    """ρ (J·K, n) of edits by half to twice, of every band by itself and of an eighth of each angle at once."""
+    generator = np.random.default_rng(0)
+    found = []
+    for steps in (*[min(8, *bands)] * _EDITS, *[0] * _EDITS):
+        rho = np.ones(1)
+        for count in bands:
+            own = generator.uniform(0.5, 2.0, steps or count)
+            rho = np.multiply.outer(rho, own.repeat(count // len(own))).ravel()
+        found.append(rho)
+    return np.stack(found, 1)
+
+
+def _steps(wanted: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    """Steps that 16 bits are enough for; a column of zeros has 1."""
+    found = np.maximum(wanted, largest / _LARGEST)
+    return np.where(found > 0, found, 1.0)

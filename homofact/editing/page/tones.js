@@ -1,0 +1,64 @@
+// From radiance to the canvas: exposure, the filmic bend or none, sRGB, by a table over the numbers' own bits.
+
+// Sign, exponent and 9 bits of the fraction: steps of 0.2%, well under one of 255.
+const BITS = 14;
+const BACKDROP = [0x15, 0x16, 0x1a];
+const TARGET = 0.9, MIDDLE = 0.18;
+
+class Tones {
+  constructor() {
+    this.table = new Uint8ClampedArray(1 << (31 - BITS));
+    this.key = null;
+  }
+
+  /** Makes the table for an exposure (a factor) and curve, unless it is there. */
+  set(exposure, curve) {
+    const key = `${exposure} ${curve}`;
+    if (this.key === key) return;
+    this.key = key;
+    const bits = new Uint32Array(1), value = new Float32Array(bits.buffer);
+    for (let i = 0; i < this.table.length; i++) {
+      // The middle of all numbers that begin with these bits.
+      bits[0] = (i << BITS) + (1 << (BITS - 1));
+      this.table[i] = value[0] < Infinity ? Math.round(255 * toneOf(value[0] * exposure, curve === "filmic")) : 255;
+    }
+  }
+
+  /** The stops that a picture (P × C) begins with: its 99th percentile to 0.9, or its median to 0.18 under "filmic". */
+  static stops(radiance, channels, curve) {
+    const levels = [];
+    for (let p = 0; p < radiance.length; p += channels) {
+      let level = radiance[p];
+      for (let c = 1; c < channels; c++) level = curve === "filmic" ? level + radiance[p + c] : Math.max(level, radiance[p + c]);
+      if (curve === "filmic") level /= channels;
+      if (level > 0 || curve !== "filmic") levels.push(level);
+    }
+    levels.sort((a, b) => a - b);
+    const level = curve === "filmic" ? levels[levels.length >> 1] : levels[Math.floor(0.99 * (levels.length - 1))] || levels.at(-1);
+    return level > 0 ? Math.log2((curve === "filmic" ? MIDDLE : TARGET) / level) : 0;
+  }
+
+  /** Fills the bytes of a picture: `now` right of the column `cut`, `before` left of it. */
+  paint(bytes, view, now, before, cut) {
+    const { table } = this, { numbers, width, channels } = view;
+    const code = new Uint32Array(now.buffer), other = before ? new Uint32Array(before.buffer) : code;
+    const g = channels === 3 ? 1 : 0, b = channels === 3 ? 2 : 0;
+    for (let p = 0, i = 0; p < numbers.length; p++, i += channels) {
+      const from = before && numbers[p] % width < cut ? other : code, to = 4 * numbers[p];
+      // Numbers below zero have the highest bit set: black.
+      bytes[to] = from[i] >> 31 ? 0 : table[from[i] >>> BITS];
+      bytes[to + 1] = from[i + g] >> 31 ? 0 : table[from[i + g] >>> BITS];
+      bytes[to + 2] = from[i + b] >> 31 ? 0 : table[from[i + b] >>> BITS];
+    }
+  }
+
+  /** An empty picture of a view: the backdrop. */
+  static empty({ width, height }) {
+    const image = new ImageData(width, height);
+    for (let i = 0; i < image.data.length; i += 4) {
+      image.data.set(BACKDROP, i);
+      image.data[i + 3] = 255;
+    }
+    return image;
+  }
+}

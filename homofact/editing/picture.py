@@ -1,0 +1,62 @@
+"""Pictures from what was precomputed: parts times their curves, summed into the pixels of a view."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from homofact.editing.curves import Bands
+from homofact.editing.material import Editable
+from homofact.editing.scene import Part, PreparedScene
+
+# By the name of the material, its term and its curve.
+Address = tuple[str, str, str]
+Curves = Mapping[Address, Bands]
+
+
+def starting_curves(prepared: PreparedScene) -> dict[Address, Bands]:
+    """Every curve of every material as it starts."""
+    found = {}
+    for material in prepared.scene.materials:
+        for place, bands in material.banded_start().items():
+            found[(material.name, *place)] = bands
+    return found
+
+
+def summed_curves(part: Part, material: Editable, curves: Curves) -> list[Tensor]:
+    """The curves (J, C) that count in a part's sum over the light, in their order."""
+    return [curves[material.name, part.term, slot.name].values for slot in material.term(part.term).summed]
+
+
+def factor_of(part: Part, material: Editable, curves: Curves) -> Tensor:
+    """What multiplies a part's sum (P, C) or (1, C): curves over θo, and its pattern."""
+    factor = torch.ones(1, len(material.channels), dtype=torch.float64)
+    for slot in material.term(part.term).slots:
+        if slot.also_outgoing or not slot.in_sum:
+            factor = factor * curves[material.name, part.term, slot.name].at(part.theta_o)
+    return factor if part.factor is None else factor * part.factor
+
+
+def part_picture(prepared: PreparedScene, part: Part, curves: Curves) -> Tensor:
+    """R (P, C) of one part, in its rows of the view's pixels."""
+    material = prepared.scene.objects[part.object].material
+    return part.transport.picture(summed_curves(part, material, curves)) * factor_of(part, material, curves)
+
+
+def radiance(prepared: PreparedScene, view: int, curves: Curves) -> Tensor:
+    """R (P, C), float64, of the covered pixels of a view."""
+    total = torch.zeros(len(prepared.pixels[view]), len(prepared.scene.channels), dtype=torch.float64)
+    for part in prepared.parts:
+        if part.view == view:
+            total[part.rows] += part_picture(prepared, part, curves)
+    return total
+
+
+def image(prepared: PreparedScene, view: int, values: Tensor) -> tuple[Tensor, Tensor]:
+    """(radiance (H, W, C), coverage (H, W)) of values (P, C) of a view's covered pixels."""
+    width, height = prepared.scene.cameras[view].pixels
+    picture = torch.zeros(height * width, values.shape[1], dtype=torch.float64)
+    coverage = torch.zeros(height * width, dtype=torch.float64)
+    numbers = torch.from_numpy(prepared.pixels[view].numbers)
+    picture[numbers], coverage[numbers] = values, 1.0
+    return picture.reshape(height, width, -1), coverage.reshape(height, width)

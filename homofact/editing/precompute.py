@@ -1,0 +1,234 @@
+"""From a scene whose light and views are fixed to T and U of every term (Ben-Artzi et al. 2006, section 5, code 1).
+
+Pixel by pixel: which lights are above its horizon and not blocked (one ray to each light's centre, shared by all terms
+of the object), L' = L V ρ_q cosθi Ω (`quotient`), and its share of each band (`overlap`). Pixels go in blocks,
+which may run in several threads and give the same bits however many there are. A block in full is (pixels, C, J·K);
+"low-rank" keeps only its coefficients, so that two curves' matrices never stand whole in memory.
+
+Low rank goes over some of the pixels twice: first for the basis, which must be known before anything is projected.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numba
+import numpy as np
+import torch
+
+from homofact.editing.angles import ANGLES
+from homofact.editing.basis import TOLERANCE, Basis, basis_of
+from homofact.editing.block_floats import BlockFloats
+from homofact.editing.curves import banded
+from homofact.editing.lights import TriangleLights, triangle_lights
+from homofact.editing.lowrank import LowRank
+from homofact.editing.material import EditableTerm, Quotient
+from homofact.editing.overlap import VisibleLights, transport
+from homofact.editing.quotient import LightPoints, enough_points, lit
+from homofact.editing.scene import EditObject, EditScene, Part, PreparedScene
+from homofact.editing.transport import CurveTransport, Full
+from homofact.errors import BadInput
+from homofact.linear.threads import one_thread
+from homofact.scene.meshes import MeshGroup
+from homofact.scene.visibility import VisiblePixels, visible_pixels
+
+FORMS = ("low-rank", "full")
+MOST_BYTES = 1 << 30
+_BLOCK_NUMBERS, _PAIRS = 1 << 22, 1 << 18
+_BASIS_PIXELS, _PROBES, _ASKED_PIXELS = (600, 1500), 64, 24
+# What is kept of the block of these rows.
+Kept = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+@one_thread
+def prepare(
+    scene: EditScene,
+    triangles: int = 4000,
+    form: str = FORMS[0],
+    tolerance: float = TOLERANCE,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    divided: int | None = None,
+) -> PreparedScene:
+    """Precompute a scene with about that many lights, in a form of `FORMS`; `tolerance` is that of the low rank.
+
+    `threads` are as many as numba has unless given; no bit depends on how many. `progress` is called with the share of
+    pixels that are done. `divided` says how often a triangle is divided to ask a quotient at more points than its
+    centre, as often as `quotient` finds to be enough unless given. Raises BadInput for another form, and a full one of
+    more than 1 GiB.
+    """
+    if form not in FORMS:
+        raise BadInput(where="form", found=repr(form), expected=f"one of {', '.join(FORMS)}")
+    lights = triangle_lights(scene.lighting, triangles, len(scene.channels))
+    meshes = MeshGroup([edited.mesh for edited in scene.objects])
+    pixels = tuple(visible_pixels(meshes, camera) for camera in scene.cameras)
+    if not any(len(each) for each in pixels):
+        raise BadInput(where="views", found="no object in any of them", expected="one that sees something")
+    if form == "full":
+        _check_size(scene, pixels)
+    work = _Work(lights, meshes, threads or numba.get_num_threads(), sum(len(each) for each in pixels), progress)
+    parts: list[Part] = []
+    for number, seen in enumerate(pixels):
+        for which, edited in enumerate(scene.objects):
+            rows = np.flatnonzero(seen.objects == which)
+            if len(rows):
+                own = seen.some(rows)
+                work.ask(own, edited, divided)
+                made = _full(work, own, edited) if form == "full" else _low_rank(work, own, edited, tolerance)
+                theta_o = torch.from_numpy(np.arctan2(np.hypot(own.wo[:, 0], own.wo[:, 1]), own.wo[:, 2]))
+                for term, found in zip(edited.material.terms, made, strict=True):
+                    pattern = edited.patterns.get(term.name)
+                    factor = None if pattern is None else torch.from_numpy(pattern(own.points))
+                    parts.append(Part(number, which, term.name, rows, found, theta_o, factor))
+    return PreparedScene(scene, lights, pixels, tuple(parts))
+
+
+def _check_size(scene: EditScene, pixels: Sequence[VisiblePixels]) -> None:
+    total = 0
+    for seen in pixels:
+        for which, edited in enumerate(scene.objects):
+            numbers = sum(int(np.prod(_bands(term))) for term in edited.material.terms)
+            total += 4 * len(scene.channels) * numbers * int((seen.objects == which).sum())
+    if total > MOST_BYTES:
+        raise BadInput(
+            f"full would be {total} bytes",
+            where="form",
+            expected=f"at most {MOST_BYTES}",
+            hint="fewer pixels, or low-rank",
+        )
+
+
+def _bands(term: EditableTerm) -> tuple[int, int]:
+    """(J, K), K = 1 where there is one curve."""
+    counts = [slot.bands for slot in term.summed]
+    return counts[0], counts[1] if len(counts) == 2 else 1
+
+
+@dataclass
+class _Work:
+    """What all blocks share."""
+
+    lights: TriangleLights
+    meshes: MeshGroup
+    threads: int
+    total: int
+    progress: Callable[[float], None] | None
+    done: int = 0
+    points: dict[Quotient, LightPoints] = field(default_factory=dict)
+
+    def ask(self, pixels: VisiblePixels, edited: EditObject, divided: int | None) -> None:
+        """Choose at how many points a triangle's quotients are asked, by some of these pixels unless it is given."""
+        order = np.random.default_rng(1).permutation(len(pixels))
+        some = pixels.some(np.sort(order[:_ASKED_PIXELS]))
+        begins, numbers = visible_lights(some, self.lights, self.meshes)
+        for term in edited.material.terms:
+            if divided is not None:
+                self.points[term.quotient] = LightPoints.of(self.lights, divided)
+            elif term.quotient not in self.points:
+                self.points[term.quotient] = enough_points(some, self.lights, begins, numbers, edited.material, term)
+
+    def fill(
+        self, tables: Sequence[np.ndarray], pixels: VisiblePixels, edited: EditObject, kept: Sequence[Kept]
+    ) -> None:
+        """Fill the rows of every term's table with what its function keeps of each block (B, C, J·K) and its rows."""
+        widest = max(int(np.prod(_bands(term))) for term in edited.material.terms) * len(edited.material.channels)
+        step = max(1, min(_BLOCK_NUMBERS // widest, _PAIRS // self.lights.count))
+
+        def one(start: int) -> tuple[np.ndarray, list[np.ndarray]]:
+            rows = np.arange(start, min(start + step, len(pixels)))
+            found = self.block(pixels.some(rows), edited)
+            return rows, [keep(block, rows) for keep, block in zip(kept, found, strict=True)]
+
+        with ThreadPoolExecutor(self.threads) as pool:
+            for rows, found in pool.map(one, range(0, len(pixels), step)):
+                for table, part in zip(tables, found, strict=True):
+                    table[rows] = part.reshape(len(rows), *table.shape[1:])
+                self.done += len(rows)
+                if self.progress is not None:
+                    self.progress(min(1.0, self.done / self.total))
+
+    def block(self, pixels: VisiblePixels, edited: EditObject) -> list[np.ndarray]:
+        """Every term's block (P, C, J·K) float64."""
+        begins, numbers = visible_lights(pixels, self.lights, self.meshes)
+        owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
+        found, known = [], {}
+        for term in edited.material.terms:
+            # The terms of HD have one quotient.
+            if term.quotient not in known:
+                points = self.points[term.quotient]
+                known[term.quotient] = lit(pixels, self.lights, points, owner, numbers, edited.material, term)
+            light = known[term.quotient]
+            kinds = [ANGLES.index(slot.angle) for slot in term.summed]
+            bands = _bands(term)
+            block = np.zeros((len(pixels), light.shape[1], bands[0] * bands[1]))
+            second = kinds[1] if len(kinds) == 2 else -1
+            transport(self.lights, pixels, (kinds[0], second), bands, VisibleLights(begins, numbers, light), block)
+            found.append(block)
+        return found
+
+
+def visible_lights(pixels: VisiblePixels, lights: TriangleLights, meshes: MeshGroup) -> tuple[np.ndarray, np.ndarray]:
+    """(begins (P + 1,), numbers (S,)) of the lights that each pixel sees by a ray to their centres."""
+    normals = pixels.frames[:, 2]
+    above = normals @ lights.centres.T > 0
+    pixel, light = np.nonzero(above)
+    occluder = meshes.occluder
+    origins = pixels.points + occluder.offset * normals
+    free = ~occluder.blocked(origins[pixel], lights.centres[light])
+    pixel, light = pixel[free], light[free]
+    begins = np.concatenate(([0], np.cumsum(np.bincount(pixel, minlength=len(pixels)))))
+    return begins.astype(np.int64), light
+
+
+def _full(work: _Work, pixels: VisiblePixels, edited: EditObject) -> list[CurveTransport]:
+    terms, channels = edited.material.terms, len(edited.material.channels)
+    tables = [np.empty((len(pixels), channels, *_bands(term)), np.float32) for term in terms]
+    work.fill(tables, pixels, edited, [lambda block, _: block] * len(terms))
+    return [Full(table, len(term.summed)) for table, term in zip(tables, terms, strict=True)]
+
+
+def _low_rank(work: _Work, pixels: VisiblePixels, edited: EditObject, tolerance: float) -> list[CurveTransport]:
+    terms, channels = edited.material.terms, len(edited.material.channels)
+    generator = np.random.default_rng(0)
+    order = generator.permutation(len(pixels))
+    chosen = np.sort(order[: _basis_pixels(terms, len(pixels))])
+    which = np.arange(channels)[None].repeat(len(chosen), 0)
+    if which.size > _BASIS_PIXELS[1]:
+        which = generator.integers(0, channels, (len(chosen), 1))
+    bases = _bases(work, pixels.some(chosen), edited, which, tolerance)
+    found = [np.empty((len(pixels), channels, basis.rank), np.float32) for basis in bases]
+    keep: list[Kept] = [lambda block, _, basis=basis: basis.coefficients(block) for basis in bases]
+    work.fill(found, pixels, edited, keep)
+    # Probes apart from the basis's pixels where there are enough of them.
+    others = np.setdiff1d(np.arange(len(pixels)), chosen)
+    probes = np.sort(generator.permutation(others if len(others) >= _PROBES else len(pixels))[:_PROBES])
+    blocks = work.block(pixels.some(probes), edited)
+    made: list[CurveTransport] = []
+    for table, term, basis, block in zip(found, terms, bases, blocks, strict=True):
+        full = Full(block.reshape(len(probes), channels, *_bands(term)).astype(np.float32), len(term.summed))
+        sizes = tuple(slot.bands for slot in term.summed)
+        outward = BlockFloats.of(basis.outward[:, None])
+        made.append(LowRank(BlockFloats.of(table), outward, basis.scale, sizes, probes, full))
+    return made
+
+
+def _basis_pixels(terms: Sequence[EditableTerm], count: int) -> int:
+    """How many of so many pixels the bases are made of: they are computed twice."""
+    least, most = _BASIS_PIXELS
+    return max(least, min(most, count // 4)) if any(len(term.summed) == 2 for term in terms) else least
+
+
+def _bases(work: _Work, pixels: VisiblePixels, edited: EditObject, which: np.ndarray, tolerance: float) -> list[Basis]:
+    """Every term's basis, of the channels `which` (S, n) of each of these pixels."""
+    terms = edited.material.terms
+    first = [np.empty((*which.shape, int(np.prod(_bands(term)))), np.float32) for term in terms]
+    # Counted once, as pixels of the second time over.
+    done = work.done
+    work.fill(
+        first, pixels, edited, [lambda block, rows: block[np.arange(len(rows))[:, None], which[rows]]] * len(terms)
+    )
+    work.done = done
+    starts = [[banded(slot.start, slot.bands).values for slot in term.summed] for term in terms]
+    with ThreadPoolExecutor(work.threads) as pool:
+        rows = [table.reshape(which.size, -1) for table in first]
+        return list(pool.map(lambda own, curves: basis_of(own, which.ravel(), curves, tolerance), rows, starts))

@@ -1,0 +1,138 @@
+"""A prepared scene on disk: edit.npz with what editing reads, edit.json with scene and report, a picture a view.
+
+`edit.json` holds the scene's table with paths relative to the folder, so that a folder can be moved together with what
+it is made of; edit.npz tells by its digest whether meshes, materials and light are still those that it was made with.
+"""
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from homofact.editing.build import open_edit_scene
+from homofact.editing.errors import PartError
+from homofact.editing.picture import image, radiance, starting_curves
+from homofact.editing.scene import PreparedScene
+from homofact.editing.scene_file import EditSceneFile, scene_of_record
+from homofact.editing.session import Session
+from homofact.editing.store import read_prepared, write_prepared
+from homofact.errors import BadInput
+from homofact.files.fields import Fields
+from homofact.files.kinds import PREPARED
+from homofact.rendering.sphere import SphereImage
+from homofact.rendering.tonemap import choose_exposure, tonemap
+from homofact.scene.folders import is_scene_folder, report_name, write_scene_folder
+from homofact.scene.materials import Stage
+
+REPORT = report_name(PREPARED)
+FORMAT, FORMAT_VERSION = "homofact editing scene", 1
+_EXPECTED = "a scene that homofact edit prepared"
+
+
+@dataclass(frozen=True)
+class EditResult:
+    """A scene whose materials are edited: what was precomputed, and how far off it is.
+
+    Attributes
+    ----------
+    file : EditSceneFile
+        The scene as its file says.
+    prepared : PreparedScene
+        The scene as it was built, and its precomputed transport.
+    report : dict
+        The JSON form, as in the folder's edit.json.
+    parts : tuple of PartError
+        The low rank's error of every term in every view; none where the scene was read from its folder.
+    """
+
+    file: EditSceneFile
+    prepared: PreparedScene
+    report: dict[str, Any]
+    parts: tuple[PartError, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found while the scene was read, a line each."""
+        return self.prepared.scene.notes
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the transports."""
+        return self.prepared.nbytes
+
+    @cached_property
+    def pictures(self) -> list[np.ndarray]:
+        """8-bit sRGB (H, W, 3) of every view as the curves start."""
+        return pictures(self.prepared)
+
+    def session(self) -> Session:
+        """Begin an editing session: curves that are set, undone and kept, and the pictures that they make."""
+        return Session(self.prepared)
+
+    def save(self, folder: str | os.PathLike[str], force: bool = False) -> None:
+        """Write the folder that `homofact view` shows, whole or not at all; `force` replaces one that is there.
+
+        Raises BadInput as `files.folder.write_folder`.
+        """
+        target = Path(folder)
+
+        def archive(file: Path) -> None:
+            write_prepared(file, self.prepared, self.file.settings.triangles)
+
+        record = {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "name": self.file.name,
+            "scene": self.file.record(target),
+            "report": self.report,
+        }
+        write_scene_folder(target, PREPARED, archive, record, self.pictures, force)
+
+
+def pictures(prepared: PreparedScene) -> list[np.ndarray]:
+    """8-bit sRGB (H, W, 3) of every view as curves start, all at the exposure that suits the first; empty is black."""
+    curves = starting_curves(prepared)
+    found = [image(prepared, view, radiance(prepared, view, curves)) for view in range(len(prepared.pixels))]
+    exposure = choose_exposure(SphereImage(_as_rgb(found[0][0]), found[0][1]))
+    return [tonemap(SphereImage(_as_rgb(values), cover), exposure).pixels.numpy() for values, cover in found]
+
+
+def _as_rgb(values: torch.Tensor) -> torch.Tensor:
+    """One channel shows as grey; of others the first three."""
+    return values.expand(*values.shape[:2], 3) if values.shape[2] == 1 else values[..., :3]
+
+
+def open_edit(place: Path, stage: Stage | None = None) -> EditResult:
+    """The scene in a folder that `EditResult.save` wrote: materials, meshes and light are read from where they are.
+
+    Raises BadInput where the folder is none, where they are gone, and where they are not those that it was made with.
+    """
+    file, report = read_report(place)
+    scene = open_edit_scene(file, stage)
+    return EditResult(file, read_prepared(_folder(place) / PREPARED.mark, scene), report)
+
+
+def read_report(place: Path) -> tuple[EditSceneFile, dict[str, Any]]:
+    """(the scene, the report) of a folder, without what was precomputed. Raises BadInput as `open_edit`."""
+    if not is_edit(place):
+        raise BadInput(where=place, found=f"no {PREPARED.mark} in it", expected=_EXPECTED)
+    folder = _folder(place)
+    file = folder / REPORT
+    fields = Fields.read(file, _EXPECTED)
+    fields.text("format", (FORMAT,))
+    fields.version("format_version", FORMAT_VERSION)
+    scene = scene_of_record(fields.inner("scene").found, fields.text("name"), folder, f"{file}: scene.")
+    return scene, fields.inner("report").found
+
+
+def is_edit(place: Path) -> bool:
+    """Whether a folder, or the archive in one, is of a prepared scene."""
+    return is_scene_folder(place, PREPARED)
+
+
+def _folder(place: Path) -> Path:
+    return place if place.is_dir() else place.parent

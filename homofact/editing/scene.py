@@ -1,0 +1,111 @@
+"""The scene of an editing session: objects with editable materials, light and fixed views; and what was precomputed."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from torch import Tensor
+
+from homofact.editing.lights import TriangleLights
+from homofact.editing.material import Editable
+from homofact.editing.transport import CurveTransport
+from homofact.errors import BadInput
+from homofact.meshes.mesh import Mesh
+from homofact.scene.cameras import Camera
+from homofact.scene.lighting import Lighting
+from homofact.scene.visibility import VisiblePixels
+
+MOST_PIXELS = 2048
+Pattern = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class EditObject:
+    """One object: its mesh and material; `patterns` multiply terms by name, world points (P, 3) to factors (P, C)."""
+
+    mesh: Mesh
+    material: Editable
+    patterns: Mapping[str, Pattern] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse a pattern of a term that is not there."""
+        for name in self.patterns:
+            self.material.term(name)
+
+
+@dataclass(frozen=True)
+class EditScene:
+    """What is edited: objects, light and the cameras of its fixed views; what was found on the way to it, line by line.
+
+    Raises BadInput for none of them, for different channels, names that are there twice, and views that are too large.
+    """
+
+    objects: tuple[EditObject, ...]
+    lighting: Lighting
+    cameras: tuple[Camera, ...]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what has nothing to show, and names that are there twice."""
+        for what, found in (("objects", self.objects), ("views", self.cameras)):
+            if not found:
+                raise BadInput(where=what, found="none", expected="at least one")
+        channels = {material.channels for material in self.materials}
+        if len(channels) > 1:
+            raise BadInput(where="materials", found=f"the channels {sorted(channels)}", expected="the same in all")
+        for what, names in (
+            ("materials", [material.name for material in self.materials]),
+            ("views", self.view_names),
+        ):
+            if len(set(names)) < len(names):
+                raise BadInput(where=what, found=", ".join(names), expected="different names")
+        for number, camera in enumerate(self.cameras):
+            if max(camera.pixels) > MOST_PIXELS:
+                most = f"at most {MOST_PIXELS} along a side"
+                raise BadInput(where=f"camera[{number}].pixels", found=list(camera.pixels), expected=most)
+
+    @property
+    def view_names(self) -> tuple[str, ...]:
+        """The cameras' names, "view 1" and so on where they have none."""
+        return tuple(camera.name or f"view {number}" for number, camera in enumerate(self.cameras, 1))
+
+    @property
+    def materials(self) -> tuple[Editable, ...]:
+        """The objects' materials, in their order."""
+        return tuple(edited.material for edited in self.objects)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the C channels of all materials."""
+        return self.objects[0].material.channels
+
+
+@dataclass(frozen=True)
+class Part:
+    """One term of one object in one view: `rows` (P,) of the view's pixels, its transport, and the fixed factor (P, C).
+
+    `theta_o` (P,) in radians, for curves that are a number a pixel.
+    """
+
+    view: int
+    object: int
+    term: str
+    rows: np.ndarray
+    transport: CurveTransport
+    theta_o: Tensor
+    factor: Tensor | None
+
+
+@dataclass(frozen=True)
+class PreparedScene:
+    """All parts of a scene, and what its views see."""
+
+    scene: EditScene
+    lights: TriangleLights
+    pixels: tuple[VisiblePixels, ...]
+    parts: tuple[Part, ...]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all transports."""
+        return sum(part.transport.nbytes for part in self.parts)

@@ -1,0 +1,180 @@
+"""The scene of an editing session, read from strict TOML: objects with editable materials, a light, cameras.
+
+[[object]]                         # one or more
+mesh = "knot.ply"                  # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot
+material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
+albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
+name = "paint"                     # what curves name it by; the material's own name unless given
+curves = "own"                     # a model's own; "HF" or "HD", found from the material; or one or two angles that
+                                   # start at 1, as ["theta_h", "theta_d"], which "own" means for what is no such model
+bands = [256, 64]                  # of the curves that count in the sum over the light: 256, 128, 64 or 32 each
+size = 1.0                         # radius of the sphere round it
+at = [0, 0, 0]                     # the middle of that sphere; y is up
+turn = 0                           # degrees about y
+[ground]                           # optional: a square plane under the objects
+albedo = [0.5]                     # or material; name, curves and bands as above
+half = 2.5                         # half of its width
+steps = 64                         # squares along a side
+[lighting]                         # one of the two: an environment map, or one of `scene.lighting.NAMED`
+environment = "sky.hdr"
+named = "studio"
+turn = 0                           # degrees about y
+[[camera]]                         # one or more: the fixed views
+name = "front"                     # "view 1" and so on unless given
+eye = [0, 1, 4]
+target = [0, 0, 0]
+field = 40                         # degrees from top to bottom
+pixels = [480, 360]                # width, height
+[edit]                             # all optional
+triangles = 4000                   # of the light; 400 for a preview
+tolerance = 0.003                  # relative RMS that the low rank may leave
+"""
+
+import os
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.editing.angles import check_angle
+from homofact.editing.basis import TOLERANCE
+from homofact.editing.curves import BANDS
+from homofact.errors import BadInput
+from homofact.files.reading import read_toml
+from homofact.scene.cameras import Camera
+from homofact.scene.lighting import LightTable
+from homofact.scene.materials import MaterialTable
+from homofact.scene.meshes import SHAPE_PREFIX
+from homofact.scene.objects import GroundTable, ObjectTable, found_tables
+from homofact.settings.kinds import EDITING, check_kind
+from homofact.settings.tables import limits, read_table
+
+OWN, HF, HD = "own", "HF", "HD"
+TRIANGLES = 4000
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Edited(MaterialTable):
+    """What of a material is edited: its `name` in curves, the `curves`, and `bands` of those in the sum."""
+
+    name: str | None = None
+    curves: str | tuple[str, ...] = OWN
+    bands: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse no name, no curves and no bands. Raises BadInput."""
+        super().__post_init__()
+        if self.name is not None and not self.name.strip():
+            raise BadInput(where="name", found="an empty one", expected="a name")
+        if isinstance(self.curves, str):
+            if self.curves not in (OWN, HF, HD):
+                raise BadInput(
+                    where="curves", found=repr(self.curves), expected=f"{OWN}, {HF}, {HD} or a list of angles"
+                )
+        elif not 1 <= len(self.curves) <= 3:
+            raise BadInput(where="curves", found=f"{len(self.curves)} angles", expected="one, two, or two and theta_o")
+        else:
+            for each in self.curves:
+                try:
+                    check_angle(each)
+                except BadInput as error:
+                    raise error.at("curves") from error
+        for count in self.bands or ():
+            if count not in BANDS:
+                raise BadInput(where="bands", found=count, expected=f"some of {', '.join(map(str, BANDS))}")
+
+
+@dataclass(frozen=True)
+class EditObjectTable(_Edited, ObjectTable):
+    """One object, and what of its material is edited."""
+
+
+@dataclass(frozen=True)
+class EditGroundTable(_Edited, GroundTable):
+    """The plane under the objects, edited as one of them."""
+
+
+@dataclass(frozen=True)
+class EditSettings:
+    """[edit]: how many triangles the light is divided into, and what the low rank may leave."""
+
+    triangles: int = field(default=TRIANGLES, metadata=limits(least=8, most=100_000))
+    tolerance: float = field(default=TOLERANCE, metadata=limits(above=0, most=0.5))
+
+
+@dataclass(frozen=True)
+class _Table:
+    object: tuple[EditObjectTable, ...]
+    lighting: LightTable
+    camera: tuple[Camera, ...]
+    ground: EditGroundTable | None = None
+    edit: EditSettings = EditSettings()
+
+    def __post_init__(self) -> None:
+        for name, found in (("object", self.object), ("camera", self.camera)):
+            if not found:
+                raise BadInput(where=name, found="none", expected="at least one")
+
+
+@dataclass(frozen=True)
+class EditSceneFile:
+    """What is edited, as the file says. Sources, meshes and the map are findable from the working folder."""
+
+    name: str
+    objects: tuple[EditObjectTable, ...]
+    ground: EditGroundTable | None
+    lighting: LightTable
+    cameras: tuple[Camera, ...]
+    settings: EditSettings
+
+    def record(self, folder: Path) -> dict[str, Any]:
+        """The file's table again, JSON-able, with paths relative to `folder`: `scene_of_record` reads it."""
+
+        def relative(text: str | None) -> str | None:
+            if text is None or text.startswith((SHAPE_PREFIX, MATERIAL_PREFIX)):
+                return text
+            return os.path.relpath(Path(text).resolve(), folder.resolve())
+
+        def record_of(table: Any) -> dict[str, Any]:
+            found = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(table).items()}
+            found |= {key: relative(found[key]) for key in ("mesh", "material", "environment") if key in found}
+            return {key: value for key, value in found.items() if value is not None}
+
+        found: dict[str, Any] = {"object": [record_of(each) for each in self.objects]}
+        if self.ground is not None:
+            found["ground"] = record_of(self.ground)
+        return found | {
+            "lighting": record_of(self.lighting),
+            "camera": [record_of(each) for each in self.cameras],
+            "edit": record_of(self.settings),
+        }
+
+
+def read_edit_scene(path: str | Path) -> EditSceneFile:
+    """The scene in a TOML file.
+
+    Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, and for meshes, sources and
+    environments that are not there.
+    """
+    file = Path(path)
+    given = read_toml(file, "a scene in TOML")
+    check_kind(given, EDITING, file)
+    return scene_of_record(given, file.stem, file.parent, f"{file}: ")
+
+
+def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) -> EditSceneFile:
+    """The scene of a table whose paths are relative to `folder`; `place` goes before every message. Raises BadInput."""
+    found = read_table(_Table, table, place)
+    try:
+        objects, ground = found_tables(found.object, found.ground, folder)
+        lighting = found.lighting
+        if lighting.environment is not None:
+            lighting = replace(lighting, environment=str(folder / lighting.environment))
+            if not Path(str(lighting.environment)).is_file():
+                raise BadInput(
+                    f"no file {lighting.environment}", where="lighting.environment", expected="a .hdr or .exr picture"
+                )
+    except BadInput as error:
+        joint = "." if place.endswith(".") else ": "
+        raise error.at(place.removesuffix(joint), joint) from error
+    return EditSceneFile(name, objects, ground, lighting, found.camera, found.edit)

@@ -1,0 +1,204 @@
+"""An editing session: curves that are set, undone, redone and kept by name, and the pictures they make.
+
+    prepared = prepare(scene)
+    session = Session(prepared)
+    session.slide(("paint", "specular", "distribution"), sigma=0.05)
+    values = session.picture(0)
+    session.undo()
+
+A part of the picture is computed anew only where one of its own curves changed. A `Stroke` is what happens while one
+curve is dragged: the others are held (eq. 26), and every frame adds the few wavelets that matter most (`wavelets`).
+"""
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from homofact.editing.curves import Bands, banded
+from homofact.editing.furnace import Albedo, albedo_of
+from homofact.editing.material import Editable, Edited
+from homofact.editing.picture import Address, factor_of, part_picture, starting_curves, summed_curves
+from homofact.editing.scene import PreparedScene
+from homofact.editing.wavelets import TERMS, Incremental
+from homofact.errors import BadInput
+
+START = "start"
+
+
+class Session:
+    """The curves of all materials of a prepared scene, with their history. Curves are checked as they are set."""
+
+    def __init__(self, prepared: PreparedScene) -> None:
+        self.prepared = prepared
+        self._states = [starting_curves(prepared)]
+        self._now = 0
+        self._kept = {START: self._states[0]}
+        self._shown: list[tuple[tuple[Bands, ...], Tensor] | None] = [None] * len(prepared.parts)
+
+    @property
+    def curves(self) -> dict[Address, Bands]:
+        """All curves as they are now."""
+        return dict(self._states[self._now])
+
+    @property
+    def changed(self) -> dict[Address, Bands]:
+        """Those that are not as they started."""
+        start = self._kept[START]
+        return {
+            address: curve
+            for address, curve in self._states[self._now].items()
+            if not torch.equal(curve.values, start[address].values)
+        }
+
+    def material(self, name: str) -> Editable:
+        """The material of that name. Raises BadInput for one that is not in the scene."""
+        materials = self.prepared.scene.materials
+        for material in materials:
+            if material.name == name:
+                return material
+        known = ", ".join(material.name for material in materials)
+        raise BadInput(where="material", found=repr(name), expected=f"one of {known}")
+
+    def set(self, curves: dict[Address, Bands]) -> None:
+        """Change some curves in one step, which undoes in one.
+
+        Raises BadInput for curves that are not there or do not fit; nothing is changed then.
+        """
+        checked = {address: self.material(address[0]).checked(address[1:], curve) for address, curve in curves.items()}
+        del self._states[self._now + 1 :]
+        self._states.append({**self._states[self._now], **checked})
+        self._now += 1
+
+    def slide(self, address: Address, **values: float | tuple[float, ...]) -> None:
+        """Set a curve by its model's sliders. Raises BadInput for a curve without any, and values out of range."""
+        slot = self.material(address[0]).slot(address[1:])
+        if slot.sliders is None:
+            raise BadInput(
+                "has no sliders", where=f"{address[0]}: {address[1]}: {address[2]}", expected="a curve drawn by hand"
+            )
+        self.set({address: banded(slot.sliders.curve(**values), slot.bands)})
+
+    def undo(self) -> bool:
+        """Go back one step; whether there was one."""
+        if self._now == 0:
+            return False
+        self._now -= 1
+        return True
+
+    def redo(self) -> bool:
+        """Go forth one step that was undone; whether there was one."""
+        if self._now + 1 == len(self._states):
+            return False
+        self._now += 1
+        return True
+
+    def keep(self, name: str) -> None:
+        """Keep all curves as they are under a name, for presets and for A against B. "start" is taken."""
+        if name == START:
+            raise BadInput(
+                where="preset", found=f"the name {name!r}", expected="another: it means the curves as they started"
+            )
+        self._kept[name] = self._states[self._now]
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Names that `recall` knows."""
+        return tuple(self._kept)
+
+    def recall(self, name: str) -> None:
+        """Set all curves to what was kept, a step of its own. Raises BadInput for a name that was not."""
+        if name not in self._kept:
+            raise BadInput(where="preset", found=repr(name), expected=f"one of {', '.join(self._kept)}")
+        self.set(self._kept[name])
+
+    def picture(self, view: int) -> Tensor:
+        """R (P, C), float64, of the covered pixels of a view."""
+        prepared, curves = self.prepared, self._states[self._now]
+        if not 0 <= view < len(prepared.pixels):
+            raise BadInput(where="view", found=f"number {view}", expected=f"0 to {len(prepared.pixels) - 1}")
+        total = torch.zeros(len(prepared.pixels[view]), len(prepared.scene.channels), dtype=torch.float64)
+        for number, part in enumerate(prepared.parts):
+            if part.view != view:
+                continue
+            material = prepared.scene.objects[part.object].material
+            own = tuple(curves[material.name, part.term, slot.name] for slot in material.term(part.term).slots)
+            shown = self._shown[number]
+            if shown is None or any(a is not b for a, b in zip(shown[0], own, strict=True)):
+                shown = self._shown[number] = own, part_picture(prepared, part, curves)
+            total[part.rows] += shown[1]
+        return total
+
+    def edited(self, name: str) -> Edited:
+        """A material with its curves as they are, as a `Reflectance`."""
+        material = self.material(name)
+        own = {address[1:]: curve for address, curve in self.curves.items() if address[0] == name}
+        return material.edited(own)
+
+    def albedo(self, name: str) -> Albedo:
+        """The white furnace's albedo of a material as it is now; `warning()` of it says where it exceeds 1."""
+        return albedo_of(self.edited(name))
+
+    def stroke(self, address: Address) -> "Stroke":
+        """Begin to drag a curve. Raises BadInput for one that is not there, or over θo alone (`set` is as fast)."""
+        return Stroke.of(self, address)
+
+
+@dataclass
+class Stroke:
+    """One curve while it is dragged; `finish` makes it a step of the session.
+
+    `parts` are the increments of the session's parts, by number, that the curve counts in.
+    """
+
+    session: Session
+    address: Address
+    curve: Bands
+    parts: dict[int, Incremental] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, session: Session, address: Address) -> "Stroke":
+        """Hold all other curves (curve switching) and show the curve as it is."""
+        material, curves = session.material(address[0]), session.curves
+        slot = material.slot(address[1:])
+        if not slot.in_sum:
+            raise BadInput(
+                "is a number a pixel", where=": ".join(address), expected="a curve over an angle with the light"
+            )
+        made = cls(session, address, curves[address])
+        active = material.term(address[1]).summed.index(slot)
+        for number, part in enumerate(session.prepared.parts):
+            if session.prepared.scene.objects[part.object].material is material and part.term == address[1]:
+                held = part.transport.wavelets(active, summed_curves(part, material, curves))
+                made.parts[number] = Incremental.started(held, made.curve.values)
+        return made
+
+    def set(self, curve: Bands) -> None:
+        """Drag. Raises BadInput for a curve that does not fit."""
+        self.curve = self.session.material(self.address[0]).checked(self.address[1:], curve)
+        for part in self.parts.values():
+            part.set_curve(curve.values)
+
+    def update(self, terms: int = TERMS) -> int:
+        """One frame: add that many wavelets to every part; how many were lacking at most. 0 says that it is settled."""
+        return max((part.update(terms) for part in self.parts.values()), default=0)
+
+    def picture(self, view: int) -> Tensor:
+        """R (P, C) as far as it is updated; curves over θo and what multiplies a part are exact at once."""
+        session = self.session
+        total = session.picture(view)
+        curves = session.curves
+        for number, increment in self.parts.items():
+            part = session.prepared.parts[number]
+            if part.view != view:
+                continue
+            material = session.prepared.scene.objects[part.object].material
+            shown = session._shown[number]
+            assert shown is not None
+            now = factor_of(part, material, {**curves, self.address: self.curve})
+            total[part.rows] += increment.shown * now - shown[1]
+        return total
+
+    def finish(self) -> None:
+        """Make the curve a step of the session."""
+        self.session.set({self.address: self.curve})

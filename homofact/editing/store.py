@@ -1,0 +1,171 @@
+"""A prepared scene in one file (.npz), written whole or not at all: minutes to compute, megabytes to keep.
+
+Only transports at low rank are stored, in 16 bits (`block_floats`), with what the views see; meshes, materials and
+light are read from the scene again, and a digest of them says whether the file is that scene's. Materials count by
+their curves and by their quotients at fixed pairs of directions.
+"""
+
+import hashlib
+import os
+from math import prod
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from homofact.editing.block_floats import BlockFloats
+from homofact.editing.lights import triangle_lights
+from homofact.editing.lowrank import LowRank
+from homofact.editing.scene import EditScene, Part, PreparedScene
+from homofact.editing.transport import Full
+from homofact.errors import BadInput
+from homofact.files.archive import write_archive
+from homofact.files.fields import Fields
+from homofact.geometry.directions import draw_in_discs
+from homofact.rendering.light import EnvironmentMap
+from homofact.scene.folders import read_scene_archive
+from homofact.scene.visibility import VisiblePixels
+
+FORMAT, FORMAT_VERSION = "homofact prepared scene", 2
+_WHAT, _PAIRS = "a prepared scene", 200
+_PIXELS = ("numbers", "objects", "points", "frames", "wo")
+
+
+def digest_of(scene: EditScene, triangles: int) -> str:
+    """What tells one scene from another (SHA-256, hexadecimal)."""
+    digest = hashlib.sha256()
+
+    def tell(*values: object) -> None:
+        for value in values:
+            digest.update(
+                np.ascontiguousarray(value).tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+            )
+
+    tell(triangles)
+    digest.update(_views_text(scene).encode())
+    tell(scene.channels)
+    for light in scene.lighting.lights:
+        tell(*((light.radiance.numpy(), light.turn) if isinstance(light, EnvironmentMap) else (light,)))
+    wi, wo = draw_in_discs(_PAIRS, torch.Generator().manual_seed(0))
+    for edited in scene.objects:
+        tell(edited.mesh.positions, edited.mesh.normals, edited.mesh.triangles, edited.material.name)
+        for name, pattern in edited.patterns.items():
+            tell(name, pattern(edited.mesh.positions[:100]))
+        for term in edited.material.terms:
+            tell(term.name, term.quotient(wi, wo).numpy())
+            for slot in term.slots:
+                tell(slot.name, slot.angle, slot.bands, slot.also_outgoing)
+        for bands in edited.material.banded_start().values():
+            tell(bands.values.numpy())
+    return digest.hexdigest()
+
+
+def _views_text(scene: EditScene) -> str:
+    """The cameras as the digests of all files of this version have them."""
+    views = [
+        f"FixedView(name={name!r}, position={camera.eye!r}, target={camera.target!r}, width={camera.pixels[0]!r},"
+        f" height={camera.pixels[1]!r}, degrees={camera.field!r})"
+        for name, camera in zip(scene.view_names, scene.cameras, strict=True)
+    ]
+    return f"({', '.join(views)}{',' if len(views) == 1 else ''})"
+
+
+def write_prepared(path: str | os.PathLike[str], prepared: PreparedScene, triangles: int) -> None:
+    """Write a prepared scene, made with about that many triangles.
+
+    Raises BadInput for an unwritable place, and for transports in full, which are too large to keep.
+    """
+    arrays: dict[str, np.ndarray] = {}
+    for number, seen in enumerate(prepared.pixels):
+        for name in _PIXELS:
+            arrays[f"view_{number}_{name}"] = getattr(seen, name)
+    parts = []
+    for number, part in enumerate(prepared.parts):
+        kept = part.transport
+        if not isinstance(kept, LowRank):
+            raise BadInput(where=path, found="transports in full", expected="them at low rank")
+        own = f"part_{number}_"
+        arrays |= {
+            f"{own}rows": part.rows,
+            **_written(f"{own}coefficients", kept.coefficients),
+            **_written(f"{own}outward", kept.outward),
+            f"{own}scale": kept.scale,
+            f"{own}probe_rows": kept.rows,
+            f"{own}probes": kept.probes.table,
+        }
+        parts.append({"view": part.view, "thing": part.object, "term": part.term})
+    header = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "digest": digest_of(prepared.scene, triangles),
+        "triangles": triangles,
+        "parts": parts,
+    }
+    write_archive(path, header, arrays)
+
+
+def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> PreparedScene:
+    """What `write_prepared` wrote of this scene.
+
+    Raises BadInput for a file that is none or damaged, and one of another scene, light, view or material.
+    """
+    arrays, header = read_scene_archive(Path(path), _WHAT)
+    fields = Fields(f"{path}: ", header)
+    fields.text("format", (FORMAT,))
+    fields.version("format_version", FORMAT_VERSION)
+    if header["format_version"] < FORMAT_VERSION:
+        raise BadInput(
+            "of an earlier homofact", where=path, expected=f"format version {FORMAT_VERSION}", hint="prepare it again"
+        )
+    triangles = fields.whole("triangles", 8, 10_000_000)
+    if fields.text("digest") != digest_of(scene, triangles):
+        raise BadInput(
+            "made of another scene, or of another state of it", where=path, expected="this one", hint="prepare it again"
+        )
+    try:
+        pixels = tuple(
+            VisiblePixels(*(arrays[f"view_{number}_{name}"] for name in _PIXELS))
+            for number in range(len(scene.cameras))
+        )
+        parts = tuple(_part(scene, pixels, arrays, k, entry) for k, entry in enumerate(fields.inners("parts", 100_000)))
+    except BadInput:
+        raise
+    except (KeyError, IndexError, ValueError) as error:
+        raise BadInput(f"damaged ({error})", where=path, expected=_WHAT, hint="prepare it again") from error
+    return PreparedScene(scene, triangle_lights(scene.lighting, triangles, len(scene.channels)), pixels, parts)
+
+
+def _part(
+    scene: EditScene, pixels: tuple[VisiblePixels, ...], arrays: dict[str, np.ndarray], number: int, entry: Fields
+) -> Part:
+    view = entry.whole("view", 0, len(pixels) - 1)
+    which = entry.whole("thing", 0, len(scene.objects) - 1)
+    edited, own = scene.objects[which], f"part_{number}_"
+    term = edited.material.term(entry.text("term"))
+    rows = arrays[f"{own}rows"]
+    sizes = tuple(slot.bands for slot in term.summed)
+    scale, probes, channels, columns = arrays[f"{own}scale"], arrays[f"{own}probes"], len(scene.channels), prod(sizes)
+    rank = len(arrays[f"{own}outward_codes"])
+    coefficients = _read(arrays, f"{own}coefficients", (len(rows), channels, rank))
+    outward = _read(arrays, f"{own}outward", (rank, 1, columns))
+    if scale.shape != (channels, columns):
+        raise ValueError(f"{own}scale has the shape {scale.shape}, not {(channels, columns)}")
+    seen = pixels[view].some(rows)
+    theta_o = torch.from_numpy(np.arctan2(np.hypot(seen.wo[:, 0], seen.wo[:, 1]), seen.wo[:, 2]))
+    pattern = edited.patterns.get(term.name)
+    factor = None if pattern is None else torch.from_numpy(pattern(seen.points))
+    kept = LowRank(coefficients, outward, scale, sizes, arrays[f"{own}probe_rows"], Full(probes, len(sizes)))
+    return Part(view, which, term.name, rows, kept, theta_o, factor)
+
+
+def _written(name: str, found: BlockFloats) -> dict[str, np.ndarray]:
+    return {f"{name}_codes": found.codes, f"{name}_rows": found.rows, f"{name}_columns": found.columns}
+
+
+def _read(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, int, int]) -> BlockFloats:
+    found = BlockFloats(*(arrays[f"{name}_{part}"] for part in ("codes", "rows", "columns")))
+    if found.codes.shape != shape or found.rows.shape != shape[:2] or found.columns.shape != shape[2:]:
+        raise ValueError(f"{name} has the shape {found.codes.shape}, not {shape}")
+    if found.codes.dtype != np.int16:
+        raise ValueError(f"{name} is of {found.codes.dtype}, not int16")
+    return found

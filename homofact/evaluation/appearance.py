@@ -1,0 +1,164 @@
+"""What an eye would say of a fit: where its light goes, and how far two pictures of it lie from the source's.
+
+The energy is `evaluation.energy`'s. The pictures are of a sphere, each pair at one exposure chosen from the source:
+
+* under a small lamp: `PIXELS`² under the default directional light, as `compare.png` shows it;
+* under the sky of `rendering.fixed_lights`. Each of `PLACES` normals, spread evenly over the disc that the sphere is
+  seen as, is integrated by the nodes of `geometry.quadrature` round the view's mirror direction, so that no noise hides
+  a difference. Exposed for the middle and under the filmic curve, since a gloss reflects lamps many times as bright as
+  white.
+
+Beside them what the fit explains of the logarithms of `PAIRS` pairs drawn anew in the discs, which no fit has seen: the
+few that a fit holds out say it no better than to several per cent.
+
+PSNR is of the pictures' encoded values. A source that merely interpolates samples has no light of its own to be
+compared: there is no answer then.
+"""
+
+import math
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.channels import display_of
+from homofact.brdf.pair_density import RIM
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.source import Source, made_of_samples
+from homofact.evaluation.energy import EnergyErrors, SourceLight
+from homofact.evaluation.image_metrics import psnr
+from homofact.evaluation.metric_table import LIGHT, METRICS
+from homofact.evaluation.metrics import explained_variance
+from homofact.geometry.directions import draw_in_discs, from_cosine
+from homofact.geometry.quadrature import hemisphere_nodes
+from homofact.rendering.fixed_lights import sky
+from homofact.rendering.light import DEFAULT_LIGHT
+from homofact.rendering.sphere import SphereImage, render_sphere
+from homofact.rendering.surface import sphere_frames
+from homofact.rendering.tonemap import choose_exposure, choose_middle, displayed
+
+PIXELS, PLACES = 128, 128
+PAIRS = 4000
+_SEED = 20261122
+_RINGS, _SPOKES = 32, 12
+_VIEW = (0.0, 0.0, 1.0)
+
+
+Figures = Mapping[str, float | None]
+
+
+def mean_figures(several: Sequence[Figures]) -> dict[str, float | None]:
+    """The mean of each of the numbers of several appearances, None where one of them has none."""
+    means: dict[str, float | None] = {}
+    for name in LIGHT:
+        values = [float(value) for figures in several if (value := figures[name]) is not None]
+        means[name] = fmean(values) if len(values) == len(several) else None
+    return means
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """`energy`, and the PSNR in dB of the sphere under a lamp and under the sky; infinite where nothing differs.
+
+    `explained` is the share of the variance of the source's logarithms that the fit explains, of its worst channel;
+    None of a reflectance that has no transform to take logarithms by.
+    """
+
+    energy: EnergyErrors
+    psnr_light: float
+    psnr_sky: float
+    explained: float | None = None
+
+    @property
+    def figures(self) -> dict[str, float | None]:
+        """The single numbers by metric (`metric_table.LIGHT`); what is infinite is None."""
+        values = {name: METRICS[name].formula(self) for name in LIGHT}
+        return {name: value if math.isfinite(value) else None for name, value in values.items()}
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary; what is infinite is None."""
+        return self.energy.record() | self.figures
+
+
+def appearance(fit: Reflectance, source: Source) -> Appearance | None:
+    """The figures of a fit against its source; None where the source is known at its samples alone.
+
+    What is computed of the source is kept for its next fit, as long as the source object lives. Raises BadInput where
+    their channels differ in number.
+    """
+    if made_of_samples(source.reflectance):
+        return None
+    return _source_appearance(source).against(fit)
+
+
+class _SourceAppearance:
+    """All that is asked of one source."""
+
+    def __init__(self, source: Source) -> None:
+        self.to_rgb = display_of(source.reflectance.channels)
+        self.light = SourceLight.of(source.reflectance, source.samples.isotropic)
+        self.pictures = self.draw(source.reflectance)
+        self.pairs = draw_in_discs(PAIRS, torch.Generator().manual_seed(_SEED), RIM)
+        self.values = source.reflectance.evaluate(*self.pairs).to(torch.float64)
+
+    def draw(self, reflectance: Reflectance) -> tuple[SphereImage, SphereImage]:
+        """The sphere under the lamp, and under the sky."""
+        lamp = render_sphere(reflectance, DEFAULT_LIGHT, PIXELS, to_rgb=self.to_rgb)
+        return lamp, _under_the_sky(reflectance, self.to_rgb)
+
+    def against(self, fit: Reflectance) -> Appearance:
+        """The figures of a fit."""
+        energy = self.light.errors(fit)
+        (lamp, sky), (own_lamp, own_sky) = self.draw(fit), self.pictures
+        by_lamp = _psnr(own_lamp, lamp, choose_exposure(own_lamp), "srgb")
+        by_sky = _psnr(own_sky, sky, choose_middle(own_sky), "filmic")
+        return Appearance(energy, by_lamp, by_sky, self.explained(fit))
+
+    def explained(self, fit: Reflectance) -> float | None:
+        """What the fit explains of the logarithms of the source."""
+        transform = getattr(fit, "transform", None)
+        if transform is None:
+            return None
+        values = fit.evaluate(*self.pairs).to(torch.float64)
+        expected, logs = (transform.forward(both) for both in (self.values, values))
+        return explained_variance(expected, logs, torch.ones(PAIRS, dtype=torch.float64))
+
+
+# By the id of a source that lives: an entry goes with its source, and keeps none of it alive.
+_KEPT: dict[int, _SourceAppearance] = {}
+
+
+def _source_appearance(source: Source) -> _SourceAppearance:
+    """What is computed of a source, once for each source object."""
+    if id(source) not in _KEPT:
+        _KEPT[id(source)] = _SourceAppearance(source)
+        weakref.finalize(source, _KEPT.pop, id(source), None)
+    return _KEPT[id(source)]
+
+
+def _under_the_sky(reflectance: Reflectance, to_rgb: Any) -> SphereImage:
+    """The sphere's radiance at `PLACES` places, as a picture of one row."""
+    number = torch.arange(PLACES, dtype=torch.float64)
+    # Vogel's spiral: equal areas of the disc, no rows.
+    height = (1 - (number + 0.5) / PLACES).sqrt()
+    normal = from_cosine(height, number * (math.pi * (3 - math.sqrt(5))))
+    frames, wo = sphere_frames(normal, torch.tensor(_VIEW, dtype=torch.float64))
+    wi, solid = hemisphere_nodes(wo, _RINGS, _SPOKES)
+    light = sky(wi @ frames) * solid * wi[..., 2]
+    views = wo[:, None].expand_as(wi).reshape(-1, 3)
+    values = reflectance.evaluate(wi.reshape(-1, 3), views).to(torch.float64)
+    radiance = (values.reshape(*wi.shape[:2], -1) * light[..., None]).sum(1)
+    if isinstance(to_rgb, Tensor):
+        radiance = radiance @ to_rgb.to(radiance).T
+    elif to_rgb is not None:
+        radiance = to_rgb(radiance)
+    return SphereImage(radiance[None], torch.ones(1, PLACES, dtype=torch.float64))
+
+
+def _psnr(source: SphereImage, fit: SphereImage, exposure: float, curve: str) -> float:
+    theirs, mine = (displayed(image, exposure, curve=curve) for image in (source, fit))
+    return psnr(theirs, mine, source.coverage > 0)

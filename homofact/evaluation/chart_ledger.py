@@ -1,0 +1,222 @@
+"""The CSV of a chart: one line a finished run, and how it is known which run a line stands for.
+
+A line stands for a run only where everything agrees that could change it: the samples (by hash), every
+setting that the method reads, the part held out, and, since its times are compared too, the machine and
+the version.
+"""
+
+import csv
+import io
+import os
+import typing
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from homofact.errors import Advice, BadInput
+from homofact.evaluation.appearance import Figures
+from homofact.evaluation.grid import content_key
+from homofact.evaluation.metric_table import LIGHT, SIX
+from homofact.evaluation.metrics import SixErrors
+from homofact.files.atomic import write_text
+from homofact.files.reading import read_bytes
+from homofact.version import __version__
+
+
+def series_name(label: str, search: str) -> str:
+    """The name of a series: "cole", "search (gradient)"."""
+    return f"{label} ({search})" if search else label
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What decides whether a line of a CSV stands for a run."""
+
+    samples_sha256: str
+    settings: str
+    machine: str
+    version: str
+
+    @property
+    def key(self) -> str:
+        """What the run is known by."""
+        return content_key(asdict(self))
+
+
+@dataclass(frozen=True)
+class ChartRow:
+    """A finished run, as it stands in the CSV.
+
+    `textures_asked` may be more than `textures`, where the search found one more not worth having. Times in
+    seconds, `bytes` of float32 texels, `held_out_part` the part of the samples; `seed` is the fit's, `split_seed` drew
+    the held-out samples; `samples_sha256` and `settings` (all that the method reads) say what the line stands for.
+    The errors are in the units of `metrics`; what has no `appearance` has empty cells there.
+    """
+
+    source: str
+    label: str
+    search: str
+    textures_asked: int
+    size: int
+    textures: int
+    bytes: int
+    fetches: int
+    evaluations: int
+    status: str
+    seconds_read: float
+    seconds_fit: float
+    seconds_total: float
+    held_out: SixErrors
+    train: SixErrors
+    appearance: Figures
+    epsilon: float
+    seed: int
+    split_seed: int
+    samples: int
+    channels: str
+    held_out_part: float
+    notes: str
+    settings: str
+    samples_sha256: str
+    machine: str
+    version: str
+
+    @property
+    def series(self) -> str:
+        """What it shares with its like in a chart: the method, and the search where the method takes one."""
+        return series_name(self.label, self.search)
+
+    @property
+    def name(self) -> str:
+        """The run in words, with the textures that were kept."""
+        return f"{self.series}, {self.textures} × {self.size}²"
+
+    @property
+    def is_reference(self) -> bool:
+        """Whether this is McCool's own factorization, which others are set beside."""
+        return self.label == "mccool"
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form: that of a comparison's row, and what the CSV has beyond it."""
+        plain = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _GROUPS}
+        seconds = {name: plain.pop(f"seconds_{name}") for name in ("read", "fit", "total")}
+        return {
+            **plain,
+            "method": self.label.partition(":")[0],
+            "channels": self.channels.split(),
+            "seconds": seconds,
+            "error": {"train": self.train.record(), "held_out": self.held_out.record()},
+            "appearance": dict(self.appearance),
+        }
+
+
+def _maybe(cell: str) -> float | None:
+    """A number that may be missing."""
+    return float(cell) if cell else None
+
+
+# The fields of `ChartRow` that hold several metrics: their columns' prefix, the metrics, and how a cell is read.
+_GROUPS: dict[str, tuple[str, tuple[str, ...], Callable[[str], Any]]] = {
+    "held_out": ("held_out_", SIX, float),
+    "train": ("train_", SIX, float),
+    "appearance": ("", LIGHT, _maybe),
+}
+
+
+def _columns() -> dict[str, tuple[str, str, Callable[[str], Any]]]:
+    """Of the CSV: each column's field of `ChartRow`, its metric (empty for a plain field) and how its cell is read."""
+    types = typing.get_type_hints(ChartRow)
+    columns: dict[str, tuple[str, str, Callable[[str], Any]]] = {}
+    for name in types:
+        prefix, metrics, kind = _GROUPS.get(name, (name, ("",), types[name]))
+        columns |= {f"{prefix}{metric}": (name, metric, kind) for metric in metrics}
+    return columns
+
+
+_COLUMNS = _columns()
+
+
+class ChartLedger:
+    """The CSV of a chart: the lines that are there, and one more with every run that ends.
+
+    Lines of other settings stay in the file and are never taken for a run's own.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], fresh: bool = False) -> None:
+        """Read what `path` holds, or with `fresh` begin anew (the file is replaced with the first line).
+
+        A last line that was cut is left out. Raises BadInput for a file that is none of ours, is damaged otherwise, or
+        was written by another version.
+        """
+        self.path = Path(path)
+        self._lines: dict[str, ChartRow] = {}
+        if not fresh and self.path.exists():
+            self._lines = {_key_of(row): row for row in _read(self.path)}
+
+    def __len__(self) -> int:
+        """How many lines there are."""
+        return len(self._lines)
+
+    def find(self, wanted: Identity) -> ChartRow | None:
+        """The line that stands for this run, or None."""
+        return self._lines.get(wanted.key)
+
+    def append(self, row: ChartRow) -> None:
+        """One more line, in the file before this returns. Raises BadInput where it cannot be written."""
+        self._lines[_key_of(row)] = row
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(_COLUMNS)
+        writer.writerows(_cells(line) for line in self._lines.values())
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(self.path, text.getvalue())
+
+
+def _key_of(row: ChartRow) -> str:
+    return Identity(**{field.name: getattr(row, field.name) for field in fields(Identity)}).key
+
+
+def _cells(row: ChartRow) -> list[Any]:
+    plain = {name: getattr(row, name) for name in ChartRow.__dataclass_fields__}
+    groups = {"held_out": row.held_out.record(), "train": row.train.record(), "appearance": row.appearance}
+    return [groups[name][metric] if metric else plain[name] for name, metric, _ in _COLUMNS.values()]
+
+
+def _read(path: Path) -> list[ChartRow]:
+    """The whole lines of a chart's CSV; floats are written in full, so they come back as they were."""
+    remedy = f"a new folder, or {Advice('force', True)} to begin anew"
+    data = read_bytes(path, "a chart's CSV", may_be_empty=True)
+    try:
+        text = data.decode("utf-8")
+        lines = list(csv.reader(io.StringIO(text, newline="")))
+        if text and not text.endswith("\n"):
+            # A line without its end was cut: its run is done again, the others stand.
+            lines.pop()
+    except (ValueError, csv.Error) as error:
+        raise BadInput(f"cannot be read as a chart's CSV ({error})", where=path, expected=remedy) from error
+    if not lines or lines[0] != list(_COLUMNS):
+        raise BadInput(where=path, found=f"other columns than those of homofact {__version__}", expected=remedy)
+    rows = []
+    for number, cells in enumerate(lines[1:], 2):
+        if len(cells) != len(_COLUMNS):
+            found = f"{len(cells)} cells of {len(_COLUMNS)}"
+            raise BadInput(where=f"{path}, line {number}", found=found, expected=remedy)
+        plain: dict[str, Any] = {}
+        for (column, (name, metric, kind)), cell in zip(_COLUMNS.items(), cells, strict=True):
+            try:
+                value = kind(cell)
+            except ValueError as error:
+                raise BadInput(f"{column} is {cell!r}", where=f"{path}, line {number}", expected=remedy) from error
+            if metric:
+                plain.setdefault(name, {})[metric] = value
+            else:
+                plain[name] = value
+        for part in ("held_out", "train"):
+            plain[part] = SixErrors(**plain[part])
+        row = ChartRow(**plain)
+        if row.version != __version__:
+            found = f"a result of homofact {row.version}"
+            raise BadInput(where=f"{path}, line {number}", found=found, expected=remedy)
+        rows.append(row)
+    return rows

@@ -1,0 +1,164 @@
+"""Several methods on one split of one source, measured alike.
+
+A part of the samples is held out before anything else (`evaluation.split`). For the errors isotropic samples are turned
+at random, those of the training as those held out: a fit that is good at the measured azimuth alone is not good. Both
+errors use the fit's own ε and A, which come from the training samples alone.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import Source
+from homofact.errors import BadInput, Report, Status
+from homofact.evaluation.appearance import Appearance, appearance
+from homofact.evaluation.metrics import SixErrors, measure
+from homofact.evaluation.split import Split
+from homofact.evaluation.verdict.judge import judge
+from homofact.evaluation.verdict.verdict import Verdict
+from homofact.factor.fitted import Fitted
+from homofact.methods.fitting import ProgressCallback
+from homofact.methods.method import Method
+
+HELD_OUT = 0.2
+
+
+@dataclass(frozen=True)
+class ComparisonRow:
+    """One method on one split of a source: the fit, its settings and its errors on training and held-out samples.
+
+    `appearance` is what an eye would say of it, None where the source is known at its samples alone.
+    """
+
+    source: str
+    split: Split
+    settings: Method
+    factorization: Fitted
+    report: Report
+    train: SixErrors
+    held_out: SixErrors
+    samples: int
+    seconds_read: float
+    seconds_fit: float
+    seconds_total: float
+    verdict: Verdict
+    appearance: Appearance | None = None
+
+    @property
+    def spends_bytes(self) -> bool:
+        """Whether the sizes of its textures were found, not given, or it has none."""
+        return self.settings.bytes is not None or not self.factorization.textures
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form of the row (times in seconds, sizes in bytes as float32 texels).
+
+        "subset" says what was drawn from the training samples, None where the fit had them all.
+        """
+        return {
+            "source": self.source,
+            "method": self.settings.name,
+            "textures": len(self.factorization.terms),
+            "size": None if self.spends_bytes else self.settings.size,
+            "shapes": [list(texture.size) for texture in self.factorization.textures],
+            "bytes": self.factorization.nbytes,
+            "fetches": self.factorization.fetches,
+            "samples": self.samples,
+            "subset": self.factorization.provenance.get("source", {}).get("subset"),
+            "split": self.split.record(),
+            "status": self.report.status.value,
+            "evaluations": self.report.evaluations,
+            "seed": self.settings.seed,
+            "epsilon": self.factorization.transform.epsilon,
+            "mean": dict(zip(self.factorization.channels, self.factorization.transform.mean.tolist(), strict=True)),
+            "seconds": {"read": self.seconds_read, "fit": self.seconds_fit, "total": self.seconds_total},
+            "verdict": self.verdict.record(),
+            "error": {"train": self.train.record(), "held_out": self.held_out.record()},
+            "appearance": None if self.appearance is None else self.appearance.record(),
+        }
+
+
+def held_out_samples(source: Source, held_out: float, seed: int) -> Samples:
+    """The samples that fits of `seed` are tested on: left out of the fit, and turned at random."""
+    return source.samples.split(held_out, seed)[1].rotated_at_random(seed)
+
+
+def fit_and_measure(
+    source: Source,
+    settings: Method,
+    held_out: float = HELD_OUT,
+    progress: ProgressCallback | None = None,
+    subset: int = 0,
+    split_seed: int | None = None,
+) -> ComparisonRow:
+    """Fit one method on a split of the source, and measure it on both parts.
+
+    The split is drawn by `split_seed`, or by `settings.seed` where that is None. A `subset` above 0 fits (and measures
+    as training) at most so many samples, drawn by cells after the split (`brdf.stratified`): the held-out samples,
+    and so their errors, are the same with and without it. Raises BadInput for a part that is not between 0 and 1.
+    """
+    if held_out == 0:
+        raise BadInput(where="held-out fraction", found="0", expected="between 0 and 1")
+    seed = settings.seed if split_seed is None else split_seed
+    return fit_split(source, Split.of(source, held_out, seed, subset), settings, progress)
+
+
+def fit_split(
+    source: Source, split: Split, settings: Method, progress: ProgressCallback | None = None
+) -> ComparisonRow:
+    """Fit one method on a split of the source that there is already, and measure it on both parts.
+
+    Where nothing is held out the errors called held out are on all samples at random azimuths. Raises BadInput as the
+    split's parts and the fit do.
+    """
+    began = time.perf_counter()
+    if settings.epsilon is None:
+        settings = replace(settings, epsilon=source.default_epsilon)
+    train, test = split.parts(source)[0], split.test_samples(source)
+    begin_fit = time.perf_counter()
+    fitted = settings.fit(train, progress)
+    seconds_fit = time.perf_counter() - begin_fit
+    factorization = fitted.factorization
+    turned = train.rotated_at_random(split.seed)
+    errors = tuple(measure(factorization, samples, factorization.transform) for samples in (turned, test))
+    total = source.seconds_read + time.perf_counter() - began
+    seen = appearance(factorization, source)
+    verdict = judge(factorization, fitted.report, settings, train, test, (errors[0], errors[1]), seen)
+    return ComparisonRow(
+        source.name,
+        split,
+        settings,
+        factorization,
+        fitted.report,
+        errors[0],
+        errors[1],
+        len(source.samples),
+        source.seconds_read,
+        seconds_fit,
+        total,
+        verdict,
+        seen,
+    )
+
+
+def compare(
+    source: Source,
+    methods: Sequence[Method],
+    held_out: float = HELD_OUT,
+    progress: ProgressCallback | None = None,
+    subset: int = 0,
+    split_seed: int | None = None,
+) -> list[ComparisonRow]:
+    """A row for each of `methods`, in their order, all on the split that the first one's seed draws, or `split_seed`.
+
+    An interrupted fit is the last, as it is in `fit_seeds`. Raises BadInput as `fit_and_measure`.
+    """
+    if split_seed is None and methods:
+        split_seed = methods[0].seed
+    rows: list[ComparisonRow] = []
+    for settings in methods:
+        rows.append(fit_and_measure(source, settings, held_out, progress, subset, split_seed))
+        if rows[-1].report.status is Status.INTERRUPTED:
+            break
+    return rows

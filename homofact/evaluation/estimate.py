@@ -1,0 +1,138 @@
+"""How long several fits will take, said before they begin and better known with every one that ends.
+
+The model of a fit's seconds is of one thread of a usual processor (AMD EPYC at 3 GHz); another machine, or other
+settings than it knows, show in the factor between the seconds measured and modelled, which the fits left to do get.
+"""
+
+import math
+from collections.abc import Collection, Sequence
+
+from homofact.brdf.source import Source
+from homofact.methods.cole import Cole
+from homofact.methods.effort import units
+from homofact.methods.method import Method
+from homofact.methods.models import MODELS, Nbrdf
+from homofact.methods.search import Search
+
+# Seconds of the parts of a fit, measured on the blue paint.
+_SAMPLE_SOLVED = 3e-6  # a sample and texture in a solve
+_CUBE = 2.2e-10  # unknowns³ of a dense solve
+_SAMPLE_MEASURED = 7e-6  # a sample in errors and verdict
+_ALWAYS = 0.3  # the verdict's own pictures of the fit
+_POWELL = 140  # evaluations of Powell's method for a restart of a term
+_EVALUATION, _SAMPLE_EVALUATED = 2e-3, 2.3e-6  # of an inner problem, for each term solved together
+
+_UNIT = 7e-3  # of `methods.effort`
+_STEP, _MODEL = 7e-4, 5.0  # of a network's training, and a fit of any other model without textures
+
+
+def fit_seconds(settings: Method, samples: int) -> float:
+    """Modelled seconds of a fit to `samples` samples, azimuth copies included, with its errors and verdict."""
+    size, textures = settings.size, settings.most_textures
+    if isinstance(settings, Search) and settings.bytes is not None:
+        size = math.isqrt(max(settings.bytes // (12 * textures), 1))
+    after = _ALWAYS + _SAMPLE_MEASURED * samples
+    if isinstance(settings, Nbrdf):
+        return after + _STEP * settings.steps
+    if isinstance(settings, MODELS):
+        return after + _MODEL
+    if settings.name == "svd":
+        return after + 0.9 * (size / 16) ** 3.3
+    if settings.name == "nmf":
+        return after + 2.8 * (size / 16) ** 4
+    solve = _SAMPLE_SOLVED * samples * textures + _CUBE * (textures * size**2) ** 3
+    if isinstance(settings, Search):
+        # Its own count of work is in units of one inner evaluation; refining takes about a quarter as much again.
+        searched = 1.25 * units(settings.effort, textures) * _UNIT
+        return after + solve + _guarded(searched, settings)
+    if isinstance(settings, Cole):
+        searched = min(samples, settings.search_samples or samples)
+        joint = settings.joint_terms or textures
+        solved = sum(min(term, joint) for term in range(1, textures + 1))
+        seconds = _POWELL * settings.restarts * solved * (_EVALUATION + _SAMPLE_EVALUATED * searched)
+        return after + solve + _guarded(seconds, settings)
+    return after + solve
+
+
+def _guarded(seconds: float, settings: Search | Cole) -> float:
+    """Seconds of a search, no more than its guard lets it take."""
+    return seconds if settings.budget is None else min(seconds, settings.budget)
+
+
+def training_count(source: Source, settings: Method, held_out: float, subset: int = 0) -> int:
+    """How many samples a fit of the source solves from, the azimuth copies that it makes included.
+
+    Raises BadInput where there are too few to hold some out, before a time is promised.
+    """
+    total = len(source.samples)
+    held = round(held_out * total)
+    if held_out > 0 and held in (0, total):
+        source.samples.split(held_out, settings.seed)
+    count = total - held
+    count = min(count, subset) if subset > 0 else count
+    copies = settings.copies
+    if source.samples.isotropic and not source.samples.all_azimuths and copies > 1:
+        return count * copies * (2 if getattr(settings, "mirrored", False) else 1)
+    return count
+
+
+class TimeEstimate:
+    """The seconds of a list of fits: `jobs` are (method, modelled seconds) of each, in the order they are run."""
+
+    def __init__(self, jobs: Sequence[tuple[str, float]]) -> None:
+        """Nothing is finished yet."""
+        self._jobs = list(jobs)
+        self._measured: dict[int, float] = {}
+
+    def finish(self, place: int, seconds: float) -> None:
+        """The fit at `place` is done, now or long ago, and took so many seconds."""
+        self._measured[place] = seconds
+
+    def finish_first(self, count: int, seconds: float) -> None:
+        """The first `count` fits took so many seconds together; each counts for its modelled share."""
+        scale = seconds / max(sum(modelled for _, modelled in self._jobs[:count]), 1e-9)
+        self._measured |= {place: scale * self._jobs[place][1] for place in range(count)}
+
+    @property
+    def done(self) -> int:
+        """How many fits are done."""
+        return len(self._measured)
+
+    @property
+    def left(self) -> int:
+        """How many fits are still to do."""
+        return len(self._jobs) - len(self._measured)
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds of the fits that are still to do."""
+        return sum(
+            seconds * self._factor(name)
+            for place, (name, seconds) in enumerate(self._jobs)
+            if place not in self._measured
+        )
+
+    def words(self) -> str:
+        """What there is to do: "27 fits, about 4 min"."""
+        return f"{self.left} fit{'' if self.left == 1 else 's'}, {about(self.seconds_left)}"
+
+    def _factor(self, name: str) -> float:
+        """Seconds measured over those modelled: of the method's own fits; where it has none yet of all, within ×2."""
+        own = self._ratio({name})
+        return own if own is not None else min(max(self._ratio({method for method, _ in self._jobs}) or 1.0, 0.5), 2.0)
+
+    def _ratio(self, names: Collection[str]) -> float | None:
+        done = [place for place in self._measured if self._jobs[place][0] in names]
+        modelled = sum(self._jobs[place][1] for place in done)
+        return sum(self._measured[place] for place in done) / modelled if modelled > 0 else None
+
+
+def about(seconds: float) -> str:
+    """A time that is not known exactly: "about 40 s", "about 4 min", "about 2.5 h"."""
+    if seconds < 10:
+        return "under 10 s"
+    if seconds < 90:
+        return f"about {10 * math.ceil(seconds / 10)} s"
+    if seconds < 90 * 60:
+        return f"about {math.ceil(seconds / 60)} min"
+    return f"about {seconds / 3600:.1f} h"

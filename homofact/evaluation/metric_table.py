@@ -1,0 +1,117 @@
+"""Every metric of a fit, in one table: its name, formula, unit, words, and which values are good.
+
+Comparisons, charts, sweeps, their tables, pictures and reports take names, units and words from here. A new metric is
+a formula and one entry (docs/contributing/metric.md). A metric is computed from one of three things:
+
+* "pairs": the fit and the samples held out of it (`brdf_metrics.EvaluatedPairs`);
+* "light": integrals over both hemispheres and pictures under two lightings, beside a source that can be evaluated
+  everywhere (`appearance.Appearance`);
+* "picture": two pictures of a sphere and a mask (`image_metrics`).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Literal
+
+from homofact.evaluation import brdf_metrics, image_metrics
+from homofact.evaluation.metrics import SixErrors
+
+Good = Literal["low", "high", "one"]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One figure of a fit.
+
+    Attributes
+    ----------
+    name : as `metrics`, JSON and CSV have it.
+    computed_from : "pairs", "light" or "picture", as the module's head says; what `formula` takes.
+    formula : returns the number; NaN where it is not defined.
+    label : in words, for tables and pictures; without the unit.
+    unit : "" for none; f is in sr⁻¹.
+    domain : "log" where values are compared by their logarithms, "linear" where as they are, "" where neither.
+    good : which values are good: "low", "high", or "one", a ratio that should be 1.
+    library : the module that it needs, where not every installation has it.
+    """
+
+    name: str
+    computed_from: Literal["pairs", "light", "picture"]
+    formula: Callable[..., float]
+    label: str
+    unit: str = ""
+    domain: Literal["log", "linear", ""] = "linear"
+    good: Good = "low"
+    library: str = ""
+
+    @property
+    def words(self) -> str:
+        """The label with what the number is of and its unit: "MAE, held out, sr⁻¹"."""
+        held_out = ", held out" if self.computed_from == "pairs" else ""
+        return f"{self.label}{held_out}{', ' if self.unit else ''}{self.unit}"
+
+    def badness(self, value: float) -> float:
+        """Greater where it is worse; of a ratio the distance from 1 either way."""
+        if self.good == "one":
+            return max(value, 1 / value) if value > 0 else float("inf")
+        return value if self.good == "low" else -value
+
+
+def _bands() -> list[Metric]:
+    """`male` of bands of θi, and of θh."""
+    bands = (
+        *(("theta_i", "θi", low, high) for low, high in brdf_metrics.THETA_BANDS),
+        *(("theta_h", "θh", low, high) for low, high in brdf_metrics.LOBE_BANDS),
+    )
+    return [
+        Metric(
+            f"male_{angle}_{low}_{high}",
+            "pairs",
+            brdf_metrics.band_error(low, high, angle),
+            f"MALE, {sign} {low}–{high}°",
+            domain="log",
+        )
+        for angle, sign, low, high in bands
+    ]
+
+
+_TABLE = (
+    Metric("log_mse", "pairs", attrgetter("six.log_mse"), "log MSE", domain="log"),
+    Metric("log_mae", "pairs", attrgetter("six.log_mae"), "log MAE", domain="log"),
+    Metric("log_max", "pairs", attrgetter("six.log_max"), "log maximum", domain="log"),
+    Metric("mse", "pairs", attrgetter("six.mse"), "MSE", "sr⁻²"),
+    Metric("mae", "pairs", attrgetter("six.mae"), "MAE", "sr⁻¹"),
+    Metric("max", "pairs", attrgetter("six.max"), "maximum", "sr⁻¹"),
+    Metric("male", "pairs", brdf_metrics.male, "MALE", domain="log"),
+    Metric("cosine_rms", "pairs", brdf_metrics.cosine_rms, "cosine-weighted RMS", "sr⁻¹"),
+    Metric("cube_root_rms", "pairs", brdf_metrics.cube_root_rms, "cube-root RMS", "sr⁻¹ᐟ³"),
+    Metric("low_rms", "pairs", brdf_metrics.low_rms, "RMS of Löw et al.", domain="log"),
+    Metric("log_rms_80", "pairs", brdf_metrics.log_rms_80, "log RMS up to 80°", domain="log"),
+    Metric("reciprocity", "pairs", brdf_metrics.reciprocity, "reciprocity, 95th percentile"),
+    Metric("albedo", "pairs", brdf_metrics.largest_albedo, "albedo, largest"),
+    Metric("energy_above_one", "pairs", brdf_metrics.energy_above_one, "albedo above 1"),
+    Metric("albedo_error", "pairs", brdf_metrics.albedo_error, "albedo, largest difference"),
+    *_bands(),
+    Metric("albedo_worst", "light", attrgetter("energy.albedo_worst"), "albedo, worst, fit over source", good="one"),
+    Metric("energy_overall", "light", attrgetter("energy.energy_overall"), "energy, fit over source", good="one"),
+    Metric("rms", "light", attrgetter("energy.rms"), "relative RMS"),
+    Metric("floor", "light", attrgetter("energy.floor"), "relative RMS of the source's reciprocal part"),
+    Metric("highlight", "light", attrgetter("energy.highlight"), "highlight, fit over source", good="one"),
+    Metric("bright_half", "light", attrgetter("energy.bright_half"), "brighter half, fit over source", good="one"),
+    Metric("psnr_light", "light", attrgetter("psnr_light"), "PSNR under a lamp", "dB", good="high"),
+    Metric("psnr_sky", "light", attrgetter("psnr_sky"), "PSNR under a sky", "dB", good="high"),
+    Metric("psnr", "picture", image_metrics.psnr, "PSNR", "dB", "", "high"),
+    Metric("ssim", "picture", image_metrics.ssim, "SSIM", "", "", "high", "skimage.metrics"),
+    Metric("ciede2000", "picture", image_metrics.ciede2000, "CIEDE2000", domain=""),
+    Metric("delta_e_itp", "picture", image_metrics.delta_e_itp, "ΔE_ITP", domain=""),
+    Metric("flip", "picture", image_metrics.flip, "FLIP", domain="", library="flip_evaluator"),
+)  # fmt: skip
+METRICS: Mapping[str, Metric] = {metric.name: metric for metric in _TABLE}
+SIX: tuple[str, ...] = tuple(SixErrors.__dataclass_fields__)
+LIGHT: tuple[str, ...] = tuple(name for name, metric in METRICS.items() if metric.computed_from == "light")
+# The figures of a fit that a sweep's tables and its report show.
+REPORTED: tuple[Metric, ...] = tuple(
+    METRICS[name]
+    for name in ("log_mse", "mae", "albedo_worst", "energy_overall", "highlight", "rms", "psnr_light", "psnr_sky")
+)

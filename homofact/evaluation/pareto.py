@@ -1,0 +1,22 @@
+"""Pareto fronts: what nothing else beats in both of two things that should be small."""
+
+import math
+from collections.abc import Sequence
+
+
+def dominates(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    """Whether `a` is nowhere larger than `b` and somewhere smaller."""
+    return a[0] <= b[0] and a[1] <= b[1] and a != b
+
+
+def front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Places in `points` of those that no other dominates, by rising first and falling second coordinate.
+
+    Equal points are all on it. Points with a coordinate that is not finite never are.
+    """
+    order = sorted((i for i, point in enumerate(points) if all(map(math.isfinite, point))), key=lambda i: points[i])
+    places: list[int] = []
+    for i in order:
+        if not places or points[i][1] < points[places[-1]][1] or points[i] == points[places[-1]]:
+            places.append(i)
+    return places

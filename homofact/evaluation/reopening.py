@@ -1,0 +1,175 @@
+"""The source of a fit, opened again, with the very samples that the fit was given and those held out of it.
+
+    reopened = reopen(homofact.load("out/paint"))
+    reopened.source.samples, reopened.parts["held_out"]
+
+A fit knows its split (`evaluation.split`); where it was saved without one the split is guessed
+(`evaluation.guessed_split`).
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.brdf.source import Source
+from homofact.errors import BadInput
+from homofact.evaluation.guessed_split import USUAL_HELD_OUT, guess_split, has_mean_of, source_named_by
+from homofact.evaluation.split import Split
+from homofact.factor.fixed_projections import EDITED, EDITS
+
+if TYPE_CHECKING:
+    from homofact.brdf.samples import Samples
+    from homofact.factor.fitted import Fitted
+    from homofact.methods.method import Method
+
+
+class NotReopened(BadInput):
+    """The source that a fit was made from is not to be had; the text says why, and may go on a sentence."""
+
+
+@dataclass(frozen=True)
+class Reopened:
+    """A source and its split; `known` says that the fit was made from the split's training samples."""
+
+    source: Source
+    split: Split
+    known: bool
+
+    @property
+    def held_out(self) -> bool:
+        """Whether errors on the split's test samples are on samples that the fit has not seen."""
+        return self.known and self.split.held_out > 0
+
+    @property
+    def part(self) -> str:
+        """The name of the test samples in `parts`: "held_out", or "source" where the fit may have seen them."""
+        return "held_out" if self.held_out else "source"
+
+    @property
+    def training(self) -> "Samples":
+        """What of the source the fit was given, as measured."""
+        return self.split.parts(self.source)[0]
+
+    @property
+    def parts(self) -> "dict[str, Samples]":
+        """What errors are measured on, at random azimuths: "train", what the fit was given, and the tests as `part`."""
+        turned = self.training.rotated_at_random(self.split.seed)
+        return {"train": turned, self.part: self.split.test_samples(self.source)}
+
+
+def reopen(
+    fitted: "Fitted", source: str | Source | None = None, near: Sequence[str | os.PathLike[str]] = ()
+) -> Reopened:
+    """The source that a fit was made from, or the one that is given, with the fit's split.
+
+    A file that has moved is looked for in the working folder and in the folders `near` and those that they are in.
+    The samples of a `source` that is given may be others than the fit's: its split is then not `known`. Raises
+    NotReopened where no `source` is given and the fit's own is not to be had, and BadInput for one that is given
+    and cannot be read or has other channels than the fit.
+    """
+    if source is None:
+        try:
+            reopened = _own(fitted, near)
+            _check_channels(reopened.source, fitted)
+        except BadInput as error:
+            raise NotReopened(str(error)) from error
+        return reopened
+    reopened = _given(fitted, source)
+    _check_channels(reopened.source, fitted)
+    return reopened
+
+
+def settings_of(fitted: "Fitted") -> "Method":
+    """The settings that the fit was made with, as its provenance has them; ε is the fit's own.
+
+    What is missing or cannot be meant takes its default; the size is then that of the largest texture.
+    """
+    from homofact.methods.table import ALL_METHODS, settings_of_class
+
+    kept = _mapping(fitted.provenance.get("settings"))
+    name = fitted.provenance.get("method", kept.get("method"))
+    method = ALL_METHODS.get(name if isinstance(name, str) else "", ALL_METHODS["search"])
+    # A fit of version 0.1.0 has all methods' settings in one, the method's name among them.
+    kept = _renamed(kept, method.name) if "method" in kept else kept
+    known = {setting: value for setting, value in kept.items() if setting in settings_of_class(method)}
+    own: dict[str, Any] = {"epsilon": fitted.transform.epsilon}
+    side: dict[str, Any] = {"size": _largest_side(fitted)} if "size" in settings_of_class(method) else {}
+    # A size that no texture of the fit has would ask for any amount of memory.
+    if isinstance(known.get("size"), int) and known["size"] > side.get("size", 0):
+        del known["size"]
+    try:
+        return method(**(side | known | own))
+    except BadInput:
+        return method(**(side | own))
+
+
+def _own(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> Reopened:
+    """The source that the fit names. Raises BadInput."""
+    if fitted.provenance.get(EDITS) or EDITED in _mapping(fitted.provenance.get("source")):
+        raise BadInput("it is of an edited material, and its source is the material before the edit")
+    split = Split.saved_with(fitted)
+    if split is None:
+        path = source_named_by(fitted, near)
+        try:
+            return Reopened(*guess_split(fitted, path))
+        except BadInput as error:
+            # Not the reader's words, which quote the file.
+            raise BadInput(f"its source, {Path(path).name}, cannot be opened again") from error
+    source = split.open(near)
+    return Reopened(source, split, has_mean_of(fitted, source, split))
+
+
+def _given(fitted: "Fitted", given: str | Source) -> Reopened:
+    """A source that is given, with the fit's split where it has the same samples, else with the usual one."""
+    split = Split.saved_with(fitted)
+    if split is None and isinstance(given, str):
+        return Reopened(*guess_split(fitted, given))
+    if isinstance(given, Source):
+        source = given
+    else:
+        assert split is not None
+        opening = split.opening
+        source = guess_split(fitted, given)[0] if opening is None else opening.open(given)
+    if split is not None and split.matches(source):
+        return Reopened(source, split, has_mean_of(fitted, source, split))
+    seed = settings_of(fitted).seed if split is None else split.seed
+    return Reopened(source, Split.of(source, USUAL_HELD_OUT, seed), False)
+
+
+def _check_channels(source: Source, fitted: "Fitted") -> None:
+    found, expected = tuple(source.samples.channels), tuple(fitted.channels)
+    if found != expected:
+        raise BadInput(
+            where=source.name,
+            found=f"the channels {', '.join(found)}",
+            expected=f"{', '.join(expected)}, which the fit has",
+        )
+
+
+def _renamed(kept: Mapping[str, Any], method: str) -> dict[str, Any]:
+    """The settings of version 0.1.0 by their names of today; what took a method's usual value is left to it."""
+    pinned = kept.get("parameterization")
+    renamed = {name: value for name, value in kept.items() if value is not None and value != []}
+    renamed |= {"joint_terms": kept.get("together", 2)}
+    if method == "search":
+        # Logs alone were made small then, and their fits were reciprocal unless told otherwise.
+        renamed |= {"objective": "log", "reciprocal": kept.get("reciprocal", True)}
+        renamed |= {"projections": pinned.split("+") if isinstance(pinned, str) else None}
+    else:
+        # Every file has it, search alone obeyed it.
+        renamed.pop("budget", None)
+        if isinstance(pinned, str):
+            renamed |= {"coordinates": pinned}
+    return renamed
+
+
+def _largest_side(fitted: "Fitted") -> int:
+    # Of a product's terms, whose textures are larger by a line where they go round.
+    of_terms = [side for term in fitted.terms for side in getattr(term, "size", ())]
+    return max([*(of_terms or [side for texture in fitted.textures for side in texture.size]), 2])
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}

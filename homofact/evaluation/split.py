@@ -1,0 +1,211 @@
+"""Which samples of which source a fit was given, and which were held out of it.
+
+A `Split` names the source as it was opened, the part that was held out and by which seed, and how many of the others
+the fit was given at most. The training samples carry it in their provenance, so every fit of them keeps it and saves
+it. With the digest of all samples a source that has changed is noticed, and the parts come out the same again.
+"""
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import Opening, Source
+from homofact.brdf.source_names import GAINS, MOST_COUNT
+from homofact.brdf.stratified import stratified_subset
+from homofact.errors import BadInput
+from homofact.files.fields import Fields
+from homofact.files.reading import split_member
+
+if TYPE_CHECKING:
+    from homofact.factor.fitted import Fitted
+
+_MOST = 2**63 - 1
+
+
+def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """A fit's provenance to be passed on: its source by name, without the folders of the machine that made it."""
+    source = provenance.get("source")
+    split = source.get("split") if isinstance(source, Mapping) else None
+    opening = split.get("opening") if isinstance(split, Mapping) else None
+    if not isinstance(source, Mapping) or not isinstance(split, Mapping) or not isinstance(opening, Mapping):
+        return dict(provenance)
+    named = {**opening, "path": Path(str(opening.get("path"))).name, "folder": ""}
+    return {**provenance, "source": {**source, "split": {**split, "opening": named}}}
+
+
+def _name(path: str) -> str:
+    """A file's name without its folders: these words stand in pages that are passed on."""
+    return Path(path).name
+
+
+def _clipped(opening: Fields) -> float | str | None:
+    """At which level values were said to be clipped: a number, "found", or None, which older results do not state."""
+    level = opening.found.get("clipped")
+    if level is None:
+        return None
+    return opening.text("clipped", ("found",)) if isinstance(level, str) else opening.number("clipped", 0)
+
+
+def samples_digest(samples: Samples) -> str:
+    """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels, azimuths.
+
+    Numbers count as float32: the last bits of a float64 may differ between machines.
+    """
+    digest = hashlib.sha256(f"{samples.all_azimuths} {samples.isotropic} {samples.channels}".encode())
+    for tensor in (samples.wi, samples.wo, samples.values, samples.weights):
+        digest.update(str(tuple(tensor.shape)).encode())
+        # + 0 makes one zero of two.
+        digest.update((tensor.to(torch.float32) + 0).cpu().contiguous().numpy().tobytes())
+    if samples.clipped is not None:
+        digest.update(samples.clipped.cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class Split:
+    """How a source was opened and parted.
+
+    Attributes
+    ----------
+    opening : how the source was opened; None for one that was put together by hand and cannot be opened again.
+    samples : how many samples the source has.
+    digest : of these samples, `samples_digest`.
+    held_out : the part of them that was held out, from 0 (nothing) to below 1.
+    seed : of the draw of the held-out ones, of their random azimuths and of the subset.
+    subset : how many of the others the fit was given at most; 0 is all of them.
+    """
+
+    opening: Opening | None
+    samples: int
+    digest: str
+    held_out: float
+    seed: int
+    subset: int = 0
+
+    @classmethod
+    def of(cls, source: Source, held_out: float, seed: int, subset: int = 0) -> "Split":
+        """The split of a source that is open."""
+        digest = samples_digest(source.samples)
+        return cls(source.opening, len(source.samples), digest, held_out, seed, subset)
+
+    @classmethod
+    def saved_with(cls, fitted: "Fitted") -> "Split | None":
+        """The split that a fit was made from; None where it has none: samples given bare, or a fit of 0.1.0.
+
+        Raises BadInput where it is there and damaged.
+        """
+        source = fitted.provenance.get("source")
+        record = source.get("split") if isinstance(source, Mapping) else None
+        return None if record is None else cls._read(record)
+
+    @classmethod
+    def _read(cls, record: Any) -> "Split":
+        fields = Fields("the fit's split: ", record if isinstance(record, dict) else {})
+        opening = None
+        if fields.found.get("opening") is not None:
+            inner = fields.inner("opening")
+            opening = Opening(
+                inner.text("path"),
+                inner.text("channels"),
+                inner.whole("count", 1, MOST_COUNT),
+                inner.text("scheme"),
+                inner.whole("seed", 0, _MOST),
+                inner.text("folder"),
+                tuple(inner.texts("calibrate", len(GAINS))) if inner.found.get("calibrate") else (),
+                _clipped(inner),
+            )
+        held_out = fields.number("held_out")
+        if not 0 <= held_out < 1:
+            fields.refuse("held_out", "a part of at least 0 and below 1")
+        return cls(
+            opening,
+            fields.whole("samples", 1, _MOST),
+            fields.text("digest"),
+            held_out,
+            fields.whole("seed", 0, _MOST),
+            fields.whole("subset", 0, _MOST),
+        )
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form, which `saved_with` reads."""
+        record = asdict(self)
+        if self.opening is not None:
+            record["opening"]["calibrate"] = list(self.opening.calibrate)
+        return record
+
+    def matches(self, source: Source) -> bool:
+        """Whether a source has the very samples that were split."""
+        return samples_digest(source.samples) == self.digest
+
+    def parts(self, source: Source) -> tuple[Samples, Samples | None]:
+        """(training, held out) of a source, as measured; no held-out ones where `held_out` is 0.
+
+        The training samples are those of the subset, and say in their provenance which split they are of. Raises
+        BadInput for a part that is none, and for too few samples.
+        """
+        held: Samples | None = None
+        train = source.samples
+        if self.held_out != 0:
+            train, held = train.split(self.held_out, self.seed)
+        if self.subset > 0:
+            train = stratified_subset(train, self.subset, self.seed)
+        return replace(train, provenance=train.provenance | {"split": self.record()}), held
+
+    def test_samples(self, source: Source) -> Samples:
+        """What errors are measured on: the held-out samples, all where none were held out, at random azimuths."""
+        held = self.parts(source)[1]
+        return (source.samples if held is None else held).rotated_at_random(self.seed)
+
+    def open(self, near: Sequence[str | os.PathLike[str]] = ()) -> Source:
+        """The source again, with the same samples.
+
+        A file is looked for where it was, under the same relative path from the working folder, from the folders
+        `near` and from those that they are in, and by its name alone in these. Raises BadInput where it is in none,
+        cannot be read, or has other samples now.
+        """
+        if self.opening is None:
+            raise BadInput("its source was put together by hand and cannot be opened again")
+        if self.opening.is_material:
+            source = self._opened(self.opening.path)
+            if self.matches(source):
+                return source
+            raise BadInput(
+                f"its source, {self.opening.path}, gives other samples in this version than when it was fitted"
+            )
+        name = _name(self.opening.path)
+        changed = False
+        for place in self._places(near):
+            source = self._opened(place)
+            if self.matches(source):
+                return source
+            changed = True
+        if changed:
+            raise BadInput(f"its source, {name}, has changed: its samples are not those of the fit")
+        raise BadInput(f"its source, {name}, is neither where it was nor in the working folder nor beside the result")
+
+    def _opened(self, path: str) -> Source:
+        assert self.opening is not None
+        try:
+            return self.opening.open(path)
+        except BadInput as error:
+            # Not the reader's words, which quote the file: a result may name any, and these words are passed on.
+            raise BadInput(f"its source, {_name(path)}, cannot be read as what it was") from error
+
+    def _places(self, near: Sequence[str | os.PathLike[str]]) -> Iterator[str]:
+        """Where the file is found, each place once."""
+        assert self.opening is not None
+        path = self.opening.path
+        folders = [Path(), *(Path(os.path.abspath(folder)) for folder in near)]
+        above = [parent for folder in folders[1:] for parent in folder.parents]
+        tried = [Path(self.opening.folder) / path]
+        if not os.path.isabs(path):
+            tried += [folder / path for folder in (*folders, *above)]
+        tried += [folder / Path(path).name for folder in (*folders, *above[:1])]
+        there = dict.fromkeys(os.path.abspath(place) for place in tried if Path(split_member(str(place))[0]).is_file())
+        yield from there

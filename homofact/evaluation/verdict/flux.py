@@ -1,0 +1,325 @@
+"""Figures of samples and fits by the light that they carry.
+
+A pair of directions stands for the flux f cosθi cosθo times its solid angle (`brdf.pair_density.solid_angles`), so what
+is dark or grazing counts for as little here as it does in a picture.
+"""
+
+import math
+
+import numpy as np
+import torch
+from scipy.spatial import KDTree
+from torch import Tensor
+
+from homofact.brdf.pair_density import solid_angles
+from homofact.brdf.quality.extrapolation import Extrapolation
+from homofact.brdf.quality.scatter import places_of
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.brdf.symmetry import light_azimuths, ring_numbers, swapped_neighbours
+from homofact.geometry.coordinates import rusinkiewicz_angles
+from homofact.geometry.directions import from_spherical, to_spherical
+from homofact.geometry.quadrature import disc_nodes, hemisphere_nodes
+from homofact.linear.robust import scale_of
+
+ALBEDO_DEGREES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 85.0, 88.0)
+STEADY_DEGREES = 45.0
+BANDS = {"θi": (0, 15, 30, 45, 60, 75, 90), "θh": (0, 2, 5, 10, 20, 40, 90)}
+LEAST_IN_A_BAND, LEAST_OF_THE_LIGHT = 30, 0.02
+SURE = 2.0  # standard errors by which a band has to be off
+BRIGHTEST = 0.1  # of the samples' light: what is called their highlight
+BESIDE = 6
+INNERMOST, LEAST_GRAZING = 8, 70.0
+LEAST_HIDDEN, STEEPEST = 0.005, 1.9
+_LEAST_ANGLE = 1e-4
+LEAST_TIED = 3
+OUTLIER, FEW_OUTLIERS = 6.0, 0.05
+_SAME = 1e-6  # directions this near are one
+_LEVELS, _RINGS, _SPOKES = 6, 32, 24
+
+
+def flux_of(samples: Samples) -> Tensor:
+    """cosθi cosθo times solid angle (N,): what f is multiplied by to be light, up to a common factor."""
+    return solid_angles(samples) * samples.wi[:, 2] * samples.wo[:, 2]
+
+
+def misplaced(flux: Tensor, expected: Tensor, found: Tensor) -> float:
+    """Σ|f̂ − f| over Σ f of the light, all channels together, each in units of its own light."""
+    own = (flux[:, None] * expected).sum(0)
+    missed = (flux[:, None] * (found - expected).abs()).sum(0)
+    return float((missed[own > 0] / own[own > 0]).mean()) if bool((own > 0).any()) else 0.0
+
+
+def worst_band(samples: Samples, flux: Tensor, found: Tensor) -> tuple[float, str] | None:
+    """(light of the fit over that of the samples, where) in the band of θi or θh that is farthest off; None for none.
+
+    Channel by channel, in bands of `LEAST_IN_A_BAND` samples and `LEAST_OF_THE_LIGHT`. What chance may do to so many
+    samples, `SURE` standard errors of the difference, is taken off.
+    """
+    theta_h, _, _ = rusinkiewicz_angles(samples.wi, samples.wo)
+    angles = {"θi": to_spherical(samples.wi)[0], "θh": theta_h}
+    own = flux[:, None] * samples.values
+    missed = flux[:, None] * (found - samples.values)
+    total = own.sum(0)
+    best: tuple[float, str] | None = None
+    for name, angle in angles.items():
+        degrees = torch.rad2deg(angle)
+        for low, high in zip(BANDS[name], BANDS[name][1:], strict=False):
+            inside = (degrees >= low) & (degrees < high)
+            if int(inside.sum()) < LEAST_IN_A_BAND:
+                continue
+            light = own[inside].sum(0)
+            chance = SURE * (missed[inside] - missed[inside].mean(0)).square().sum(0).sqrt() / light.clamp_min(1e-300)
+            off = missed[inside].sum(0) / light.clamp_min(1e-300)
+            sure = torch.sign(off) * (off.abs() - chance).clamp_min(0)
+            sure = torch.where(light > LEAST_OF_THE_LIGHT * total, sure, torch.zeros_like(sure))
+            worst = int(sure.abs().argmax())
+            ratio = 1 + float(sure[worst])
+            if best is None or abs(ratio - 1) > abs(best[0] - 1):
+                best = ratio, f"{samples.channels[worst]} at {name} from {low} to {high}°"
+    return best
+
+
+def brightest(samples: Samples, flux: Tensor, found: Tensor) -> float | None:
+    """Light of the fit over that of the samples, where they are brightest and hold `BRIGHTEST` of it; None for too few.
+
+    How bright a place is, is said by the samples around it: of noisy ones the brightest would be those whose noise is.
+    """
+    if len(samples) < 4 * BESIDE:
+        return None
+    place = places_of(samples).numpy()
+    near = torch.from_numpy(np.asarray(KDTree(place).query(place, k=BESIDE + 1)[1]))
+    order = samples.values.mean(1)[near].mean(1).sort(descending=True, stable=True).indices
+    own = (flux * samples.values.mean(1))[order]
+    count = int((own.cumsum(0) < BRIGHTEST * own.sum()).sum()) + 1
+    if count < LEAST_IN_A_BAND:
+        return None
+    return float((flux * found.mean(1))[order[:count]].sum() / own[:count].sum())
+
+
+def between_samples(samples: Samples, flux: Tensor) -> float:
+    """By how much the brightest samples exceed their neighbours, as a share of their value: the median of them.
+
+    Those that hold `BRIGHTEST` of the light, each beside the mean of its `BESIDE` nearest, of an isotropic material in
+    (√θh, θd): what other angles of the light show of a highlight is known. Where most of a bright sample is gone at the
+    next, the highlight is narrower than the sampling, and its light a matter of chance.
+    """
+    if len(samples) < 4 * BESIDE:
+        return 0.0
+    values = samples.values.mean(1)
+    order = values.sort(descending=True, stable=True).indices
+    own = (flux * values)[order]
+    count = int((own.cumsum(0) < BRIGHTEST * own.sum()).sum()) + 1
+    place = places_of(samples).numpy()
+    if samples.isotropic:
+        theta_h, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
+        place = torch.stack((theta_h.clamp_min(0).sqrt(), theta_d), 1).numpy()
+    _, near = KDTree(place).query(place[order[:count].numpy()], k=BESIDE + 1)
+    beside = values[torch.from_numpy(np.asarray(near)[:, 1:])].mean(1)
+    return float((1 - beside / values[order[:count]].clamp_min(1e-300)).clamp_min(0).median())
+
+
+def rising(samples: Samples, flux: Tensor) -> float:
+    """The exponent at which samples rise towards the mirror direction where they end, f ~ θh^(−exponent).
+
+    Of the mean of the `INNERMOST` with the smallest θh, θd under `LEAST_GRAZING`, beside those at twice to three times
+    as much; less one standard error. A highlight whose top was measured is flat there; one that is still rising goes on
+    where no sample is, nobody knows how high. 0 where the samples are too few, or where what they rise to, carried on
+    to θh = 0, holds less than `LEAST_HIDDEN` of the light.
+    """
+    theta_h, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
+    upright = theta_d < math.radians(LEAST_GRAZING)
+    order = theta_h[upright].argsort(stable=True)
+    angle, values, flux = (
+        values[upright][order] for values in (theta_h.clamp_min(_LEAST_ANGLE), samples.values.mean(1), flux)
+    )
+    if len(angle) < INNERMOST:
+        return 0.0
+    edge = float(angle[INNERMOST - 1])
+    beside = (angle > 2 * edge) & (angle < 3 * edge)
+    parts = values[:INNERMOST], values[beside]
+    if min(len(part) for part in parts) < 4 or min(float(part.mean()) for part in parts) <= 0:
+        return 0.0
+    gap = float(angle[beside].log().mean() - angle[:INNERMOST].log().mean())
+    inner, outer = (float(part.mean()) for part in parts)
+    exponent = math.log(inner / outer) / gap
+    chance = math.hypot(*(float(part.std() / part.mean()) / math.sqrt(len(part)) for part in parts)) / gap
+    light = flux * values
+    # ∫ θ^(1 − p) dθ over that of a constant: what a power of θh under 2 holds up to the edge.
+    hidden = float(light[:INNERMOST].sum() / light.sum()) * 2 / (2 - min(exponent, STEEPEST))
+    return exponent - chance if hidden > LEAST_HIDDEN else 0.0
+
+
+def cut_light(flux: Tensor, expected: Tensor, is_cut: Tensor) -> float:
+    """Share of the light of the worst channel where the fit `is_cut` (N, C) at zero."""
+    light = flux[:, None] * expected
+    return float(((light * is_cut).sum(0) / light.sum(0).clamp_min(1e-300)).max())
+
+
+def standing_out(samples: Samples, flux: Tensor, found: Tensor, misses: Tensor) -> float:
+    """Light by which few samples miss the fit by `OUTLIER` robust deviations; 0 where they are many."""
+    far = misses > OUTLIER * scale_of(misses)
+    if float(far.double().mean()) > FEW_OUTLIERS:
+        return 0.0
+    light = flux * samples.values.mean(1)
+    missed = flux * (found - samples.values).mean(1).abs()
+    return float(missed[far].sum() / light.sum().clamp_min(1e-300))
+
+
+def dark_light(samples: Samples, flux: Tensor) -> tuple[float, float, float]:
+    """(share of the samples that are zero in a channel, share of the light that is missing there, of white light).
+
+    Of the worst channels. What is missing is what the nearest sample that is not zero would have there; the third is
+    the share of the light that a white surface would have where samples are zero in all channels.
+    """
+    zero = samples.values == 0
+    share, missing = float(zero.double().mean(0).max()), 0.0
+    if share == 0:
+        return 0.0, 0.0, 0.0
+    white = float((flux * zero.all(1)).sum() / flux.sum().clamp_min(1e-300))
+    place = places_of(samples).numpy()
+    for channel in range(zero.shape[1]):
+        gone = zero[:, channel]
+        if not bool(gone.any()) or bool(gone.all()):
+            continue
+        there = ~gone
+        _, near = KDTree(place[there.numpy()]).query(place[gone.numpy()])
+        values = samples.values[there, channel]
+        lost = float((flux[gone] * values[torch.from_numpy(np.asarray(near))]).sum())
+        missing = max(missing, lost / (lost + float((flux[there] * values).sum())))
+    return share, missing, white
+
+
+def clipped_light(samples: Samples, flux: Tensor) -> float:
+    """Share of the light of the worst channel at samples that share its largest value: `LEAST_TIED` or more of them.
+
+    Not where most samples do, as those of a constant BRDF.
+    """
+    largest = 0.0
+    for values in samples.values.T:
+        tied = (values == values.max()) & (values > 0)
+        if LEAST_TIED <= int(tied.sum()) < len(values) / 2:
+            largest = max(largest, float((flux * values)[tied].sum() / (flux * values).sum().clamp_min(1e-300)))
+    return largest
+
+
+def rounded_light(samples: Samples, flux: Tensor) -> float:
+    """By how much of a channel's light rounding to equal steps misses, of the worst: a quarter of the step, on average.
+
+    The step is the least between any two values: next to nothing where they are not rounded.
+    """
+    largest = 0.0
+    for values in samples.values.T:
+        levels = torch.unique(values)
+        steps = levels.diff()
+        steps = steps[steps > _SAME * levels[-1]]
+        if len(levels) > 2 and len(steps) == len(levels) - 1:
+            largest = max(largest, float(steps.min() / 4 * flux.sum() / (flux * values).sum().clamp_min(1e-300)))
+    return largest
+
+
+def differing_light(samples: Samples, flux: Tensor) -> float:
+    """Light by which samples of the same two directions differ from their mean."""
+    keys = (torch.cat((samples.wi, samples.wo), 1) / _SAME).round()
+    _, group, counts = torch.unique(keys, dim=0, return_inverse=True, return_counts=True)
+    if int(counts.max()) < 2:
+        return 0.0
+    values = samples.values.mean(1)
+    mean = torch.zeros(len(counts), dtype=values.dtype).index_add_(0, group, values) / counts
+    return float((flux * (values - mean[group]).abs()).sum() / (flux * values).sum().clamp_min(1e-300))
+
+
+def worst_ring(samples: Samples, flux: Tensor, found: Tensor) -> tuple[float, float, str]:
+    """(light of a ring of θi or θo over what the fit and the rings beside it say, its share of the light, which).
+
+    Farthest from 1; (1, 0, "") where directions lie on no rings.
+    """
+    worst = 1.0, 0.0, ""
+    for name, direction in (("θi", samples.wi), ("θo", samples.wo)):
+        rings = ring_numbers(direction)
+        if rings is None:
+            continue
+        rank, count = rings
+        own, mine = (
+            torch.zeros(count, dtype=torch.float64).index_add_(0, rank, flux * values.mean(1))
+            for values in (samples.values, found)
+        )
+        ratio = own / mine.clamp_min(1e-300)
+        for ring in range(1, count - 1):
+            beside = float(ratio[ring - 1] * ratio[ring + 1]) ** 0.5
+            alone = max(float(ratio[ring]), 1e-6 * beside) / beside if beside > 0 else 1.0
+            if abs(math.log(alone)) > abs(math.log(worst[0])):
+                angle = float(torch.rad2deg(to_spherical(direction)[0][rank == ring].mean()))
+                worst = alone, float(own[ring] / own.sum()), f"{name} = {angle:.3g}°"
+    return worst
+
+
+def albedos(fit: Reflectance, isotropic: bool) -> Tensor:
+    """∫ f cosθo dωo (angles, azimuths, C) at `ALBEDO_DEGREES`, by nodes that follow the lobe."""
+    theta = torch.tensor(ALBEDO_DEGREES, dtype=torch.float64).deg2rad()
+    rows = []
+    for azimuth in light_azimuths(isotropic):
+        wi = from_spherical(theta, torch.full_like(theta, azimuth))
+        wo, solid = hemisphere_nodes(wi, _RINGS, _SPOKES)
+        values = fit.evaluate(wi[:, None].expand_as(wo).reshape(-1, 3), wo.reshape(-1, 3)).double()
+        rows.append((values.reshape(*solid.shape, -1) * (solid * wo[..., 2])[..., None]).sum(1))
+    return torch.stack(rows, 1)
+
+
+def largest_step(found: Tensor) -> tuple[float, str]:
+    """(albedo at an angle over that at its neighbour nearer to `STEADY_DEGREES`, where), the farthest from 1.
+
+    Of `albedos`, up to `STEADY_DEGREES`, where the albedo of a material hardly depends on the angle.
+    """
+    worst = 1.0, ""
+    last = ALBEDO_DEGREES.index(STEADY_DEGREES)
+    for one, degrees in enumerate(ALBEDO_DEGREES[:last]):
+        here, there = found[one].reshape(-1), found[one + 1].reshape(-1)
+        lit = there > 0
+        if not bool(lit.any()):
+            continue
+        ratios = (here[lit] / there[lit]).clamp_min(1e-6)
+        ratio = float(ratios[int(ratios.log().abs().argmax())])
+        if abs(math.log(ratio)) > abs(math.log(worst[0])):
+            worst = ratio, f"θi = {degrees:g}° over {ALBEDO_DEGREES[one + 1]:g}°"
+    return worst
+
+
+def light_of(fit: Reflectance, train: Samples) -> tuple[float, float]:
+    """(asymmetry Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, share beyond the measurement) of the fit's light."""
+    theta, weight = disc_nodes(_LEVELS)
+    extrapolation = Extrapolation(train)
+    apart = both = outside = whole = 0.0
+    for azimuth in light_azimuths(train.isotropic):
+        lit = from_spherical(theta, torch.full_like(theta, azimuth))
+        views, solid = hemisphere_nodes(lit, _RINGS, _SPOKES)
+        wo = views.reshape(-1, 3)
+        wi = lit[:, None].expand_as(views).reshape(-1, 3)
+        flux = (solid * views[..., 2] * weight[:, None]).reshape(-1)
+        one, other = (fit.evaluate(*pair).double().mean(1) for pair in ((wi, wo), (wo, wi)))
+        apart += float((flux * (one - other).abs()).sum())
+        both += float((flux * (one + other)).sum())
+        outside += float((flux * one)[~extrapolation.measured(wi, wo)].sum())
+        whole += float((flux * one).sum())
+    return (apart / both if both > 0 else 0.0), (outside / whole if whole > 0 else 0.0)
+
+
+def asymmetry_of_samples(samples: Samples, flux: Tensor, seed: int) -> float | None:
+    """Σ|f − f'| over Σ(f + f') of samples and those nearest to their swapped places, beyond what neighbours differ by.
+
+    As `brdf.symmetry.swapped_neighbours` finds them. Where the nearest sample of the swapped place is no farther off
+    in value than the nearest of the sample's own place, that is 0: a highlight between two samples is no lack of
+    reciprocity. None where fewer than `LEAST_IN_A_BAND` samples have a neighbour there.
+    """
+    swapped = swapped_neighbours(samples, seed)
+    paired = swapped.paired
+    if int(paired.sum()) < LEAST_IN_A_BAND:
+        return None
+    _, own = swapped.tree.query(swapped.here.numpy(), k=2)
+    values, flux = samples.values[swapped.chosen].mean(1), flux[swapped.chosen][paired]
+
+    def apart(other: Tensor) -> float:
+        mine, theirs = values[paired], values[other[paired]]
+        return float((flux * (mine - theirs).abs()).sum() / (flux * (mine + theirs)).sum().clamp_min(1e-300))
+
+    return max(apart(swapped.nearest) - apart(torch.from_numpy(np.asarray(own)[:, 1])), 0.0)

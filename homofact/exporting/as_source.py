@@ -1,0 +1,57 @@
+"""A fit as a source: what it says of reflectance, sampled, as a measurement or a model would be."""
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from homofact.brdf.reflectance import Derived
+from homofact.brdf.sampling import sample_model
+from homofact.brdf.source import Source
+from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME
+from homofact.exporting.result import open_result
+from homofact.factor.fitted import Fitted
+from homofact.files.archive import member_names
+from homofact.files.reading import read_bytes
+
+
+@dataclass(frozen=True)
+class Drawn(Derived):
+    """A reflectance that says whether it is isotropic, as drawing samples asks."""
+
+    isotropic: bool
+
+
+def knows_no_azimuth(fitted: Fitted) -> bool:
+    """Whether a fit is isotropic by its coordinates; a model without textures always is."""
+    return fitted.evaluation is None or fitted.evaluation.isotropic
+
+
+def is_fit(place: str | os.PathLike[str]) -> bool:
+    """Whether a place is a folder, or an .npz that does not hold samples. Raises BadInput for a damaged archive."""
+    path = Path(place)
+    if path.is_dir():
+        return True
+    if path.suffix.lower() != ".npz" or not path.is_file():
+        return False
+    names = member_names(path, read_bytes(path, "an archive"), "an .npz of samples or of a fit")
+    return "header" in names and "wi" not in names
+
+
+def fit_as_source(place: str | os.PathLike[str], count: int, scheme: str, seed: int) -> Source:
+    """The fit of a result's folder, of an export's or of a saved file, with `count` samples drawn of it.
+
+    Raises BadInput where there is none.
+    """
+    return as_source(open_result(place), Path(place).name, count, scheme, seed)
+
+
+def as_source(
+    fitted: Fitted, name: str, count: int = DEFAULT_COUNT, scheme: str = DEFAULT_SCHEME, seed: int = 0
+) -> Source:
+    """A fit as a source of that name, with `count` samples drawn of it."""
+    begun = time.perf_counter()
+    reflectance = Drawn(fitted, knows_no_azimuth(fitted))
+    samples = sample_model(reflectance, count, scheme, seed, noise_free=False)
+    samples.provenance["comments"] = ["values of a fit"]
+    return Source(name, "drawn", samples, reflectance, fitted.transform.epsilon, time.perf_counter() - begun)

@@ -1,0 +1,58 @@
+"""What an engine's export adds to the folder: files made from what is exported, and reflectances that they show."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+
+import numpy as np
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.errors import BadInput
+from homofact.exporting.exported import Exported
+from homofact.shading.encoding import Encoded
+
+
+@dataclass(frozen=True)
+class Added:
+    """`files` by name, text or bytes; `looks` are reflectances in them other than the fit, by what they are called."""
+
+    files: Mapping[str, str | bytes]
+    looks: Mapping[str, Reflectance] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Engine:
+    """An engine: its `name` on the command line, the texture `formats` that it takes, the first unless told otherwise.
+
+    `add` makes its files; it raises BadInput for a fit that the engine cannot show.
+    """
+
+    name: str
+    formats: tuple[str, ...]
+    add: Callable[[Exported], Added]
+
+
+def check_colour(made: Exported, engine: str) -> None:
+    """Raise BadInput for a fit that has neither R, G, B nor one channel alone."""
+    channels = made.stored.channels
+    if len(channels) not in (1, 3):
+        raise BadInput(where=engine, found=f"channels {', '.join(channels)}", expected="R, G, B or one alone")
+
+
+def template(name: str, **values: str) -> str:
+    """A file of this package with every @NAME@ replaced."""
+    text = (files("homofact.exporting.engines") / name).read_text(encoding="utf-8")
+    for key, value in values.items():
+        mark = f"@{key}@"
+        assert mark in text, f"{name}: no {mark}"
+        text = text.replace(mark, value)
+    return text
+
+
+def rgba(texture: Encoded) -> np.ndarray:
+    """The stored texels (rows, columns, 4), one channel in all of R, G, B, alpha 1 (or 255)."""
+    stored = texture.stored
+    rows, columns, channels = stored.shape
+    colour = np.repeat(stored, 3, 2) if channels == 1 else stored[..., :3]
+    opaque = np.full((rows, columns, 1), np.iinfo(stored.dtype).max if stored.dtype.kind == "u" else 1, stored.dtype)
+    return np.concatenate((colour, opaque), 2)

@@ -1,0 +1,98 @@
+"""A Python script for Blender: the fit as a group of math nodes that sees the scene's lamps through drivers.
+
+A closure of Cycles or EEVEE never sees the light, but a lamp's direction can be given to nodes: f cosθ times its
+irradiance is emitted. All other light is the Principled BSDF's, with the parameters of the glTF material that looks
+most like the fit.
+"""
+
+import base64
+import math
+from typing import Any
+
+import numpy as np
+
+from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
+from homofact.exporting.as_source import knows_no_azimuth
+from homofact.exporting.engines.base import Added, Engine, check_colour, template
+from homofact.exporting.exported import Exported
+from homofact.exporting.gltf_fit import fit_metallic_roughness
+from homofact.files.words import harmless
+from homofact.shading.encoding import as_floats
+from homofact.shading.node_graph import node_graph
+from homofact.shading.program import name_of, program_of
+from homofact.version import __version__
+
+NAME = "brdf_blender.py"
+# Blender's aspect of a lobe is √(1 − .9 anisotropic).
+_ASPECT = 0.9
+_LINE = 100
+
+
+def _files(made: Exported) -> Added:
+    check_colour(made, "blender")
+    look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored))
+    return Added({NAME: script(made, look)}, {"look-alike": look})
+
+
+def script(made: Exported, look: MetallicRoughness) -> str:
+    """The text of the script. Its texels are decoded, so that a texture of bytes reads as what it stands for."""
+    textures = [as_floats(texture.texels) for texture in made.stored.textures]
+    graph = node_graph(program_of(made.stored, textures))
+    called = " ".join(harmless(name_of(made.stored.provenance)).split())
+    return template(
+        "brdf_blender.py.txt",
+        # What ends a docstring, or begins an escape in it, is left out.
+        NAME=called.replace("\\", "/").replace('"', "'"),
+        VERSION=__version__,
+        NAME_TEXT=ascii(f"homofact {called}"),
+        LOOKALIKE=_lines(principled(look).items(), "{}", lambda item: f"{item[0]!r}: {item[1]!r}"),
+        TEXTURES=_lines([_texels(texture.stored) for texture in textures], "[]", _wrapped),
+        PROGRAM=_lines(graph.nodes, "[]", repr),
+        RESULT=repr(graph.result),
+    )
+
+
+def principled(look: MetallicRoughness) -> dict[str, Any]:
+    """Blender's Principled BSDF for a glTF material, by socket.
+
+    glTF stretches a lobe to αt = α + (1 − α) s² along the tangent and keeps α across it; Blender shares α and divides
+    and multiplies it by an aspect, so its α is √(αt αb) and its aspect² αb/αt. Its rotation counts turns.
+    """
+    colour = look.base_colour if len(look.base_colour) == 3 else look.base_colour * 3
+    across = look.roughness**2
+    along = across + (1 - across) * look.anisotropy**2
+    parameters: dict[str, Any] = {
+        "Base Color": (*colour, 1.0),
+        "Metallic": look.metallic,
+        "Roughness": (along * across) ** 0.25,
+        "IOR": 1.5,
+        "Coat Weight": look.clearcoat,
+        "Coat Roughness": look.clearcoat_roughness,
+        "Anisotropic": min((1 - across / along) / _ASPECT, 1.0) if along > 0 else 0.0,
+        "Anisotropic Rotation": look.rotation / (2 * math.pi),
+    }
+    return {
+        name: tuple(round(x, 6) for x in value) if isinstance(value, tuple) else round(value, 6)
+        for name, value in parameters.items()
+    }
+
+
+def _texels(values: np.ndarray) -> tuple[int, int, str]:
+    """(columns, rows, little-endian floats in base64) of texels (rows, columns, 1 or 3)."""
+    rows, columns, _ = values.shape
+    return columns, rows, base64.b64encode(values.astype("<f4").tobytes()).decode()
+
+
+def _wrapped(texture: tuple[int, int, str]) -> str:
+    columns, rows, text = texture
+    lines = [f'        "{text[k : k + _LINE]}"' for k in range(0, len(text), _LINE)]
+    return f"({columns}, {rows},\n" + "\n".join(lines) + ")"
+
+
+def _lines(entries: Any, brackets: str, write: Any) -> str:
+    """A list or a dict, an entry a line."""
+    inner = "".join(f"    {write(entry)},\n" for entry in entries)
+    return f"{brackets[0]}\n{inner}{brackets[1]}"
+
+
+BLENDER = Engine("blender", ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"), _files)

@@ -1,0 +1,112 @@
+"""A look-alike for viewers of glTF: the metallic-roughness material nearest to the fit, on a sphere, in one .glb."""
+
+import json
+import math
+import struct
+from typing import Any
+
+import numpy as np
+
+from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
+from homofact.exporting.as_source import knows_no_azimuth
+from homofact.exporting.engines.base import Added, Engine, check_colour
+from homofact.exporting.exported import Exported
+from homofact.exporting.gltf_fit import fit_metallic_roughness
+from homofact.meshes.shapes import sphere
+from homofact.shading.program import name_of
+from homofact.version import __version__
+
+NAME = "lookalike.glb"
+_FLOAT, _UNSIGNED, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
+
+
+def _files(made: Exported) -> Added:
+    check_colour(made, "gltf")
+    look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored))
+    return Added({NAME: glb(look, name_of(made.stored.provenance))}, {"look-alike": look})
+
+
+def material_of(look: MetallicRoughness, name: str) -> dict[str, Any]:
+    """The material's object in glTF's JSON."""
+    colour = look.base_colour if len(look.base_colour) == 3 else look.base_colour * 3
+    material: dict[str, Any] = {
+        "name": name,
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [*colour, 1.0],
+            "metallicFactor": look.metallic,
+            "roughnessFactor": look.roughness,
+        },
+    }
+    more = {}
+    if look.clearcoat > 0:
+        more["KHR_materials_clearcoat"] = {
+            "clearcoatFactor": look.clearcoat,
+            "clearcoatRoughnessFactor": look.clearcoat_roughness,
+        }
+    if look.anisotropy > 0:
+        strength, turn = look.anisotropy, look.rotation
+        more["KHR_materials_anisotropy"] = {"anisotropyStrength": strength, "anisotropyRotation": turn}
+    return material | ({"extensions": more} if more else {})
+
+
+def glb(look: MetallicRoughness, name: str, rings: int = 48) -> bytes:
+    """A binary glTF 2.0 file: the unit sphere with its tangents along the parallels, in this material."""
+    mesh = sphere(rings)
+    normals = mesh.normals
+    across = np.stack((normals[:, 2], np.zeros(len(normals)), -normals[:, 0]), 1)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    tangents = np.where(length > 1e-9, across / np.maximum(length, 1e-9), np.array([[1.0, 0.0, 0.0]]))
+    arrays = [
+        (mesh.positions.astype("<f4"), "VEC3", _FLOAT, _VERTICES),
+        (normals.astype("<f4"), "VEC3", _FLOAT, _VERTICES),
+        (np.concatenate((tangents, np.ones((len(normals), 1))), 1).astype("<f4"), "VEC4", _FLOAT, _VERTICES),
+        (mesh.triangles.astype("<u4").reshape(-1, 1), "SCALAR", _UNSIGNED, _INDICES),
+    ]
+    views, accessors, data = [], [], b""
+    for array, kind, component, target in arrays:
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes, "target": target})
+        accessor = {"bufferView": len(accessors), "componentType": component, "count": len(array), "type": kind}
+        if target == _VERTICES:
+            accessor |= {"min": array.min(0).tolist(), "max": array.max(0).tolist()}
+        accessors.append(accessor)
+        data += array.tobytes()
+    material = material_of(look, name)
+    scene = {
+        "asset": {"version": "2.0", "generator": f"homofact {__version__}"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": name}],
+        "meshes": [
+            {
+                "primitives": [
+                    {"attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2}, "indices": 3, "material": 0},
+                ]
+            }
+        ],
+        "materials": [material],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data)}],
+    }
+    if "extensions" in material:
+        scene["extensionsUsed"] = sorted(material["extensions"])
+    text = json.dumps(scene, separators=(",", ":"), allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    data += bytes(-len(data) % 4)
+    total = 12 + 8 + len(text) + 8 + len(data)
+    head = struct.pack("<4sII", b"glTF", 2, total)
+    return head + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+
+
+def said(look: MetallicRoughness) -> str:
+    """The material's numbers on one line."""
+    colour = ", ".join(f"{x:.3f}" for x in look.base_colour)
+    line = f"baseColor ({colour}), metallic {look.metallic:.3f}, roughness {look.roughness:.3f}"
+    if look.clearcoat > 0:
+        line += f", clearcoat {look.clearcoat:.3f} of roughness {look.clearcoat_roughness:.3f}"
+    if look.anisotropy > 0:
+        line += f", anisotropy {look.anisotropy:.3f} at {math.degrees(look.rotation):.0f} degrees"
+    return line
+
+
+GLTF = Engine("gltf", ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"), _files)

@@ -1,0 +1,61 @@
+"""A scene for pbrt-v4 with the fit as its material `measured`: RGL's tensor file, tabulated from the fit.
+
+pbrt reads such files (`MeasuredBRDF::Create` in its bxdfs.cpp) with spectra alone, and of anisotropic materials only
+over the whole turn, so RGB becomes spectra (`brdf.upsampling`) that give it back under D65, the white of pbrt's lights
+and pictures in sRGB.
+"""
+
+import re
+from dataclasses import replace
+
+from homofact.brdf.adaptive import relative_differences, tabulated
+from homofact.brdf.channels import spectral_names, wavelengths_of
+from homofact.brdf.formats import rgl
+from homofact.brdf.reflectance import Exchanged
+from homofact.brdf.rgl import AdaptiveTable
+from homofact.brdf.upsampling import NODES, to_spectra
+from homofact.exporting.as_source import knows_no_azimuth
+from homofact.exporting.engines.base import Added, Engine, check_colour, template
+from homofact.exporting.exported import Exported
+from homofact.shading.languages import remark
+from homofact.shading.program import name_of
+from homofact.version import __version__
+
+SCENE, MATERIAL, TABLE = "scene.pbrt", "material.pbrt", "brdf.bsdf"
+_PAIRS = 5000
+
+
+def _files(made: Exported) -> Added:
+    spectral = wavelengths_of(made.stored.channels) is not None and len(made.stored.channels) > 1
+    if not spectral:
+        check_colour(made, "pbrt")
+    exchanged = Exchanged(made.stored)
+    table = tabulated(exchanged, knows_no_azimuth(made.stored), whole_turn=True)
+    middle, most = relative_differences(exchanged, table, _PAIRS)
+    called = remark(name_of(made.stored.provenance))
+    off = f"{middle:.2%} in the median, {most:.2%} at the 99th percentile"
+    names = {
+        "NAME": called,
+        "MATERIAL": re.sub("[^A-Za-z0-9]+", "-", called).strip("-") or "brdf",
+        "VERSION": __version__,
+    }
+    comments = (f"{called}, by homofact {__version__}", f"off the fit's values by {off}")
+    return Added(
+        {
+            SCENE: template("pbrt_scene.pbrt", **names),
+            MATERIAL: template("pbrt_material.pbrt", **names, OFF=off),
+            TABLE: rgl.packed(table if spectral else with_spectra(table), comments),
+        },
+        {} if spectral else {TABLE: Exchanged(table)},
+    )
+
+
+def with_spectra(table: AdaptiveTable) -> AdaptiveTable:
+    """A table of R, G and B, or of one channel, with spectra in their place; grey is the same at both ends."""
+    grey = len(table.channels) == 1
+    nodes = (NODES[0], NODES[-1]) if grey else NODES
+    values = table.table.expand(*table.table.shape[:-1], 2) if grey else to_spectra(table.table)
+    return replace(table, table=values, channels=spectral_names(nodes))
+
+
+PBRT = Engine("pbrt", ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"), _files)

@@ -1,0 +1,78 @@
+"""The folder of a result: factorization.npz, manifest.json, the textures, pictures, report.json.
+
+To read one back loads no torch.
+"""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from homofact.exporting.exported_reader import MANIFEST, is_export, open_exported
+from homofact.factor.fitted import Fitted
+from homofact.files.archive import saved_file
+from homofact.files.folder import check_new_folder, kept, write_folder
+from homofact.files.kinds import FACTORIZATION, RESULT
+from homofact.methods.saved import open_saved
+
+REPORT = "report.json"
+
+
+def check_result_folder(folder: str | os.PathLike[str], force: bool) -> None:
+    """Raise BadInput where `write_result` could not put a result: ask before a long fit, not after it.
+
+    Refused as `files.folder.check_new_folder` says.
+    """
+    check_new_folder(folder, RESULT, force)
+
+
+def write_result(
+    folder: str | os.PathLike[str],
+    *,
+    factorization: Fitted,
+    report: dict[str, Any],
+    pictures: Callable[[Path], None] | None = None,
+    force: bool = False,
+) -> None:
+    """Write the whole result to `folder`, or nothing.
+
+    `pictures` is called with the folder under construction and adds its files to it. Raises BadInput as
+    `check_result_folder` and `files.folder.write_folder`; whatever else goes wrong, `pictures` included, passes through
+    with the place as it was before. Where anything but an interrupt ends it after the fit is saved, the fit alone is
+    kept beside the place, and the error says where.
+    """
+    from homofact.exporting.images import write_textures
+    from homofact.exporting.manifest import manifest, write_json
+
+    check_result_folder(folder, force)
+
+    def fill(place: Path) -> None:
+        factorization.save(place / FACTORIZATION)
+        # The search's work: it outlives a picture that cannot be drawn and a full disk.
+        with kept(place / FACTORIZATION, folder, "the fit alone", ".npz"):
+            write_json(place / MANIFEST, manifest(factorization, write_textures(place, factorization)))
+            write_json(place / REPORT, report)
+            if pictures is not None:
+                pictures(place)
+
+    write_folder(folder, RESULT, fill, force)
+
+
+def open_result(place: str | os.PathLike[str]) -> Fitted:
+    """The fit of a result folder, of a saved file, or of an export's textures. Raises BadInput where there is none."""
+    found = saved_file(place, MANIFEST)
+    if found.name == MANIFEST and is_export(found.parent):
+        return open_exported(found.parent)
+    return open_saved(place)
+
+
+def read_record(place: str | os.PathLike[str]) -> dict[str, Any]:
+    """What report.json says of a result, given by its folder or its saved fit; empty where none can be read."""
+    path = Path(place)
+    folder = path.parent if path.name == FACTORIZATION else path
+    try:
+        found = json.loads((folder / REPORT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -1,0 +1,69 @@
+"""What every method is: a frozen dataclass of settings, which says by which function it fits.
+
+Torch takes a second to load and is needed only once something is fitted, so that a settings module imports nothing of
+the module that fits by it: the function stands as a name, `package.module:function`.
+"""
+
+from abc import ABC, abstractmethod
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from homofact.settings.options import check_options
+
+if TYPE_CHECKING:
+    from homofact.brdf.samples import Samples
+    from homofact.methods.fitting import MethodFit, ProgressCallback
+
+
+class Method(ABC):
+    """A way to fit: its settings are dataclass fields, and `name` is its name on the command line.
+
+    A method that lacks one of the optional settings below behaves as the value that stands here.
+    """
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+    name: ClassVar[str]
+    implementation: ClassVar[str]
+    """The function (samples, settings, progress) → `MethodFit`, as "package.module:function"."""
+
+    size: int
+    """Texels per side of a texture; 0 for a model without textures."""
+    epsilon: float | str | None
+    """ε of the log transform; None takes the source's, or that of noise-free data, "floor" the noise floor."""
+    seed: int
+    """Seed of every random choice."""
+
+    bytes: int | None = None
+    """How many bytes all textures may take; their sizes then come from the data."""
+    search: str = ""
+    """How projections are refined."""
+    solver: str = ""
+    """The linear solver."""
+    copies: int = 1
+    """To how many azimuths isotropic measurements are turned; 1 leaves them as they are."""
+    mirrored: bool = False
+    """Whether mirrored copies are added to these."""
+    robust: bool = False
+    """Whether gross errors among the samples are left out."""
+    confidence: bool = False
+    """Whether every texel's standard deviation is kept."""
+    quantize: str = "none"
+    """Which whole numbers texels are: "none", "png8" or "png16"."""
+
+    def __post_init__(self) -> None:
+        """Check the settings. Raises BadInput naming the setting, what was found and what is expected."""
+        check_options(self)
+
+    @property
+    @abstractmethod
+    def most_textures(self) -> int:
+        """How many textures, or terms, a fit has at most."""
+
+    def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "MethodFit":
+        """Fit the training samples as measured: the method makes what azimuth copies it needs.
+
+        Only searches call `progress`. An interrupt or the guard `budget` ends a search with the best projections so
+        far. Raises BadInput where the samples cannot be fitted.
+        """
+        module, function = self.implementation.split(":")
+        return getattr(import_module(module), function)(samples, self, progress)

@@ -1,0 +1,200 @@
+"""The picture of a plan: what was asked, error against bytes, and how much of the tolerance each choice uses.
+
+Left all materials in one panel, so that they can be compared: a colour a material, a marker a method, filled for
+floats and hollow for 8 bits, named beside each point, the choices ringed and joined to the others of their material by
+a thin line; where no material was asked about more than once there is nothing to compare, and no such panel. Right a
+bar for each choice, limit and lighting: the part of the limit that is used, with the margin for other views lighter.
+"""
+
+import math
+import os
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from homofact.figures.log_axis import log_x, log_y
+from homofact.figures.point_labels import PointLabel, label_points
+from homofact.files.atomic import replace_file
+from homofact.planning.ladder import WHOLE, Candidate
+from homofact.planning.plan import MaterialPlan, ScenePlan
+from homofact.planning.tolerance import MARGINS
+
+_MARKERS = {"constant": "o", "lambert-9": "D", "mccool": "s", "search": "h", "svd": "^"}
+# Okabe and Ito's, which colour-blind eyes can tell apart.
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#666666")
+_LIMIT = "#b03030"
+# A rung without error has a place on a logarithmic axis too.
+_LEAST = 1e-3
+# Errors whose logarithms differ by less lie on one spot of the panel.
+_SAME = 0.05
+_MOST_LETTERS, _MOST_NAMES, _FEWEST_ROWS = 26, 30, 3
+
+
+def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
+    """Draw the panels into `path` (PNG, SVG or PDF by its ending).
+
+    Raises BadInput where the place cannot be written.
+    """
+    distinct = plan.distinct
+    bars = [_bars(material) for material in distinct]
+    rows = sum(map(len, bars)) + len(bars)
+    compared = any(len(_spots(material)) > 1 for material in distinct)
+    with matplotlib.rc_context({"font.size": 9}):
+        height = max(4.6 if compared else 2.0, 1.4 + 0.27 * rows)
+        figure = Figure(figsize=(12.5 if compared else 8.0, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(1, 2, width_ratios=(1.15, 1)) if compared else (None, figure.subplots())
+        if left is not None:
+            _asked(left, distinct)
+        _used(right, distinct, bars)
+        where = ", ".join(lighting.name for lighting in plan.scene.lightings)
+        head = f"{plan.scene.name}: {plan.scene.tolerance.describe()}, under {where}."
+        foot = f"{plan.bytes} bytes, {plan.planning_fits} of {plan.exhaustive_fits} fits"
+        figure.suptitle(f"{head} {foot}" if compared else f"{head}\n{foot}", fontsize=10)
+        if left is not None:
+            # Labels are put where they fit, which is known once the layout is.
+            figure.canvas.draw()
+            figure.set_layout_engine("none")
+            _name_points(figure, left, distinct)
+        replace_file(path, lambda made: figure.savefig(made, dpi=120))
+
+
+class _Spot(NamedTuple):
+    """One or several representations of a material that are of the same bytes and of an error within `_SAME`."""
+
+    candidates: tuple[Candidate, ...]
+    place: tuple[float, float]
+    chosen: bool
+
+    @property
+    def shown(self) -> Candidate:
+        """The one whose marker stands for all of them."""
+        return self.candidates[0]
+
+
+def _spots(plan: MaterialPlan) -> list[_Spot]:
+    """Where what was asked about is, (bytes, error over tolerance), what has no finite error left out.
+
+    The choice leads its spot.
+    """
+    asked = {key: outcome for key, outcome in plan.walk.asked.items() if math.isfinite(outcome.error)}
+    spots: list[_Spot] = []
+    for candidate in sorted(asked, key=lambda key: key != plan.walk.choice):
+        place = float(asked[candidate].bytes), max(asked[candidate].error, _LEAST)
+        for number, (candidates, known, chosen) in enumerate(spots):
+            if known[0] == place[0] and abs(math.log(known[1] / place[1])) < _SAME:
+                spots[number] = _Spot((*candidates, candidate), known, chosen)
+                break
+        else:
+            spots.append(_Spot((candidate,), place, candidate == plan.walk.choice))
+    return spots
+
+
+def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
+    errors, sizes, drawn = [1.0], [], dict[tuple[str, bool], None]()
+    for k, plan in enumerate(distinct):
+        spots, colour = _spots(plan), _COLOURS[k % len(_COLOURS)]
+        axes.plot(*zip(*sorted(spot.place for spot in spots), strict=True), color=colour, lw=0.6, alpha=0.5, zorder=1)
+        for spot in spots:
+            hollow = spot.shown.storage == WHOLE
+            face = "white" if hollow else colour
+            axes.plot(*spot.place, _MARKERS[spot.shown.method], color=colour, ms=6, mfc=face, zorder=3)
+            drawn[spot.shown.method, hollow] = None
+            if spot.chosen:
+                axes.plot(*spot.place, "o", ms=14, mfc="none", mec=colour, mew=1.8, zorder=4)
+            errors.append(spot.place[1])
+            sizes.append(spot.place[0])
+    axes.axhline(1, color=_LIMIT, lw=1.2, ls="--", zorder=0)
+    log_x(axes, min(sizes) / 1.8, max(sizes) * 2.2)
+    # The key stands above the highest point.
+    log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.25 * 1.8, fewest=3)
+    axes.set_xlabel("bytes of one material")
+    axes.set_ylabel("error over tolerance, margin included")
+    axes.set_title("Every representation that was asked about", fontsize=9.5)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(handles=_key(drawn), loc="upper right", fontsize=8, framealpha=0.9, ncols=2)
+
+
+def _key(drawn: Iterable[tuple[str, bool]]) -> list[Line2D]:
+    """An entry for each marker that is drawn (method, whether hollow), as it is drawn, the ring and the line."""
+    grey = "#444444"
+    return [
+        *(
+            Line2D(
+                [], [], ls="", marker=_MARKERS[name], color=grey, ms=6, mfc="white" if hollow else grey,
+                label=f"{name}, 8 bits" if hollow else name,
+            )
+            for name, hollow in sorted(drawn, key=lambda entry: (list(_MARKERS).index(entry[0]), entry[1]))
+        ),
+        Line2D([], [], ls="", marker="o", mec=grey, mfc="none", mew=1.8, ms=11, label="chosen"),
+        Line2D([], [], color=_LIMIT, ls="--", lw=1.2, label="tolerance"),
+    ]  # fmt: skip
+
+
+def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
+    """Names beside the points; only the choices' where there are too many."""
+    named, paths = list[PointLabel](), [[(x, 1.0) for x in axes.get_xlim()]]
+    few = sum(len(_spots(plan)) for plan in distinct) <= _MOST_NAMES
+    for k, plan in enumerate(distinct):
+        spots = _spots(plan)
+        paths.append(sorted(spot.place for spot in spots))
+        named += [
+            PointLabel(", ".join(map(_short, spot.candidates)), spot.place, _COLOURS[k % len(_COLOURS)], spot.chosen)
+            for spot in spots
+            if few or spot.chosen
+        ]
+    label_points(figure, axes, named, paths, fontsize=8, radius=8)
+
+
+def _bars(plan: MaterialPlan) -> list[tuple[str, float, float]]:
+    """(words, part of the limit used, and with the margin) by limit and lighting."""
+    bars = []
+    for judge, errors in zip(plan.judges, plan.errors, strict=False):
+        for kind, limit in plan.tolerance.limits:
+            words = f"{kind}, {judge.lighting.name}" if kind != "cole" else kind
+            part = errors.of(kind) / limit
+            bars.append((words, part, part * MARGINS[kind]))
+    return bars
+
+
+def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[str, float, float]]]) -> None:
+    place, ticks, labels, most = 0.0, [], [], 1.0
+    for k, (plan, own) in enumerate(zip(distinct, bars, strict=True)):
+        colour = _COLOURS[k % len(_COLOURS)]
+        outcome, choice = plan.outcome, plan.walk.choice
+        words = (
+            "nothing in the budget" if choice is None or outcome is None else f"{choice.label}, {outcome.bytes} bytes"
+        )
+        share = "" if plan.material.pixels is None else f", {plan.material.pixels} pixels"
+        name = plan.name if len(plan.name) <= _MOST_LETTERS else plan.name[: _MOST_LETTERS - 1] + "…"
+        behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1}
+        title = f"{name}{share}: {words}"
+        axes.text(0, place, title, color=colour, va="center", fontsize=8.5, fontweight="bold", bbox=behind)
+        place += 1
+        for label, part, with_margin in own:
+            shown = [value if math.isfinite(value) else 0.0 for value in (part, with_margin)]
+            axes.barh(place, shown[1], color=colour, alpha=0.3, height=0.62)
+            axes.barh(place, shown[0], color=colour, height=0.62)
+            ticks.append(place)
+            labels.append(label)
+            most = max(most, *shown)
+            place += 1
+    axes.axvline(1, color=_LIMIT, lw=1.2, ls="--", zorder=0)
+    axes.set_xlim(0, most * 1.06)
+    axes.set_ylim(max(place, _FEWEST_ROWS) - 0.3, -0.7)
+    axes.set_yticks(ticks, labels, fontsize=8)
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlabel("part of the limit that the choice uses (lighter: with the margin for other views)")
+    axes.set_title("How much of its limits each choice uses", fontsize=9.5)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+
+
+def _short(candidate: Candidate) -> str:
+    if candidate.is_colour:
+        return candidate.method
+    return f"{candidate.textures}×{candidate.size}²" + (" 8 bit" if candidate.storage == WHOLE else "")

@@ -1,0 +1,142 @@
+"""The ladder of representations, from one colour to five textures, and how each is fitted.
+
+A fit stands on it twice, with texels as float32 and as whole numbers of 8 bits ("png8", as `homofact export` writes
+them), which takes no second fit. Bytes are the material's own: 4 or 1 a channel of a texel. The 9 terms of "lambert-9"
+belong to the lighting (108 bytes in three channels, once a scene); it stores the same colour as "constant" and saves
+the sum over the lights.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+from homofact.brdf.source import Source
+from homofact.evaluation.compare import HELD_OUT
+from homofact.methods.fitting import MethodFit, ProgressCallback
+from homofact.methods.mccool import McCool
+from homofact.methods.method import Method
+from homofact.methods.search import Search
+from homofact.methods.svd import Svd
+from homofact.planning.settings import PlanSettings
+
+CONSTANT, LAMBERT = "constant", "lambert-9"
+COLOURS = (CONSTANT, LAMBERT)
+FLOATS, WHOLE = "float32", "png8"
+STORAGES = (WHOLE, FLOATS)
+SIZES = (8, 16, 32)
+SEARCH_SIZES = (4, 8, 16, 32)
+# A search of two textures of 64² takes 85 s, an SVD of that size 65 s: too long for a rung that is mostly turned down.
+LARGE = (("mccool", 2, 64), ("search", 1, 64))
+SEARCH_TEXTURES = (1, 2, 3, 5)
+SVD_TERMS = (1, 2, 5)
+MCCOOL_TEXTURES = 2
+# Of the coarse search: a rung is asked for its error, and most are turned down, so each is to take seconds.
+SEARCHED_AT, SEARCHED_FROM = 8, 3000
+
+
+@dataclass(frozen=True, order=True)
+class Candidate:
+    """One rung: `method` ("constant", "lambert-9", "mccool", "search", "svd"), `textures` or terms, texels per side.
+
+    `storage` is "float32" or "png8".
+    """
+
+    method: str
+    textures: int = 0
+    size: int = 0
+    storage: str = FLOATS
+
+    @property
+    def label(self) -> str:
+        """As in tables: "search 2 × 16²", "search 2 × 16², 8 bits"."""
+        bits = ", 8 bits" if self.storage == WHOLE else ""
+        return self.method if self.is_colour else f"{self.method} {self.textures} × {self.size}²{bits}"
+
+    @property
+    def fit(self) -> "Candidate":
+        """The rung whose fit it is: the same with float texels."""
+        return replace(self, storage=FLOATS)
+
+    @property
+    def texel_bytes(self) -> int:
+        """Of one channel."""
+        return 1 if self.storage == WHOLE else 4
+
+    @property
+    def is_colour(self) -> bool:
+        """Whether it is one colour, which takes no fit."""
+        return self.method in COLOURS
+
+    def most_bytes(self, channels: int) -> int:
+        """Bytes at most: a search may find fewer textures, or flat ones, enough."""
+        return self.texel_bytes * channels * (1 if self.is_colour else self.textures * self.size**2)
+
+    def most_fetches(self, isotropic: bool) -> int:
+        """Fetches expected: one a texture, two a term of an SVD or where conjugates are looked up."""
+        if self.is_colour:
+            return 0
+        if self.method == "mccool":
+            return 3
+        return self.textures * (2 if self.method == "svd" or not isotropic else 1)
+
+
+@dataclass(frozen=True)
+class FitOptions(PlanSettings):
+    """How the rungs are fitted: `held_out` is the part of the samples kept from the fit."""
+
+    held_out: float = HELD_OUT
+    seed: int = 0
+    progress: ProgressCallback | None = field(default=None, compare=False)
+
+
+FITS: tuple[Candidate, ...] = (
+    *(Candidate("mccool", MCCOOL_TEXTURES, size) for size in SIZES),
+    *(Candidate("search", count, size) for count in SEARCH_TEXTURES for size in SEARCH_SIZES),
+    *(Candidate("svd", count, size) for count in SVD_TERMS for size in SIZES),
+    *(Candidate(*facts) for facts in LARGE),
+)
+LADDER: tuple[Candidate, ...] = (
+    *(Candidate(name) for name in COLOURS),
+    *(replace(candidate, storage=storage) for candidate in FITS for storage in STORAGES),
+)
+
+
+def ladder(channels: int = 3, isotropic: bool = True) -> tuple[Candidate, ...]:
+    """`LADDER` by rising bytes, fetches breaking ties."""
+    return tuple(
+        sorted(
+            LADDER, key=lambda candidate: (candidate.most_bytes(channels), candidate.most_fetches(isotropic), candidate)
+        )
+    )
+
+
+def fits_among(candidates: Iterable[Candidate]) -> int:
+    """How many fits these rungs take."""
+    return len({candidate.fit for candidate in candidates if not candidate.is_colour})
+
+
+def settings_of(candidate: Candidate, source: Source, options: FitOptions) -> Method:
+    """`method_of` with the source's ε."""
+    return replace(method_of(candidate, options), epsilon=source.default_epsilon)
+
+
+def method_of(candidate: Candidate, options: FitOptions) -> Method:
+    """The fit that a rung with textures stands for."""
+    if candidate.method == "mccool":
+        return McCool(size=candidate.size, seed=options.seed)
+    if candidate.method == "svd":
+        return Svd(textures=candidate.textures, size=candidate.size, seed=options.seed)
+    return Search(
+        textures=candidate.textures,
+        size=candidate.size,
+        effort=options.effort,
+        budget=options.budget,
+        search_size=SEARCHED_AT,
+        search_samples=SEARCHED_FROM,
+        seed=options.seed,
+    )
+
+
+def fit_candidate(candidate: Candidate, source: Source, options: FitOptions) -> MethodFit:
+    """Fit a rung with textures to the source's training samples, texels as floats; raises what the method raises."""
+    method = settings_of(candidate, source, options)
+    return method.fit(source.samples.split(options.held_out, options.seed)[0], options.progress)

@@ -1,0 +1,138 @@
+"""The fits of one material: its source, every fit of it so far in either storage, and the verdict on a choice."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import torch
+
+from homofact.brdf.analytic.lambert import Lambert
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.samples import Samples
+from homofact.brdf.source import Source, open_source
+from homofact.errors import BadInput, Report, Status
+from homofact.evaluation.appearance import appearance
+from homofact.evaluation.metrics import measure
+from homofact.evaluation.peak import half_width
+from homofact.evaluation.split import Split
+from homofact.evaluation.verdict.finding import About
+from homofact.evaluation.verdict.judge import judge
+from homofact.evaluation.verdict.verdict import Verdict
+from homofact.factor.factorization import Factorization, Term
+from homofact.factor.fitted import Fitted
+from homofact.factor.projection import fixed_projection
+from homofact.factor.quantize import rounded
+from homofact.methods.common import quantized
+from homofact.planning.ladder import SEARCH_SIZES, WHOLE, Candidate, FitOptions, fit_candidate, ladder, settings_of
+from homofact.planning.theory import Lobes
+from homofact.theory.half_curve import half_angle_curve
+from homofact.theory.terms import half_angle_terms
+
+Fitter = Callable[[Candidate, Source, FitOptions], tuple[Fitted, Report]]
+# Texels up to which whole numbers are solved for: the effort grows with their cube, 48 s for five textures of 32².
+MOST_SOLVED = 1024
+_LEAST = Candidate("search", 1, SEARCH_SIZES[0])
+
+
+def fitted_by_method(candidate: Candidate, source: Source, options: FitOptions) -> tuple[Fitted, Report]:
+    """The rung fitted to the source's training samples, and the fit's report."""
+    fit = fit_candidate(candidate, source, options)
+    return fit.factorization, fit.report
+
+
+@dataclass
+class MaterialFits:
+    """The source of a material, what theory knows of it, every fit `made` so far and why others were `refused`."""
+
+    text: str
+    options: FitOptions
+    fitter: Fitter = fitted_by_method
+    made: dict[Candidate, tuple[Fitted, Report]] = field(default_factory=dict)
+    refused: dict[Candidate, str] = field(default_factory=dict)
+    stored: dict[Candidate, Fitted] = field(default_factory=dict)
+
+    @cached_property
+    def source(self) -> Source:
+        """Read or sampled once. Raises BadInput as `open_source` does."""
+        return open_source(self.text, count=self.options.count, seed=self.options.seed)
+
+    @cached_property
+    def lobes(self) -> Lobes:
+        """The material's lobes by order."""
+        return Lobes.of(self.source.reflectance)
+
+    @cached_property
+    def own_terms(self) -> int:
+        """In-out terms that hold 99% of the BRDF itself, whatever light falls on it (`terms.half_angle_terms`)."""
+        return half_angle_terms(half_angle_curve(self.source.reflectance).l_star())
+
+    @cached_property
+    def highlight(self) -> float | None:
+        """Half width of the highlight in radians of θh (`evaluation.peak`), None where there is none."""
+        return half_width(self.source.reflectance)
+
+    @cached_property
+    def rungs(self) -> tuple[Candidate, ...]:
+        """The ladder in this material's order."""
+        return ladder(len(self.source.samples.channels), self.source.samples.isotropic)
+
+    @cached_property
+    def split(self) -> Split:
+        """What is held out."""
+        return Split.of(self.source, self.options.held_out, self.options.seed)
+
+    @cached_property
+    def training(self) -> Samples:
+        """What fits are made of."""
+        return self.split.parts(self.source)[0]
+
+    def fitted(self, candidate: Candidate) -> tuple[Fitted, Report]:
+        """The rung's fit in its storage, made on first asking. Raises what its method raises, each time."""
+        if candidate.fit in self.refused:
+            raise BadInput(self.refused[candidate.fit])
+        if candidate.fit not in self.made:
+            self.made[candidate.fit] = self.fitter(candidate.fit, self.source, self.options)
+        fit, report = self.made[candidate.fit]
+        if candidate.storage != WHOLE:
+            return fit, report
+        if candidate not in self.stored:
+            self.stored[candidate] = self._whole(candidate, fit)
+        return self.stored[candidate], report
+
+    def _whole(self, candidate: Candidate, fit: Fitted) -> Fitted:
+        if sum(texture.size[0] * texture.size[1] for texture in fit.textures) > MOST_SOLVED:
+            return rounded(fit, WHOLE)
+        method = settings_of(candidate, self.source, self.options)
+        return quantized(fit, self.training, method, WHOLE)
+
+    def verdict(self, candidate: Candidate, colour: Lambert | None = None) -> Verdict:
+        """What is found against a rung, or against one `colour`.
+
+        Of a colour only what is odd in the data or unknown: what it lacks it lacks by choice, within the tolerance.
+        """
+        method = settings_of(candidate if colour is None else _LEAST, self.source, self.options)
+        test = self.split.test_samples(self.source)
+        if colour is None:
+            fit, report = self.fitted(candidate)
+        else:
+            fit = as_texture(colour, self.training, self.source.default_epsilon)
+            report = Report(Status.DIRECT, 0, 0, 0.0, 0.0, self.options.seed)
+        turned = self.training.rotated_at_random(self.options.seed)
+        errors = measure(fit, turned, fit.transform), measure(fit, test, fit.transform)
+        seen = appearance(fit, self.source)
+        verdict = judge(fit, report, method, self.training, test, errors, seen)
+        if colour is None:
+            return verdict
+        return replace(
+            verdict, findings=tuple(finding for finding in verdict.findings if finding.about is not About.FIT)
+        )
+
+
+def as_texture(colour: Lambert, training: Samples, epsilon: float) -> Factorization:
+    """One colour as a product of one even texture of 2 × 2 texels."""
+
+    transform = LogTransform.of(training, epsilon)
+    level = transform.forward(torch.tensor(colour.diffuse, dtype=torch.float64)[None] / torch.pi)[0]
+    texture = level.expand(2, 2, -1).clone()
+    term = Term(fixed_projection("theta_h-theta_d", True), texture, torch.ones(2, 2, dtype=torch.bool))
+    return Factorization((term,), transform, colour.channels)

@@ -1,0 +1,207 @@
+"""What a representation is judged by: the Cole error on held-out samples, and the light that it reflects.
+
+The light is that of lit spheres (`plan.stage`): some thousand pairs of normal and view, none of them a sample of the
+fit, the same for source and candidate. All kinds of error are `plan.tolerance`'s. One exposure takes the 99th
+percentile of the source's pixels, over all views, to .9.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.analytic.lambert import Lambert
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.source import Source
+from homofact.errors import BadInput
+from homofact.evaluation.compare import held_out_samples
+from homofact.evaluation.image_metrics import ciede2000_of_pixels
+from homofact.evaluation.metrics import measure
+from homofact.planning.ladder import CONSTANT, Candidate, FitOptions
+from homofact.planning.stage import Stage
+from homofact.planning.tolerance import KINDS, SEEN, Errors
+from homofact.rendering.sphere import SphereImage
+from homofact.rendering.tonemap import PERCENTILE, TARGET, displayed
+from homofact.scene.lighting import Lighting
+
+_P95 = 0.95
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What is seen of one view: radiance (P, C) of pixels or nodes, and the share of the disc of each, (P,)."""
+
+    radiance: Tensor
+    weights: Tensor
+
+
+@dataclass(frozen=True)
+class RepresentationEvaluator:
+    """Measures representations of one source on one stage; its own pictures are drawn once.
+
+    `pixels` are those that the sphere is across, None from close by (`plan.stage`).
+    """
+
+    source: Source
+    stage: Stage
+    options: FitOptions
+    pixels: int | None = None
+
+    @property
+    def lighting(self) -> Lighting:
+        """The light on the stage."""
+        return self.stage.lighting
+
+    @cached_property
+    def transform(self) -> LogTransform:
+        """ε of the source and A of the training samples, as every fit of them has."""
+        train = self.source.samples.split(self.options.held_out, self.options.seed)[0]
+        return LogTransform.of(train, self.source.default_epsilon)
+
+    @cached_property
+    def _drawn(self) -> list[Tensor]:
+        """The source's radiance at the nodes. Raises BadInput for what the source itself cannot be drawn with."""
+        drawn = self.stage.draw(self.source.reflectance)
+        if not any(bool(radiance.any()) for radiance in drawn):
+            raise BadInput(
+                f"{self.source.name} reflects none of {self.lighting.name}", where="lighting", expected="some light"
+            )
+        return drawn
+
+    @cached_property
+    def _pictures(self) -> list[Picture]:
+        return self._seen(self._drawn)
+
+    @cached_property
+    def _exposure(self) -> float:
+        return exposure(self._pictures)
+
+    def errors(self, reflectance: Reflectance, kinds: tuple[str, ...] = KINDS) -> Errors:
+        """The errors of a fitted representation; those not asked for are NaN, infinite where it is not finite."""
+        drawn: list[Tensor] = []
+        if set(kinds) != {"cole"}:
+            # The source's come first: what is wrong with the lighting is no fault of the fit.
+            _ = self._drawn
+            try:
+                drawn = self.stage.draw(reflectance)
+            except BadInput:
+                return Errors(*(math.inf,) * len(KINDS))
+        return self._judged(reflectance, drawn, kinds)
+
+    def colour_errors(self, candidate: Candidate, model: Lambert, kinds: tuple[str, ...] = KINDS) -> Errors:
+        """The errors of one colour as "constant" or "lambert-9"."""
+        drawn: list[Tensor] = []
+        if set(kinds) != {"cole"}:
+            drawn = self.stage.draw(model)
+            drawn = drawn if candidate.method == CONSTANT else self.cut(model, drawn)
+        return self._judged(model, drawn, kinds)
+
+    @cached_property
+    def to_white(self) -> tuple[Tensor, Tensor]:
+        """Σ B E and Σ E² (C,) over the nodes, by Σ B²: of the source's light B and that of a white sphere, E."""
+        names = self.source.samples.channels
+        white = self.stage.draw(Lambert((1.0,) * len(names), channels=names))
+        met = there = torch.zeros(len(names), dtype=torch.float64)
+        whole = 0.0
+        for own, one, view in zip(self._drawn, white, self.stage.views, strict=True):
+            sums = [(view.weights[:, None] * product).sum(0) for product in (own * one, one * one)]
+            # A grey material may stand in coloured light.
+            met, there = (a + (b if len(b) == len(names) else b.sum()) for a, b in zip((met, there), sums, strict=True))
+            whole += _energy(own, view.weights)
+        return met / whole, there / whole
+
+    @cached_property
+    def of_logs(self) -> Tensor:
+        """f (C,) whose logarithm is the mean of the training samples'."""
+        train = self.source.samples.split(self.options.held_out, self.options.seed)[0]
+        weights = train.weights / train.weights.sum()
+        return self.transform.inverse((self.transform.forward(train.values) * weights[:, None]).sum(0))
+
+    def _judged(self, reflectance: Reflectance, drawn: list[Tensor], kinds: tuple[str, ...]) -> Errors:
+        errors: dict[str, float] = {}
+        if "cole" in kinds:
+            held = held_out_samples(self.source, self.options.held_out, self.options.seed)
+            errors["cole"] = measure(reflectance, held, self.transform).log_mse
+        if set(kinds) != {"cole"}:
+            errors |= picture_errors(self._pictures, self._seen(drawn), self._exposure, kinds)
+        return Errors(**errors)
+
+    def _seen(self, drawn: list[Tensor]) -> list[Picture]:
+        return [
+            Picture(*view.blurred(radiance, self.pixels))
+            for view, radiance in zip(self.stage.views, drawn, strict=True)
+        ]
+
+    def cut(self, model: Lambert, drawn: list[Tensor]) -> list[Tensor]:
+        """Under the 9 terms alone: what the light above them adds is taken off, exactly, at each node's normal."""
+        albedo = torch.tensor(model.diffuse, dtype=torch.float64)
+        cut = []
+        for lost, radiance in zip(self.stage.above_nine_terms, drawn, strict=True):
+            cut.append((radiance - lost * albedo / math.pi).clamp_min(0))
+        return cut
+
+
+def best_colour(judges: Sequence[RepresentationEvaluator], of_light: bool) -> Lambert:
+    """f = c that minimises a source's error: of the light in all views, each lighting's relative, else of the logs.
+
+    The logs are those of the training samples; `judges` are of one source, one a lighting.
+    """
+    if of_light:
+        met, there = (torch.stack(sums).sum(0) for sums in zip(*(judge.to_white for judge in judges), strict=True))
+        values = met / there.clamp_min(1e-300) / math.pi
+    else:
+        values = judges[0].of_logs
+    return Lambert(tuple(math.pi * float(c) for c in values), channels=judges[0].source.samples.channels)
+
+
+def picture_errors(
+    own: list[Picture], other: list[Picture], exposed: float, kinds: tuple[str, ...]
+) -> dict[str, float]:
+    """The errors of light of pictures against the source's `own`, by kind: those of `kinds` that are asked for."""
+    errors: dict[str, float] = {}
+    pairs = list(zip(own, other, strict=True))
+    if "reflected" in kinds:
+        lit = [(a, b) for a, b in pairs if bool(a.radiance.any())]
+        lost = [_energy(a.radiance - b.radiance, a.weights) / _energy(a.radiance, a.weights) for a, b in lit]
+        errors["reflected"] = math.sqrt(sum(lost) / len(lost))
+    if set(kinds) & set(SEEN):
+        views = []
+        for a, b in pairs:
+            shown = [_displayed(picture, exposed) for picture in (a, b)]
+            apart = torch.from_numpy(ciede2000_of_pixels(shown[0], shown[1], _all(a)))
+            views.append((float((apart * a.weights).sum()), quantile(apart, a.weights, _P95), float(apart.max())))
+        worst = map(max, zip(*views, strict=True))
+        errors |= {kind: value for kind, value in zip(SEEN, worst, strict=True) if kind in kinds}
+    return errors
+
+
+def exposure(pictures: list[Picture]) -> float:
+    """The factor that takes the 99th percentile of the pixels' largest channel, over all pictures, to .9."""
+    brightest = torch.cat([picture.radiance.max(1).values for picture in pictures])
+    level = quantile(brightest, torch.cat([picture.weights for picture in pictures]), PERCENTILE / 100)
+    return TARGET / (level if level > 0 else float(brightest.max()))
+
+
+def quantile(values: Tensor, weights: Tensor, part: float) -> float:
+    """The least of `values` (N,) that `part` of the `weights` (N,) do not exceed."""
+    order = values.argsort()
+    running = weights[order].cumsum(0)
+    place = int(torch.searchsorted(running, part * running[-1]))
+    return float(values[order[min(place, len(order) - 1)]])
+
+
+def _displayed(picture: Picture, exposed: float) -> Tensor:
+    return displayed(SphereImage(picture.radiance[None], torch.ones(1, len(picture.weights))), exposed)
+
+
+def _all(picture: Picture) -> Tensor:
+    return torch.ones(1, len(picture.weights), dtype=torch.bool)
+
+
+def _energy(radiance: Tensor, weights: Tensor) -> float:
+    """Σ B² over pixels and channels, each pixel by its share."""
+    return float((radiance**2 * weights[:, None]).sum())

@@ -1,0 +1,307 @@
+"""The planner: per material the cheapest representation that meets the tolerances under every lighting of a scene.
+
+Rungs (`plan.ladder`) are asked about by `plan.search`; an answer is a fit to the training samples and its errors on
+what was held out and in drawn views (`plan.measure`). A fit depends on neither lighting nor distance and is made once,
+whatever it is then measured under. Where the choices together exceed the scene's bytes, `plan.allocate` spends these.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from homofact.brdf.analytic.lambert import Lambert
+from homofact.errors import HomofactError
+from homofact.evaluation.verdict.verdict import Verdict
+from homofact.planning.allocate import Buyer, allocate
+from homofact.planning.ladder import CONSTANT, LAMBERT, Candidate, FitOptions, fits_among
+from homofact.planning.material_fits import MaterialFits
+from homofact.planning.measure import RepresentationEvaluator, best_colour
+from homofact.planning.scene import Budget, Scene, SceneMaterial
+from homofact.planning.search import LadderOutcome, Walk, walk
+from homofact.planning.stage import Stage
+from homofact.planning.theory import order_needed
+from homofact.planning.tolerance import MARGINS, Errors, Tolerance
+
+# Of the lighting's spectrum times the lobe's, what "orders needed" may leave out where the tolerance is no such error.
+USUAL_ERROR = 0.05
+
+
+@dataclass(frozen=True)
+class MaterialPlan:
+    """What was found for one material; `walk.choice` is the representation, None where none fits the budget.
+
+    One judge a lighting. Errors of the walk are in units of the tolerance, its margins included: 1 just meets it.
+    """
+
+    material: SceneMaterial
+    fits: MaterialFits
+    judges: tuple[RepresentationEvaluator, ...]
+    tolerance: Tolerance
+    walk: Walk
+
+    @property
+    def name(self) -> str:
+        """The source's."""
+        return self.fits.source.name
+
+    @property
+    def outcome(self) -> LadderOutcome | None:
+        """The choice's error, bytes and fetches."""
+        return None if self.walk.choice is None else self.walk.asked[self.walk.choice]
+
+    @property
+    def missed_by(self) -> float:
+        """error/limit − 1 of the choice where it misses, margins included; infinite where nothing was in the budget."""
+        outcome = self.outcome
+        return max(0.0, outcome.error - 1) if outcome is not None else math.inf
+
+    @property
+    def needed_orders(self) -> tuple[int, ...]:
+        """After which order the lobe may be cut, by lighting: for the tolerance on light, else for 5% of it."""
+        error = dict(self.tolerance.limits).get("reflected", USUAL_ERROR)
+        return tuple(order_needed(self.fits.lobes, judge.lighting, error) for judge in self.judges)
+
+    @property
+    def highlight_pixels(self) -> float | None:
+        """How many pixels the highlight is across, None where it has none or the object is close by."""
+        pixels, width = self.material.pixels, self.fits.highlight
+        return None if pixels is None or width is None else pixels * math.sin(width)
+
+    @cached_property
+    def colour(self) -> Lambert | None:
+        """The one colour that was chosen; None where the choice has textures, or there is none."""
+        choice = self.walk.choice
+        return best_colour(self.judges, self.tolerance.of_light) if choice is not None and choice.is_colour else None
+
+    @cached_property
+    def errors(self) -> tuple[Errors, ...]:
+        """All errors of the choice, by lighting; none where there is no choice."""
+        choice = self.walk.choice
+        return () if choice is None else tuple(self._errors(choice, judge) for judge in self.judges)
+
+    @cached_property
+    def verdict(self) -> Verdict | None:
+        """What is found against the choice and its data."""
+        choice = self.walk.choice
+        return None if choice is None else self.fits.verdict(choice, self.colour)
+
+    def _errors(self, choice: Candidate, judge: RepresentationEvaluator) -> Errors:
+        if self.colour is not None:
+            return judge.colour_errors(choice, self.colour)
+        return judge.errors(self.fits.fitted(choice)[0])
+
+    def ask(self, candidate: Candidate) -> LadderOutcome:
+        """A rung's answer under this plan's lightings and tolerance, from the walk where it was asked there."""
+        if candidate in self.walk.asked:
+            return self.walk.asked[candidate]
+        return outcome_of(candidate, self.fits, self.judges, self.tolerance)
+
+
+@dataclass(frozen=True)
+class OneSize:
+    """The smallest single rung that was found to meet the tolerance for every material; bytes of all together."""
+
+    candidate: Candidate
+    bytes: int
+    fetches: float
+
+
+@dataclass(frozen=True)
+class ScenePlan:
+    """The answer: a plan a material, in the scene's order; `fits` are all that were made, those of `one_size` too.
+
+    `allocated` says whether the choices share out the bytes because they would not all meet the tolerance within them.
+    """
+
+    scene: Scene
+    materials: tuple[MaterialPlan, ...]
+    one_size: OneSize | None
+    planning_fits: int
+    fits: int
+    exhaustive_fits: int
+    allocated: bool = False
+
+    @property
+    def distinct(self) -> tuple[MaterialPlan, ...]:
+        """Each choice once, where a material is listed again."""
+        return tuple({plan.material.key: plan for plan in self.materials}.values())
+
+    @property
+    def bytes(self) -> int:
+        """Of the choices; what is listed twice once."""
+        return sum(plan.outcome.bytes for plan in self.distinct if plan.outcome is not None)
+
+    @property
+    def fetches(self) -> float:
+        """Mean fetches of a picture's pixel, by the shares."""
+        return sum(plan.material.share * plan.outcome.fetches for plan in self.materials if plan.outcome is not None)
+
+    @property
+    def error(self) -> float:
+        """Of the picture, by the shares, in units of the tolerance; infinite where a material has no representation."""
+        return sum(
+            plan.material.share * (math.inf if plan.outcome is None else plan.outcome.error) for plan in self.materials
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was not met, in sentences that begin with the material's name."""
+        lines = []
+        for plan in self.distinct:
+            outcome, choice = plan.outcome, plan.walk.choice
+            if outcome is None or choice is None:
+                lines.append(f"{plan.name}: no representation fits the budget")
+            elif not plan.walk.met:
+                limit = dict(plan.tolerance.limits)[outcome.kind]
+                where = f" under {outcome.lighting}" if len(plan.judges) > 1 else ""
+                within = f" within {self.scene.budget.bytes} bytes" if self.allocated else ""
+                margin = MARGINS[outcome.kind] - 1
+                kept = f" with the margin of {margin:.0%} for other views" if margin > 0 else ""
+                lines.append(
+                    f"{plan.name}: {outcome.kind} {limit:g} cannot be met{where}{within}; the best reachable is"
+                    f" {outcome.value:.3g} by {choice.label}, missing it by {plan.missed_by:.0%}{kept}"
+                )
+        return tuple(lines)
+
+
+def outcome_of(
+    candidate: Candidate, fits: MaterialFits, judges: tuple[RepresentationEvaluator, ...], tolerance: Tolerance
+) -> LadderOutcome:
+    """Fit a rung where it needs one, and measure it under each lighting."""
+    samples = fits.source.samples
+    if candidate.is_colour:
+        model = best_colour(judges, tolerance.of_light)
+        cost = model.nbytes, 0, 0
+        errors = [judge.colour_errors(candidate, model, tolerance.kinds) for judge in judges]
+    else:
+        try:
+            fit = fits.fitted(candidate)[0]
+        except HomofactError as error:
+            # A rung that cannot be fitted to these samples is no answer, and no reason to give no other.
+            fits.refused[candidate.fit] = str(error)
+            most = candidate.most_bytes(len(samples.channels)), candidate.most_fetches(samples.isotropic)
+            return LadderOutcome(math.inf, *most, candidate.textures)
+        cost = fit.nbytes * candidate.texel_bytes // 4, fit.fetches, len(fit.terms)
+        errors = [judge.errors(fit, tolerance.kinds) for judge in judges]
+    used = [tolerance.used(under) for under in errors]
+    worst = max(range(len(used)), key=lambda k: used[k].ratio)
+    most = used[worst]
+    # The Cole error is of no lighting.
+    where = judges[worst].lighting.name if most.kind != "cole" else ""
+    return LadderOutcome(most.ratio, *cost, most.kind, most.error, where)
+
+
+def plan_material(
+    material: SceneMaterial, fits: MaterialFits, stages: tuple[Stage, ...], tolerance: Tolerance, budget: Budget
+) -> MaterialPlan:
+    """Walk the ladder for one material."""
+    # The Cole error sees no light: one stage will do, and the 9 terms would be had for nothing.
+    used = stages if tolerance.of_light else stages[:1]
+    judges = tuple(RepresentationEvaluator(fits.source, stage, fits.options, material.pixels) for stage in used)
+    walked = walk(
+        rungs_for(fits, tolerance),
+        lambda candidate: outcome_of(candidate, fits, judges, tolerance),
+        1.0,
+        channels=len(fits.source.samples.channels),
+        isotropic=fits.source.samples.isotropic,
+        most_bytes=math.inf if budget.bytes is None else budget.bytes,
+        most_fetches=math.inf if budget.fetches is None else budget.fetches,
+        light_reads={CONSTANT: max(stage.lighting.reads for stage in stages), LAMBERT: 9},
+    )
+    return MaterialPlan(material, fits, judges, tolerance, walked)
+
+
+def rungs_for(fits: MaterialFits, tolerance: Tolerance) -> tuple[Candidate, ...]:
+    """The rungs that are to be told apart under a tolerance."""
+    return tuple(candidate for candidate in fits.rungs if tolerance.of_light or candidate.method != LAMBERT)
+
+
+def plan_scene(
+    scene: Scene,
+    options: FitOptions | None = None,
+    fits_by_source: dict[str, MaterialFits] | None = None,
+    stage: Callable[[str], None] = lambda _: None,
+) -> ScenePlan:
+    """Plan a scene; `fits_by_source` carries fits over from another plan, `stage` hears which material is at work.
+
+    Raises BadInput for sources that cannot be read, and for materials that reflect nothing of the lighting.
+    """
+    used = replace(FitOptions() if options is None else options, seed=scene.seed)
+    known = {} if fits_by_source is None else fits_by_source
+    stages = tuple(Stage.of(lighting, scene.seed) for lighting in scene.lightings)
+    plans: dict[tuple[str, int | None], MaterialPlan] = {}
+    for material in scene.materials:
+        fits = known.setdefault(material.source, MaterialFits(material.source, used))
+        stage(fits.source.name)
+        if material.key not in plans:
+            plans[material.key] = plan_material(material, fits, stages, scene.tolerance, scene.budget)
+    distinct = tuple(plans.values())
+    limit = scene.budget.bytes
+    over = limit is not None and sum(plan.outcome.bytes for plan in distinct if plan.outcome is not None) > limit
+    if over and limit is not None:
+        stage("sharing out the bytes")
+        distinct = share_out(distinct, scene, limit)
+    planning = sum(plan.walk.fits for plan in distinct)
+    by_key = {plan.material.key: plan for plan in distinct}
+    shown = tuple(replace(by_key[material.key], material=material) for material in scene.materials)
+    stage("one size for all")
+    one = one_size(distinct, shown)
+    different = {id(plan.fits): plan.fits for plan in distinct}.values()
+    count = sum(len(fits.made) + len(fits.refused) for fits in different)
+    exhaustive = sum(fits_among(fits.rungs) for fits in different)
+    return ScenePlan(scene, shown, one, planning, count, exhaustive, over)
+
+
+def share_out(plans: tuple[MaterialPlan, ...], scene: Scene, most_bytes: int) -> tuple[MaterialPlan, ...]:
+    """The plans with the choices that make the picture's error least within so many bytes."""
+    most_fetches = math.inf if scene.budget.fetches is None else scene.budget.fetches
+    buyers = [
+        Buyer(
+            sum(material.share for material in scene.materials if material.key == plan.material.key),
+            rungs_for(plan.fits, plan.tolerance),
+            dict(plan.walk.asked),
+            lambda candidate, plan=plan: outcome_of(candidate, plan.fits, plan.judges, plan.tolerance),
+            len(plan.fits.source.samples.channels),
+            plan.fits.source.samples.isotropic,
+            most_fetches,
+        )
+        for plan in plans
+    ]
+    shared = []
+    for plan, buyer, choice in zip(plans, buyers, allocate(buyers, most_bytes), strict=True):
+        met = choice is not None and buyer.asked[choice].error <= plan.walk.tolerance
+        shared.append(replace(plan, walk=replace(plan.walk, asked=buyer.asked, choice=choice, met=met)))
+    return tuple(shared)
+
+
+def one_size(distinct: tuple[MaterialPlan, ...], shown: tuple[MaterialPlan, ...]) -> OneSize | None:
+    """The smallest single rung that meets the tolerance for all, looked for upwards from the dearest choice.
+
+    None where some material's tolerance was not met at all, or where no rung of the dearest one's method serves all.
+    """
+    if not all(plan.walk.met for plan in distinct):
+        return None
+    dearest = max(distinct, key=lambda plan: plan.outcome.bytes if plan.outcome is not None else 0)
+    first = dearest.walk.choice
+    if first is None:
+        return None
+    rungs = dearest.fits.rungs
+    offered = [
+        candidate
+        for candidate in rungs[rungs.index(first) :]
+        if (candidate.method, candidate.storage) == (first.method, first.storage)
+    ]
+    if first.is_colour:
+        offered = [first, *(candidate for candidate in rungs if candidate.is_colour and candidate != first)]
+    for candidate in offered:
+        answers: dict[tuple[str, int | None], LadderOutcome] = {}
+        for plan in distinct:
+            answers[plan.material.key] = answer = plan.ask(candidate)
+            if answer.error > 1:
+                break
+        else:
+            total = sum(answer.bytes for answer in answers.values())
+            fetches = sum(plan.material.share * answers[plan.material.key].fetches for plan in shown)
+            return OneSize(candidate, total, fetches)
+    return None

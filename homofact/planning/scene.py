@@ -1,0 +1,177 @@
+"""The scene of a plan, read from strict TOML: materials with their shares, lightings, tolerances, a budget.
+
+seed = 0
+[[material]]                       # one or more; shares add up to 1
+source = "material:phong-30"       # or a file, relative to the scene's
+share = 0.6
+pixels = 40                        # optional: how many the object is across, each of which averages what it covers
+[lighting]                         # one, or [[lighting]] several times: the tolerance then holds under each; one key of
+named = "overcast"                 # `scene.lighting.NAMED`
+environment = "sky.hdr"            # lat-long .hdr or .exr, relative to the scene's file
+lights = [{ direction = [0, 1, 1], radiance = [3.1, 3.1, 3.1] }]
+[tolerance]                        # one or more of `plan.tolerance.KINDS`; all of them hold
+cole = 0.05                        # mean squared error of logs; the lighting does not matter to it
+delta_e = 2.0                      # mean CIEDE2000 of the lit sphere, of the view where it is largest
+delta_e_p95 = 5.0                  # its 95th percentile
+delta_e_peak = 10.0                # its greatest value
+reflected = 0.02                   # relative error of the reflected light
+[budget]                           # optional
+bytes = 50000                      # of all materials together
+fetches = 4                        # of one evaluation, at most
+"""
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from homofact.errors import BadInput
+from homofact.files.reading import read_toml
+from homofact.planning.tolerance import Tolerance
+from homofact.rendering.environment import read_environment
+from homofact.rendering.light import DirectionalLight
+from homofact.scene.lighting import Lighting, named_lighting
+from homofact.scene.materials import found_source
+from homofact.settings.kinds import PLANNING, check_kind
+from homofact.settings.options import MOST_SEED
+from homofact.settings.tables import limits, read_table
+
+SHARE_SLACK = 1e-6
+LEAST_PIXELS, MOST_PIXELS = 2, 16384
+
+
+@dataclass(frozen=True)
+class SceneMaterial:
+    """`source` as `brdf.source.open_source` takes it, `share` of the picture in (0, 1].
+
+    `pixels` are those that the object is across, None from so close by that a pixel blurs nothing.
+    """
+
+    source: str
+    share: float = field(metadata=limits(above=0, most=1))
+    pixels: int | None = field(default=None, metadata=limits(least=LEAST_PIXELS, most=MOST_PIXELS))
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Equal for materials that one choice serves."""
+        return self.source, self.pixels
+
+
+@dataclass(frozen=True)
+class Budget:
+    """`bytes` of all materials together and `fetches` of one evaluation; None is no limit."""
+
+    # One colour is 4 bytes at least and 0 fetches.
+    bytes: int | None = field(default=None, metadata=limits(least=4))
+    fetches: int | None = field(default=None, metadata=limits(least=0))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is planned for; the tolerance holds under each of the `lightings`."""
+
+    name: str
+    materials: tuple[SceneMaterial, ...]
+    lightings: tuple[Lighting, ...]
+    tolerance: Tolerance
+    budget: Budget = Budget()
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class _LightingTable:
+    """[lighting], or one [[lighting]], as it stands in the file."""
+
+    environment: str | None = None
+    lights: tuple[DirectionalLight, ...] | None = None
+    named: str | None = None
+
+    def __post_init__(self) -> None:
+        _the_one(self)
+        for place, light in enumerate(self.lights or ()):
+            if len(light.levels()) not in (1, 3):
+                found = f"found {len(light.levels())} numbers"
+                raise BadInput(found, where=f"lights[{place}].radiance", expected="1 or 3 numbers")
+
+
+@dataclass(frozen=True)
+class _ToleranceTable:
+    """[tolerance] as it stands in the file; its keys are `plan.tolerance.KINDS`."""
+
+    cole: float | None = field(default=None, metadata=limits(above=0))
+    delta_e: float | None = field(default=None, metadata=limits(above=0))
+    delta_e_p95: float | None = field(default=None, metadata=limits(above=0))
+    delta_e_peak: float | None = field(default=None, metadata=limits(above=0))
+    reflected: float | None = field(default=None, metadata=limits(above=0))
+
+    def __post_init__(self) -> None:
+        if not _given(self):
+            raise BadInput(found="none", expected=f"at least one of {', '.join(key.name for key in fields(self))}")
+
+
+@dataclass(frozen=True)
+class _SceneTable:
+    """The whole file."""
+
+    material: tuple[SceneMaterial, ...]
+    lighting: _LightingTable | tuple[_LightingTable, ...]
+    tolerance: _ToleranceTable
+    budget: Budget = Budget()
+    seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
+
+    def __post_init__(self) -> None:
+        total = math.fsum(material.share for material in self.material)
+        if abs(total - 1) > SHARE_SLACK:
+            raise BadInput(f"the shares add up to {total:.6g}", where="material", expected="1")
+        if self.lighting == ():
+            raise BadInput(where="lighting", found="none", expected="at least one")
+
+
+def read_scene(path: str | Path) -> Scene:
+    """The scene in a TOML file.
+
+    Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, shares that do not add up to
+    1, sources and environments that are not there, and for an environment or lights that are not light.
+    """
+    file = Path(path)
+    given = read_toml(file, "a scene in TOML")
+    check_kind(given, PLANNING, file)
+    scene = read_table(_SceneTable, given, f"{file}: ")
+    tables = scene.lighting if isinstance(scene.lighting, tuple) else (scene.lighting,)
+    try:
+        return Scene(
+            file.stem,
+            tuple(
+                replace(material, source=found_source(material.source, file.parent, f"material[{place}].source"))
+                for place, material in enumerate(scene.material)
+            ),
+            tuple(_lighting(table, file.parent) for table in tables),
+            Tolerance(tuple(_given(scene.tolerance).items())),
+            scene.budget,
+            scene.seed,
+        )
+    except BadInput as error:
+        raise error.at(file) from error
+
+
+def _lighting(table: _LightingTable, folder: Path) -> Lighting:
+    if table.lights is not None:
+        words = "; ".join(light.describe() for light in table.lights)
+        return Lighting(f"{len(table.lights)} lights", table.lights, words)
+    if table.named is not None:
+        return named_lighting(table.named)
+    environment = read_environment(folder / str(table.environment))
+    return Lighting(environment.name, (environment,), environment.describe())
+
+
+def _the_one(table: "_LightingTable") -> None:
+    """Raise BadInput where none of the keys is given, or several."""
+    given = _given(table)
+    if len(given) != 1:
+        names = ", ".join(key.name for key in fields(table))
+        raise BadInput(found=" and ".join(given) or "none", expected=f"exactly one of {names}")
+
+
+def _given(table: "_LightingTable | _ToleranceTable") -> dict[str, Any]:
+    """Names and values of the keys that are given."""
+    return {key.name: getattr(table, key.name) for key in fields(table) if getattr(table, key.name) is not None}

@@ -1,0 +1,223 @@
+"""Which rung to ask about next: bisection on a belief about the errors of the whole ladder.
+
+log(error/tolerance) of the rungs is taken as a Gaussian process over (method, log2 textures, log2 size): a level of
+the material, one of each method, slopes with textures and size, a remainder that neighbours of one method share, and
+the luck of the fit, which its two storages have in common.
+Every answer moves all of it, so that a failed rung speaks against smaller ones of its method and, less, of the others.
+The next question is the cheapest rung by which half of the chance to find the answer lies: bisection, on a front that
+need not be monotone. It ends when the chance that any cheaper rung meets the tolerance falls under `DOUBT`.
+
+The figures of the prior are in units of log error, rounded from fits of analytic materials; the rest is as large as
+the luck of a search that time ends (one of three textures may come out worse than one of two). Nothing is taken for met
+that was not measured.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from homofact.planning.ladder import WHOLE, Candidate, fits_among
+
+DOUBT = 0.05
+# Where nothing meets the tolerance, up to this part of the ladder is asked about for the best that can be reached.
+BEST_PART = 0.2
+# ... and this part where the best so far misses it by less than NEAR.
+NEAR_PART, NEAR = 1.0, 1.05
+# Standard deviations of the material's level, a method's own, the slopes, the shared remainder, and the rest.
+LEVEL, OWN, SLOPES, SHARED, REST = 2.0, 0.7, (0.2, 0.3), 0.5, 0.5
+# How much of the rest the storages of one fit do not share, and by how much the log error of whole texels is larger.
+STORED, ROUNDED = 0.15, 0.05
+# Where each method starts beside one texture of 16², and how its log error falls with log2 textures and log2 size.
+MEANS = {"search": (0.0, -0.15, -0.35), "mccool": (0.8, 0.0, -0.2), "svd": (1.0, -0.2, -0.2)}
+COLOUR_MEAN = 1.5
+
+
+@dataclass(frozen=True)
+class LadderOutcome:
+    """What asking a rung brought: its error, bytes and fetches, and how many textures it came out with.
+
+    Of several limits and lightings, `error` is of the one that is met worst, over that limit; `kind`, `value` and
+    `lighting` say which it is, and the error itself.
+    """
+
+    error: float
+    bytes: int
+    fetches: int
+    terms: int = 0
+    kind: str = ""
+    value: float = math.nan
+    lighting: str = ""
+
+
+@dataclass
+class Walk:
+    """A search over a ladder: the answers so far in the order of asking; `choice` is None where none met the need."""
+
+    tolerance: float
+    asked: dict[Candidate, LadderOutcome] = field(default_factory=dict)
+    choice: Candidate | None = None
+    met: bool = False
+
+    @property
+    def fits(self) -> int:
+        """Fits that the questions took."""
+        return fits_among(self.asked)
+
+
+Ask = Callable[[Candidate], LadderOutcome]
+
+
+def walk(
+    candidates: Sequence[Candidate],
+    ask: Ask,
+    tolerance: float,
+    *,
+    channels: int = 3,
+    isotropic: bool = True,
+    most_bytes: float = math.inf,
+    most_fetches: float = math.inf,
+    light_reads: Mapping[str, int] | None = None,
+) -> Walk:
+    """The cheapest rung that meets the tolerance within the budget, by asking as few as may be.
+
+    Cheapest is fewest bytes, then fewest fetches, then fewest reads of the light (`light_reads` by method). Where
+    none does, `choice` is the one of the least error that is within the budget (None if none is) and `met` is False.
+    """
+    reads = light_reads or {}
+    state = Walk(tolerance)
+
+    def cost(candidate: Candidate) -> tuple[float, float, float]:
+        outcome = state.asked[candidate]
+        return outcome.bytes, outcome.fetches, reads.get(candidate.method, 0)
+
+    def fits_budget(candidate: Candidate) -> bool:
+        outcome = state.asked[candidate]
+        return outcome.bytes <= most_bytes and outcome.fetches <= most_fetches
+
+    for rung in candidates:
+        if rung.is_colour:
+            state.asked[rung] = ask(rung)
+    while True:
+        usable = [rung for rung in state.asked if fits_budget(rung)]
+        passing = [rung for rung in usable if state.asked[rung].error <= tolerance]
+        best = min(passing, key=cost) if passing else None
+        least = min((state.asked[rung].error for rung in usable), default=math.inf)
+        # So near, the luck of another search may decide.
+        near = best is None and least < NEAR * tolerance
+        limit = cost(best)[:2] if best is not None else (math.inf, math.inf)
+        pool = [
+            rung
+            for rung in candidates
+            if rung not in state.asked
+            and (rung.most_bytes(channels), rung.most_fetches(isotropic)) < limit
+            and (near or not _settled(rung, state.asked))
+        ]
+        # A search may come out smaller than asked, so only the sure excess of one texture is ruled out by the budget.
+        pool = [rung for rung in pool if rung.most_bytes(channels) <= most_bytes or rung.method == "search"]
+        pool = [rung for rung in pool if rung.most_fetches(isotropic) <= most_fetches or rung.method == "search"]
+        if not pool:
+            break
+        chances = _chances(pool, state, tolerance)
+        if 1 - math.prod(1 - chance for chance in chances) >= DOUBT:
+            question = _next(pool, chances, channels)
+        elif best is None:
+            part = NEAR_PART if near else BEST_PART
+            if state.fits >= part * fits_among(candidates):
+                break
+            better = _chances(pool, state, least)
+            question = pool[max(range(len(pool)), key=better.__getitem__)]
+        else:
+            break
+        state.asked[question] = ask(question)
+    usable = [rung for rung in state.asked if fits_budget(rung)]
+    state.met = best is not None
+    state.choice = best if best is not None else min(usable, key=lambda rung: state.asked[rung].error, default=None)
+    return state
+
+
+def _next(pool: Sequence[Candidate], chances: Sequence[float], channels: int) -> Candidate:
+    """The likeliest rung of the size in bytes by which half of the chance to have met the tolerance lies."""
+    sizes = sorted({candidate.most_bytes(channels) for candidate in pool})
+    reached: dict[int, float] = {}
+    missed = 1.0
+    for size in sizes:
+        for candidate, chance in zip(pool, chances, strict=True):
+            if candidate.most_bytes(channels) == size:
+                missed *= 1 - chance
+        reached[size] = 1 - missed
+    total = reached[sizes[-1]]
+    # Where all together are unlikely, the likeliest of all decides soonest.
+    middle = next(size for size in sizes if reached[size] >= 0.5 * total) if total > 0.5 else None
+    offered = [i for i, candidate in enumerate(pool) if middle is None or candidate.most_bytes(channels) == middle]
+    return pool[max(offered, key=lambda i: chances[i])]
+
+
+def _settled(candidate: Candidate, asked: Mapping[Candidate, LadderOutcome]) -> bool:
+    """Whether a search of as large textures already came out with fewer than it was allowed: more change nothing."""
+    return any(
+        other.method == candidate.method == "search"
+        and other.size == candidate.size
+        and other.fit != candidate.fit
+        and outcome.terms < other.textures <= candidate.textures
+        for other, outcome in asked.items()
+    )
+
+
+def expected_errors(pool: Sequence[Candidate], asked: Mapping[Candidate, LadderOutcome]) -> list[float]:
+    """The median of the belief about the errors of rungs, given the answers."""
+    return _belief(pool, asked, 1.0)[0].exp().tolist()
+
+
+def _chances(pool: Sequence[Candidate], state: Walk, level: float) -> list[float]:
+    """P(error ≤ level) of each rung in the pool, given the answers."""
+    if not math.isfinite(level):
+        return [1.0] * len(pool)
+    centre, deviation = _belief(pool, state.asked, level)
+    return torch.special.ndtr(-centre / deviation).tolist()
+
+
+def _belief(pool: Sequence[Candidate], asked: Mapping[Candidate, LadderOutcome], level: float) -> tuple[Tensor, Tensor]:
+    """(mean (N,), standard deviation (N,)) of log(error/level) of the rungs in the pool, given the answers."""
+    known = [candidate for candidate, outcome in asked.items() if 0 < outcome.error < math.inf]
+    values = torch.tensor([math.log(asked[candidate].error / level) for candidate in known], dtype=torch.float64)
+    mean = torch.tensor([_mean(candidate) for candidate in known], dtype=torch.float64)
+    system = _covariance(known, known) + STORED**2 * torch.eye(len(known), dtype=torch.float64)
+    cross = _covariance(pool, known)
+    weights = torch.linalg.solve(system, cross.T) if known else cross.T
+    prior = torch.tensor([_mean(candidate) for candidate in pool], dtype=torch.float64)
+    centre = prior + weights.T @ (values - mean)
+    variance = torch.stack([_covariance([candidate], [candidate])[0, 0] for candidate in pool]) if pool else prior
+    return centre, ((variance - (weights * cross.T).sum(0)).clamp_min(0) + STORED**2).sqrt()
+
+
+def _mean(candidate: Candidate) -> float:
+    if candidate.is_colour:
+        return COLOUR_MEAN
+    start, by_textures, by_size = MEANS[candidate.method]
+    textures, size = _place(candidate)
+    return start + by_textures * textures + by_size * size + (ROUNDED if candidate.storage == WHOLE else 0.0)
+
+
+def _place(candidate: Candidate) -> tuple[float, float]:
+    """(log2 textures, log2 of the size over 16)."""
+    return (0.0, 0.0) if candidate.is_colour else (math.log2(candidate.textures), math.log2(candidate.size / 16))
+
+
+def _covariance(first: Sequence[Candidate], second: Sequence[Candidate]) -> Tensor:
+    table = torch.empty(len(first), len(second), dtype=torch.float64)
+    for i, a in enumerate(first):
+        for j, b in enumerate(second):
+            (t, s), (u, v) = _place(a), _place(b)
+            value = LEVEL**2
+            if a.method == b.method or (a.is_colour and b.is_colour):
+                near = math.exp(-((t - u) ** 2 + (s - v) ** 2) / 2)
+                value += OWN**2 + SHARED**2 * near
+            if a.fit == b.fit:
+                value += REST**2 - STORED**2
+            if not a.is_colour and not b.is_colour:
+                value += SLOPES[0] ** 2 * t * u + SLOPES[1] ** 2 * s * v
+            table[i, j] = value
+    return table

@@ -1,0 +1,20 @@
+"""What a plan's fits are given, apart from the fits themselves, so that help loads no torch."""
+
+from dataclasses import dataclass
+
+from homofact.brdf.source_names import MOST_COUNT
+from homofact.methods.search import Search
+from homofact.settings.options import again, check_options, option
+
+
+@dataclass(frozen=True)
+class PlanSettings:
+    """`effort` and `budget` of each search, and `count` pairs drawn from an analytic model."""
+
+    effort: str | float = again(Search, "effort", "quick")
+    budget: float | None = again(Search, "budget", None)
+    count: int = option(8000, "Pairs drawn from an analytic model", least=100, most=MOST_COUNT)
+
+    def __post_init__(self) -> None:
+        """Refuse values that cannot be meant. Raises BadInput."""
+        check_options(self)

@@ -1,0 +1,83 @@
+"""What a plan may be off by: kinds of error, limits on them, and the margins that are kept for other views.
+
+* `cole`: mean squared error of logarithms on held-out samples; the lighting does not matter to it;
+* `delta_e`, `delta_e_p95`, `delta_e_peak`: CIEDE2000 of a lit sphere's pixels in one view, their mean, 95th percentile
+  and greatest, each of the drawn view where it is largest;
+* `reflected`: √(Σ |B − B̂|²/Σ |B|²) of the radiance, over the pixels and channels of a view, root mean square of the
+  views: each counts alike, or the one that faces a light at grazing angles would decide alone.
+
+Only some views are drawn, and coarsely. A limit is met where the error times `MARGINS` is within it; the margins are
+set so that of plans that meet theirs 95% also do from views that were not drawn (`scripts/planning/planner_blind.py`).
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+KINDS = ("cole", "delta_e", "delta_e_p95", "delta_e_peak", "reflected")
+SEEN = KINDS[1:4]
+MARGINS: Mapping[str, float] = {
+    "cole": 1.0,
+    "delta_e": 1.15,
+    "delta_e_p95": 1.15,
+    "delta_e_peak": 1.7,
+    "reflected": 1.8,
+}
+
+
+@dataclass(frozen=True)
+class Errors:
+    """The errors of one representation under one lighting, by kind (CIEDE2000 units, else none); NaN if not asked."""
+
+    cole: float = math.nan
+    delta_e: float = math.nan
+    delta_e_p95: float = math.nan
+    delta_e_peak: float = math.nan
+    reflected: float = math.nan
+
+    def of(self, kind: str) -> float:
+        """The error that a tolerance of this kind speaks of."""
+        return float(getattr(self, kind))
+
+
+@dataclass(frozen=True)
+class Used:
+    """How much of a tolerance an error uses: `ratio` is margin · error over limit, met up to 1."""
+
+    ratio: float
+    kind: str
+    error: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """(kind, limit) pairs, one or more, all of which are to be met."""
+
+    limits: tuple[tuple[str, float], ...]
+
+    @classmethod
+    def of(cls, **limits: float) -> "Tolerance":
+        """By name: Tolerance.of(delta_e=1, delta_e_peak=10)."""
+        return cls(tuple(limits.items()))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds that are limited."""
+        return tuple(kind for kind, _ in self.limits)
+
+    @property
+    def of_light(self) -> bool:
+        """Whether some limit is on what is seen: then the lighting matters, and one colour is fitted to light."""
+        return any(kind != "cole" for kind in self.kinds)
+
+    def used(self, errors: Errors) -> Used:
+        """The limit that the errors use most of."""
+        used = [
+            Used(MARGINS[kind] * errors.of(kind) / limit, kind, errors.of(kind), limit) for kind, limit in self.limits
+        ]
+        return max(used, key=lambda part: part.ratio)
+
+    def describe(self) -> str:
+        """In words: "delta_e at most 1 and delta_e_peak at most 10"."""
+        return " and ".join(f"{kind} at most {limit:g}" for kind, limit in self.limits)

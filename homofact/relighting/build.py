@@ -1,0 +1,152 @@
+"""From a scene's file to relit objects: placed and opened, materials factored, transport precomputed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.relighting.clusters import Clustered, clustered
+from homofact.relighting.compact import lit_tuples
+from homofact.relighting.factoring import SHARE, factor
+from homofact.relighting.factors import InOutFactors
+from homofact.relighting.harmonic import Harmonic, harmonic
+from homofact.relighting.plan import ObjectPlan, plan_object
+from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
+from homofact.relighting.scene_file import RelightSceneFile
+from homofact.scene.materials import Stage
+from homofact.scene.meshes import MeshGroup
+from homofact.scene.objects import SceneObject, place_objects
+
+# Bytes of memory of a vertex and a triangle: the object's mesh, that of all, Embree's with its tree.
+_PLACE_BYTES, _TRIANGLE_BYTES = 200, 300
+# Clustering works on all of an object's transport in memory: a sparse matrix of it takes so many times as much.
+_CLUSTERED = 8
+
+
+@dataclass(frozen=True)
+class TransportChoice:
+    """How an object's transport will be made: its material's factors, and what is kept.
+
+    `plan` says why, where the scene has a tolerance.
+    """
+
+    factors: InOutFactors
+    settings: TransportSettings
+    plan: ObjectPlan | None = None
+
+
+@dataclass(frozen=True)
+class RelitObject:
+    """An object with its transport, and the compact form where it was asked for."""
+
+    mesh: Mesh
+    material: str
+    transport: WaveletTransport
+    compact: Clustered | Harmonic | None
+
+    @property
+    def form(self) -> str:
+        """How its transport is held: for tables."""
+        if isinstance(self.compact, Harmonic):
+            return f"harmonics to order {self.compact.order}"
+        return "all frequencies" if self.compact is None else "all frequencies, clustered"
+
+    @property
+    def nbytes(self) -> int:
+        """What relighting reads: the compact form where there is one, and the view maps."""
+        stored = self.transport.nbytes if self.compact is None else self.compact.nbytes
+        return stored + self.transport.factors.view.nbytes
+
+    def tuples(self, light: np.ndarray) -> np.ndarray:
+        """K-tuples (V, K, 3) under a cube map of radiance, by the form that is used."""
+        return lit_tuples(self.transport, self.compact, light)
+
+
+@dataclass(frozen=True)
+class RelightScene:
+    """A scene ready for transport: objects in their places, and how the transport of each is made.
+
+    `occluder` holds all meshes in this order; `notes` say what was found on the way, a line each.
+    """
+
+    file: RelightSceneFile
+    objects: tuple[SceneObject, ...]
+    choices: tuple[TransportChoice, ...]
+    occluder: Occluder
+    notes: tuple[str, ...]
+
+    @property
+    def plans(self) -> tuple[ObjectPlan, ...]:
+        """The objects' plans, where the scene has a tolerance."""
+        return tuple(choice.plan for choice in self.choices if choice.plan is not None)
+
+    @property
+    def cost(self) -> TransportCost:
+        """What all of its transport will take, at most, with its blocks on disk; memory that of the meshes too."""
+        costs = [
+            cost(len(placed.mesh.positions), choice.factors.terms, choice.settings, on_disk=True)
+            for placed, choice in zip(self.objects, self.choices, strict=True)
+        ]
+        positions, triangles = self.occluder.arrays
+        peak = sum(c.peak_bytes for c in costs) + len(positions) * _PLACE_BYTES + len(triangles) * _TRIANGLE_BYTES
+        if self.file.clusters:
+            peak += _CLUSTERED * max(c.most_bytes for c in costs)
+        stored = sum(c.most_bytes for c in costs)
+        return TransportCost(sum(c.rays for c in costs), stored, peak, sum(c.disk_bytes for c in costs))
+
+
+def open_relight_scene(file: RelightSceneFile, stage: Stage | None = None) -> RelightScene:
+    """Read and place everything. Raises BadInput for what cannot be read or has more channels than three."""
+    objects, notes = place_objects(file.objects, file.ground, stage)
+    occluder = MeshGroup([placed.mesh for placed in objects]).occluder
+    tables = [*file.objects, *([] if file.ground is None else [file.ground])]
+    factored: dict[tuple[object, ...], InOutFactors] = {}
+    choices = []
+    for placed, table in zip(objects, tables, strict=True):
+        mesh, words, reflectance = placed.mesh, placed.material.words, placed.material.reflectance
+        if file.reflected is not None:
+            if stage is not None:
+                stage(f"planning {mesh.name}")
+            plan = plan_object(
+                mesh, words, reflectance, occluder, file.light, file.cameras[0].eye, file.reflected, file.settings,
+                table.terms, file.seed,
+            )  # fmt: skip
+            choices.append(TransportChoice(plan.factors, plan.settings(file.settings), plan))
+            continue
+        key = (words, table.terms, table.error, table.share)
+        if key not in factored:
+            if stage is not None:
+                stage(f"factoring {Path(words).name}")
+            share = SHARE if table.share is None else table.share
+            factored[key] = factor(reflectance, table.terms, share, error=table.error, light=file.light)
+        choices.append(TransportChoice(factored[key], file.settings))
+    return RelightScene(file, objects, tuple(choices), occluder, notes)
+
+
+def relit_objects(
+    scene: RelightScene, blocks: Path | None = None, progress: Callable[[str, int, int], object] | None = None
+) -> tuple[RelitObject, ...]:
+    """The transport of every object; `blocks` is where finished blocks are kept for a later run.
+
+    `progress` is called with (object, blocks done, blocks). Raises BadInput for a folder of another scene's blocks.
+    """
+    file, objects = scene.file, []
+    for number, (placed, choice) in enumerate(zip(scene.objects, scene.choices, strict=True)):
+
+        def tell(done: int, count: int, name: str = placed.mesh.name) -> None:
+            if progress is not None:
+                progress(name, done, count)
+
+        folder = None if blocks is None else blocks / f"object_{number}"
+        made = transport(placed.mesh, choice.factors, choice.settings, scene.occluder, folder, tell)
+        compact = None
+        if choice.plan is not None and choice.plan.chosen.order is not None:
+            compact = harmonic(made, choice.plan.chosen.order)
+        elif file.clusters:
+            count = None if file.clusters < 0 else min(file.clusters, made.vertices)
+            compact = clustered(made, file.components, clusters=count, seed=file.seed)
+        objects.append(RelitObject(placed.mesh, placed.material.words, made, compact))
+    return tuple(objects)

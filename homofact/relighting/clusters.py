@@ -1,0 +1,189 @@
+"""Clustered principal components of transport: the compact form (Sloan, Hall, Hart and Snyder 2003; Liu et al. 2004).
+
+Vertices are divided into clusters; in each, a vertex's transport, all K terms together, is the cluster's mean plus a
+few components times the vertex's weights. Light is multiplied with the means and components alone, and a vertex then
+mixes the results: T_v L ≈ M_c L + Σ_i w_vi P_ci L. What is stored is the sparse vectors of C (n + 1) means and
+components and n numbers a vertex.
+
+Distances between transports are taken in a sketch, their products with random vectors of ±1 (Johnson and Lindenstrauss
+1984: V × 98,304 numbers become V × 128, scalar products kept within a few percent); clusters by k-means, then a few
+rounds in which every vertex moves to the cluster whose components hold it best, as Sloan et al. do. Components are then
+those of the vectors themselves: eigenvectors of the Gram matrix of a cluster's sparse rows.
+"""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.cluster.vq import kmeans2
+from scipy.sparse import csr_array
+
+from homofact.errors import BadInput
+from homofact.linear.threads import one_thread
+from homofact.relighting import cube
+from homofact.relighting.factors import InOutFactors
+from homofact.relighting.kernels import keep_largest
+from homofact.relighting.precompute import WaveletTransport
+
+COMPONENTS, KEPT = 12, 256
+_SKETCH, _ROUNDS, _A_CLUSTER = 128, 4, 128
+_MOST = 32767
+
+
+@dataclass(frozen=True)
+class Clustered:
+    """Transport as means and components.
+
+    `basis` holds C·(n + 1) "vertices" of K terms each: those of cluster c from c (n + 1) on, its mean first. `cluster`
+    (V,) uint16 and `weights` (V, n) int16 times `steps` (C, n) say how a vertex mixes them. `positions`, `frames` and
+    `factors` are the object's.
+    """
+
+    positions: np.ndarray
+    frames: np.ndarray
+    factors: InOutFactors
+    basis: WaveletTransport
+    cluster: np.ndarray
+    weights: np.ndarray
+    steps: np.ndarray
+
+    @property
+    def components(self) -> int:
+        """n."""
+        return self.weights.shape[1]
+
+    @property
+    def nbytes(self) -> int:
+        """The basis, a cluster's number and weights a vertex."""
+        return self.basis.nbytes + self.cluster.nbytes + self.weights.nbytes + self.steps.nbytes
+
+    def mixed(self, lit: np.ndarray) -> np.ndarray:
+        """K-tuples (V, K, 3) of the vertices from those of the basis (C·(n + 1), K, 3)."""
+        parts = lit.reshape(len(self.steps), self.components + 1, *lit.shape[1:])
+        weights = self.weights * self.steps[self.cluster]
+        found = np.empty((len(self.cluster), *lit.shape[1:]), lit.dtype)
+        for c, own in enumerate(parts):
+            rows = self.cluster == c
+            found[rows] = own[0] + np.tensordot(weights[rows], own[1:], 1)
+        return found
+
+
+@one_thread
+def clustered(
+    transport: WaveletTransport,
+    components: int = COMPONENTS,
+    kept: int = KEPT,
+    clusters: int | None = None,
+    seed: int = 0,
+) -> Clustered:
+    """The compact form of a transport; as many clusters as give each about 128 vertices unless told.
+
+    `kept` coefficients of each mean and component of a term. Raises BadInput for numbers below 1 and more clusters or
+    components than vertices.
+    """
+    count = -(-transport.vertices // _A_CLUSTER) if clusters is None else clusters
+    for what, value, most in (
+        ("clusters", count, transport.vertices),
+        ("components", components, transport.vertices),
+        ("kept", kept, cube.FACES * transport.settings.cube**2),
+    ):
+        if not 1 <= value <= most:
+            raise BadInput(where=what, found=value, expected=f"1 to {most}")
+    rows = _rows(transport)
+    rng = np.random.default_rng(seed)
+    length = transport.factors.terms * cube.FACES * transport.settings.cube**2
+    signs = rng.integers(0, 2, (length, _SKETCH), np.int8).astype(np.float32) * 2 - 1
+    sketch = np.asarray(rows @ signs) / np.sqrt(_SKETCH)
+    with warnings.catch_warnings():
+        # A cluster that runs empty is left out.
+        warnings.filterwarnings("ignore", "One of the clusters is empty")
+        labels = kmeans2(sketch, count, iter=12, minit="points", rng=rng)[1]
+    labels = _settled(sketch, labels, count, components)
+    used, labels = np.unique(labels, return_inverse=True)
+    vectors, weights = [], np.zeros((transport.vertices, components), np.float32)
+    for c in range(len(used)):
+        own = np.flatnonzero(labels == c)
+        basis, mixing = _components(rows[own], components)
+        vectors.append(basis)
+        weights[own] = mixing
+    steps = np.stack([np.abs(weights[labels == c]).max(0) for c in range(len(used))]) / _MOST
+    steps = np.maximum(steps, 1e-30).astype(np.float32)
+    numbers = np.rint(weights / steps[labels]).astype(np.int16)
+    basis = _sparse(np.concatenate(vectors), transport, kept)
+    return Clustered(
+        transport.positions, transport.frames, transport.factors, basis, labels.astype(np.uint16), numbers, steps
+    )
+
+
+def _rows(transport: WaveletTransport) -> csr_array:
+    """The transport as a sparse matrix (V, K·6·n²) float32, a term weighted by how strong its view map is."""
+    terms, texels = transport.factors.terms, cube.FACES * transport.settings.cube**2
+    weight = transport.factors.weights
+    vector = np.repeat(np.arange(len(transport.scale)), np.diff(transport.start))
+    term = vector % terms
+    values = transport.number * (transport.scale[vector] * weight[term])
+    places = term * texels + transport.index
+    start = transport.start[::terms]
+    return csr_array((values.astype(np.float32), places, start), (transport.vertices, terms * texels))
+
+
+def _settled(sketch: np.ndarray, labels: np.ndarray, count: int, components: int) -> np.ndarray:
+    """The labels after rounds of moving every vertex to the cluster whose mean and components hold it best."""
+    for _ in range(_ROUNDS):
+        error = np.full((len(sketch), count), np.inf, np.float32)
+        for c in range(count):
+            own = sketch[labels == c]
+            if not len(own):
+                continue
+            mean = own.mean(0)
+            _, _, axes = np.linalg.svd(own - mean, full_matrices=False)
+            off = sketch - mean
+            error[:, c] = (off**2).sum(1) - ((off @ axes[:components].T) ** 2).sum(1)
+        moved = error.argmin(1)
+        if (moved == labels).all():
+            break
+        labels = moved
+    return labels
+
+
+def _components(rows: csr_array, components: int) -> tuple[np.ndarray, np.ndarray]:
+    """(mean and components (n + 1, J) float32, weights (V_c, n)) of a cluster's rows; missing components are 0."""
+    gram = (rows @ rows.T).toarray().astype(np.float64)
+    count = len(gram)
+    mean = np.asarray(rows.sum(0)).reshape(-1) / count
+    centred = gram - gram.mean(0) - gram.mean(1)[:, None] + gram.mean()
+    power, vectors = np.linalg.eigh(centred)
+    kept = min(components, count - 1)
+    root = np.sqrt(np.maximum(power[::-1][:kept], 0))
+    u = vectors[:, ::-1][:, :kept]
+    real = root > 1e-6 * max(root.max(initial=0.0), 1e-30)
+    basis = np.zeros((components + 1, mean.size), np.float32)
+    basis[0] = mean
+    inverse = np.where(real, 1 / np.maximum(root, 1e-30), 0.0)
+    combined = (u * inverse).T
+    basis[1 : kept + 1] = np.asarray(rows.T @ combined.T).T - np.outer(combined.sum(1), mean)
+    weights = np.zeros((count, components))
+    weights[:, :kept] = u * np.where(real, root, 0.0)
+    return basis, weights.astype(np.float32)
+
+
+def _sparse(vectors: np.ndarray, transport: WaveletTransport, kept: int) -> WaveletTransport:
+    """The vectors (B, K·J), their weights taken off, with the largest coefficients kept, as a transport."""
+    terms, texels = transport.factors.terms, cube.FACES * transport.settings.cube**2
+    weight = np.maximum(transport.factors.weights, 1e-30)
+    parts = (vectors.reshape(len(vectors), terms, texels) / weight[:, None]).reshape(-1, texels).astype(np.float32)
+    index, number = np.empty(texels, np.uint16), np.empty(texels, np.int16)
+    counts, scales, places, numbers = [], [], [], []
+    for vector in parts:
+        count, scale = keep_largest(vector, kept, index, number)
+        counts.append(count)
+        scales.append(scale)
+        places.append(index[:count].copy())
+        numbers.append(number[:count].copy())
+    empty = np.zeros((len(vectors), 3), np.float32)
+    frames = np.zeros((len(vectors), 3, 3), np.float32)
+    return WaveletTransport(
+        empty, frames, transport.factors, transport.settings,
+        np.concatenate(([0], np.cumsum(counts))), np.concatenate(places), np.concatenate(numbers),
+        np.array(scales, np.float32),
+    )  # fmt: skip

@@ -1,0 +1,87 @@
+"""In-out factors of a material: f(ωi, ωo) ≈ Σ_k g_k(ωi) h_k(ωo), as light maps and view maps; how many by three rules.
+
+How many terms are kept has two rules. Mahajan, Tseng and Ramamoorthi (2008) count the energy of f, white light: 99% of
+it leaves a tenth of f in root mean square, and what that tenth does to a picture hangs on the light. The other rule
+counts the light that is sent back: turned anyhow, a light whose harmonics have the mean squares P_l is sent back by
+term k with the energy Σ_l S_kl P_l, S_kl = Σ_m (∫ Y_lm f v_k cosθi)², since the v_k are orthogonal and so are the
+harmonics. √(left out/all) is the relative root mean square error to be expected before shadows, of natural light or
+of an environment map whose own powers are taken.
+"""
+
+from collections.abc import Sequence
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.errors import BadInput
+from homofact.linear.threads import one_thread
+from homofact.relighting.decomposition import MOST_TERMS, decompositions
+from homofact.relighting.factors import InOutFactors
+from homofact.rendering.light import EnvironmentMap
+from homofact.theory.harmonics import check_share
+from homofact.theory.in_out import count_for_share
+
+MAP_SIZE, SHARE = 64, 0.99
+
+
+def factor(
+    reflectance: Reflectance,
+    terms: int | None = None,
+    share: float = SHARE,
+    map_size: int = MAP_SIZE,
+    error: float | None = None,
+    light: EnvironmentMap | None = None,
+) -> InOutFactors:
+    """The factors of a reflectance of 1 or 3 channels, how many by one of three rules.
+
+    `terms` of them; or so many that the light sent back is expected to err by `error` at most, relative RMS; or as many
+    as hold `share` of f's energy. `light` is what errors and strengths are reckoned for, natural light unless given;
+    the functions are those of natural light all the same. `MOST_TERMS` at most: whether they were enough for an `error`
+    is in `expected_error`. Raises BadInput for terms outside 1 to `MOST_TERMS`, terms and an error both, an error or a
+    share outside (0, 1), maps of fewer than 8 texels across, and a reflectance without energy or with values that are
+    not finite.
+    """
+    return factors_of_sizes(reflectance, (map_size,), terms, share, error, light)[0]
+
+
+@one_thread
+def factors_of_sizes(
+    reflectance: Reflectance,
+    map_sizes: Sequence[int],
+    terms: int | None = None,
+    share: float = SHARE,
+    error: float | None = None,
+    light: EnvironmentMap | None = None,
+) -> list[InOutFactors]:
+    """`factor` on maps of several sizes: the same terms, decomposed once. Raises BadInput as `factor`."""
+    if terms is not None and not 1 <= terms <= MOST_TERMS:
+        raise BadInput(where="terms", found=terms, expected=f"1 to {MOST_TERMS}")
+    if terms is not None and error is not None:
+        raise BadInput(found="terms and error", expected="one of the two")
+    if error is not None and not 0 < error < 1:
+        raise BadInput(where="error", found=error, expected="between 0 and 1")
+    check_share(share)
+    for size in map_sizes:
+        if not 8 <= size <= 256:
+            raise BadInput(where="map size", found=size, expected="8 to 256 texels across")
+    if len(reflectance.channels) not in (1, 3):
+        raise BadInput(where="relighting", found=f"{len(reflectance.channels)} channels", expected="1 or 3")
+    before, found, picked = None, None, []
+    for split in decompositions(reflectance):
+        found = split().under(light)
+        picked = found.chosen(terms, share, error)
+        # Settled where the next finer grid finds the same: the number of terms, or with a given one their share.
+        now = float(len(picked)) if terms is None else float(found.parts[picked].sum()) / found.energy
+        if before is not None and abs(now - before) <= (max(1.0, 0.03 * now) if terms is None else 0.002):
+            break
+        before = now
+    assert found is not None
+    return [found.drawn(reflectance, picked, size) for size in map_sizes]
+
+
+@one_thread
+def terms_by_share(reflectance: Reflectance, shares: Sequence[float]) -> list[int]:
+    """Mahajan's K for each share of f's energy, on the finest grid, decomposed once; `MOST_TERMS` at most.
+
+    Raises BadInput for a share outside (0, 1) and as `factor` for the reflectance.
+    """
+    white = decompositions(reflectance)[-1]().white
+    return [min(count_for_share(white, share), MOST_TERMS) for share in shares]

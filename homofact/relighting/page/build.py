@@ -1,0 +1,277 @@
+"""The file of the page: a relit scene in one HTML page, with its transport, its skies and its numbers.
+
+    write_page(Path("bunny.html"), [PageObject("bunny", mesh, transport, "blue paint")], [page_sky("grace", light, 64)],
+               numbers={"Bunny": {"vertices": 35947}}, camera=Camera((0.0, 0.6, 3.2)))
+
+WaveletTransport is kept as it is, number for number: vectors in falling order of magnitude, so that the page's N
+largest are the first N, differences of magnitudes, signs apart, places as they come. Positions are rounded to 1/65535
+of their box, surface frames to about 1/30000, skies and the reference to half floats. Nothing else is rounded.
+
+The page is `page.html` with the viewer's style and that of scenes, and the scripts of `SHARED` and `SCRIPTS`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.errors import BadInput
+from homofact.files.atomic import write_bytes
+from homofact.meshes.mesh import Mesh
+from homofact.relighting.build import RelitObject
+from homofact.relighting.clusters import Clustered
+from homofact.relighting.harmonic import Harmonic
+from homofact.relighting.page.coarse import coarse_triangles
+from homofact.relighting.page.order import cached_order
+from homofact.relighting.page.skies import PageSky
+from homofact.relighting.precompute import WaveletTransport
+from homofact.scene.cameras import Camera
+from homofact.web import assembly
+from homofact.web.packing import differences, halves, pack
+
+PACKAGE = "homofact.relighting.page"
+SHARED = (
+    "data.js", "elements.js", "vectors.js", "files.js", "hdr.js", "latlong.js", "tones.js", "webgl.js",
+)  # fmt: skip
+SCRIPTS = (
+    "cube.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "shaders.js", "gpu.js", "background.js",
+    "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
+)  # fmt: skip
+# Endings of files that a name is shown without.
+_ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")
+CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
+Numbers = Mapping[str, Mapping[str, str | int | float]]
+
+
+@dataclass(frozen=True)
+class PageObject:
+    """A mesh with the transport at its vertices; from distances `fade` (near, far) of the y axis on it ends softly."""
+
+    name: str
+    mesh: Mesh
+    transport: WaveletTransport | Clustered
+    material: str
+    fade: tuple[float, float] | None = None
+
+    @property
+    def basis(self) -> WaveletTransport:
+        """The sparse vectors that light is multiplied with."""
+        return self.transport.basis if isinstance(self.transport, Clustered) else self.transport
+
+
+@dataclass(frozen=True)
+class PageReference:
+    """What the page's error is against: `colours`, radiance (V, 3) towards the camera of each object's vertices.
+
+    NaN where a vertex has none: it is left out, as are those that face away. Made under the sky of index `sky`, not
+    turned; `words` say how.
+    """
+
+    colours: Sequence[np.ndarray]
+    sky: int = 0
+    words: str = "sum over all texels of the cube map with the exact BRDF"
+
+
+def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
+    """The objects of a relit scene, in their compact form where they have one; a level plane ends softly."""
+    found = []
+    for each in objects:
+        flat = float(np.ptp(each.mesh.positions[:, 1])) == 0
+        half = float(np.abs(each.mesh.positions[:, ::2]).max())
+        made = each.transport if each.compact is None else each.compact
+        if isinstance(made, Harmonic):
+            made = made.clustered()
+        fade = (0.55 * half, 0.98 * half) if flat else None
+        found.append(PageObject(shown_name(each.mesh.name), each.mesh, made, shown_name(each.material), fade))
+    return found
+
+
+def shown_name(text: str) -> str:
+    """A mesh's, a sky's or a material's name without what only a program needs: folder, ending, "material:"."""
+    name = Path(text.removeprefix(MATERIAL_PREFIX)).name
+    return name.rpartition(".")[0] if name.lower().endswith(_ENDINGS) else name
+
+
+def write_page(
+    target: Path,
+    objects: Sequence[PageObject],
+    skies: Sequence[PageSky],
+    numbers: Numbers,
+    reference: PageReference | None = None,
+    *,
+    title: str = "Relighting",
+    subtitle: str = "",
+    camera: Camera = CAMERA,
+    new: bool = False,
+) -> int:
+    """Write the page, whole or not at all; its bytes. `new` says that nothing there may be replaced.
+
+    `numbers` are shown as a table a section. Raises BadInput for no objects or skies, objects on cube maps of different
+    sizes, transport of another mesh, a reference of another shape, and a place that cannot be written.
+    """
+    _check(objects, skies)
+    if reference is not None:
+        _check_reference(reference, objects, skies)
+    colours = [None] * len(objects) if reference is None else reference.colours
+    data = {
+        "cube": objects[0].basis.settings.cube,
+        "camera": {"eye": camera.eye, "target": camera.target, "field": camera.field},
+        "objects": [_object(each, own) for each, own in zip(objects, colours, strict=True)],
+        "skies": [_sky(sky) for sky in skies],
+        "reference": None if reference is None else {"sky": reference.sky, "words": reference.words},
+        "numbers": [
+            [section, [[name, _shown(value)] for name, value in rows.items()]] for section, rows in numbers.items()
+        ],
+    }
+    page = assembly.assembled(
+        assembly.part(PACKAGE, "page.html"),
+        title=title,
+        subtitle=subtitle,
+        styles=[assembly.part("homofact.web", name) for name in ("page.css", "scene.css")],
+        scripts=[
+            *(assembly.part("homofact.web", name) for name in SHARED),
+            *(assembly.part(PACKAGE, name) for name in SCRIPTS),
+        ],
+        data=data,
+        workers=True,
+    ).encode()
+    write_bytes(target, page, new=new)
+    return len(page)
+
+
+def _check(objects: Sequence[PageObject], skies: Sequence[PageSky]) -> None:
+    if not objects or not skies:
+        raise BadInput(
+            where="page", found=f"{len(objects)} objects and {len(skies)} skies", expected="at least one of each"
+        )
+    size = objects[0].basis.settings.cube
+    for each in objects:
+        given = each.transport
+        if each.basis.settings.cube != size:
+            raise BadInput(
+                where=each.name,
+                found=f"a cube map of {each.basis.settings.cube} texels",
+                expected=f"{size} as the others",
+            )
+        if given.positions.shape != each.mesh.positions.shape or not np.allclose(
+            given.positions, each.mesh.positions, atol=1e-5
+        ):
+            raise BadInput(where=each.name, found="transport of another mesh", expected=f"that of {each.mesh.name}")
+    for sky in skies:
+        if sky.cube.shape != (6, size, size, 3):
+            raise BadInput(
+                where=f"sky {sky.name}",
+                found=f"a cube map of shape {sky.cube.shape}",
+                expected=f"(6, {size}, {size}, 3)",
+            )
+        if not (
+            np.isfinite(sky.cube).all() and np.isfinite(sky.picture).all() and sky.cube.min() >= 0 <= sky.picture.min()
+        ):
+            raise BadInput(
+                where=f"sky {sky.name}", found="radiance that is negative or not finite", expected="finite numbers >= 0"
+            )
+
+
+def _check_reference(reference: PageReference, objects: Sequence[PageObject], skies: Sequence[PageSky]) -> None:
+    shapes = [np.shape(each) for each in reference.colours]
+    expected = [(len(each.mesh.positions), 3) for each in objects]
+    if shapes != expected:
+        raise BadInput(where="reference", found=f"colours of shape {shapes}", expected=expected)
+    if not 0 <= reference.sky < len(skies):
+        raise BadInput(where="reference", found=f"sky {reference.sky}", expected=f"0 to {len(skies) - 1}")
+    if any(np.isinf(each).any() for each in reference.colours):
+        raise BadInput(
+            where="reference", found="infinite radiance", expected="finite numbers, or NaN where there is none"
+        )
+    if not any((np.nan_to_num(each) != 0).any() for each in reference.colours):
+        raise BadInput(where="reference", found="no light at any vertex", expected="some")
+
+
+def _shown(value: str | int | float) -> str:
+    from homofact.evaluation.wording import figure
+
+    return value if isinstance(value, str) else f"{value:,}" if isinstance(value, int) else figure(float(value))
+
+
+def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
+    transport, mesh = given.transport, given.mesh
+    low, high = mesh.positions.min(0), mesh.positions.max(0)
+    step = np.maximum(high - low, 1e-12) / 65535
+    mix = None
+    if isinstance(transport, Clustered):
+        mix = {
+            "cluster": pack(transport.cluster),
+            "weights": pack(np.ascontiguousarray(transport.weights.T)),
+            "steps": pack(transport.steps),
+        }
+    view, few = transport.factors.packed_view, coarse_triangles(mesh)
+    return {
+        "name": given.name,
+        "material": given.material,
+        "fade": given.fade,
+        "closed": closed(mesh.triangles),
+        "vertices": len(mesh.positions),
+        "terms": transport.factors.terms,
+        "low": low.tolist(),
+        "step": step.tolist(),
+        "positions": pack(np.rint((mesh.positions - low) / step).astype(np.uint16)),
+        "frames": pack(turns(transport.frames)),
+        "triangles": _triangles(mesh.triangles),
+        "coarse": None if few is None else _triangles(few),
+        "map": {"size": view.shape[0], "channels": view.shape[3], "texels": pack(view)},
+        "basis": _basis(given.basis),
+        "mix": mix,
+        "reference": None if colours is None else _halves(colours),
+        "bytes": transport.nbytes,
+    }
+
+
+def _triangles(triangles: np.ndarray) -> dict[str, str]:
+    return pack(differences(cached_order(triangles).astype(np.int32).reshape(-1), (0,)))
+
+
+def closed(triangles: np.ndarray) -> bool:
+    """Whether fewer than 1% of the edges have a triangle on one side only: the back of such a surface is not seen."""
+    edges = np.sort(np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), 1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    return bool((count == 1).mean() < 0.01)
+
+
+def turns(rows: np.ndarray) -> np.ndarray:
+    """Surface frames (V, 3, 3), rows tangent, binormal, normal, as unit quaternions (V, 4) int16, x y z w of 32767."""
+    return np.rint(Rotation.from_matrix(rows.astype(np.float64)).as_quat() * 32767).astype(np.int16)
+
+
+def _basis(basis: WaveletTransport) -> dict[str, Any]:
+    """Vectors in falling order of magnitude; of equals the one of the lower place first."""
+    count = np.diff(basis.start)
+    vector = np.repeat(np.arange(len(count)), count)
+    size = np.abs(basis.number.astype(np.int32))
+    order = np.lexsort((basis.index, -size, vector))
+    size, negative = size[order].astype(np.uint16), basis.number[order] < 0
+    return {
+        "count": pack(count.astype(np.uint16)),
+        "index": pack(basis.index[order]),
+        "size": pack(differences(size, (0,))),
+        "negative": pack(np.packbits(negative)),
+        "scale": pack(basis.scale),
+    }
+
+
+def _sky(sky: PageSky) -> dict[str, Any]:
+    return {
+        "name": sky.name,
+        "cube": _halves(sky.cube),
+        "picture": _halves(sky.picture),
+        "rows": sky.picture.shape[0],
+        "columns": sky.picture.shape[1],
+    }
+
+
+def _halves(values: np.ndarray) -> dict[str, Any]:
+    stored, scale = halves(np.asarray(values, np.float64))
+    return {"scale": scale, "values": pack(stored)}

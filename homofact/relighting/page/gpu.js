@@ -1,0 +1,164 @@
+// What lies on the graphics card: an object's buffers and textures.
+
+// The attribute that numbers the vertices of a coarse surface.
+const NUMBER = 6;
+
+/** The values (`width` a vertex) of the chosen vertices; all where none are chosen. */
+function picked(values, width, chosen) {
+  if (!chosen) return values;
+  const found = new Float32Array(width * chosen.length);
+  chosen.forEach((v, k) => { for (let c = 0; c < width; c++) found[width * k + c] = values[width * v + c]; });
+  return found;
+}
+
+/** The vertices that triangles use, in the order in which they do, and the triangles among these. */
+function usedVertices(triangles, vertices) {
+  const places = new Int32Array(vertices).fill(-1), chosen = [];
+  const own = Uint32Array.from(triangles, (v) => (places[v] < 0 ? (places[v] = chosen.push(v) - 1) : places[v]));
+  return [own, Uint32Array.from(chosen)];
+}
+
+// An object's triangles with what their vertices are and shine: all of them, or the few that are drawn while it moves.
+class Surface {
+  /** `chosen` numbers the vertices, in the object's arrays; all unless given. */
+  constructor(gl, object, triangles, chosen = null) {
+    this.vertices = chosen ? chosen.length : object.vertices;
+    this.indices = triangles.length;
+    const attribute = (place, width, buffer) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.enableVertexAttribArray(place);
+      if (place === NUMBER) gl.vertexAttribIPointer(place, width, gl.UNSIGNED_INT, 0, 0);
+      else gl.vertexAttribPointer(place, width, gl.FLOAT, false, 0, 0);
+      return buffer;
+    };
+    const fill = (place, width, values, use = gl.STATIC_DRAW) => {
+      const buffer = gl.createBuffer();
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.bufferData(gl.ARRAY_BUFFER, values, use);
+      return attribute(place, width, buffer);
+    };
+    // Shading reads what a vertex is, drawing what it shines: a buffer must not be read while it is written.
+    this.shading = gl.createVertexArray();
+    gl.bindVertexArray(this.shading);
+    const given = [object.positions, object.normals, object.tangents].map((values, place) => [place, 3, fill(place, 3, picked(values, 3, chosen))]);
+    if (chosen) given.push([NUMBER, 1, fill(NUMBER, 1, chosen)]);
+    this.drawing = gl.createVertexArray();
+    gl.bindVertexArray(this.drawing);
+    for (const each of given) attribute(...each);
+    this.colours = fill(4, 3, 12 * this.vertices, gl.DYNAMIC_COPY);
+    if (object.reference) {
+      fill(3, 3, picked(object.reference, 3, chosen));
+      fill(5, 1, picked(object.seen, 1, chosen));
+    }
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
+    gl.bindVertexArray(null);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+  }
+}
+
+class ObjectOnGpu {
+  constructor(gl, object) {
+    this.gl = gl;
+    this.object = object;
+    this.programs = new Map();
+    this.whole = new Surface(gl, object, new Uint32Array(object.triangles));
+    this.coarse = object.coarse ? new Surface(gl, object, ...usedVertices(object.coarse, object.vertices)) : null;
+    this.makeMaps();
+    this.makeTuples();
+  }
+
+  /** The triangles to draw: the few where there are any and they are asked for. */
+  surface(coarse) {
+    return (coarse && this.coarse) || this.whole;
+  }
+
+  /** The view maps as layers of a texture; one channel is grey. */
+  makeMaps() {
+    const { gl } = this, { size, channels, texels } = this.object.map, { terms } = this.object;
+    const layers = new Float32Array(4 * terms * size * size);
+    for (let t = 0; t < size * size; t++) {
+      for (let k = 0; k < terms; k++) {
+        for (let c = 0; c < 3; c++) layers[4 * (k * size * size + t) + c] = texels[(t * terms + k) * channels + (channels === 3 ? c : 0)];
+      }
+    }
+    this.maps = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
+    gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.linearFloats ? gl.RGBA32F : gl.RGBA16F, size, size, terms, 0, gl.RGBA, gl.FLOAT, layers);
+  }
+
+  makeTuples() {
+    const { gl, object } = this, texels = object.vertices * object.quads;
+    this.width = Math.min(texels, 2048);
+    this.height = Math.ceil(texels / this.width);
+    this.padded = new Float32Array(4 * this.width * this.height);
+    this.tuples = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, this.width, this.height, 0, gl.RGBA, gl.FLOAT, null);
+  }
+
+  /** Brings the K-tuples over. */
+  upload() {
+    const { gl } = this;
+    this.padded.set(this.object.tuples);
+    gl.bindTexture(gl.TEXTURE_2D, this.tuples);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, this.width, this.height, gl.RGBA, gl.FLOAT, this.padded);
+  }
+
+  /** Whether K-tuples fit beside the rest into what a vertex may pass to pixels. */
+  get byPixel() {
+    return this.object.quads + 5 <= this.gl.getParameter(this.gl.MAX_VARYING_VECTORS);
+  }
+
+  /** The program for surfaces, "BY_PIXEL" and "COMPARED" or neither; or for shading vertices; "CHOSEN" of a coarse one. */
+  program(...kinds) {
+    const { gl, object } = this, key = kinds.join();
+    if (!this.programs.has(key)) {
+      const defines = Object.fromEntries([["QUADS", object.quads], ...kinds.map((kind) => [kind, 1]), ...(object.fade ? [["FADES", 1]] : [])]);
+      const [vertex, fragment] = kinds[0] === "SHADES" ? [shadeVertex(object), NOTHING] : [surfaceVertex(object), surfaceFragment(object)];
+      this.programs.set(key, makeProgram(gl, shaderText(vertex, defines), shaderText(fragment, defines), object.name, { kept: kinds[0] === "SHADES" ? "v_colour" : null }));
+    }
+    return this.programs.get(key);
+  }
+
+  /** Binds what `outgoing` reads. */
+  bind(program, view) {
+    const { gl } = this;
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.tuples);
+    gl.uniform1i(program.at("u_tuples"), 0);
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.maps);
+    gl.uniform1i(program.at("u_maps"), 1);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.uniform1i(program.at("u_terms"), Math.min(view.state.terms, this.object.terms));
+    gl.uniform3f(program.at("u_eye"), ...view.orbit.eye);
+  }
+
+  /** Shades every vertex of a surface once, into the buffer that drawing reads. */
+  shade(view, coarse = false) {
+    const { gl } = this, surface = this.surface(coarse);
+    const program = this.program("SHADES", ...(surface === this.coarse ? ["CHOSEN"] : []));
+    this.feedback ??= gl.createTransformFeedback();
+    gl.useProgram(program.program);
+    this.bind(program, view);
+    gl.bindVertexArray(surface.shading);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
+    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, surface.colours);
+    gl.enable(gl.RASTERIZER_DISCARD);
+    gl.beginTransformFeedback(gl.POINTS);
+    gl.drawArrays(gl.POINTS, 0, surface.vertices);
+    gl.endTransformFeedback();
+    gl.disable(gl.RASTERIZER_DISCARD);
+    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, null);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
+    gl.bindVertexArray(null);
+  }
+
+  /** The colours (3 a vertex) that the last shading of a surface made. */
+  read(coarse = false) {
+    const { gl } = this, surface = this.surface(coarse), found = new Float32Array(3 * surface.vertices);
+    gl.bindBuffer(gl.ARRAY_BUFFER, surface.colours);
+    gl.getBufferSubData(gl.ARRAY_BUFFER, 0, found);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+    return found;
+  }
+}

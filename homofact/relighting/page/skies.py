@@ -1,0 +1,58 @@
+"""The light of the page: an exact cube map for the sky as it is, and a smaller lat-long picture for all turns of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from homofact.relighting import cube
+from homofact.rendering.light import EnvironmentMap
+from homofact.web.packing import halves
+
+
+@dataclass(frozen=True)
+class PageSky:
+    """A sky that the page can be lit by.
+
+    `cube` (6, n, n, 3) is its radiance as it stands, what the numbers are measured under; `picture` (rows, columns, 3)
+    lat-long as in `rendering.light`, is what the page turns and shows behind the object. Both float32, and numbers that
+    half floats times one scale hold exactly (`halves`), so that what is measured here is what the page has.
+    """
+
+    name: str
+    cube: np.ndarray
+    picture: np.ndarray
+
+    def environment(self, turn: float = 0.0) -> EnvironmentMap:
+        """The picture as a light, turned by so many radians: what the page makes its cube map of once it is turned."""
+        return EnvironmentMap(torch.from_numpy(self.picture.astype(np.float64)), turn, self.name)
+
+
+def page_sky(name: str, light: EnvironmentMap, size: int) -> PageSky:
+    """The sky of an environment map for transport on cube maps of `size` texels along a face.
+
+    The picture has at least four rows a texel along a face where the map has them: a turn then loses nothing that the
+    cube map could hold.
+    """
+    own = light.radiance.expand(-1, -1, 3).numpy()
+    # The picture begins as the light stands, to half a texel; the cube map is exact.
+    own = np.roll(own, -round(light.turn / (2 * np.pi) * own.shape[1]), 1)
+    return PageSky(name, rounded(cube.environment_cube(light, size)), rounded(reduced(own, 4 * size)))
+
+
+def reduced(picture: np.ndarray, rows: int) -> np.ndarray:
+    """Means (R, C, 3) over blocks of texels, weighted by their solid angles, as coarse as leaves at least `rows`."""
+    height, width, _ = picture.shape
+    factor = max(height // rows, 1)
+    while height % factor or width % factor:
+        factor -= 1
+    edges = np.cos(np.arange(height + 1) * (np.pi / height))
+    weight = (edges[:-1] - edges[1:]).reshape(-1, factor, 1, 1, 1)
+    blocks = picture.reshape(height // factor, factor, width // factor, factor, 3)
+    return (blocks * weight).sum((1, 3)) / (weight.sum(1)[..., 0] * factor)
+
+
+def rounded(values: np.ndarray) -> np.ndarray:
+    """The values (float32) that `halves` holds."""
+    stored, scale = halves(values)
+    return stored.astype(np.float32) * np.float32(scale)

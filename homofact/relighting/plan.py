@@ -1,0 +1,213 @@
+"""No more than a scene needs: form, K, size of the maps and N of an object, by a tolerance on the light it sends back.
+
+Candidates are numbers of terms whose own expected error (`factoring`, under the scene's light) is part of the
+tolerance, on maps of each of `SIZES`, in two forms: wavelets of all frequencies, of which as many are kept as the rest
+of the tolerance asks for, and harmonics of low order, where what they lose is within it. Errors of different origin add
+up in squares. All but the terms' own is measured at `SPOTS` vertices that the first camera sees (`probe`); the error
+times `MARGIN` has to be within the tolerance, since other vertices are not those. The fewest bytes win.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.errors import BadInput
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.relighting.factoring import factors_of_sizes
+from homofact.relighting.factors import InOutFactors
+from homofact.relighting.harmonic import MOST_ORDER
+from homofact.relighting.precompute import TransportSettings
+from homofact.relighting.probe import ProbedErrors, Spot, measured
+from homofact.relighting.seen import seen_vertices
+from homofact.rendering.light import EnvironmentMap
+
+SIZES = (16, 32, 64)
+SPOTS, MARGIN = 40, 1.25
+# What the maps are held against, and the parts of the tolerance that numbers of terms may take.
+_FINE = 128
+_PARTS = (0.95, 0.85, 0.75, 0.6, 0.45, 0.3)
+# The page mixes the harmonics of every term by weights a vertex: as many as a cluster's components at most.
+_MOST_WEIGHTS = 64
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A way to hold an object's transport, its bytes and the error that is expected of it.
+
+    `order` is of the harmonics, None for all frequencies; `tolerance` what of a vertex's root sum square is left out,
+    `coefficients` how many numbers a vector has on average. `of_terms`, `of_maps` and `of_transport` are the errors
+    whose root sum square `error` is.
+    """
+
+    terms: int
+    map_size: int
+    order: int | None
+    tolerance: float
+    coefficients: float
+    bytes: int
+    of_terms: float
+    of_maps: float
+    of_transport: float
+
+    @property
+    def error(self) -> float:
+        """Relative RMS of the light."""
+        return math.hypot(self.of_terms, self.of_maps, self.of_transport)
+
+    @property
+    def form(self) -> str:
+        """For tables."""
+        return "all frequencies" if self.order is None else f"harmonics to order {self.order}"
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form."""
+        return {"form": self.form, **asdict(self), "error": self.error}
+
+
+@dataclass(frozen=True)
+class ObjectPlan:
+    """What was considered of an object, cheapest first, the one chosen, and its factors."""
+
+    name: str
+    material: str
+    reflected: float
+    choices: tuple[Choice, ...]
+    chosen: Choice
+    factors: InOutFactors
+
+    @property
+    def met(self) -> bool:
+        """Whether the error that is expected is within the tolerance, with the margin."""
+        return self.chosen.error * MARGIN <= self.reflected * (1 + 1e-9)
+
+    @property
+    def warning(self) -> str | None:
+        """A line where it is not."""
+        if self.met:
+            return None
+        return (
+            f"{self.name}: reflected {self.reflected:g} cannot be met; the best reachable is"
+            f" {self.chosen.error * MARGIN:.3g}, with the margin of {MARGIN:g} and {self.chosen.terms} terms"
+        )
+
+    def settings(self, scene: TransportSettings) -> TransportSettings:
+        """How its transport is to be made."""
+        return TransportSettings(scene.cube, scene.rays, scene.kept, self.chosen.tolerance)
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form."""
+        return {
+            "mesh": self.name,
+            "material": self.material,
+            "met": self.met,
+            "chosen": self.chosen.record(),
+            "choices": [each.record() for each in self.choices],
+        }
+
+
+def plan_object(
+    mesh: Mesh,
+    material: str,
+    reflectance: Reflectance,
+    occluder: Occluder,
+    light: EnvironmentMap,
+    eye: tuple[float, ...],
+    reflected: float,
+    settings: TransportSettings,
+    terms: int | None = None,
+    seed: int = 0,
+) -> ObjectPlan:
+    """Choose for one object of a scene; `terms` fixes K. `reflected` is the tolerance, of `settings` the cube counts.
+
+    Raises BadInput as `factoring.factor` and where no light reaches the vertices drawn.
+    """
+    sizes = (*SIZES, _FINE)
+    allowed = reflected / MARGIN
+    error = _PARTS[-1] * allowed if terms is None else None
+    made = factors_of_sizes(reflectance, sizes, terms, error=error, light=light)
+    counts = candidate_terms(made[0], allowed) if terms is None else [made[0].terms]
+    whole = [each.first(counts[-1]) for each in made]
+    groups = np.searchsorted(counts, np.arange(counts[-1]), side="right")
+    spot = _spot(mesh, reflectance, occluder, eye, seed)
+    orders = tuple(range(1, MOST_ORDER + 1))
+    found = measured(spot, whole, len(SIZES) - 1, groups, light, settings.cube, orders)
+    errors = [whole[0].first(each).expected_error for each in counts]
+    choices = [
+        choice
+        for g, count in enumerate(counts)
+        for m in range(len(SIZES))
+        for choice in _choices(found, g, m, count, errors[g], allowed, len(mesh.positions), whole[0].view.shape[3])
+    ]
+    if not choices:
+        choices = [_nearest(found, counts, errors, len(mesh.positions), whole[0].view.shape[3])]
+    shown = _best_of_each(choices)
+    chosen = min(shown, key=lambda each: each.bytes)
+    factors = whole[SIZES.index(chosen.map_size)].first(chosen.terms)
+    return ObjectPlan(mesh.name, material, reflected, shown, chosen, factors)
+
+
+def candidate_terms(factors: InOutFactors, allowed: float) -> list[int]:
+    """Numbers of terms, rising, whose own error takes a part of what is allowed; all that there are where none does."""
+    left = 1 - factors.strength.astype(np.float64).cumsum() / factors.energy
+    # A pair is kept whole: its two strengths are the same number.
+    whole = np.append(factors.strength[1:] != factors.strength[:-1], True)
+    found = set()
+    for part in _PARTS:
+        enough = np.flatnonzero(whole & (left <= (part * allowed) ** 2))
+        if len(enough):
+            found.add(int(enough[0]) + 1)
+    return sorted(found) or [factors.terms]
+
+
+def _choices(
+    found: ProbedErrors, g: int, m: int, terms: int, error: float, allowed: float, vertices: int, channels: int
+) -> list[Choice]:
+    """Of so many terms on maps of one size: all frequencies, and the harmonics that are enough."""
+    size, maps = SIZES[m], float(found.maps[g, m])
+    square = allowed**2 - error**2 - maps**2
+    if square <= 0:
+        return []
+    view = terms * size**2 * channels * 4
+    tolerance, lost, kept = found.truncated(g, math.sqrt(square))
+    bytes_of_wavelets = vertices * (6 * terms + 4 * round(kept)) + view
+    choices = [Choice(terms, size, None, tolerance, kept / terms, bytes_of_wavelets, error, maps, lost)]
+    fine = found.truncated(g, math.sqrt(square) / 5)[0]
+    for order, low in zip(found.orders, found.harmonics(g), strict=True):
+        count = (order + 1) ** 2
+        if low**2 <= square and terms * count <= _MOST_WEIGHTS:
+            stored = vertices * terms * (2 * count + 4) + view
+            choices.append(Choice(terms, size, order, fine, count, stored, error, maps, float(low)))
+            break
+    return choices
+
+
+def _nearest(found: ProbedErrors, counts: list[int], errors: list[float], vertices: int, channels: int) -> Choice:
+    """The most terms on the largest maps, where nothing meets the tolerance."""
+    maps = float(found.maps[-1, len(SIZES) - 1])
+    tolerance, lost, kept = found.truncated(len(counts) - 1, 0.3 * math.hypot(errors[-1], maps))
+    stored = vertices * (6 * counts[-1] + 4 * round(kept)) + counts[-1] * SIZES[-1] ** 2 * channels * 4
+    return Choice(counts[-1], SIZES[-1], None, tolerance, kept / counts[-1], stored, errors[-1], maps, lost)
+
+
+def _best_of_each(choices: list[Choice]) -> tuple[Choice, ...]:
+    """Of each form and number of terms the cheapest map, cheapest first."""
+    best: dict[tuple[int, int | None], Choice] = {}
+    for each in choices:
+        key = (each.terms, each.order)
+        if key not in best or each.bytes < best[key].bytes:
+            best[key] = each
+    return tuple(sorted(best.values(), key=lambda each: (each.bytes, each.error)))
+
+
+def _spot(mesh: Mesh, reflectance: Reflectance, occluder: Occluder, eye: tuple[float, ...], seed: int) -> Spot:
+    """Vertices that the eye sees; where it sees none, any, from 45° each."""
+    try:
+        seen = seen_vertices(mesh, reflectance, occluder, eye, SPOTS, seed)
+    except BadInput:
+        drawn = np.sort(np.random.default_rng(seed).permutation(len(mesh.positions))[:SPOTS])
+        return Spot(mesh, occluder, drawn, np.tile([math.sqrt(0.5), 0.0, math.sqrt(0.5)], (len(drawn), 1)))
+    return Spot(mesh, occluder, seen.which, seen.wo)

@@ -1,0 +1,300 @@
+"""Precomputed transport: per vertex and term the few wavelet coefficients of g_k(ωi) V(ωi) cosθi (Wang 2004, (3)).
+
+The visibility of a vertex is asked of Embree once over its upper hemisphere and serves every term. A vector keeps its N
+largest coefficients, as in the paper, or as many of a vertex's as leave out at most `tolerance` of the root sum square,
+each term weighted by how strong its view map is. What is kept is stored as 16-bit numbers times a scale a vector and a
+16-bit place.
+
+Vertices go in blocks, side by side in threads. Each block is written whole or not at all when a folder is given, under
+the fingerprint of everything that goes into it: a run that was stopped goes on with what is there. The finished blocks
+are then strung together in two files of that folder, which are mapped and not read: memory is bounded by the blocks at
+work and a few numbers a vector, however much is kept. `cost` says it before anything is traced.
+"""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.files.archive import read_arrays, write_arrays
+from homofact.files.atomic import replace_file
+from homofact.files.reading import read_bytes
+from homofact.linear.threads import in_parallel
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.meshes.tangents import frames
+from homofact.relighting import cube
+from homofact.relighting.factors import InOutFactors
+from homofact.relighting.kernels import keep_above, keep_largest, threshold_of_energy, transport_vectors
+from homofact.relighting.tracer import Tracer
+
+BLOCK = 256
+KEPT = 96
+_PARTS = ("count", "index", "number", "scale")
+# What is large, and kept in files of its own.
+_LONG = {"index": np.uint16, "number": np.int16}
+# Bytes of memory beside the stored vectors: places and frames with what makes them; counts, scales, starts, products.
+_VERTEX_BYTES, _VECTOR_BYTES = 400, 64
+_EXPECTED = "a block of transport that homofact wrote"
+
+
+@dataclass(frozen=True)
+class TransportSettings:
+    """How transport is sampled and what of it is kept.
+
+    `cube` texels along a face; `rays` across each texel (1 or 2: one ray or four); `kept` coefficients a vector, unless
+    `tolerance` says how much of a vertex's root sum square may be left out.
+    """
+
+    cube: int = 64
+    rays: int = 1
+    kept: int = KEPT
+    tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that are no choice. Raises BadInput."""
+        cube.check_size(self.cube)
+        if self.rays not in (1, 2):
+            raise BadInput(where="rays", found=self.rays, expected="1 or 2 across a texel")
+        most = cube.FACES * self.cube**2
+        if not isinstance(self.kept, int):
+            raise BadInput(where="kept", found=self.kept, expected="a whole number")
+        if not 1 <= self.kept <= most:
+            raise BadInput(where="kept", found=f"{self.kept} coefficients", expected=f"1 to {most} (6 × {self.cube}²)")
+        if self.tolerance is not None and not 0 <= self.tolerance < 1:
+            raise BadInput(where="tolerance", found=f"{self.tolerance:g}", expected="0 to below 1")
+
+
+@dataclass(frozen=True)
+class WaveletTransport:
+    """Sparse transport of V vertices by K terms, in Haar coefficients of a cube map.
+
+    Vector r = v·K + k has the places `index` and numbers `number` from `start[r]` to `start[r + 1]`, times `scale[r]`.
+    `positions` (V, 3), `frames` (V, 3, 3) rows tangent, binormal, normal, float32.
+    """
+
+    positions: np.ndarray
+    frames: np.ndarray
+    factors: InOutFactors
+    settings: TransportSettings
+    start: np.ndarray
+    index: np.ndarray
+    number: np.ndarray
+    scale: np.ndarray
+
+    @property
+    def vertices(self) -> int:
+        """V."""
+        return len(self.positions)
+
+    @property
+    def nbytes(self) -> int:
+        """What is stored of the vectors: 4 bytes a coefficient, a scale and a count of 2 bytes a vector."""
+        return self.index.nbytes + self.number.nbytes + self.scale.nbytes + 2 * len(self.scale)
+
+    @property
+    def mean_kept(self) -> float:
+        """Coefficients a vector, on average."""
+        return len(self.index) / max(len(self.scale), 1)
+
+    def vector(self, vertex: int, term: int) -> np.ndarray:
+        """One vector's coefficients (6·n²,) float64, with zeros."""
+        r = vertex * self.factors.terms + term
+        part = slice(self.start[r], self.start[r + 1])
+        whole = np.zeros(cube.FACES * self.settings.cube**2)
+        whole[self.index[part]] = self.number[part] * float(self.scale[r])
+        return whole
+
+
+@dataclass(frozen=True)
+class TransportCost:
+    """What a precomputation will take: rays, the largest size of the result and the peak of memory, in bytes.
+
+    `disk_bytes` is what its blocks take, with the files that they are strung together in; 0 without a folder.
+    """
+
+    rays: int
+    most_bytes: int
+    peak_bytes: int
+    disk_bytes: int = 0
+
+    def describe(self) -> str:
+        """In words, before it starts."""
+        disk = f" and {self.disk_bytes / 1e6:.0f} MB of disk for blocks" if self.disk_bytes else ""
+        return (
+            f"{self.rays / 1e6:.0f} million rays, at most {self.most_bytes / 1e6:.0f} MB of transport, at most"
+            f" {self.peak_bytes / 1e6:.0f} MB of memory{disk}"
+        )
+
+
+def cost(vertices: int, terms: int, settings: TransportSettings, on_disk: bool = False) -> TransportCost:
+    """What `transport` of so many vertices and terms will take, at most; `on_disk` with a folder for its blocks.
+
+    Memory beside the program's own, the mesh's and Embree's.
+    """
+    texels = cube.FACES * settings.cube**2
+    kept = texels if settings.tolerance is not None else settings.kept
+    stored = vertices * terms * (4 * kept + 6)
+    threads = numba.get_num_threads()
+    # A block's arrays stand there twice while they are put together, and once more while they are written.
+    at_work = threads * (BLOCK * terms * kept * 12 + terms * texels * 4 + texels * settings.rays**2 * 40)
+    rays = vertices * texels // 2 * settings.rays**2
+    peak = vertices * (_VERTEX_BYTES + terms * _VECTOR_BYTES) + at_work
+    # Without a folder, blocks and what they are put together to stand in memory at once.
+    return TransportCost(rays, stored, peak, 2 * stored) if on_disk else TransportCost(rays, stored, peak + 2 * stored)
+
+
+def transport(
+    mesh: Mesh,
+    factors: InOutFactors,
+    settings: TransportSettings,
+    occluder: Occluder,
+    folder: Path | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> WaveletTransport:
+    """The transport of every vertex of a mesh among everything that `occluder` holds.
+
+    `folder` keeps finished blocks for a later run; blocks of another mesh, material or setting are refused by name.
+    `progress` is called with (blocks done, blocks). Raises BadInput for such a folder.
+    """
+    if not len(mesh.positions) or not np.isfinite(mesh.positions).all() or not np.isfinite(mesh.normals).all():
+        found = "no vertices" if not len(mesh.positions) else "positions or normals that are not finite"
+        raise BadInput(where=mesh.name, found=found, expected="a mesh")
+    work = _Work(mesh, factors, settings, occluder)
+    places = list(range(0, len(mesh.positions), BLOCK))
+    if folder is not None:
+        if folder.exists() and not folder.is_dir():
+            raise BadInput(where=folder, found="a file", expected="a folder for blocks of transport")
+        folder.mkdir(parents=True, exist_ok=True)
+        _claim(folder, work.fingerprint(), mesh.name)
+    done = [0]
+
+    def one(first: int) -> dict[str, np.ndarray]:
+        file = None if folder is None else _block_file(folder, first)
+        vertices = min(BLOCK, len(mesh.positions) - first)
+        found = _read(file, work.factors.terms, vertices) if file else None
+        if found is None:
+            found = work.block(first, first + vertices)
+            if file is not None:
+                write_arrays(file, found)
+        done[0] += 1
+        if progress is not None:
+            progress(done[0], len(places))
+        return found if file is None else {name: each for name, each in found.items() if name not in _LONG}
+
+    blocks = in_parallel(one, places)
+    counts = np.concatenate([each["count"] for each in blocks])
+    start = np.zeros(len(counts) + 1, np.int64)
+    np.cumsum(counts, out=start[1:])
+    scale = np.concatenate([each["scale"] for each in blocks])
+    if folder is None:
+        index, number = (np.concatenate([each[name] for each in blocks]) for name in _LONG)
+    else:
+        index, number = _strung(folder, places, int(start[-1]))
+    return WaveletTransport(
+        mesh.positions.astype(np.float32), work.rows, factors, settings, start, index, number, scale
+    )
+
+
+def _block_file(folder: Path, first: int) -> Path:
+    return folder / f"block_{first // BLOCK:05d}.npz"
+
+
+def _strung(folder: Path, places: list[int], entries: int) -> list[np.ndarray]:
+    """`_LONG` of all blocks, one after the other in a file each, mapped: pages are read as they are asked for."""
+    found = []
+    for name, kind in _LONG.items():
+        file = folder / f"{name}.bin"
+
+        def write(target: Path, part: str = name) -> None:
+            with target.open("wb") as out:
+                for first in places:
+                    block = _block_file(folder, first)
+                    out.write(read_arrays(block, read_bytes(block, _EXPECTED), (part,), _EXPECTED)[part].data)
+
+        replace_file(file, write)
+        # Copied where it is written to: nothing writes, but compiled loops know one kind of array then.
+        mapped = np.memmap(file, kind, "c", shape=(entries,)) if entries else np.zeros(0, kind)
+        found.append(np.asarray(mapped))
+    return found
+
+
+class _Work(Tracer):
+    """What is the same for all blocks of a transport."""
+
+    def __init__(self, mesh: Mesh, factors: InOutFactors, settings: TransportSettings, occluder: Occluder) -> None:
+        super().__init__(mesh, occluder, settings.cube, settings.rays)
+        self.mesh, self.factors, self.settings = mesh, factors, settings
+        self.rows = frames(mesh.normals).astype(np.float32)
+        self.maps = np.ascontiguousarray(factors.light.transpose(1, 2, 0))
+        self.weights = factors.weights
+
+    def fingerprint(self) -> str:
+        """A digest of everything that decides about the blocks."""
+        digest = hashlib.sha256(repr((self.settings, self.mesh.name)).encode())
+        for each in (self.positions, self.rows, self.maps, self.factors.view, *self.occluder.arrays):
+            digest.update(np.ascontiguousarray(each).data)
+        return digest.hexdigest()
+
+    def block(self, first: int, last: int) -> dict[str, np.ndarray]:
+        """`_PARTS` of the vertices from `first` to below `last`."""
+        terms, texels = self.factors.terms, len(self.angles)
+        vectors = np.empty((terms, texels), np.float32)
+        scratch = np.empty((self.settings.cube,) * 2, np.float32)
+        index, number = np.empty(texels, np.uint16), np.empty(texels, np.int16)
+        counts, scales = np.zeros((last - first) * terms, np.int32), np.zeros((last - first) * terms, np.float32)
+        places, numbers = [], []
+        tolerance = self.settings.tolerance
+        for v in range(first, last):
+            transport_vectors(self.rows[v], self.visible(v), self.directions, self.angles, self.maps, vectors, scratch)
+            square = 0.0 if tolerance is None else threshold_of_energy(vectors, self.weights, tolerance)
+            for k in range(terms):
+                if tolerance is None:
+                    count, scale = keep_largest(vectors[k], self.settings.kept, index, number)
+                else:
+                    count, scale = keep_above(vectors[k], float(self.weights[k]), square, index, number)
+                r = (v - first) * terms + k
+                counts[r], scales[r] = count, scale
+                places.append(index[:count].copy())
+                numbers.append(number[:count].copy())
+        return {
+            "count": counts,
+            "index": np.concatenate(places),
+            "number": np.concatenate(numbers),
+            "scale": scales,
+        }
+
+
+def _claim(folder: Path, fingerprint: str, name: str) -> None:
+    """Mark the folder as this precomputation's, or find that it is. Raises BadInput."""
+    mark = folder / "fingerprint.npz"
+    if mark.exists():
+        found = read_arrays(mark, read_bytes(mark, _EXPECTED), ("digest", "mesh"), _EXPECTED)
+        if str(found.get("digest")) != fingerprint:
+            raise BadInput(
+                f"holds transport of {found.get('mesh')} with another mesh, material or setting",
+                where=folder,
+                expected=f"that of {name} or an empty folder",
+            )
+        return
+    if any(folder.glob("block_*.npz")):
+        raise BadInput("holds blocks of transport and no fingerprint", where=folder, expected="an empty folder")
+    write_arrays(mark, {"digest": np.array(fingerprint), "mesh": np.array(name)})
+
+
+def _read(file: Path, terms: int, vertices: int) -> dict[str, np.ndarray] | None:
+    """A finished block, None where it is not there. Raises BadInput for a damaged one."""
+    if not file.exists():
+        return None
+    found = read_arrays(file, read_bytes(file, _EXPECTED), _PARTS, _EXPECTED)
+    if len(found) < len(_PARTS) or len(found["count"]) != vertices * terms:
+        raise BadInput(f"not a whole block of {vertices} vertices", where=file, expected="one, or delete it")
+    if len(found["scale"]) != len(found["count"]) or not np.isfinite(found["scale"]).all():
+        raise BadInput("its scales are not those of its vectors", where=file, expected=f"{_EXPECTED}, or delete it")
+    if found["count"].sum() != len(found["index"]) or len(found["index"]) != len(found["number"]):
+        raise BadInput("its parts do not belong together", where=file, expected=f"{_EXPECTED}, or delete it")
+    return found

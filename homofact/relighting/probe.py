@@ -1,0 +1,157 @@
+"""What each approximation of an object would cost it, measured at a few of its vertices before any transport is made.
+
+At each vertex the transport of all terms is computed once. Its coefficients are counted by magnitude and by groups of
+terms (`kernels.binned`), so that the error and the size of every number of terms at every threshold are sums of bins.
+The light is the scene's in four turns about y, which share the vertices: a lamp that is mirrored at none of them in one
+turn is in another. Errors are relative RMS over vertices, turns and channels, as in `ledger`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from homofact.errors import BadInput
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.meshes.tangents import frames
+from homofact.relighting import cube
+from homofact.relighting.factors import InOutFactors, look_up, view_values
+from homofact.relighting.harmonic import harmonic_maps
+from homofact.relighting.kernels import binned, transport_vectors
+from homofact.relighting.relight import light_coefficients
+from homofact.relighting.tracer import Tracer
+from homofact.rendering.light import EnvironmentMap
+
+TURNS = 4
+_BINS = 2048
+
+
+@dataclass(frozen=True)
+class Spot:
+    """Vertices `which` (S,) of a mesh and the eye's direction (S, 3) in their frames."""
+
+    mesh: Mesh
+    occluder: Occluder
+    which: np.ndarray
+    wo: np.ndarray
+
+
+@dataclass(frozen=True)
+class ProbedErrors:
+    """By groups of terms, the first g + 1 of them together: (G,) of everything.
+
+    `maps` (G, M) is the error of maps of each size against the last; `counts` (S, G, B) coefficients of the bins,
+    `squares` alike; `sent` (S, G, B, T·3) the light of each; `smooth` (S, G, N, T·3) the light by harmonics up to each
+    order of `orders`.
+    """
+
+    maps: np.ndarray
+    counts: np.ndarray
+    squares: np.ndarray
+    sent: np.ndarray
+    smooth: np.ndarray
+    orders: tuple[int, ...]
+
+    def harmonics(self, group: int) -> np.ndarray:
+        """Errors (N,) of harmonics up to each order, of the first `group` + 1 groups' terms."""
+        whole = self.sent[:, group].sum(1)
+        return np.array([_relative(self.smooth[:, group, n], whole) for n in range(len(self.orders))])
+
+    def truncated(self, group: int, allowed: float) -> tuple[float, float, float]:
+        """(tolerance, its error, coefficients a vertex): the largest tolerance whose error is at most `allowed`."""
+        whole = self.sent[:, group].sum(1)
+        gone = self.squares[:, group].cumsum(1)
+        left = self.sent[:, group].cumsum(1)
+        found = (0.0, 0.0, float(self.counts[:, group].sum(1).mean()))
+        for tolerance in _TOLERANCES:
+            # As `threshold_of_energy`: bins from the smallest on, while they fit.
+            bins = (gone <= tolerance**2 * gone[:, -1:]).sum(1) - 1
+            rows = np.arange(len(bins))
+            out = np.where((bins >= 0)[:, None], left[rows, bins], 0.0)
+            error = _relative(whole - out, whole)
+            if error > allowed:
+                break
+            lost = np.where(bins >= 0, self.counts[:, group].cumsum(1)[rows, bins], 0)
+            found = (tolerance, error, float((self.counts[:, group].sum(1) - lost).mean()))
+        return found
+
+
+# From what leaves next to nothing out to half of everything.
+_TOLERANCES = tuple(float(each) for each in np.geomspace(1e-4, 0.5, 50))
+
+
+def measured(
+    spot: Spot,
+    sizes: Sequence[InOutFactors],
+    at: int,
+    groups: np.ndarray,
+    light: EnvironmentMap,
+    size: int,
+    orders: Sequence[int],
+) -> ProbedErrors:
+    """Measure the same terms on maps of several sizes, the vectors on the one at `at`, on cube maps of `size` texels.
+
+    `groups` (K,) is each term's group, rising. Raises BadInput where no light reaches the vertices.
+    """
+    count, terms = int(groups.max()) + 1, sizes[0].terms
+    radiance = [cube.environment_cube(light.turned(2 * math.pi * k / TURNS), size) for k in range(TURNS)]
+    flat = np.concatenate([each.reshape(-1, 3) for each in radiance], 1)
+    coefficients = np.concatenate([light_coefficients(each, size) for each in radiance], 1)
+    angles = np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)
+    tracer = Tracer(spot.mesh, spot.occluder, size)
+    rows = frames(spot.mesh.normals[spot.which])
+    views = [view_values(each, spot.wo) for each in sizes]
+    maps = [torch.from_numpy(each.light).permute(1, 2, 0).double() for each in sizes]
+    kept = np.ascontiguousarray(sizes[at].light.transpose(1, 2, 0))
+    into, back = harmonic_maps(max(orders), size)
+    smooth_light, back = into @ coefficients, back.astype(np.float32)
+    number = len(spot.which)
+    counts, squares = (np.zeros((number, count, _BINS)) for _ in range(2))
+    sent = np.zeros((number, count, _BINS, 3 * TURNS))
+    by_map = np.zeros((len(sizes), number, count, 3 * TURNS))
+    smooth = np.zeros((number, count, len(orders), 3 * TURNS))
+    vectors, scratch = np.empty((terms, len(angles)), np.float32), np.empty((size, size), np.float32)
+    group = groups.astype(np.int64)
+
+    def grouped(values: np.ndarray) -> np.ndarray:
+        found = np.zeros((count, *values.shape[1:]))
+        np.add.at(found, group, values)
+        return found
+
+    for s, v in enumerate(spot.which.tolist()):
+        lit = tracer.visible(v)
+        seen = np.flatnonzero(lit)
+        wi = tracer.directions[seen].astype(np.float64) @ rows[s].T
+        flux = flat[seen] * (lit * angles)[seen, None] * np.maximum(wi[:, 2:], 0)
+        for m, each in enumerate(maps):
+            got = look_up(each, torch.from_numpy(wi)).numpy().T @ flux
+            by_map[m, s] = grouped(got * np.tile(views[m][s], TURNS))
+        transport_vectors(rows[s].astype(np.float32), lit, tracer.directions, tracer.angles, kept, vectors, scratch)
+        binned(
+            vectors,
+            sizes[at].weights.astype(np.float64),
+            group,
+            coefficients,
+            views[at][s],
+            counts[s],
+            squares[s],
+            sent[s],
+        )
+        low = (vectors @ back.T).astype(np.float64)
+        for n, order in enumerate(orders):
+            few = (order + 1) ** 2
+            smooth[s, :, n] = grouped(low[:, :few] @ smooth_light[:few] * np.tile(views[at][s], TURNS))
+    if not sent.any():
+        raise BadInput("no light reaches the vertices that were drawn", where=spot.mesh.name, expected="some")
+    by_map, counts, squares, sent, smooth = (
+        each.cumsum(axis) for each, axis in ((by_map, 2), (counts, 1), (squares, 1), (sent, 1), (smooth, 1))
+    )
+    errors = np.array([[_relative(each[:, g], by_map[-1][:, g]) for each in by_map] for g in range(count)])
+    return ProbedErrors(errors, counts, squares, sent, smooth, tuple(orders))
+
+
+def _relative(found: np.ndarray, truth: np.ndarray) -> float:
+    return float(np.sqrt(((found - truth) ** 2).sum() / max((truth**2).sum(), 1e-300)))

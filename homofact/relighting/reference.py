@@ -1,0 +1,289 @@
+"""Direct illumination of a mesh by Mitsuba 3 (the extra `mitsuba`): what relighting is held against.
+
+The scene is the mesh with one material under an environment map, in the frame of `rendering.light`; light arrives from
+the map alone, no bounces. Each vertex has its own surface frame: the normal given and, for an anisotropic material,
+the tangent given.
+
+Conventions, those of `relighting`: light counts where it is above the horizon of the vertex normal and where a
+ray from the vertex, moved `offset` along that normal, leaves the mesh. The horizon of the triangles counts only by what
+the ray meets. A vertex is seen if the camera is above the horizon of its normal and the way between is free; the
+others' values are not computed and come back 0.
+
+Estimates are Mitsuba's: emitter and material are both sampled and weighted by the power heuristic (Veach 1995), as its
+`direct` integrator does; `picture` runs that integrator itself.
+"""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.errors import BadInput
+from homofact.files import extras
+from homofact.meshes.occlusion import OFFSET
+from homofact.meshes.tangents import frames
+from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.mitsuba_bsdf import load_bsdf, measured_bsdf, open_mitsuba
+from homofact.rendering.mitsuba_environment import environment_emitter
+from homofact.rendering.mitsuba_frames import TANGENT, framed
+from homofact.rendering.mitsuba_reflectance import evaluated_calls, reflectance_bsdf
+from homofact.scene.cameras import Camera
+
+_LANES = 1 << 20
+
+Material = Reflectance | str | Path
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """`radiance` and its standard error `error`, both (V, 3) or (H, W, 3) linear, and what is `seen`, (V,) or (H, W).
+
+    Where nothing is seen both are 0.
+    """
+
+    radiance: np.ndarray
+    error: np.ndarray
+    seen: np.ndarray
+
+    @property
+    def noise(self) -> float:
+        """The relative RMS of the error: √(Σ error²/Σ radiance²)."""
+        return math.sqrt(float((self.error**2).sum()) / max(float((self.radiance**2).sum()), 1e-300))
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Plain arrays of a mesh: `positions`, unit `normals` (V, 3), `triangles` (T, 3), `tangents` (V, 3) or None.
+
+    Without tangents Wang's are taken (`meshes.tangents`). Raises BadInput for arrays that are no mesh.
+    """
+
+    positions: np.ndarray
+    normals: np.ndarray
+    triangles: np.ndarray
+    tangents: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no mesh."""
+        vertices = len(self.positions)
+        for name in ("positions", "normals", "tangents"):
+            values = getattr(self, name)
+            if values is None:
+                continue
+            if values.shape != (vertices, 3) or not vertices:
+                raise BadInput(where=name, found=f"shape {values.shape}", expected=f"({vertices or 'V'}, 3)")
+            if not np.isfinite(values).all():
+                row = int(np.argwhere(~np.isfinite(values))[0, 0])
+                raise BadInput(f"row {row} is not finite", where=name, expected="finite numbers")
+        lengths = np.linalg.norm(self.normals, axis=1)
+        if not np.allclose(lengths, 1, atol=1e-4):
+            row = int(np.abs(lengths - 1).argmax())
+            raise BadInput(f"row {row} has the length {lengths[row]:.4g}", where="normals", expected="unit vectors")
+        if self.triangles.ndim != 2 or self.triangles.shape[1] != 3 or not len(self.triangles):
+            raise BadInput(where="triangles", found=f"shape {self.triangles.shape}", expected="(T, 3)")
+        _check_rows("triangles", self.triangles, vertices)
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Rows tangent, binormal, normal (V, 3, 3)."""
+        if self.tangents is None:
+            return frames(self.normals)
+        along = (self.tangents * self.normals).sum(1, keepdims=True)
+        tangents = self.tangents - along * self.normals
+        tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+        return np.stack((tangents, np.cross(self.normals, tangents), self.normals), 1)
+
+
+def vertex_radiance(
+    geometry: Geometry,
+    material: Material,
+    environment: EnvironmentMap,
+    place: tuple[float, float, float],
+    samples: int = 256,
+    repeats: int = 8,
+    seed: int = 0,
+    offset: float | None = None,
+    which: np.ndarray | None = None,
+) -> Estimate:
+    """Radiance that the vertices send to a camera at `place`, by `repeats` independent runs of `samples` each.
+
+    Of all vertices, or of those that `which` (S,) lists, in its order. The standard error is that of the runs' mean.
+    `material` is a `Reflectance` of R, G, B or one channel, or the path of an RGL file (`.bsdf`, by Mitsuba's
+    `measured`, which takes the viewer for the file's ωi) or of a saved fit (by homofact's own material). `offset` is
+    that of `meshes.occlusion` unless given. Raises MissingDependency without Mitsuba, BadInput for bad numbers and for
+    what the material refuses.
+    """
+    _check_counts(samples, repeats)
+    wanted = np.arange(len(geometry.positions)) if which is None else np.asarray(which)
+    _check_rows("which", wanted, len(geometry.positions))
+    mi = open_mitsuba()
+    with _bsdf(material) as bsdf:
+        scene = mi.load_dict(
+            {"type": "scene", "mesh": _mesh(mi, geometry, None), "sky": environment_emitter(environment)}
+        )
+        size = np.linalg.norm(np.ptp(geometry.positions[np.unique(geometry.triangles)], axis=0))
+        axes = geometry.axes[wanted]
+        normals = axes[:, 2]
+        points = geometry.positions[wanted] + (OFFSET * size if offset is None else offset) * normals
+        toward = np.asarray(place, np.float64) - points
+        distance = np.linalg.norm(toward, axis=1, keepdims=True)
+        toward /= distance
+        seen = (toward * normals).sum(1) > 0
+        ray = mi.Ray3f(_vector(mi, points), _vector(mi, toward), mi.Float(distance[:, 0] * (1 - 1e-4)), 0.0, [])
+        seen &= ~np.array(scene.ray_test(ray)).astype(bool)
+        rows = np.nonzero(seen)[0]
+        # Mitsuba moves the beginning of every ray along the normal itself: that much is taken off before.
+        starts = points - (1 + np.abs(points).max(1, keepdims=True)) * mi.math.RayEpsilon * normals
+        runs = np.zeros((repeats, len(points), 3))
+        sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
+        count = sampler.sample_count()
+        for run in range(repeats):
+            for number, part in enumerate(_parts(rows, max(1, _LANES // count))):
+                stream = int(np.random.SeedSequence((seed, run, number)).generate_state(1)[0])
+                place_of = np.repeat(part, count)
+                sampler.set_samples_per_wavefront(count)
+                sampler.seed(stream, len(place_of))
+                si = _interaction(mi, starts[place_of], axes[place_of], toward[place_of])
+                found = np.array(_direct(mi, scene, bsdf, si, sampler))
+                runs[run, part] = found.reshape(3, len(part), count).mean(2).T
+    return _estimate(runs, seen)
+
+
+def picture(
+    geometry: Geometry,
+    material: Material,
+    environment: EnvironmentMap,
+    camera: Camera,
+    samples: int = 64,
+    repeats: int = 2,
+    seed: int = 0,
+) -> Estimate:
+    """The mesh before the map as `camera` sees it, by Mitsuba's `direct` integrator: (H, W, 3), box filter.
+
+    Normals, and the tangents of anisotropic materials, are interpolated over the triangles. `seen` are the pixels that
+    the mesh covers wholly. The standard error is that of the mean of `repeats` runs with different seeds. Raises as
+    `vertex_radiance`.
+    """
+    _check_counts(samples, repeats)
+    mi = open_mitsuba()
+    at = mi.ScalarTransform4f()
+    sensor = {
+        "type": "perspective",
+        "fov": camera.field,
+        "fov_axis": "y",
+        "to_world": at.look_at(list(camera.eye), list(camera.target), [0, 1, 0]),
+        "film": {
+            "type": "hdrfilm",
+            "width": camera.pixels[0],
+            "height": camera.pixels[1],
+            "rfilter": {"type": "box"},
+            "pixel_format": "rgba",
+        },
+        "sampler": {"type": "multijitter", "sample_count": samples},
+    }
+    with _bsdf(material) as bsdf:
+        mesh = _mesh(mi, geometry, bsdf)
+        made = {"type": "scene", "integrator": {"type": "direct"}, "sensor": sensor, "mesh": mesh}
+        scene = mi.load_dict(made | {"sky": environment_emitter(environment)})
+        seeds = np.random.SeedSequence(seed).generate_state(repeats)
+        runs = np.stack([np.array(mi.render(scene, seed=int(each)))[..., :3] for each in seeds]).astype(np.float64)
+        cover = mi.load_dict(made | {"integrator": {"type": "depth"}})
+        alpha = np.array(mi.render(cover, spp=64))[..., 3]
+    return _estimate(runs, alpha > 0.999)
+
+
+def _check_rows(name: str, rows: np.ndarray, vertices: int) -> None:
+    wrong = rows[(rows < 0) | (rows >= vertices)]
+    if len(wrong):
+        raise BadInput(where=name, found=f"vertex {wrong[0]}", expected=f"0 to {vertices - 1}")
+
+
+def _check_counts(samples: int, repeats: int) -> None:
+    for name, value, least in (("samples", samples, 1), ("repeats", repeats, 2)):
+        if value < least:
+            raise BadInput(where=name, found=value, expected=f"at least {least}")
+
+
+@contextmanager
+def _bsdf(material: Material) -> Iterator[Any]:
+    """The material in the variant of the moment, with calls as it needs them."""
+    if isinstance(material, str | Path):
+        yield measured_bsdf(material) if str(material).endswith(".bsdf") else load_bsdf(material)
+        return
+    with evaluated_calls():
+        yield reflectance_bsdf(material)
+
+
+def _mesh(mi: Any, geometry: Geometry, bsdf: Any) -> Any:
+    """Mitsuba's mesh with our normals, and our tangents where the material asks for them."""
+    properties = mi.Properties()
+    turned = bsdf is not None and mi.has_flag(bsdf.flags(), mi.BSDFFlags.Anisotropic)
+    if bsdf is not None:
+        properties["bsdf"] = framed(bsdf) if turned else bsdf
+    counts = len(geometry.positions), len(geometry.triangles)
+    mesh = mi.Mesh("mesh", *counts, props=properties, has_vertex_normals=True)
+    if turned:
+        tangents = np.ascontiguousarray(geometry.axes[:, 0], np.float32)
+        mesh.add_attribute(TANGENT, 3, tangents.ravel())
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = np.ascontiguousarray(geometry.positions, np.float32).ravel()
+    parameters["vertex_normals"] = np.ascontiguousarray(geometry.normals, np.float32).ravel()
+    parameters["faces"] = np.ascontiguousarray(geometry.triangles, np.uint32).ravel()
+    parameters.update()
+    return mesh
+
+
+def _parts(rows: np.ndarray, size: int) -> Iterator[np.ndarray]:
+    return (rows[k : k + size] for k in range(0, len(rows), size))
+
+
+def _estimate(runs: np.ndarray, seen: np.ndarray) -> Estimate:
+    """Mean and standard error over the runs (R, …, 3)."""
+    error = runs.std(0, ddof=1) / math.sqrt(len(runs))
+    return Estimate(runs.mean(0), error, seen)
+
+
+def _vector(mi: Any, values: np.ndarray) -> Any:
+    return mi.Vector3f(np.ascontiguousarray(values.T, np.float32))
+
+
+def _interaction(mi: Any, points: np.ndarray, axes: np.ndarray, toward: np.ndarray) -> Any:
+    """Mitsuba's record of a surface seen along `toward` (N, 3), at points and in frames of our own."""
+    si = extras.library("drjit", "mitsuba").zeros(mi.SurfaceInteraction3f, len(points))
+    tangent, binormal, normal = (_vector(mi, axes[:, k]) for k in range(3))
+    si.t, si.p, si.n = mi.Float(0), mi.Point3f(_vector(mi, points)), mi.Normal3f(normal)
+    si.sh_frame = mi.Frame3f(tangent, binormal, normal)
+    si.wi = si.to_local(_vector(mi, toward))
+    return si
+
+
+def _direct(mi: Any, scene: Any, bsdf: Any, si: Any, sampler: Any) -> Any:
+    """One estimate of the reflected radiance for each lane: emitter and material sampled, power heuristic."""
+    dr = extras.library("drjit", "mitsuba")
+    context = mi.BSDFContext()
+    light, weight = scene.sample_emitter_direction(si, sampler.next_2d(), True)
+    wo = si.to_local(light.d)
+    value, density = bsdf.eval_pdf(context, si, wo, light.pdf > 0)
+    total = dr.select(light.pdf > 0, value * weight * _power(dr, light.pdf, density), 0)
+    drawn, weight = bsdf.sample(context, si, sampler.next_1d(), sampler.next_2d())
+    active = (drawn.pdf > 0) & (drawn.wo.z > 0)
+    ray = si.spawn_ray(si.to_world(drawn.wo))
+    active &= ~scene.ray_test(ray, active)
+    beyond = dr.zeros(mi.SurfaceInteraction3f, dr.width(ray))
+    beyond.wi = -ray.d
+    sky = scene.environment()
+    away = dr.zeros(mi.DirectionSample3f, dr.width(ray))
+    away.d = ray.d
+    radiance = sky.eval(beyond, active)
+    density = sky.pdf_direction(si, away, active)
+    return total + dr.select(active, radiance * weight * _power(dr, drawn.pdf, density), 0)
+
+
+def _power(dr: Any, own: Any, other: Any) -> Any:
+    """Weight of a sample with the density `own` beside a strategy with the density `other`."""
+    return dr.select(own > 0, own * own / (own * own + other * other), 0)

@@ -1,0 +1,244 @@
+"""A relit scene on disk: relight.npz with everything that relighting reads, relight.json, and a picture a camera."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.files.archive import write_archive
+from homofact.files.kinds import RELIT
+from homofact.meshes.mesh import Mesh
+from homofact.relighting.build import RelitObject
+from homofact.relighting.clusters import Clustered
+from homofact.relighting.cube import environment_cube
+from homofact.relighting.factors import InOutFactors
+from homofact.relighting.harmonic import MOST_ORDER, Harmonic
+from homofact.relighting.page.skies import PageSky, page_sky
+from homofact.relighting.plan import ObjectPlan
+from homofact.relighting.precompute import TransportSettings, WaveletTransport
+from homofact.relighting.relight import Light, opened_light, shaded
+from homofact.relighting.scene_file import RelightSceneFile
+from homofact.scene.cameras import Camera
+from homofact.scene.folders import is_scene_folder, read_scene_archive, report_name, write_scene_folder
+
+REPORT = report_name(RELIT)
+_EXPECTED = "a relit scene that homofact wrote"
+_FORMAT, _VERSION = "homofact relit scene", 2
+_VECTORS = ("start", "index", "number", "scale")
+_FACTORS = ("light", "view", "strength")
+
+
+@dataclass(frozen=True)
+class RelightResult:
+    """A relit scene: its objects with their transport, its sky, pictures and errors.
+
+    Attributes
+    ----------
+    name : str
+        The scene's name.
+    objects : tuple of RelitObject
+        The objects with their transport, the ground last.
+    sky : PageSky
+        The light of the scene.
+    cameras : tuple of Camera
+        The cameras that the pictures are of.
+    report : dict
+        The JSON form, as in the folder's relight.json.
+    reference : tuple of ndarray or None
+        Each object's light (V, 3) towards the first camera by the dense sum, NaN where it is not seen.
+    pictures : tuple of ndarray
+        8-bit sRGB (H, W, 3) of every camera; none where the scene was read from its folder.
+    plans : tuple of ObjectPlan
+        How each object's transport was chosen, where the scene has a tolerance.
+    notes : tuple of str
+        What was found on the way, a line each.
+    """
+
+    name: str
+    objects: tuple[RelitObject, ...]
+    sky: PageSky
+    cameras: tuple[Camera, ...]
+    report: dict[str, Any]
+    reference: tuple[np.ndarray, ...] | None = None
+    pictures: tuple[np.ndarray, ...] = ()
+    plans: tuple[ObjectPlan, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        file: RelightSceneFile,
+        objects: Sequence[RelitObject],
+        report: dict[str, Any],
+        pictures: Sequence[np.ndarray] = (),
+        reference: Sequence[np.ndarray] | None = None,
+    ) -> "RelightResult":
+        """The result of a scene's file: its name, cameras and sky with what was made of it."""
+        sky = page_sky(file.light.name, file.light, file.settings.cube)
+        sums = None if reference is None else tuple(reference)
+        return cls(file.name, tuple(objects), sky, file.cameras, report, sums, tuple(pictures))
+
+    @property
+    def nbytes(self) -> int:
+        """What relighting reads, of all objects."""
+        return sum(thing.nbytes for thing in self.objects)
+
+    def shade(self, light: Light, eye: Sequence[float]) -> list[np.ndarray]:
+        """Radiance (V, 3) of each object's vertices towards the point `eye`, under another light.
+
+        A light is an `EnvironmentMap`, a cube map of radiance, a .hdr or .exr file, or the name of a built-in one.
+        Raises BadInput for what is no light or no point.
+        """
+        opened = opened_light(light)
+        cubes = {
+            size: opened if isinstance(opened, np.ndarray) else environment_cube(opened, size)
+            for size in {thing.transport.settings.cube for thing in self.objects}
+        }
+        return [
+            shaded(thing.transport, thing.tuples(cubes[thing.transport.settings.cube]), eye) for thing in self.objects
+        ]
+
+    def save(self, folder: str | os.PathLike[str], force: bool = False) -> None:
+        """Write the folder that `homofact view` shows, whole or not at all; `force` replaces one that is there.
+
+        Raises BadInput as `files.folder.write_folder`.
+        """
+
+        def archive(file: Path) -> None:
+            save_scene(file, self)
+
+        write_scene_folder(Path(folder), RELIT, archive, self.report, self.pictures, force)
+
+
+def save_scene(file: Path, scene: RelightResult) -> None:
+    """Write one archive of everything but the pictures."""
+    sky = scene.sky
+    arrays: dict[str, np.ndarray] = {"sky_cube": sky.cube, "sky_picture": sky.picture}
+    arrays |= {f"reference_{k}": colours.astype(np.float32) for k, colours in enumerate(scene.reference or ())}
+    entries = []
+    for number, each in enumerate(scene.objects):
+        made, factors = each.transport, each.transport.factors
+        own = {"positions": each.mesh.positions, "normals": each.mesh.normals, "triangles": each.mesh.triangles}
+        own |= {"frames": made.frames} | {name: getattr(made, name) for name in _VECTORS}
+        own |= {f"factors_{name}": getattr(factors, name) for name in _FACTORS}
+        if isinstance(each.compact, Harmonic):
+            own |= {"harmonic_number": each.compact.number, "harmonic_step": each.compact.step}
+        elif each.compact is not None:
+            own |= {f"basis_{name}": getattr(each.compact.basis, name) for name in _VECTORS}
+            own |= {name: getattr(each.compact, name) for name in ("cluster", "weights", "steps")}
+        arrays |= {f"object_{number}_{name}": array for name, array in own.items()}
+        entries.append(
+            {
+                "name": each.mesh.name,
+                "material": each.material,
+                "channels": list(factors.channels),
+                "energy": factors.energy,
+                "compact": "harmonic" if isinstance(each.compact, Harmonic) else each.compact is not None,
+                "settings": _settings(made.settings),
+            }
+        )
+    header = {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "name": scene.name,
+        "sky": sky.name,
+        "objects": entries,
+        "cameras": [_camera_record(camera) for camera in scene.cameras],
+        "report": scene.report,
+    }  # fmt: skip
+    write_archive(file, header, arrays)
+
+
+def _camera_record(camera: Camera) -> dict[str, Any]:
+    record = {
+        "eye": list(camera.eye), "target": list(camera.target), "field": camera.field, "pixels": list(camera.pixels),
+    }  # fmt: skip
+    return record if camera.name is None else record | {"name": camera.name}
+
+
+def _settings(settings: TransportSettings) -> dict[str, Any]:
+    return {
+        "cube": settings.cube, "rays": settings.rays, "kept": settings.kept, "tolerance": settings.tolerance,
+    }  # fmt: skip
+
+
+def open_relit(place: Path) -> RelightResult:
+    """The scene in a folder that `relight` wrote, or in its relight.npz. Raises BadInput where there is none."""
+    file = place / RELIT.mark if place.is_dir() else place
+    arrays, header = read_scene_archive(file, _EXPECTED)
+    if header.get("format") != _FORMAT or header.get("version") != _VERSION:
+        raise BadInput(where=file, found=f"{header.get('format')} {header.get('version')}", expected=_EXPECTED)
+    try:
+        objects = tuple(_object(arrays, number, entry) for number, entry in enumerate(header["objects"]))
+        cameras = tuple(
+            Camera(tuple(c["eye"]), tuple(c["target"]), c["field"], tuple(c["pixels"]), c.get("name"))
+            for c in header["cameras"]
+        )
+        sky = PageSky(header["sky"], arrays["sky_cube"], arrays["sky_picture"])
+        reference = None
+        if "reference_0" in arrays:
+            reference = tuple(arrays[f"reference_{number}"] for number in range(len(objects)))
+        return RelightResult(header["name"], objects, sky, cameras, header["report"], reference)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise BadInput(f"its parts do not belong together ({error})", where=file, expected=_EXPECTED) from error
+
+
+def is_relit(place: Path) -> bool:
+    """Whether a folder or file is a relit scene rather than a fit."""
+    return is_scene_folder(place, RELIT)
+
+
+def _object(arrays: dict[str, np.ndarray], number: int, entry: dict[str, Any]) -> RelitObject:
+    def part(name: str) -> np.ndarray:
+        return arrays[f"object_{number}_{name}"]
+
+    settings = TransportSettings(**entry["settings"])
+    light, view, strength = (part(f"factors_{name}") for name in _FACTORS)
+    factors = InOutFactors(light, view, strength, entry["energy"], tuple(entry["channels"]))
+    mesh = Mesh(part("positions"), part("normals"), part("triangles"), entry["name"])
+    positions, rows = mesh.positions.astype(np.float32), part("frames")
+    made = WaveletTransport(positions, rows, factors, settings, *(_checked(part(n), n) for n in _VECTORS))
+    _check(made, len(mesh.positions))
+    compact = None
+    if entry["compact"] == "harmonic":
+        numbers, step = part("harmonic_number"), part("harmonic_step")
+        order = round(numbers.shape[2] ** 0.5) - 1
+        if (order + 1) ** 2 != numbers.shape[2] or not 0 <= order <= MOST_ORDER:
+            raise ValueError(f"harmonics of {numbers.shape[2]} numbers")
+        if numbers.shape[:2] != step.shape or step.shape != (len(positions), factors.terms):
+            raise ValueError("harmonics of other vertices")
+        compact = Harmonic(made, numbers, step)
+    elif entry["compact"]:
+        steps, weights, cluster = part("steps"), part("weights"), part("cluster")
+        count = len(steps) * (weights.shape[1] + 1)
+        empty = np.zeros((count, 3), np.float32)
+        basis = WaveletTransport(
+            empty, np.zeros((count, 3, 3), np.float32), factors, settings, *(part(f"basis_{n}") for n in _VECTORS)
+        )
+        _check(basis, count)
+        if len(cluster) != len(positions) or len(weights) != len(positions) or cluster.max() >= len(steps):
+            raise ValueError("clusters of other vertices")
+        compact = Clustered(positions, rows, factors, basis, cluster, weights, steps)
+    return RelitObject(mesh, entry["material"], made, compact)
+
+
+def _checked(array: np.ndarray, name: str) -> np.ndarray:
+    if array.ndim != 1:
+        raise ValueError(f"{name} has {array.ndim} dimensions")
+    return array
+
+
+def _check(made: WaveletTransport, vertices: int) -> None:
+    """Compiled loops read what these arrays say: they must not say more than there is. Raises ValueError."""
+    vectors = vertices * made.factors.terms
+    size = 6 * made.settings.cube**2
+    if len(made.scale) != vectors or len(made.start) != vectors + 1 or len(made.frames) != vertices:
+        raise ValueError("vectors of other vertices")
+    if made.start[0] != 0 or (np.diff(made.start) < 0).any() or made.start[-1] != len(made.index):
+        raise ValueError("vectors that overlap")
+    if len(made.index) != len(made.number) or (len(made.index) and int(made.index.max()) >= size):
+        raise ValueError("coefficients beyond the cube map")

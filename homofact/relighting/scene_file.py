@@ -1,0 +1,173 @@
+"""The scene of a relighting, read from strict TOML: objects with their materials, a light, cameras, what is kept.
+
+seed = 0
+[[object]]                         # one or more
+mesh = "bunny.ply"                 # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot
+material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
+albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
+terms = 4                          # K of its in-out factors, or one of the two rules of `factoring` for it:
+error = 0.02                       # as many as leave this expected error under the scene's light
+share = 0.99                       # as many as hold this of the material's energy; the rule where none is given
+size = 1.0                         # radius of the sphere round it
+at = [0, 0, 0]                     # the middle of that sphere; y is up
+turn = 0                           # degrees about y
+[ground]                           # optional: a square plane under the objects
+albedo = [0.5]                     # or material, as above; terms, error or share, as above
+half = 2.5                         # half of its width
+steps = 64                         # squares along a side
+[lighting]                         # one of the two: an environment map, or one of `scene.lighting.NAMED` that is a map
+environment = "sky.hdr"
+named = "studio"
+turn = 0                           # degrees about y
+[[camera]]                         # one or more: what is rendered
+name = "front"                     # optional
+eye = [0, 1, 4]
+target = [0, 0, 0]
+field = 40                         # degrees from top to bottom
+pixels = [480, 360]                # width, height
+[transport]                        # all optional
+cube = 64                          # texels along a face of the cube map: 8, 16, 32 or 64
+rays = 1                           # across a texel, 1 or 2
+kept = 96                          # wavelet coefficients of a vector
+tolerance = 0.05                   # or: what of a vertex's root sum square may be left out
+clusters = 0                       # clustered principal components; 0 is none, −1 as many as suit the vertices
+components = 12
+[tolerance]                        # optional, in place of error, share, kept, clusters and the tolerance above:
+reflected = 0.02                   # `plan` chooses all of them so that the light errs by this at most, relative RMS
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from homofact.errors import BadInput
+from homofact.files.reading import read_toml
+from homofact.relighting.clusters import COMPONENTS
+from homofact.relighting.factoring import MOST_TERMS
+from homofact.relighting.precompute import KEPT, TransportSettings
+from homofact.rendering.light import EnvironmentMap
+from homofact.scene.cameras import Camera
+from homofact.scene.lighting import LightTable
+from homofact.scene.materials import MaterialTable
+from homofact.scene.objects import GroundTable, ObjectTable, found_tables
+from homofact.settings.kinds import RELIGHTING, check_kind
+from homofact.settings.options import MOST_SEED
+from homofact.settings.tables import limits, read_table
+
+
+@dataclass(frozen=True, kw_only=True)
+class _TermRule(MaterialTable):
+    """How many in-out factors a material has: `terms`, or by one of the two rules of `factoring`."""
+
+    terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
+    error: float | None = field(default=None, metadata=limits(above=0, most=0.9))
+    share: float | None = field(default=None, metadata=limits(above=0, most=0.9999))
+
+    def __post_init__(self) -> None:
+        """Refuse two rules for K. Raises BadInput."""
+        super().__post_init__()
+        given = [name for name in ("terms", "error", "share") if _given(self, name)]
+        if len(given) > 1:
+            raise BadInput(found=" and ".join(given), expected="at most one of terms, error, share")
+
+
+@dataclass(frozen=True)
+class RelightObjectTable(_TermRule, ObjectTable):
+    """One object, with the rule for its in-out factors."""
+
+
+@dataclass(frozen=True)
+class RelightGroundTable(_TermRule, GroundTable):
+    """The plane under the objects, with the same."""
+
+
+@dataclass(frozen=True)
+class _Transport:
+    cube: int = 64
+    rays: int = 1
+    kept: int | None = None
+    tolerance: float | None = None
+    clusters: int | None = field(default=None, metadata=limits(least=-1))
+    components: int = field(default=COMPONENTS, metadata=limits(least=1, most=64))
+
+
+@dataclass(frozen=True)
+class _Tolerance:
+    reflected: float = field(metadata=limits(above=0, most=0.9))
+
+
+@dataclass(frozen=True)
+class _Table:
+    object: tuple[RelightObjectTable, ...]
+    lighting: LightTable
+    camera: tuple[Camera, ...]
+    transport: _Transport = _Transport()
+    ground: RelightGroundTable | None = None
+    tolerance: _Tolerance | None = None
+    seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
+
+    def __post_init__(self) -> None:
+        for name, found in (("object", self.object), ("camera", self.camera)):
+            if not found:
+                raise BadInput(where=name, found="none", expected="at least one")
+        if self.tolerance is None:
+            return
+        given = [f"transport.{name}" for name in ("kept", "tolerance", "clusters") if _given(self.transport, name)]
+        tables = [(f"object[{place}]", each) for place, each in enumerate(self.object)]
+        tables += [] if self.ground is None else [("ground", self.ground)]
+        given += [f"{where}.{name}" for where, each in tables for name in ("error", "share") if _given(each, name)]
+        if given:
+            raise BadInput(
+                where=given[0], found="it beside tolerance.reflected, which chooses it", expected="one of the two"
+            )
+
+
+@dataclass(frozen=True)
+class RelightSceneFile:
+    """What is relit, as the file says; sources and meshes are findable from the working folder."""
+
+    name: str
+    objects: tuple[RelightObjectTable, ...]
+    ground: RelightGroundTable | None
+    light: EnvironmentMap
+    cameras: tuple[Camera, ...]
+    settings: TransportSettings
+    clusters: int
+    components: int
+    seed: int
+    reflected: float | None = None
+
+
+def read_relight_scene(path: str | Path) -> RelightSceneFile:
+    """The scene in a TOML file.
+
+    Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, meshes, sources and
+    environments that are not there, and a lighting that is no map.
+    """
+    file = Path(path)
+    given = read_toml(file, "a scene in TOML")
+    check_kind(given, RELIGHTING, file)
+    found = read_table(_Table, given, f"{file}: ")
+    asked = found.transport
+    try:
+        objects, ground = found_tables(found.object, found.ground, file.parent)
+        try:
+            kept = KEPT if asked.kept is None else asked.kept
+            settings = TransportSettings(asked.cube, asked.rays, kept, asked.tolerance)
+        except BadInput as error:
+            raise error.at("transport", ".") from error
+        light = found.lighting.map(file.parent)
+    except BadInput as error:
+        raise error.at(file) from error
+    return RelightSceneFile(
+        file.stem, objects, ground, light, found.camera, settings, asked.clusters or 0, asked.components, found.seed,
+        None if found.tolerance is None else found.tolerance.reflected,
+    )  # fmt: skip
+
+
+def is_relight_scene(path: Path) -> bool:
+    """Whether a scene's file has objects rather than materials. Raises BadInput for what is no TOML."""
+    return "object" in read_toml(path, "a scene in TOML")
+
+
+def _given(table: object, name: str) -> bool:
+    return getattr(table, name) is not None

@@ -1,0 +1,176 @@
+"""One chain for a sky and all materials: a cube map whose levels hold the light averaged over wider and wider lobes.
+
+Level k is the light round every direction, weighted by a power of the cosine,
+
+    K(γ) = (p + 1)/(2π) cosᵖγ,   0 ≤ γ < π/2,   p = 1/α²,   ∫ K dω = 1,
+
+about a Gaussian of standard deviation α radians both ways. A level has half the side of the one before, down to
+`LAST`; α grows geometrically, from `TEXELS`/side at the first level to 1 at the last, whose K is the cosine: the last
+level is E(n)/π, the irradiance over π. A lobe is thus some texels wide on every level. The half vectors of GGX, by
+which engines weigh (Karis 2013), have tails that no sum of levels takes off again; sums of cosine powers have those of
+measured lobes.
+
+The irradiance stands in a cube map of its own too, of `IRRADIANCE` texels a side, as engines have it: it has a kink
+where a lamp sets, which the last level's few texels would show as steps.
+
+Light is read from the environment's pyramid (`rendering.octahedral`) on rings round each texel's direction, at places
+about as far apart as rings are, averaged over their own solid angle.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.linear.kernels import kernel
+from homofact.rendering.cube import Cube, directions_of
+from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.octahedral import Pyramid, fetch
+
+SIDE, LEAST_SIDE, MOST_SIDE = 256, 32, 1024
+LAST, TEXELS, IRRADIANCE = 8, 4, 32
+# Rings of the first level; finer from level to level, on a quarter of the texels each.
+_RINGS, _FINER, _MOST_RINGS = 12, 1.5, 48
+_LEAST_SPOKES, _LOST = 6, 1e-5
+_STEPS = 64  # of the quadrature in a ring
+_LAMPS = (32, 128)
+_MOST = 2.0**15  # half floats end at 65504
+
+
+@dataclass(frozen=True)
+class SkyChain:
+    """`levels` (6, N, N, 3), largest first, and E/π as `irradiance` (6, IRRADIANCE, IRRADIANCE, 3).
+
+    Both on the environment's scale over `factor`, a power of two, with which half floats hold them. `harmonics` (9, 3)
+    is E/π once more, as `_irradiance_coefficients`, for engines that have a place for those. `name` is the
+    environment's.
+    """
+
+    levels: tuple[Tensor, ...]
+    irradiance: Tensor
+    harmonics: Tensor
+    factor: float
+    name: str
+
+    @property
+    def side(self) -> int:
+        """Texels of a side of the first level's faces."""
+        return int(self.levels[0].shape[1])
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the texels on a GPU, as RGBA16F."""
+        return sum(8 * level.shape[0] * level.shape[1] ** 2 for level in (*self.levels, self.irradiance))
+
+    @cached_property
+    def cube(self) -> Cube:
+        """The levels ready to be read, still over `factor`."""
+        return Cube.of(self.levels)
+
+    @cached_property
+    def lit(self) -> Cube:
+        """The irradiance over π ready to be read, still over `factor`."""
+        return Cube.of([self.irradiance])
+
+
+def check_side(side: int) -> None:
+    """Raise BadInput unless a chain may begin with faces of so many texels a side."""
+    if not LEAST_SIDE <= side <= MOST_SIDE or side & (side - 1):
+        wanted = f"a power of two from {LEAST_SIDE} to {MOST_SIDE}"
+        raise BadInput(where="faces of the sky", found=f"{side} texels a side", expected=wanted)
+
+
+def sides_of(side: int) -> list[int]:
+    """The sides of all levels."""
+    return [side >> k for k in range(int(math.log2(side // LAST)) + 1)]
+
+
+def alphas_of(side: int) -> list[float]:
+    """α of all levels."""
+    last = len(sides_of(side)) - 1
+    return [(TEXELS / side) ** (1 - k / last) for k in range(last + 1)]
+
+
+def lobe(alpha: float, gamma: np.ndarray) -> np.ndarray:
+    """K in sr⁻¹ at angles γ in radians."""
+    power = alpha**-2
+    return (power + 1) / (2 * math.pi) * np.cos(gamma).clip(0) ** power
+
+
+def chain_of(light: EnvironmentMap, side: int = SIDE) -> SkyChain:
+    """The chain of an environment. Raises BadInput as `check_side`."""
+    check_side(side)
+    pyramid = Pyramid.of(light, torch.eye(3, dtype=torch.float64))
+    levels = []
+    for k, (own, alpha) in enumerate(zip(sides_of(side), alphas_of(side), strict=True)):
+        towards = directions_of(own).reshape(-1, 3).numpy()
+        rings = _rings(alpha, min(round(_RINGS * _FINER**k), _MOST_RINGS))
+        filtered = _filtered(towards, *rings, *pyramid[:3])
+        levels.append(torch.from_numpy(filtered).reshape(6, own, own, 3))
+    filtered = _filtered(directions_of(IRRADIANCE).reshape(-1, 3).numpy(), *_rings(1.0, _MOST_RINGS), *pyramid[:3])
+    lit = torch.from_numpy(filtered).reshape(6, IRRADIANCE, IRRADIANCE, 3)
+    factor = 2.0 ** max(0, math.ceil(math.log2(max(float(level.max()) for level in levels) / _MOST)))
+    return SkyChain(
+        tuple(level / factor for level in levels), lit / factor, _irradiance_coefficients(pyramid), factor, light.name
+    )
+
+
+def _irradiance_coefficients(pyramid: Pyramid) -> Tensor:
+    """E/π (9, 3) over 1, x, y, z, xy, yz, zx, 3z² − 1, x² − y² (Ramamoorthi and Hanrahan 2001, eq. 12)."""
+    places, light = (torch.from_numpy(array).double() for array in pyramid.lamps(*_LAMPS))
+    x, y, z = places.unbind(1)
+    basis = torch.stack((torch.ones_like(x), x, y, z, x * y, y * z, z * x, 3 * z * z - 1, x * x - y * y), 1)
+    # Of each: 4π times its squared norm on the sphere, turned over; and A_l/π of the clamped cosine.
+    norms = [1, 3, 3, 3, 15, 15, 15, 1.25, 3.75]
+    shares = [1, *[2 / 3] * 3, *[1 / 4] * 5]
+    factor = torch.tensor([a * b / (4 * math.pi) for a, b in zip(norms, shares, strict=True)], dtype=torch.float64)
+    return basis.T @ light * factor[:, None]
+
+
+def _rings(alpha: float, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(shares of flux, angles γ in radians, log2(Ω)/2 of the places' solid angles, numbers of places) of the rings."""
+    # Where the lobe ends: 1 − cosᵖ⁺¹γ is the flux within γ.
+    reach = math.acos(_LOST ** (1 / (alpha**-2 + 1)))
+    edges = np.arange(count + 1) * (reach / count)
+    inner = (np.arange(_STEPS) + 0.5) / _STEPS
+    gamma = edges[:-1, None] + (edges[1:] - edges[:-1])[:, None] * inner
+    flux = lobe(alpha, gamma) * np.sin(gamma) * (edges[1:] - edges[:-1])[:, None]
+    shares = flux.sum(1)
+    middle = (flux * gamma).sum(1) / shares
+    spokes = np.ceil(2 * math.pi * np.sin(middle) / (edges[1:] - edges[:-1])).clip(_LEAST_SPOKES).astype(np.int64)
+    solid = (np.cos(edges[:-1]) - np.cos(edges[1:])) * (2 * math.pi / spokes)
+    return shares / shares.sum(), middle, np.log2(solid) / 2, spokes
+
+
+@kernel(nogil=True, fastmath=True)
+def _filtered(towards, shares, middle, wide, spokes, texels, starts, sides):  # pragma: no cover (compiled)
+    """Light (N, 3) by shares (R,) of rings at angles `middle` round directions (N, 3), read at `spokes` places."""
+    light = np.zeros((len(towards), 3))
+    for k in range(len(towards)):
+        x, y, z = towards[k, 0], towards[k, 1], towards[k, 2]
+        # Two axes across (Duff et al. 2017).
+        sign = 1.0 if z >= 0 else -1.0
+        a = -1 / (sign + z)
+        b = x * y * a
+        ax, ay, az = 1 + sign * x * x * a, sign * b, -sign * x
+        bx, by, bz = b, sign + y * y * a, -y
+        for ring in range(len(shares)):
+            sine, cosine = math.sin(middle[ring]), math.cos(middle[ring])
+            red = green = blue = 0.0
+            for spoke in range(spokes[ring]):
+                turn = (spoke + 0.5 * (ring % 2)) * (2 * math.pi / spokes[ring])
+                c, s = sine * math.cos(turn), sine * math.sin(turn)
+                u, v, w = cosine * x + c * ax + s * bx, cosine * y + c * ay + s * by, cosine * z + c * az + s * bz
+                one, two, three = fetch(texels, starts, sides, u, v, w, wide[ring])
+                red += one
+                green += two
+                blue += three
+            share = shares[ring] / spokes[ring]
+            light[k, 0] += share * red
+            light[k, 1] += share * green
+            light[k, 2] += share * blue
+    return light

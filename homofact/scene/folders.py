@@ -1,0 +1,57 @@
+"""The folders of scenes that `relight` and `edit` write: an archive, a report in JSON and a picture a camera.
+
+Each is written whole or not at all, and is known by its archive (`files.kinds`); the report has the same name in JSON.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from homofact.containers.png import write_png
+from homofact.exporting.manifest import write_json
+from homofact.files.archive import member_names, read_arrays, read_header
+from homofact.files.folder import check_new_folder, write_folder
+from homofact.files.kinds import FolderKind
+from homofact.files.reading import read_bytes
+
+
+def report_name(kind: FolderKind) -> str:
+    """The name of the report in a folder of this kind."""
+    return Path(kind.mark).with_suffix(".json").name
+
+
+def is_scene_folder(place: Path, kind: FolderKind) -> bool:
+    """Whether a folder is of this kind, or a file is the archive of one."""
+    return (place / kind.mark).is_file() if place.is_dir() else place.name == kind.mark
+
+
+def write_scene_folder(
+    folder: Path,
+    kind: FolderKind,
+    save: Callable[[Path], None],
+    report: dict[str, Any],
+    pictures: Sequence[np.ndarray],
+    force: bool = False,
+) -> None:
+    """Write a folder: `save` writes the archive to the file that it is called with; `pictures` are 8-bit (H, W, 3).
+
+    Raises BadInput as `files.folder.write_folder`.
+    """
+    check_new_folder(folder, kind, force)
+
+    def fill(place: Path) -> None:
+        save(place / kind.mark)
+        write_json(place / report_name(kind), report)
+        for number, pixels in enumerate(pictures, 1):
+            write_png(place / f"picture_{number}.png", pixels)
+
+    write_folder(folder, kind, fill, force)
+
+
+def read_scene_archive(file: Path, what: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """(arrays, header) of an archive, which messages call `what`. Raises BadInput for one that is damaged."""
+    raw = read_bytes(file, what)
+    arrays = read_arrays(file, raw, member_names(file, raw, what), what)
+    return arrays, read_header(file, arrays, what)

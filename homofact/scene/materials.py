@@ -1,0 +1,101 @@
+"""The materials of a scene: what a file may name, found beside the file and opened."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from homofact.brdf.analytic.lambert import Lambert
+from homofact.brdf.materials import material
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.source import open_source
+from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.errors import BadInput
+from homofact.exporting.result import open_result
+from homofact.files.kinds import FACTORIZATION
+from homofact.files.reading import split_member
+
+MATT, FIT, SOURCE = "matt", "fit", "source"
+Stage = Callable[[str], object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaterialTable:
+    """What objects and the ground have alike: exactly one of `material` and `albedo`.
+
+    A kind of scene says in a class of this one what else it asks of both, and mixes it into its object and its ground.
+    """
+
+    material: str | None = None
+    albedo: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse no or two materials, and an albedo that is none. Raises BadInput."""
+        if (self.material is None) is (self.albedo is None):
+            raise BadInput(found="none or both", expected="exactly one of material, albedo")
+        if self.albedo is not None and (len(self.albedo) not in (1, 3) or not all(0 <= a <= 1 for a in self.albedo)):
+            raise BadInput(where="albedo", found=list(self.albedo), expected="1 or 3 numbers from 0 to 1")
+
+    @property
+    def words(self) -> str:
+        """The material as tables and reports name it."""
+        return (
+            self.material if self.material is not None else f"albedo {', '.join(f'{x:g}' for x in self.albedo or ())}"
+        )
+
+
+@dataclass(frozen=True)
+class OpenedMaterial:
+    """A material of a scene: as `words` name it, and the reflectance that it is.
+
+    `kind` is "fit", a result of `factorize`, "source", what `brdf.source.open_source` takes, or "matt", an albedo.
+    """
+
+    words: str
+    kind: str
+    reflectance: Reflectance
+
+
+def open_materials(tables: Iterable[MaterialTable], stage: Stage | None = None) -> tuple[OpenedMaterial, ...]:
+    """The materials of tables, each opened once. Raises BadInput for what cannot be read."""
+    opened: dict[str, OpenedMaterial] = {}
+    materials = []
+    for table in tables:
+        words = table.words
+        if words not in opened:
+            if stage is not None:
+                stage(f"opening {Path(words).name}")
+            if table.albedo:
+                opened[words] = OpenedMaterial(words, MATT, Lambert(_rgb(table.albedo)))
+            else:
+                opened[words] = OpenedMaterial(words, FIT if is_fit(words) else SOURCE, open_reflectance(words))
+        materials.append(opened[words])
+    return tuple(materials)
+
+
+def open_reflectance(text: str) -> Reflectance:
+    """A material's name, a measurement's file, or a fit: the folder or the file that `factorize` wrote."""
+    return open_result(Path(text)) if is_fit(text) else open_source(text).reflectance
+
+
+def is_fit(text: str) -> bool:
+    """Whether a material's words name a result of `factorize` rather than a measurement or a named material."""
+    place = Path(text)
+    return not text.startswith(MATERIAL_PREFIX) and (place.is_dir() or place.name == FACTORIZATION)
+
+
+def found_source(text: str, folder: Path, where: str) -> str:
+    """The source with its file, relative to `folder`, made findable from the working folder.
+
+    Raises BadInput, beginning with `where`, for a file that is not there and an unknown material.
+    """
+    if text.startswith(MATERIAL_PREFIX):
+        material(text.removeprefix(MATERIAL_PREFIX))
+        return text
+    path = split_member(folder / text)[0]
+    if not Path(path).exists():
+        raise BadInput(f"no file {path}", where=where, expected=f"a measurement or {MATERIAL_PREFIX}NAME")
+    return str(folder / text)
+
+
+def _rgb(albedo: tuple[float, ...]) -> tuple[float, ...]:
+    return albedo * 3 if len(albedo) == 1 else albedo

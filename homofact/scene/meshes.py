@@ -1,0 +1,53 @@
+"""The meshes of a scene: opened by a file's or a shape's name, and several of them as one that blocks light."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.meshes.mesh import Mesh, read_mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.meshes.shapes import sphere, torus_knot
+
+SHAPE_PREFIX = "shape:"
+_SHAPES: dict[str, Callable[[], Mesh]] = {"sphere": sphere, "knot": torus_knot}
+
+
+def open_mesh(text: str) -> Mesh:
+    """A mesh's file, or a shape by its name with `SHAPE_PREFIX`. Raises BadInput for what cannot be read."""
+    return shape(text, "mesh")() if text.startswith(SHAPE_PREFIX) else read_mesh(text)
+
+
+def shape(text: str, where: str) -> Callable[[], Mesh]:
+    """What makes the shape of that name. Raises BadInput, beginning with `where`, for another name."""
+    name = text.removeprefix(SHAPE_PREFIX)
+    if name not in _SHAPES:
+        names = ", ".join(SHAPE_PREFIX + known for known in _SHAPES)
+        raise BadInput(where=where, found=repr(text), expected=f"a file or one of {names}")
+    return _SHAPES[name]
+
+
+def lowest(meshes: Sequence[Mesh]) -> float:
+    """The height of the lowest vertex of some meshes that a triangle uses."""
+    return min(float(mesh.positions[np.unique(mesh.triangles), 1].min()) for mesh in meshes)
+
+
+class MeshGroup:
+    """Several meshes as one: all `positions`, `normals` (V, 3) and `triangles` (T, 3), and the mesh that each is of.
+
+    `owners` (T,) number the meshes. Raises BadInput as `meshes.occlusion.Occluder`, once `occluder` is asked for.
+    """
+
+    def __init__(self, meshes: Sequence[Mesh]) -> None:
+        starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
+        self.positions = np.concatenate([mesh.positions for mesh in meshes])
+        self.normals = np.concatenate([mesh.normals for mesh in meshes])
+        pairs = zip(meshes, starts, strict=False)
+        self.triangles = np.concatenate([mesh.triangles + start for mesh, start in pairs])
+        self.owners = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])
+
+    @cached_property
+    def occluder(self) -> Occluder:
+        """What rays are traced against."""
+        return Occluder(self.positions, self.triangles)

@@ -1,0 +1,125 @@
+"""The objects of a scene: their tables in the file, and the same placed in the world with their materials opened.
+
+The tables are read by `settings.tables`; sources and meshes are relative to the scene's file.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.files.embedded import located
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.prepare import prepared
+from homofact.meshes.shapes import ground
+from homofact.scene.cameras import check_point
+from homofact.scene.materials import MaterialTable, OpenedMaterial, Stage, found_source, open_materials
+from homofact.scene.meshes import SHAPE_PREFIX, lowest, open_mesh, shape
+from homofact.settings.tables import limits
+
+
+@dataclass(frozen=True)
+class ObjectTable(MaterialTable):
+    """One object of a scene, as its table in the file says: `size` is the radius of the sphere round it, y is up.
+
+    `turn` is in degrees about y.
+    """
+
+    mesh: str
+    size: float = field(default=1.0, metadata=limits(above=0))
+    at: tuple[float, ...] = (0.0, 0.0, 0.0)
+    turn: float = field(default=0.0, metadata=limits())
+
+    def __post_init__(self) -> None:
+        """Refuse what is no point, and no or two materials. Raises BadInput."""
+        check_point("at", self.at)
+        super().__post_init__()
+
+
+@dataclass(frozen=True)
+class GroundTable(MaterialTable):
+    """The plane under the objects, at the height of their lowest vertex: half of its width, squares along a side."""
+
+    half: float = field(default=2.5, metadata=limits(above=0))
+    steps: int = field(default=64, metadata=limits(least=1, most=1024))
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """An object in its place: its mesh in the world and its material, opened."""
+
+    mesh: Mesh
+    material: OpenedMaterial
+
+
+ObjectKind = TypeVar("ObjectKind", bound=ObjectTable)
+GroundKind = TypeVar("GroundKind", bound=GroundTable)
+
+
+def found_tables(
+    objects: Sequence[ObjectKind], plane: GroundKind | None, folder: Path
+) -> tuple[tuple[ObjectKind, ...], GroundKind | None]:
+    """Objects and ground with meshes and materials, relative to `folder`, made findable.
+
+    Raises BadInput, beginning with the table's place in the file, for those that are not there.
+    """
+    found = tuple(
+        replace(
+            table,
+            mesh=_found_mesh(table.mesh, folder, f"object[{number}].mesh"),
+            material=_found_material(table.material, folder, f"object[{number}].material"),
+        )
+        for number, table in enumerate(objects)
+    )
+    if plane is not None:
+        plane = replace(plane, material=_found_material(plane.material, folder, "ground.material"))
+    return found, plane
+
+
+def place_objects(
+    objects: Sequence[ObjectTable], plane: GroundTable | None, stage: Stage | None = None
+) -> tuple[tuple[SceneObject, ...], tuple[str, ...]]:
+    """(objects in their places, the ground last; what was found on the way, a line each).
+
+    `stage` is called with what is being read. Raises BadInput for what cannot be read.
+    """
+    meshes, notes = [], []
+    for table in objects:
+        if stage is not None:
+            stage(f"reading {Path(table.mesh).name}")
+        mesh, remarks = prepared(placed_mesh(table))
+        meshes.append(mesh)
+        notes += remarks
+    tables: list[MaterialTable] = list(objects)
+    if plane is not None:
+        meshes.append(ground(plane.half, lowest(meshes), plane.steps))
+        tables.append(plane)
+    materials = open_materials(tables, stage)
+    return tuple(map(SceneObject, meshes, materials)), tuple(notes)
+
+
+def placed_mesh(table: ObjectTable) -> Mesh:
+    """The object's mesh, turned about y, scaled and moved. Raises BadInput for a file that is no mesh."""
+    mesh = open_mesh(table.mesh)
+    angle = math.radians(table.turn)
+    turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
+    return replace(
+        mesh, positions=mesh.positions @ turn.T * table.size + np.array(table.at), normals=mesh.normals @ turn.T
+    )
+
+
+def _found_mesh(text: str, folder: Path, where: str) -> str:
+    if text.startswith(SHAPE_PREFIX):
+        shape(text, where)
+        return text
+    if not located(folder / text).is_file():
+        raise BadInput(f"no file {folder / text}", where=where, expected=f"a mesh or {SHAPE_PREFIX}NAME")
+    return str(located(folder / text))
+
+
+def _found_material(material: str | None, folder: Path, where: str) -> str | None:
+    return None if material is None else found_source(material, folder, where)

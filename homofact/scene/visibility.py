@@ -1,0 +1,51 @@
+"""What a camera sees: one surface point a pixel, with its frame and the direction to the viewer."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from homofact.meshes.tangents import frames
+from homofact.scene.cameras import Camera
+from homofact.scene.meshes import MeshGroup
+
+
+@dataclass(frozen=True)
+class VisiblePixels:
+    """The P pixels of a view that see something, float64.
+
+    `numbers` (P,) row by row from the top left; `objects` (P,) which mesh each sees; `points` (P, 3) in the world;
+    `frames` (P, 3, 3), rows t, b, n; `wo` (P, 3) unit, in the frame.
+    """
+
+    numbers: np.ndarray
+    objects: np.ndarray
+    points: np.ndarray
+    frames: np.ndarray
+    wo: np.ndarray
+
+    def __len__(self) -> int:
+        """P."""
+        return len(self.numbers)
+
+    def some(self, rows: np.ndarray) -> "VisiblePixels":
+        """Those of the given rows."""
+        return VisiblePixels(*(getattr(self, name)[rows] for name in ("numbers", "objects", "points", "frames", "wo")))
+
+
+def visible_pixels(meshes: MeshGroup, camera: Camera) -> VisiblePixels:
+    """What is nearest through each pixel's centre; normals are interpolated.
+
+    A pixel whose interpolated normal is turned away from the viewer, as happens on coarse rims, is not covered.
+    """
+    rays = camera.rays().reshape(-1, 3)
+    triangle, weights = meshes.occluder.first(np.broadcast_to(np.array(camera.eye, np.float64), rays.shape), rays)
+    hit = np.flatnonzero(triangle >= 0)
+    corners, weights = meshes.triangles[triangle[hit]], weights[hit, :, None]
+    points = (meshes.positions[corners] * weights).sum(1)
+    normals = (meshes.normals[corners] * weights).sum(1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    frame = frames(normals)
+    wo = np.einsum("pij,pj->pi", frame, -rays[hit])
+    kept = wo[:, 2] > 0
+    owners = meshes.owners[triangle[hit]]
+    return VisiblePixels(hit[kept], owners[kept], points[kept], frame[kept], wo[kept])

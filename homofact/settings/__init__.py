@@ -1,0 +1,1 @@
+"""How settings are declared, checked and read: options of dataclasses, TOML tables."""

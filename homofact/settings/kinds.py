@@ -1,0 +1,37 @@
+"""The kinds of TOML files: which one a table is, so that a scene given to another command is named as what it is."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from homofact.errors import BadInput
+
+CONFIGURATION, SWEEP = "a configuration", "a sweep"
+PLANNING, RELIGHTING, EDITING = "a scene for planning", "a scene for relighting", "a scene for editing"
+TAKEN_BY = {CONFIGURATION: "fit", SWEEP: "sweep", PLANNING: "plan", RELIGHTING: "relight", EDITING: "edit"}
+_CONFIGURATION = {"fit", "evaluate", "compare", "chart", "output", "render"}
+_RELIGHTING, _EDITING = {"terms", "error", "share"}, {"name", "curves", "bands"}
+
+
+def kinds_of(table: Mapping[str, Any]) -> set[str]:
+    """The kinds that a table may be, by the sections that only they have; none where nothing tells."""
+    if "sources" in table or isinstance(table.get("method"), list):
+        return {SWEEP}
+    if isinstance(table.get("material"), list):
+        return {PLANNING}
+    if isinstance(table.get("object"), list):
+        parts = [*table["object"], table.get("ground")]
+        keys = {key for part in parts if isinstance(part, Mapping) for key in part}
+        relit = bool({"transport", "tolerance"} & set(table) or _RELIGHTING & keys)
+        edited = bool("edit" in table or _EDITING & keys)
+        return {RELIGHTING, EDITING} if relit == edited else {RELIGHTING} if relit else {EDITING}
+    return {CONFIGURATION} if _CONFIGURATION & set(table) else set()
+
+
+def check_kind(table: Mapping[str, Any], expected: str, where: object) -> None:
+    """Raise BadInput for a table that is of another kind, naming it and what takes it."""
+    kinds = kinds_of(table)
+    if kinds and expected not in kinds:
+        found = " or ".join(sorted(kinds, reverse=True))
+        taken = " or ".join(f"`homofact.{TAKEN_BY[kind]}`" for kind in sorted(kinds, reverse=True))
+        verb = "takes" if len(kinds) == 1 else "take"
+        raise BadInput(where=where, found=found, expected=expected, hint=f"{taken} {verb} it")

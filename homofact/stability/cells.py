@@ -1,0 +1,236 @@
+"""One cell of the atlas: a method on a stressed problem, and whether the program says what happened.
+
+The fit is given the stressed samples as a command would give them, with its own held-out part, and says what it says:
+status and verdict. Then it is judged on clean samples that no stress has touched, in log space with one ε for all, and
+its error is set against that of the same method without stress. By the light, as a picture has it, the fit is bad where
+it is off by `BAD_LIGHT` in a band of angles or explains less than `LEAST_EXPLAINED` of the clean logarithms.
+
+Notes ("the time was up") and slight findings do not count as a warning, and a finding that the unstressed fit has as
+well degrades no cell; but a fit that has any finding that a picture shows is not silent.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any, ClassVar
+
+from torch import Tensor
+
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.source import Source
+from homofact.errors import BadInput, SolverFailure, Status
+from homofact.evaluation.compare import HELD_OUT, ComparisonRow, fit_and_measure
+from homofact.evaluation.metrics import measure
+from homofact.evaluation.verdict.flux import flux_of, misplaced, worst_band
+from homofact.methods.method import Method
+from homofact.methods.table import METHODS, method_class, settings_of_class
+from homofact.stability.problem import Problem
+from homofact.stability.real import MissingMeasurement
+
+# Of the judgement, whatever the fit's own ε is: values under a hundredth of the mean count alike.
+JUDGING_EPSILON = 1e-2
+DEGRADED = 2.0
+WRONG = 10.0
+# Log MSE under which an error is no concern (an RMS of 5%): a factor over less would measure what nobody sees.
+WORTH_AN_ERROR = 2.5e-3
+BAD_LIGHT, LEAST_EXPLAINED = 0.15, 0.9
+
+
+class CellOutcome(Enum):
+    """What became of a cell; the value is the word in the CSV."""
+
+    OK = "ok"
+    DEGRADED = "degraded"
+    REFUSED = "refused"
+    SILENT = "silently wrong"
+    CRASHED = "crashed"
+    NONE = "not applicable"
+    ABSENT = "skipped"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: `factor` is `error` over `reference`, both log MSE on clean samples; None where there is no fit.
+
+    `light` is the share of the clean light that the fit misplaces, `off` its light over the clean one's in the band of
+    angles that is farthest off, `bad` whether the fit is (the module's head).
+    `said` are the findings of the fit's verdict, `new` how many of them the unstressed fit does not have; `message` is
+    the error of a refusal or a crash.
+    `condition` and `determined` are the verdict's figures, `train` and `held_out` the fit's own log MSE.
+    """
+
+    method: str
+    stressor: str
+    strength: float
+    label: str
+    outcome: CellOutcome
+    factor: float | None = None
+    error: float | None = None
+    reference: float | None = None
+    light: float | None = None
+    off: float | None = None
+    bad: bool = False
+    said: tuple[str, ...] = ()
+    new: int = 0
+    message: str = ""
+    condition: float | None = None
+    determined: float | None = None
+    train: float | None = None
+    held_out: float | None = None
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class CellErrors:
+    """A finished fit: its errors on the clean samples and what the program says, by the name of each thing said."""
+
+    error: float
+    explained: float
+    light: float
+    off: float
+    said: dict[str, str]
+    row: ComparisonRow
+
+
+Fitter = Callable[[Source, Method], ComparisonRow]
+
+
+def fit_row(source: Source, settings: Method) -> ComparisonRow:
+    """The fit and its verdict, as every command makes them."""
+    return fit_and_measure(source, settings, HELD_OUT)
+
+
+def said_of(row: ComparisonRow) -> dict[str, str]:
+    """What a fit says of itself, a line by the name of each: its verdict's findings, and a status that is a warning.
+
+    A spent effort is none: every search of a small one ends so.
+    """
+    said = {finding.name: finding.line() for finding in row.verdict.findings if finding.matters}
+    if row.report.status in (Status.FALLBACK, Status.INTERRUPTED):
+        said.setdefault("status", row.report.status.remedy)
+    return said
+
+
+def classify(factor: float, said: int, new: int) -> CellOutcome:
+    """What a finished fit is, from its factor (NaN and infinite ones are crashes) and how much was said, and is new."""
+    if not math.isfinite(factor):
+        return CellOutcome.CRASHED
+    if factor > WRONG and said == 0:
+        return CellOutcome.SILENT
+    return CellOutcome.DEGRADED if factor > DEGRADED or new > 0 else CellOutcome.OK
+
+
+def method_for(name: str, problem: Problem, base: Mapping[str, Any]) -> Method | None:
+    """The method with what it has of `base`, and the first of the problem's alternatives that it has wholly.
+
+    None where it has none of them.
+    """
+    own = settings_of_class(method_class(name))
+    for choice in problem.settings:
+        if set(choice) <= set(own):
+            try:
+                return METHODS[name](**({setting: value for setting, value in base.items() if setting in own} | choice))
+            except BadInput:
+                continue
+    return None
+
+
+def judge_fit(problem: Problem, settings: Method, fitter: Fitter) -> CellErrors:
+    """Fit the problem and judge the fit on its clean samples. Raises what the fit raises."""
+    samples = replace(problem.samples, all_azimuths=problem.kind != "measurement")
+    source = Source("atlas", problem.kind, samples, NeverEvaluated(samples.channels), 0.0, 0.0)
+    row = fitter(source, settings)
+    clean = problem.clean
+    transform = LogTransform.of(clean, JUDGING_EPSILON)
+    error = measure(row.factorization, clean, transform).log_mse
+    logs = transform.forward(clean.values)
+    explained = 1 - error / max(float((logs - logs.mean(0)).square().mean()), 1e-6)
+    light, values = flux_of(clean), row.factorization.evaluate(clean.wi, clean.wo).to(clean.values)
+    band = worst_band(clean, light, values)
+    off = 1.0 if band is None else band[0]
+    return CellErrors(error, explained, misplaced(light, clean.values, values), off, said_of(row), row)
+
+
+def run_cell(empty: Cell, make: Callable[[], Problem], references: "References", fitter: Fitter = fit_row) -> Cell:
+    """Fill in a cell: make the problem, fit it and its reference, and classify.
+
+    Only `MissingMeasurement` and interrupts pass through.
+    """
+    try:
+        problem = make()
+        settings = method_for(empty.method, problem, references.base)
+        if settings is None:
+            return replace(empty, outcome=CellOutcome.NONE)
+        judged = judge_fit(problem, settings, fitter)
+    except MissingMeasurement:
+        raise
+    except (BadInput, SolverFailure) as error:
+        return replace(empty, outcome=CellOutcome.REFUSED, message=f"{type(error).__name__}: {error}")
+    except Exception as error:
+        return replace(
+            empty, outcome=CellOutcome.CRASHED, message=f"{type(error).__name__}: {' '.join(str(error).split())}"
+        )
+    reference = references.of(empty.method, problem, fitter)
+    new = len(judged.said.keys() - reference.said.keys())
+    factor = judged.error / max(reference.error, WORTH_AN_ERROR)
+    verdict = judged.row.verdict
+    return replace(
+        empty,
+        outcome=classify(factor, len(judged.said), new),
+        factor=factor,
+        error=judged.error,
+        reference=reference.error,
+        light=judged.light,
+        off=judged.off,
+        bad=not (abs(judged.off - 1) <= BAD_LIGHT and judged.explained >= LEAST_EXPLAINED),
+        said=tuple(judged.said.values()),
+        new=new,
+        message="" if math.isfinite(factor) else f"the error is {judged.error}",
+        condition=verdict.system.condition,
+        determined=verdict.system.determined,
+        train=judged.row.train.log_mse,
+        held_out=judged.row.held_out.log_mse,
+        seconds=judged.row.seconds_total,
+    )
+
+
+class References:
+    """The unstressed fits, each made once; `common` is the problem of those that name none of their own."""
+
+    def __init__(self, common: Problem, base: Mapping[str, Any]) -> None:
+        """Nothing is fitted yet."""
+        self.base = base
+        self._common = common
+        self._fitted: dict[tuple[str, str], CellErrors] = {}
+
+    def common(self, name: str, fitter: Fitter = fit_row) -> CellErrors:
+        """The fit of the common unstressed problem by the method `name`."""
+        return self.of(name, self._common, fitter)
+
+    def of(self, name: str, problem: Problem, fitter: Fitter) -> CellErrors:
+        """The unstressed fit that a problem's is set against, by the method `name`.
+
+        A method that does not use the reference's own settings is given the others.
+        """
+        unstressed = problem.reference or self._common
+        key = (name, unstressed.key)
+        if key not in self._fitted:
+            settings = method_for(name, unstressed, self.base)
+            assert settings is not None  # it asks for nothing of its own
+            self._fitted[key] = judge_fit(unstressed, settings, fitter)
+        return self._fitted[key]
+
+
+@dataclass(frozen=True)
+class NeverEvaluated:
+    """The reflectance of a source that is never drawn."""
+
+    channels: tuple[str, ...]
+    nbytes: int = 0
+    fetches: int = 0
+    of_samples: ClassVar[bool] = True
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Nobody asks: a cell is judged on samples."""
+        raise AssertionError("a stressed problem is judged on its own samples")

@@ -1,0 +1,146 @@
+"""What a stressor makes: measured samples to fit, clean ones to judge on, and the settings that belong to it.
+
+The unstressed problem is an isotropic Blinn-Phong material of two channels, sampled at all azimuths. A fit never sees
+the clean samples; they are drawn from the material itself, without the stress.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, Literal
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.analytic import BlinnPhong
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import sample_model
+from homofact.geometry.directions import from_cosine, from_half_difference, from_spherical
+
+CHANNELS = ("R", "G")
+# Broad enough that a fit of any method with textures of 8² is worth stressing.
+BASE = BlinnPhong((0.35, 0.15), (0.4, 0.4), exponent=6, channels=CHANNELS)
+# Below the cut of the thesis's sampling both directions graze, which is a stress of its own.
+RADIUS_SQUARED = 0.9
+# Seeds of the clean samples lie apart from those of the measured ones.
+CLEAN_SEED = 7_000_003
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How large the problems of an atlas are: measured and clean samples of each."""
+
+    samples: int = 3000
+    clean: int = 1500
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Samples as measured, clean held-out ones, and settings.
+
+    `settings` are alternatives of changed settings: a method takes the first of which it uses every one, and the
+    problem is not for a method that takes none. `kind` is that of a `Source`. The error of a fit is set against that
+    of `reference`, the unstressed problem (None: the one of the module's head); `key` names what is fitted, so that
+    a reference is fitted once.
+    """
+
+    samples: Samples
+    clean: Samples
+    settings: tuple[dict[str, Any], ...] = ({},)
+    kind: Literal["material", "measurement", "drawn"] = "drawn"
+    reference: "Problem | None" = None
+    key: str = "base"
+
+    def measuring(self, samples: Samples) -> "Problem":
+        """The same problem with other measured samples."""
+        return replace(self, samples=samples, key="stressed")
+
+    def with_values(self, values: Tensor) -> "Problem":
+        """The same problem with other measured values (N, C), negative ones cut as the readers do."""
+        return self.measuring(replace(self.samples, values=values.clamp_min(0)))
+
+
+Stress = Callable[[float, int, Scale], Problem]
+
+
+@dataclass(frozen=True)
+class Stressor:
+    """One way to go wrong, swept over `strengths` from harmless to fatal.
+
+    `name` is for the command line, `title` and `description` (one sentence) for people, `mechanism` and `remedy` the
+    paragraphs of the document, `unit` what a strength is. `labels` are the strengths in words, where numbers say
+    little. `stress(strength, seed, scale)` makes the problem; it may raise the BadInput that a user would meet.
+    """
+
+    name: str
+    title: str
+    description: str
+    mechanism: str
+    remedy: str
+    unit: str
+    strengths: tuple[float, ...]
+    stress: Stress
+    labels: tuple[str, ...] = field(default=())
+
+    def label(self, strength: float) -> str:
+        """The strength in words."""
+        return self.labels[self.strengths.index(strength)] if self.labels else f"{strength:g}"
+
+
+@lru_cache(maxsize=16)
+def unstressed(seed: int, scale: Scale) -> Problem:
+    """The problem without any stress."""
+    return drawn_from(BASE, seed, scale)
+
+
+def drawn_from(model: Any, seed: int, scale: Scale, key: str = "base") -> Problem:
+    """A problem of measured and clean samples of one model, uniform in the parabolic discs."""
+    return Problem(
+        sample_model(model, scale.samples, seed=seed, radius_squared=RADIUS_SQUARED),
+        sample_model(model, scale.clean, seed=seed + CLEAN_SEED, radius_squared=RADIUS_SQUARED),
+        key=key,
+    )
+
+
+def generator_of(seed: int) -> torch.Generator:
+    """The generator of a stressor's own chance."""
+    return torch.Generator().manual_seed(seed + 1000)
+
+
+def uniform(count: int, generator: torch.Generator) -> Tensor:
+    """(count,) numbers in [0, 1)."""
+    return torch.rand(count, dtype=torch.float64, generator=generator)
+
+
+def samples_at(reflectance: Reflectance, wi: Tensor, wo: Tensor, isotropic: bool = True) -> Samples:
+    """Samples of a reflectance at given pairs of directions."""
+    return Samples(wi, wo, reflectance.evaluate(wi, wo), channels=reflectance.channels, isotropic=isotropic)
+
+
+def joined(one: Samples, two: Samples) -> Samples:
+    """The samples of both, one after the other."""
+    parts = {name: torch.cat((getattr(one, name), getattr(two, name))) for name in ("wi", "wo", "values", "weights")}
+    return replace(one, **parts)
+
+
+def pairs_about_half_vectors(
+    count: int, generator: torch.Generator, theta_h: Callable[[Tensor], Tensor]
+) -> tuple[Tensor, Tensor]:
+    """`count` pairs whose half vectors have θh = theta_h(u), u uniform in [0, 1); θd under 75°, all azimuths.
+
+    Pairs with a direction under the horizon are drawn again.
+    """
+    pairs: list[tuple[Tensor, Tensor]] = []
+    have = 0
+    while have < count:
+        n = 2 * count
+        u, v, w, x = (uniform(n, generator) for _ in range(4))
+        h = from_spherical(theta_h(u), v * (2 * torch.pi))
+        d = from_cosine(1 - w * (1 - 0.26), x * (2 * torch.pi))
+        wi, wo = from_half_difference(h, d)
+        wi, wo = (directions / directions.norm(dim=1, keepdim=True) for directions in (wi, wo))
+        above = (wi[:, 2] > 0.02) & (wo[:, 2] > 0.02)
+        pairs.append((wi[above], wo[above]))
+        have += int(above.sum())
+    return torch.cat([pair[0] for pair in pairs])[:count], torch.cat([pair[1] for pair in pairs])[:count]

@@ -1,0 +1,92 @@
+"""Stressors that are real measurements: a retroreflector, materials that are not reciprocal, values below zero.
+
+They are read from the folder $HOMOFACT_DATA, or ../shared/data beside the working folder. Where a file is absent its
+cells are left out, with a note.
+"""
+
+import os
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+from homofact.brdf.source import Source, open_source
+from homofact.stability.problem import CLEAN_SEED, Problem, Scale, Stressor
+
+RGL = ("aurora_white", "vch_golden_yellow", "chm_light_blue", "irid_flake_paint1")
+
+
+class MissingMeasurement(Exception):
+    """A measurement that is not on this machine: the line says which file, and where it was looked for."""
+
+
+def data_folder() -> Path:
+    """Where real measurements are looked for."""
+    return Path(os.environ.get("HOMOFACT_DATA", Path("..") / "shared" / "data"))
+
+
+@lru_cache(maxsize=8)
+def _opened(name: str, channels: str, count: int, seed: int) -> Source:
+    path = data_folder() / name
+    if not path.is_file():
+        raise MissingMeasurement(
+            f"{name} not found in {data_folder()}: set HOMOFACT_DATA to the folder of real measurements"
+        )
+    return open_source(str(path), channels=channels, count=count, seed=seed)
+
+
+def measured(name: str, channels: str, seed: int, scale: Scale) -> Problem:
+    """Some samples of a measurement to fit, others to judge on, these at random azimuths."""
+    source = _opened(name, channels, scale.samples + scale.clean, seed)
+    chosen = source.samples.subset(scale.samples + scale.clean, seed)
+    train, clean = chosen.split(scale.clean / (scale.samples + scale.clean), seed)
+    return Problem(train, clean.rotated_at_random(seed + CLEAN_SEED), kind=source.kind, key="stressed")
+
+
+def retroreflector(strength: float, seed: int, scale: Scale) -> Problem:
+    """The tape's values to the power `strength`: 1 as measured."""
+    problem = measured("retro/retro-3M-jaune.dat", "rgb", seed, scale)
+    train, clean = (replace(samples, values=samples.values**strength) for samples in (problem.samples, problem.clean))
+    return replace(problem, samples=train, clean=clean)
+
+
+def rgl(strength: float, seed: int, scale: Scale) -> Problem:
+    """Material number `strength` of `RGL`, fitted reciprocally; its reference is fitted without reciprocity."""
+    name = RGL[int(strength)]
+    problem = measured(f"rgl/{name}_rgb.bsdf", "rgb", seed, scale)
+    free = replace(problem, settings=({"reciprocal": False},), key=f"{name}, not reciprocal")
+    return replace(problem, reference=free)
+
+
+def _car_paint(strength: float, seed: int, scale: Scale) -> Problem:
+    """A share of the measurement: where more than it are negative, and where the rest was extrapolated."""
+    smaller = replace(scale, samples=int(scale.samples * strength))
+    return measured("mdl/carpaint_red.mbsdf", "rgb", seed, smaller)
+
+
+STRESSORS = (
+    Stressor(
+        "real-retroreflector", "retroreflective tape (measured)",
+        "A yellow retroreflective tape, its values to a power up to 1.",
+        "The tape sends most light back where it came from, and its values span three powers of ten (0.04 to 39 sr⁻¹)."
+        " The lobe is a ridge at θd = 0 for every θh, which textures over h or ωi alone cannot hold.",
+        "A texture over θd and enough texels there (`search`, larger `size`), and no trust in angles not measured.",
+        "power", (0.25, 0.5, 1), retroreflector,
+    ),
+    Stressor(
+        "real-non-reciprocal", "measured materials that are not reciprocal",
+        "Four materials of the RGL database in a reciprocal fit, against the same fit without reciprocity.",
+        "Their measurements are off reciprocity by 7% and more. What the reciprocal fit cannot hold is small"
+        " against what any small textures cannot hold.",
+        "`reciprocal=False` where the measurement is to be reproduced; reciprocity kept where a renderer needs it.",
+        "material", (0, 1, 2, 3), rgl, ("aurora", "golden", "chm blue", "flakes"),
+    ),
+    Stressor(
+        "real-negative", "measured values below zero",
+        "A car paint of which 11 to 14% is negative, and its far angles extrapolated.",
+        "The reader cuts negative values to zero and counts them. The zeros are not noise here, they are"
+        " a quarter of the green channel, over half of the samples beyond 75°, and the fit learns that no green is"
+        " there.",
+        "`homofact info` shows the count; leave the extrapolated angles out.",
+        "share of the samples", (1, 0.3, 0.1), _car_paint,
+    ),
+)  # fmt: skip

@@ -1,0 +1,58 @@
+"""The label map of a spatially varying material: for every texel the number of the source that it is made of."""
+
+from pathlib import Path
+
+import numpy as np
+
+from homofact.containers.png import read_png
+from homofact.errors import BadInput
+from homofact.factor.layered import MOST_LAYERS
+from homofact.files.reading import read_bytes
+
+_EXPECTED = "a label map: a grey PNG of 8 or 16 bits, or whole numbers in .npy"
+
+
+def read_labels(path: Path, clusters: int) -> np.ndarray:
+    """The labels (rows, columns) uint8 of a .png or .npy file, whole numbers from 0 to `clusters` − 1.
+
+    Raises BadInput, naming the file, where it is missing or no label map, for a label that no cluster has, for a
+    cluster that no texel has, and for more clusters than a texture array has layers.
+    """
+    if clusters > MOST_LAYERS:
+        raise BadInput(
+            where=path, found=f"{clusters} clusters", expected=f"at most {MOST_LAYERS}, the layers of an array"
+        )
+    labels = _png(path) if path.suffix.lower() == ".png" else _npy(path)
+    low, high = int(labels.min()), int(labels.max())
+    if low < 0 or high >= clusters:
+        wrong = low if low < 0 else high
+        row, column = (int(k[0]) for k in np.nonzero(labels == wrong))
+        place = f"in row {row}, column {column}"
+        raise BadInput(where=path, found=f"the label {wrong} {place}", expected=f"0 to {clusters - 1}, one a source")
+    missing = sorted(set(range(clusters)) - set(np.unique(labels).tolist()))
+    if missing:
+        raise BadInput(
+            where=path, found=f"no texel of the label {missing[0]}", expected=f"each of the {clusters} sources'"
+        )
+    return labels.astype(np.uint8)
+
+
+def _png(path: Path) -> np.ndarray:
+    texels = read_png(path)
+    if texels.shape[2] != 1:
+        raise BadInput(where=path, found=f"{texels.shape[2]} channels", expected=_EXPECTED)
+    return texels[..., 0]
+
+
+def _npy(path: Path) -> np.ndarray:
+    read_bytes(path, _EXPECTED)
+    try:
+        labels = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise BadInput("cannot be read", where=path, expected=_EXPECTED) from error
+    if not isinstance(labels, np.ndarray) or labels.ndim != 2 or 0 in labels.shape:
+        shape = getattr(labels, "shape", "an archive")
+        raise BadInput(where=path, found=f"the shape {shape}", expected="(rows, columns)")
+    if labels.dtype.kind not in "iu":
+        raise BadInput(where=path, found=f"values of type {labels.dtype}", expected="whole numbers")
+    return np.array(labels)

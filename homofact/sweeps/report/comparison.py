@@ -1,0 +1,100 @@
+"""Two sweeps side by side: which fits got better, which worse, by each metric.
+
+Two fits are the same one where source, label and seed are. A change counts from 1 % on for an error, from 0.01 for a
+ratio that should be 1, and from 0.1 dB for a PSNR.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from homofact.evaluation.metric_table import REPORTED, Metric
+from homofact.sweeps.report.reading import ReadSweep, ReportedFit
+
+_COUNTS = {"low": 0.01, "one": 0.01, "high": 0.1}
+# A ratio of 0 is as far from 1 as this one.
+_FARTHEST = 1e6
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One fit as it is `now`, and as it was `before`."""
+
+    now: ReportedFit
+    before: ReportedFit
+
+    def change(self, metric: Metric) -> float | None:
+        """How much worse it got, negative where better; None where either has no such figure."""
+        now, before = self.now.row.metrics[metric.name], self.before.row.metrics[metric.name]
+        return None if now is None or before is None else change(metric, before, now)
+
+
+@dataclass(frozen=True)
+class SweepComparison:
+    """The pairs of a sweep and an earlier one, and the fits that only one of them has."""
+
+    before: ReadSweep
+    pairs: tuple[Pair, ...]
+    only_now: int
+    only_before: int
+
+    def counts(self, metric: Metric) -> dict[str, int]:
+        """How many pairs got better, worse, or stayed the same."""
+        said = [word(metric, step) for pair in self.pairs if (step := pair.change(metric)) is not None]
+        return {kind: said.count(kind) for kind in ("better", "same", "worse")}
+
+
+def change(metric: Metric, before: float, now: float) -> float:
+    """How much worse `now` is, negative where it is better.
+
+    Of an error the difference's share of the larger one, of a ratio the step of its distance from 1, of a PSNR dB.
+    """
+    if metric.good == "low":
+        larger = max(abs(before), abs(now))
+        return (now - before) / larger if larger else 0.0
+    return min(metric.badness(now), _FARTHEST) - min(metric.badness(before), _FARTHEST)
+
+
+def word(metric: Metric, step: float) -> str:
+    """ "better", "same" or "worse"."""
+    if abs(step) < _COUNTS[metric.good]:
+        return "same"
+    return "worse" if step > 0 else "better"
+
+
+def compared(now: ReadSweep, before: ReadSweep) -> SweepComparison:
+    """Two sweeps, fit by fit."""
+    earlier = {fit.match: fit for fit in before.fits}
+    pairs = tuple(Pair(fit, earlier[fit.match]) for fit in now.fits if fit.match in earlier)
+    return SweepComparison(before, pairs, len(now.fits) - len(pairs), len(before.fits) - len(pairs))
+
+
+def worst(fits: Sequence[ReportedFit], metric: Metric, count: int = 10) -> list[ReportedFit]:
+    """The `count` worst fits by a metric, the worst first; those without the figure are none of them."""
+    order = [
+        (metric.badness(value), k) for k, fit in enumerate(fits) if (value := fit.row.metrics[metric.name]) is not None
+    ]
+    return [fits[k] for _, k in sorted(order, key=lambda entry: (-entry[0], entry[1]))[:count]]
+
+
+def comparison_rows(comparison: SweepComparison) -> list[dict[str, Any]]:
+    """A row a pair and metric, for a table."""
+    return [
+        {
+            "source": pair.now.row.source,
+            "label": pair.now.row.label,
+            "seed": pair.now.row.seed,
+            "metric": metric.name,
+            "before": pair.before.row.metrics[metric.name],
+            "now": pair.now.row.metrics[metric.name],
+            "change": step,
+            "word": word(metric, step),
+            "version_before": pair.before.task.version,
+            "version_now": pair.now.task.version,
+            "key_before": pair.before.row.key,
+            "key_now": pair.now.row.key,
+        }
+        for pair in comparison.pairs
+        for metric in REPORTED
+        if (step := pair.change(metric)) is not None
+    ]

@@ -1,0 +1,125 @@
+"""The page of a whole sweep: charts, the table of all fits, the worst of them, what changed, what was set aside.
+
+The data are JSON, a list a fit; the page draws what is seen of them. Figures are rounded to six digits there, the
+tables beside the page have them in full.
+"""
+
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Any
+
+from homofact.evaluation.metric_table import REPORTED
+from homofact.sweeps.report.comparison import SweepComparison, word, worst
+from homofact.sweeps.report.html import PACKAGE, head, style
+from homofact.sweeps.report.material_page import FitFiles
+from homofact.sweeps.report.reading import ReadSweep, ReportedFit
+from homofact.sweeps.summary import by_label, summary_records
+from homofact.web.assembly import assembled, part
+
+SCRIPTS = ("formats.js", "axes.js", "plot.js", "table.js", "lists.js", "index.js")
+
+
+def index_html(
+    sweep: ReadSweep, shown: Mapping[str, FitFiles], comparison: SweepComparison | None, files: Sequence[str]
+) -> str:
+    """The page; `files` are the tables beside it."""
+    materials = len(sweep.names())
+    made = ", ".join(sweep.versions)
+    counts = [_count(len(sweep.fits), "fit"), f"of {_count(materials, 'material')}", f"homofact {made}"]
+    return assembled(
+        part(PACKAGE, "index.html"),
+        title=sweep.name,
+        subtitle=", ".join((" ".join(counts[:2]), *counts[2:])),
+        styles=[style()],
+        scripts=[part("homofact.web", "elements.js"), *(part(PACKAGE, name) for name in SCRIPTS)],
+        data=index_data(sweep, shown, comparison, files),
+        head=head(),
+    )
+
+
+def index_data(
+    sweep: ReadSweep, shown: Mapping[str, FitFiles], comparison: SweepComparison | None, files: Sequence[str]
+) -> dict[str, Any]:
+    """What the page draws; `index.js` says what is where in a fit's list."""
+    labels = list(by_label(fit.row for fit in sweep.fits))
+    materials = [{"page": page, "name": name} for page, name in sweep.names().items()]
+    places = {material["page"]: k for k, material in enumerate(materials)}
+    numbers = {fit.row.key: k for k, fit in enumerate(sweep.fits)}
+    return {
+        "metrics": [{"name": metric.name, "words": metric.words, "good": metric.good} for metric in REPORTED],
+        "labels": labels,
+        "materials": materials,
+        "fits": [_fit(fit, places[fit.material], labels, shown[fit.row.key]) for fit in sweep.fits],
+        "methods": _methods(sweep),
+        "worst": {metric.name: _worst(sweep, metric, labels, numbers) for metric in REPORTED},
+        "aside": [
+            [entry.task.name, entry.task.label, entry.task.settings["seed"], entry.reason, entry.deaths]
+            for entry in sweep.aside
+        ],
+        "left": sweep.left,
+        "comparison": None if comparison is None else _comparison(comparison, numbers),
+        "files": list(files),
+    }
+
+
+def _fit(fit: ReportedFit, material: int, labels: Sequence[str], shown: FitFiles) -> list[Any]:
+    row = fit.row
+    figures = [_short(row.metrics[metric.name]) for metric in REPORTED]
+    known = [material, labels.index(row.label), row.seed, row.bytes, _short(row.seconds), row.fetches, row.textures]
+    return [*known, int(row.trusted), row.key, shown.viewer or "", *figures]
+
+
+def _methods(sweep: ReadSweep) -> list[list[Any]]:
+    """A row a label: fits, trusted, median bytes and seconds, then the medians of all metrics."""
+    grouped = by_label(fit.row for fit in sweep.fits)
+    middles = summary_records([fit.row for fit in sweep.fits])
+    return [
+        [
+            label,
+            len(rows),
+            sum(row.trusted for row in rows),
+            median(row.bytes for row in rows),
+            _short(median(row.seconds for row in rows)),
+            *(_short(middles[label][metric.name]) for metric in REPORTED),
+        ]
+        for label, rows in grouped.items()
+    ]
+
+
+def _worst(sweep: ReadSweep, metric: Any, labels: Sequence[str], numbers: Mapping[str, int]) -> list[list[int]]:
+    """The numbers of the worst ten fits: of all, then of each label."""
+    groups = [list(sweep.fits), *([fit for fit in sweep.fits if fit.row.label == label] for label in labels)]
+    return [[numbers[fit.row.key] for fit in worst(group, metric)] for group in groups]
+
+
+def _comparison(comparison: SweepComparison, numbers: Mapping[str, int]) -> dict[str, Any]:
+    changes: dict[str, list[list[Any]]] = {}
+    for metric in REPORTED:
+        steps = [(step, pair) for pair in comparison.pairs if (step := pair.change(metric)) is not None]
+        steps.sort(key=lambda entry: (-abs(entry[0]), numbers[entry[1].now.row.key]))
+        changes[metric.name] = [
+            [
+                numbers[pair.now.row.key],
+                _short(pair.before.row.metrics[metric.name]),
+                _short(pair.now.row.metrics[metric.name]),
+                word(metric, step),
+            ]
+            for step, pair in steps
+        ]
+    return {
+        "name": comparison.before.name,
+        "versions": list(comparison.before.versions),
+        "pairs": len(comparison.pairs),
+        "only_now": comparison.only_now,
+        "only_before": comparison.only_before,
+        "counts": {metric.name: comparison.counts(metric) for metric in REPORTED},
+        "changes": changes,
+    }
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.6g}")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"

@@ -1,0 +1,81 @@
+"""What a report's pages show, as CSV and, where pyarrow is there, Parquet."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from homofact.files import extras
+from homofact.files.atomic import write_text
+from homofact.sweeps.ledger import Aside
+from homofact.sweeps.report.reading import ReportedFit
+
+NO_PARQUET = extras.told("pyarrow", "no Parquet")
+
+
+def parquet_there() -> bool:
+    """Whether tables can be written as Parquet too."""
+    return extras.installed("pyarrow")
+
+
+def fit_rows(fits: Sequence[ReportedFit]) -> list[dict[str, Any]]:
+    """A row a fit: its figures as `summary.FitRow.cells`, then what it was made from and how."""
+    return [
+        fit.row.cells()
+        | {
+            "verdict": fit.summary,
+            "findings": ", ".join(finding.name for finding in fit.findings),
+            "digest": fit.task.digest,
+            "version": fit.task.version,
+            "method": fit.task.method,
+            "held_out": fit.task.held_out,
+            "settings": json.dumps(fit.task.record()["settings"]),
+            "opening": json.dumps(fit.task.record()["opening"]),
+        }
+        for fit in fits
+    ]
+
+
+def aside_rows(aside: Sequence[Aside]) -> list[dict[str, Any]]:
+    """A row for each fit that was set aside."""
+    return [
+        {
+            "key": entry.task.key,
+            "source": entry.task.source,
+            "name": entry.task.name,
+            "label": entry.task.label,
+            "seed": entry.task.settings["seed"],
+            "workers_died": entry.deaths,
+            "reason": entry.reason,
+        }
+        for entry in aside
+    ]
+
+
+def write_table(folder: Path, name: str, rows: Sequence[dict[str, Any]]) -> list[str]:
+    """NAME.csv and, where it can be, NAME.parquet of one or more rows; the files' names.
+
+    Numbers in full, what is not there empty; UTF-8.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(folder / f"{name}.csv", text.getvalue())
+    if not parquet_there():
+        return [f"{name}.csv"]
+    arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    columns = {key: [_storable(row[key]) for row in rows] for key in rows[0]}
+    # A column of nothing but gaps is one of numbers.
+    kinds = {key: None if any(cell is not None for cell in cells) else "float64" for key, cells in columns.items()}
+    table = arrow.table({key: arrow.array(cells, kinds[key]) for key, cells in columns.items()})
+    parquet.write_table(table, folder / f"{name}.parquet")
+    return [f"{name}.csv", f"{name}.parquet"]
+
+
+def _storable(value: Any) -> Any:
+    """UTF-8 holds no lone surrogate: it is written as \\udcff, as in the CSV."""
+    return value.encode(errors="backslashreplace").decode() if isinstance(value, str) else value

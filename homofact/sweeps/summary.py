@@ -1,0 +1,80 @@
+"""A sweep's results as rows of figures, and their medians."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from homofact.evaluation.metric_table import REPORTED
+from homofact.sweeps.ledger import Result, SweepLedger
+
+
+@dataclass(frozen=True)
+class FitRow:
+    """The figures of one result; a metric that it does not have is None. `trusted` is the verdict's."""
+
+    key: str
+    source: str
+    name: str
+    label: str
+    seed: int
+    bytes: int
+    fetches: int
+    textures: int
+    seconds: float
+    status: str
+    trusted: bool
+    metrics: dict[str, float | None]
+
+    def cells(self) -> dict[str, Any]:
+        """Flat, by column, for a CSV."""
+        plain = {name: value for name, value in vars(self).items() if name != "metrics"}
+        return plain | self.metrics
+
+
+def rows_of(folder: Path) -> list[FitRow]:
+    """The rows of a sweep's folder, in the order that was asked for. Raises BadInput where a result was changed."""
+    return [row_of(result) for result in SweepLedger(folder).results()]
+
+
+def row_of(result: Result) -> FitRow:
+    """The figures of one result."""
+    task, report = result.task, result.report
+    seen = report.get("appearance") or {}
+    metrics = {metric.name: report["error"]["held_out"].get(metric.name, seen.get(metric.name)) for metric in REPORTED}
+    return FitRow(
+        task.key,
+        task.source,
+        task.name,
+        task.label,
+        int(task.settings["seed"]),
+        report["bytes"],
+        report["fetches"],
+        report["textures"],
+        report["seconds"]["fit"],
+        report["status"],
+        bool(report["verdict"]["trusted"]),
+        metrics,
+    )
+
+
+def by_label(rows: Iterable[FitRow]) -> dict[str, list[FitRow]]:
+    """The rows of each method, in the order of their first."""
+    grouped: dict[str, list[FitRow]] = {}
+    for row in rows:
+        grouped.setdefault(row.label, []).append(row)
+    return grouped
+
+
+def middle(rows: Sequence[FitRow], name: str) -> float | None:
+    """The median of a metric over those rows that have it."""
+    values = [value for row in rows if (value := row.metrics[name]) is not None]
+    return median(values) if values else None
+
+
+def summary_records(rows: Sequence[FitRow]) -> dict[str, dict[str, float | None]]:
+    """By method the median of every metric."""
+    return {
+        label: {metric.name: middle(some, metric.name) for metric in REPORTED} for label, some in by_label(rows).items()
+    }

@@ -1,0 +1,220 @@
+"""What a sweep fits, read from strict TOML: sources × methods × bytes × seeds.
+
+name = "paints"                    # the file's name unless given
+sources = ["material:*", "paints/*.brdf", "merl_nbrdf.npz#*"]  # named materials, files relative to this one, one
+                                   # file's materials; * ? and [ab] match
+seeds = [0]                        # of sampling, split and fit
+bytes = [3276, 12288]              # optional: a fit each of every method that can be given a size
+held_out = 0.2                     # part of the samples kept from the fits
+[source]                           # optional, as in a configuration: channels, count, scheme, subset …
+[[method]]                         # one or more
+method = "search"                  # as for a comparison: mccool:wi+h, ggx:2
+label = "quick search"             # what tables call it: the method, and its settings where it stands twice
+effort = "quick"                   # and its settings
+[svbrdf]                           # for an SVBRDF alone: the sources are the clusters of one material
+labels = "labels.png"              # which of them, from 0, each texel is made of; .png or .npy, relative to this file
+format = "exr"                     # of the texture arrays
+
+`bytes` are the setting of a method that has it. McCool's and Cole's textures get the largest size that they pay for.
+Other methods are fitted once, as they are.
+"""
+
+import glob
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.brdf.formats.nbrdf import material_names
+from homofact.brdf.materials import MATERIALS
+from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.containers.format_names import FORMAT_NAMES
+from homofact.errors import BadInput
+from homofact.files.reading import read_toml, split_member
+from homofact.methods.cole import Cole
+from homofact.methods.mccool import McCool
+from homofact.methods.search import Search
+from homofact.methods.table import made
+from homofact.sections import EvaluateSettings, SourceSettings
+from homofact.settings.kinds import SWEEP, check_kind
+from homofact.settings.options import MOST_SEED, none_twice, option, required
+from homofact.settings.tables import read_table
+
+if TYPE_CHECKING:
+    from homofact.methods.method import Method
+
+_RGB_TEXEL = 12
+_PATTERN = set("*?[")
+
+
+@dataclass(frozen=True)
+class SvbrdfSection:
+    """[svbrdf]: the label map's place, and the format of the texture arrays."""
+
+    labels: Path
+    format: str
+
+
+@dataclass(frozen=True)
+class _SvbrdfTable:
+    labels: str = required("Which of the sources each texel is made of, from 0; .png or .npy")
+    format: str = option(FORMAT_NAMES[0], "Format of the texture arrays", choices=FORMAT_NAMES)
+
+
+@dataclass(frozen=True)
+class _MethodTable:
+    method: str = required("How it is fitted, as for a comparison")
+    label: str | None = option(None, "What tables call it")
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, above in (("seed", "seeds"), ("bytes", "bytes")):
+            if name in self.settings:
+                expected = f"{above} = [...] above all sections"
+                raise BadInput(where=name, found=self.settings[name], expected=expected)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _SweepTable(EvaluateSettings):
+    """The whole file."""
+
+    name: str | None = option(None, "The sweep's name", none="the file's")
+    sources: tuple[str, ...] = required("Files, or material:NAME; * ? and [ab] match")
+    seeds: tuple[int, ...] = option(
+        (0,), "Of sampling, split and fit", least=0, most=MOST_SEED, expected_instead=none_twice
+    )
+    bytes: tuple[int, ...] = option(
+        (), "A fit each of every method that has a size", least=1, most=2**40, expected_instead=none_twice
+    )
+    source: SourceSettings = field(default_factory=SourceSettings)
+    method: tuple[_MethodTable, ...]
+    svbrdf: _SvbrdfTable | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what names nothing to fit. Raises BadInput."""
+        super().__post_init__()
+        if self.name is not None and not self.name.strip():
+            raise BadInput(where="name", found="an empty one", expected="a name")
+        if self.source.path is not None:
+            raise BadInput(where="source.path", found=repr(self.source.path), expected="sources = [...]")
+        for name in ("sources", "seeds", "method"):
+            if not getattr(self, name):
+                raise BadInput(where=name, found="none", expected="at least one")
+
+
+@dataclass(frozen=True)
+class AskedSweep:
+    """What is fitted: the sources' words, absolute or material:NAME; methods by label, before bytes and seeds.
+
+    `svbrdf` is there where the sources are the clusters of one material.
+    """
+
+    name: str
+    sources: tuple[str, ...]
+    source: SourceSettings
+    methods: "tuple[tuple[str, Method], ...]"
+    budgets: tuple[int, ...]
+    seeds: tuple[int, ...]
+    held_out: float
+    svbrdf: SvbrdfSection | None = None
+
+    def fits(self) -> "list[tuple[str, Method]]":
+        """(label, method) of all fits of one source, the seed set; a label names the bytes where there are several."""
+        found: list[tuple[str, Method]] = []
+        for label, method in self.methods:
+            sized = [(f"{label}, {count} B", each) for count in self.budgets if (each := with_bytes(method, count))]
+            found += sized or [(label, method)]
+        return [(label, replace(method, seed=seed)) for label, method in found for seed in self.seeds]
+
+
+def with_bytes(method: "Method", count: int) -> "Method | None":
+    """The method with so many bytes of textures to spend, None for one that cannot be given any.
+
+    Raises BadInput where they are too few.
+    """
+    if isinstance(method, Search):
+        return replace(method, bytes=count)
+    if not isinstance(method, McCool | Cole):
+        return None
+    size = math.isqrt(count // (_RGB_TEXEL * method.most_textures))
+    if size < 2:
+        raise BadInput(
+            where="bytes", found=count, expected=f"enough for {method.most_textures} textures of 2 x 2 texels"
+        )
+    return replace(method, size=size)
+
+
+def read_sweep(path: str | Path) -> AskedSweep:
+    """The sweep in a TOML file.
+
+    Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, sources that are not there and
+    patterns that match nothing, and a method or source named twice.
+    """
+    file = Path(path)
+    given = read_toml(file, "a sweep in TOML")
+    check_kind(given, SWEEP, file)
+    table = read_table(_SweepTable, given, f"{file}: ")
+    try:
+        asked = AskedSweep(
+            file.stem if table.name is None else table.name,
+            _sources(table.sources, file.parent),
+            table.source,
+            _methods(table.method),
+            table.bytes,
+            table.seeds,
+            table.held_out,
+            None if table.svbrdf is None else SvbrdfSection(file.parent / table.svbrdf.labels, table.svbrdf.format),
+        )
+        asked.fits()
+    except BadInput as error:
+        raise error.at(file) from error
+    return asked
+
+
+def _methods(tables: tuple[_MethodTable, ...]) -> "tuple[tuple[str, Method], ...]":
+    found: dict[str, Method] = {}
+    for number, table in enumerate(tables):
+        where = f"method[{number}]"
+        label = table.method if table.label is None else table.label
+        if label in found and table.label is None:
+            label = ", ".join((label, *(f"{key} {value}" for key, value in table.settings.items())))
+        if label in found:
+            raise BadInput(where=where, found=f"{label!r} twice", expected='another label = "..."')
+        try:
+            found[label] = made(table.method, table.settings)
+        except BadInput as error:
+            raise error.at(where, ".") from error
+    return tuple(found.items())
+
+
+def _sources(given: tuple[str, ...], folder: Path) -> tuple[str, ...]:
+    found: dict[str, None] = {}
+    for number, words in enumerate(given):
+        some = _matching(words, folder)
+        if not some:
+            what = "a material" if words.startswith(MATERIAL_PREFIX) else f"a file under {folder}"
+            raise BadInput(where=f"sources[{number}]", found=f"{words!r}, which matches nothing", expected=what)
+        found |= dict.fromkeys(some)
+    return tuple(found)
+
+
+def _matching(words: str, folder: Path) -> list[str]:
+    """The sources that words, perhaps a pattern, stand for, in the order of their names."""
+    if words.startswith(MATERIAL_PREFIX):
+        wanted = words.removeprefix(MATERIAL_PREFIX)
+        return [MATERIAL_PREFIX + name for name in sorted(MATERIALS) if fnmatchcase(name, wanted)]
+    file, _, member = words.rpartition("#")
+    # Folders and files may have a "#" in their own names.
+    if set(member) & _PATTERN and file and (folder / file).is_file():
+        whole = (folder / file).resolve()
+        return [f"{whole}#{name}" for name in material_names(whole) if fnmatchcase(name, member)]
+    if not set(words) & _PATTERN:
+        return [str((folder / words).resolve())] if Path(split_member(folder / words)[0]).exists() else []
+    return [str((folder / path).resolve()) for path in sorted(glob.glob(words, root_dir=folder, recursive=True))]
+
+
+def settings_record(settings: SourceSettings) -> dict[str, Any]:
+    """How sources are opened, JSON-able."""
+    return {key: value for key, value in asdict(settings).items() if key != "path"}

@@ -1,0 +1,125 @@
+"""One fit of a sweep, and the key that it is known by.
+
+The key is a digest of all that could change the fit: the source's bytes, how it is opened, the method with every
+setting, what is held out, and the version of homofact. A result folder of that name is that fit, wherever it was made.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.errors import BadInput
+from homofact.evaluation.grid import content_key
+from homofact.files.reading import check_readable, split_member
+from homofact.methods.table import ALL_METHODS
+from homofact.sections import SourceSettings
+from homofact.sweeps.sweep_file import AskedSweep, settings_record
+from homofact.version import __version__
+
+if TYPE_CHECKING:
+    from homofact.methods.method import Method
+
+_PIECE = 1 << 20
+
+
+@dataclass(frozen=True)
+class Task:
+    """A source's words and digest, how it is opened, a method's label, name and settings, and what is held out."""
+
+    source: str
+    digest: str
+    opening: Mapping[str, Any]
+    label: str
+    method: str
+    settings: Mapping[str, Any]
+    held_out: float
+    version: str = __version__
+
+    @cached_property
+    def key(self) -> str:
+        """What tells the fit from every other: 32 hexadecimal digits. Where the source lies does not count."""
+        facts = {name: value for name, value in self.record().items() if name not in ("source", "label")}
+        return content_key(facts)
+
+    @property
+    def name(self) -> str:
+        """The source without its folder."""
+        if self.source.startswith(MATERIAL_PREFIX):
+            return self.source.removeprefix(MATERIAL_PREFIX)
+        return Path(self.source).name
+
+    @property
+    def words(self) -> str:
+        """For messages: the source and the method."""
+        return f"{self.name}, {self.label}, seed {self.settings['seed']}"
+
+    def is_here(self) -> bool:
+        """Whether this machine has the source, as it was."""
+        named = self.source.startswith(MATERIAL_PREFIX)
+        return named or (Path(split_member(self.source)[0]).exists() and source_digest(self.source) == self.digest)
+
+    def fit_method(self) -> "Method":
+        """The method object. Raises BadInput for settings that are none of its own."""
+        return ALL_METHODS[self.method](**self.settings)
+
+    def source_settings(self) -> SourceSettings:
+        """How the source is opened."""
+        return SourceSettings(**self.opening)
+
+    def record(self) -> dict[str, Any]:
+        """JSON-able, and back by `task_of`."""
+        return {**asdict(self), "opening": _plain(self.opening), "settings": _plain(self.settings)}
+
+
+def task_of(record: Mapping[str, Any]) -> Task:
+    """The task of a record. Raises BadInput where it is none."""
+    try:
+        task = Task(**record)
+        if task.method not in ALL_METHODS or not all(isinstance(x, Mapping) for x in (task.opening, task.settings)):
+            raise TypeError
+    except TypeError as error:
+        raise BadInput(where="task", found="no record of one") from error
+    return task
+
+
+def tasks_of(asked: AskedSweep) -> list[Task]:
+    """All fits of a sweep, source by source. Raises BadInput for a source that cannot be read."""
+    opening = settings_record(asked.source)
+    fits = [(label, method.name, _plain(asdict(method))) for label, method in asked.fits()]
+    tasks = []
+    for source in asked.sources:
+        digest = source_digest(source)
+        tasks += [Task(source, digest, opening, *fit, asked.held_out) for fit in fits]
+    return tasks
+
+
+def source_digest(source: str) -> str:
+    """SHA-256 of what a source is: a file's bytes, a folder's files, a material's name (its model is homofact's own).
+
+    Raises BadInput for a file that cannot be read.
+    """
+    digest = hashlib.sha256()
+    if source.startswith(MATERIAL_PREFIX):
+        digest.update(source.encode())
+        return digest.hexdigest()
+    name, member = split_member(source)
+    if member is not None:
+        digest.update(f"{member}\n".encode())
+    place = Path(name)
+    files = sorted(path for path in place.rglob("*") if path.is_file()) if place.is_dir() else [place]
+    for file in files:
+        check_readable(file, "a BRDF file or material:NAME")
+        if place.is_dir():
+            digest.update(f"{file.relative_to(place)}\n".encode())
+        with file.open("rb") as stream:
+            while piece := stream.read(_PIECE):
+                digest.update(piece)
+    return digest.hexdigest()
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}

@@ -1,0 +1,57 @@
+"""Sources of a sweep that are fitted together, under shared projections: the one method, and the sources opened."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from homofact.brdf.source import Source
+from homofact.errors import BadInput
+from homofact.methods.search import Search
+from homofact.sweeps.sweep_file import AskedSweep
+
+
+def one_search(asked: AskedSweep, what: str) -> Search:
+    """The sweep's only fit of a source, which is a search; `what` asks for it ("svbrdf").
+
+    Raises BadInput for more than one method, size or seed, another method, and settings that shared fits do not have.
+    """
+    fits = asked.fits()
+    if len(fits) != 1:
+        raise BadInput(
+            where=what, found=f"{len(fits)} fits of a source", expected="one method, at most one size, one seed"
+        )
+    settings = fits[0][1]
+    if not isinstance(settings, Search):
+        raise BadInput(
+            where="method[0].method", found=repr(settings.name), expected="search: it alone shares projections"
+        )
+    for name, usual in (("quantize", "none"), ("confidence", False)):
+        if getattr(settings, name) != usual:
+            found = f"{getattr(settings, name)!r}, which shared fits do not have yet"
+            raise BadInput(where=f"method[0].{name}", found=found, expected=usual)
+    return settings
+
+
+def open_together(
+    asked: AskedSweep, settings: Search, notify: Callable[[str], object] = lambda words: None
+) -> tuple[Source, ...]:
+    """All sources, in their order; `notify` hears which is being opened. Raises BadInput where channels differ."""
+    sources = []
+    for words in asked.sources:
+        notify(words)
+        sources.append(asked.source.opening(settings.seed, words).open())
+    first = sources[0].samples.channels
+    for source in sources[1:]:
+        channels = source.samples.channels
+        if channels != first:
+            words = f"{len(channels)} ({', '.join(channels[:4])}{' …' * (len(channels) > 4)})"
+            raise BadInput(
+                where=source.name, found=f"the channels {words}", expected=f"the {len(first)} of {sources[0].name}"
+            )
+    return tuple(sources)
+
+
+def with_epsilon(settings: Search, sources: Sequence[Source]) -> Search:
+    """One ε for all, where none is given: the largest that a source asks for, so that errors are comparable."""
+    if settings.epsilon is not None:
+        return settings
+    return replace(settings, epsilon=max(source.default_epsilon for source in sources))

@@ -1,0 +1,81 @@
+"""The half-angle curve of a reflectance and its highest order l*, from which the number of in-out terms follows.
+
+Mahajan, Tseng and Ramamoorthi (2008), section 4: average the BRDF over θd, leaving out grazing angles, to a curve of
+θh alone; transform it into (zonal) spherical harmonics; l* is the order up to which the wanted share of its energy
+lies. Then K ≈ (l*)²/4. Orders run from 0, so l* + 1 of them are kept (the paper's eq. 10), and it is (l* + 1)²/4
+that is used here: a Gaussian curve (eq. 14) has 99% of its energy up to l* + 1 = √(2 ln 100)/σ, which gives 58 terms
+for σ = .2 and 14 for .4 where the paper says about 60 and 10 to 20.
+
+The curve is continued evenly beyond θh = 90°, f(180° − θh) = f(θh): cut off there, the step of a diffuse part would
+have content at every order.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.geometry.directions import from_half_difference, from_spherical
+from homofact.theory.harmonics import gauss_legendre, order_for_share, zonal
+
+NODES, ORDER = 420, 300
+
+
+@dataclass(frozen=True)
+class HalfCurve:
+    """`values` (Q,) in sr⁻¹ at rising `theta_h` (Q,) in radians, Gauss nodes in cosθh with their `weights`."""
+
+    theta_h: Tensor
+    values: Tensor
+    weights: Tensor
+
+    def spectrum(self, order: int = ORDER) -> Tensor:
+        """Zonal coefficients (order+1,) of the curve continued evenly; 0 at odd orders."""
+        values = 4 * math.pi * zonal(order, torch.cos(self.theta_h)).T @ (self.weights * self.values)
+        values[1::2] = 0
+        return values
+
+    def l_star(self, share: float = 0.99, order: int = ORDER) -> float:
+        """The order up to which `share` of the energy lies, interpolated; where even `order` has less, `order` itself.
+
+        Raises BadInput as `order_for_share`.
+        """
+        energies = self.spectrum(order) ** 2
+        within = float(energies.sum()) / self.energy if self.energy > 0 else 1.0
+        return order_for_share(energies, share / within) if share < within else float(order)
+
+    @property
+    def energy(self) -> float:
+        """∫ f² over the sphere, the energy of all orders."""
+        return float(4 * math.pi * (self.weights * self.values**2).sum())
+
+
+def half_angle_curve(
+    reflectance: Reflectance, limit: float = math.radians(85), nodes: int = NODES, differences: int = 12, turns: int = 4
+) -> HalfCurve:
+    """The mean over channels, θd and φd of a reflectance at each θh.
+
+    θd has `differences` even values below `limit`, φd `turns` in [0, π/2] on each side of both planes; pairs with a
+    direction beyond `limit` (radians) from the normal are left out. For θh beyond it the last value is held.
+    """
+    cosine, weights = gauss_legendre(nodes, 0.0, 1.0)
+    theta_h = torch.arccos(cosine).flip(0)
+    theta_d = (torch.arange(differences, dtype=torch.float64) + 0.5) * (limit / differences)
+    # θd = 0 is there for every θh within the limit.
+    theta_d = torch.cat((torch.zeros(1, dtype=torch.float64), theta_d))
+    phi_d = (torch.arange(turns, dtype=torch.float64) + 0.5) * (math.pi / 2 / turns)
+    phi_d = torch.cat((phi_d, math.pi - phi_d))
+    h = from_spherical(theta_h, torch.zeros_like(theta_h))[:, None, None, :]
+    angles = torch.meshgrid(theta_d, phi_d, indexing="ij")
+    d = from_spherical(*angles)[None]
+    wi, wo = from_half_difference(*torch.broadcast_tensors(h, d))
+    inside = (wi[..., 2] >= math.cos(limit) - 1e-12) & (wo[..., 2] >= math.cos(limit) - 1e-12)
+    values = torch.zeros(inside.shape, dtype=torch.float64)
+    values[inside] = reflectance.evaluate(wi[inside], wo[inside]).double().mean(1)
+    counts = inside.sum((1, 2))
+    means = values.sum((1, 2)) / counts.clamp_min(1)
+    last = int((counts > 0).nonzero()[-1, 0])
+    means[last + 1 :] = means[last]
+    return HalfCurve(theta_h, means, weights.flip(0))

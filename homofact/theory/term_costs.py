@@ -1,0 +1,95 @@
+"""What the in-out terms cost and how well they do, beside a homomorphic fit of the same samples."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from homofact.brdf.source import Source
+from homofact.brdf.symmetry import find_symmetry
+from homofact.errors import BadInput
+from homofact.evaluation.compare import ComparisonRow, held_out_samples
+from homofact.evaluation.metrics import measure, six_errors
+from homofact.theory.in_out import DirectionGrid, decompose
+from homofact.theory.terms import InOutCount
+
+_MAP_SIDE = 32
+
+
+def map_bytes(terms: int, channels: int, side: int = _MAP_SIDE) -> int:
+    """Bytes of `terms` in-out terms: two maps each (g over ωi, h over ωo) of side² float32 texels a channel.
+
+    Where f is reciprocal the two are the same map up to sign, and half of it is enough.
+    """
+    return terms * 2 * side * side * channels * 4
+
+
+@dataclass(frozen=True)
+class SvdError:
+    """`terms` in-out terms on the held-out samples: Cole error, bytes at 32², fetches, share of negative values."""
+
+    terms: int
+    error: float
+    bytes: int
+    fetches: int
+    negative: float
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class TermCosts:
+    """A fit and in-out terms on the same `samples` held-out samples, those within the count's limit.
+
+    `fit_error` is the fit's Cole error there; `counted` the terms that hold the share of the energy; `matching` the
+    fewest of 1, 2, 4 … terms that do as well as the fit, None where no number up to all does.
+    """
+
+    samples: int
+    fit_error: float
+    counted: SvdError
+    matching: SvdError | None
+
+    def record(self) -> dict[str, Any]:
+        """The JSON form."""
+        return asdict(self)
+
+
+def against_fit(source: Source, row: ComparisonRow, count: InOutCount, held_out: float) -> TermCosts:
+    """The fit of `row` beside the in-out terms of `count`.
+
+    Every channel has its own terms, evaluated from the decomposition itself: no map's resolution adds to the error.
+    They are of the source's reflectance, which for a measurement was interpolated from all of its samples, the
+    held-out ones too. Values below 0 are cut to 0, as for drawing. Raises BadInput where no held-out sample is
+    within the limit.
+    """
+    reflectance = source.reflectance
+    decomposition = decompose(
+        reflectance, DirectionGrid(*count.grid, count.limit), find_symmetry(reflectance, count.limit)
+    )
+    samples = held_out_samples(source, held_out, row.settings.seed)
+    least = math.cos(count.limit)
+    inside = (samples.wi[:, 2] >= least) & (samples.wo[:, 2] >= least)
+    if not bool(inside.any()):
+        raise BadInput(
+            f"no held-out sample within {math.degrees(count.limit):g} degrees", where="limit", expected="some"
+        )
+    samples = samples.select(inside)
+    transform = row.factorization.transform
+    fit_error = measure(row.factorization, samples, transform).log_mse
+
+    def error_of(terms: int) -> SvdError:
+        cut = decomposition.truncated(terms)
+        values = cut.signed(samples.wi, samples.wo)
+        error = six_errors(values.clamp_min(0), samples.values, transform).log_mse
+        channels = len(reflectance.channels)
+        return SvdError(terms, error, map_bytes(terms, channels), cut.fetches, float((values < 0).double().mean()))
+
+    total = int(decomposition.multiplicity[0].sum())
+    terms, match = 1, None
+    while match is None and terms < 2 * total:
+        tried = error_of(min(terms, total))
+        match = tried if tried.error <= fit_error else None
+        terms *= 2
+    return TermCosts(len(samples), fit_error, error_of(count.measured), match)

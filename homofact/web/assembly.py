@@ -1,0 +1,53 @@
+"""A self-contained HTML file of its parts: head, body, style, scripts and data, nothing loaded from anywhere.
+
+The data are JSON in a script element, `<` written as \\u003c so that nothing in them ends it; texts are made
+`harmless`. Scripts share one function's scope.
+"""
+
+import html
+import json
+import re
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from homofact.files.words import harmless, harmless_words
+from homofact.version import __version__
+
+
+@cache
+def part(package: str, name: str) -> str:
+    """The text of a package's file, without the blank lines round it."""
+    return files(package).joinpath(name).read_text(encoding="utf-8").strip()
+
+
+def assembled(
+    body: str,
+    *,
+    title: str,
+    subtitle: str,
+    styles: Sequence[str],
+    scripts: Sequence[str],
+    data: dict[str, Any],
+    workers: bool = False,
+    head: str | None = None,
+) -> str:
+    """The page: head.html and the `body` that goes on from it, with {{title}}, {{data}} and the like filled in.
+
+    `workers` lets it start workers of its own text; `head` is another text than head.html.
+    """
+    # In JSON a letter may be written by its number: the text can then neither end nor open anything in HTML.
+    text = json.dumps(harmless_words(data), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    fill = {
+        "policy": "; worker-src blob:" if workers else "",
+        "generator": f"homofact {__version__}",
+        "title": html.escape(harmless(title)),
+        "subtitle": html.escape(harmless(subtitle)),
+        "css": "\n".join(styles),
+        "data": text.replace("<", "\\u003c"),
+        "script": '(() => {\n"use strict";\n' + "\n".join(scripts) + "\n})();",
+    }
+    # One pass, so that braces in what is put in are left alone.
+    whole = f"{head or part('homofact.web', 'head.html')}\n{body}"
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: fill[match[1]], whole)

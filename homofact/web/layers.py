@@ -1,0 +1,96 @@
+"""A fit as a layer of the viewer: its generated shader text, the textures it reads, what an evaluation costs.
+
+The page asks for `vec3 KEY_evaluate(vec3 wi, vec3 wo)`. Three channels that are no spectrum are red, green and blue;
+one channel is grey, the three being equal; anything else is refused, since no three of many channels are the colour.
+Texels go as they are stored: a texture that was fitted to 8 bits (`factor.quantize`) as bytes with its scale and bias,
+which the shader decodes behind the sampler as any renderer would, every other one as float32. WebGL 2 has no
+filtered 16-bit whole numbers: those go as the float32 that they stand for.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from homofact.brdf.channels import wavelengths_of
+from homofact.errors import Advice, BadInput
+from homofact.factor.fitted import Fitted, Texture
+from homofact.shading.cost import cost_of
+from homofact.shading.encoding import Encoded, encode_texture
+from homofact.shading.languages import GLSL, shader
+from homofact.shading.program import Program, program_of
+from homofact.web.viewer import Facts, Layer, LayerTexture
+
+EIGHT_BITS = 255
+
+
+def fit_layer(fitted: Fitted, key: str, title: str, facts: Facts = ()) -> Layer:
+    """The layer of a fit; `facts` come before what it costs. Raises BadInput for channels that the page cannot show."""
+    check_shown(fitted.channels)
+    encoded = [encode_texture(texture, _storage(texture)) for texture in fitted.textures]
+    program = program_of(fitted, encoded)
+    textures = tuple(
+        _texture(f"{_prefix(program, key)}_texture_{k}", each, texture)
+        for k, (each, texture) in enumerate(zip(encoded, fitted.textures, strict=True))
+    )
+    return Layer(key, title, _glsl(program, key), textures, (*facts, *_costs(program, encoded)))
+
+
+def check_shown(channels: Sequence[str]) -> None:
+    """Raise BadInput for channels that are neither one nor red, green and blue."""
+    if len(channels) == 1 or (len(channels) == 3 and wavelengths_of(channels) is None):
+        return
+    listed = ", ".join(channels[:3]) + (" …" if len(channels) > 3 else "")
+    raise BadInput(
+        where="channels",
+        found=f"{len(channels)} ({listed})",
+        expected="1 or RGB to show",
+        hint=f"fit with {Advice('channels', 'rgb')}",
+    )
+
+
+def _storage(texture: Texture) -> str:
+    return "unorm8" if texture.grid is not None and texture.grid.levels == EIGHT_BITS else "float32"
+
+
+def _prefix(program: Program, key: str) -> str:
+    """What the generated names begin with: `key` itself, unless its function gives one number and not three."""
+    return key if len(program.channels) == 3 else f"{key}_grey"
+
+
+def _glsl(program: Program, key: str) -> str:
+    text = shader(program, GLSL, _prefix(program, key))
+    if len(program.channels) == 3:
+        return text
+    return f"{text}\nvec3 {key}_evaluate(vec3 wi, vec3 wo) {{\n    return vec3({key}_grey_evaluate(wi, wo));\n}}\n"
+
+
+def _texture(name: str, encoded: Encoded, texture: Texture) -> LayerTexture:
+    stored, mask = encoded.stored, texture.mask
+    # Four channels, as every GPU holds them; the last one is never read.
+    pixels = np.full((*stored.shape[:2], 4), EIGHT_BITS if stored.dtype == np.uint8 else 1, stored.dtype)
+    pixels[..., :3] = stored
+    if stored.dtype != np.uint8:
+        return LayerTexture(name, pixels, texture.caption, mask, quantity=texture.quantity)
+    scale, bias = (_three(values) for values in (encoded.scale, encoded.bias))
+    return LayerTexture(name, pixels, texture.caption, mask, scale, bias, texture.quantity)
+
+
+def _three(values: np.ndarray) -> tuple[float, float, float]:
+    red, green, blue = np.broadcast_to(values, 3).tolist()
+    return red, green, blue
+
+
+def _costs(program: Program, encoded: Sequence[Encoded]) -> Facts:
+    """Textures, their bytes without the fourth channel, fetches, operations beyond the change of frame."""
+    cost = cost_of(program, sum(each.stored.nbytes for each in encoded))
+    kinds = Counter(
+        f"{rows} × {columns}{', 8 bit' if each.stored.dtype == np.uint8 else ''}"
+        for (rows, columns), each in zip(program.shapes, encoded, strict=True)
+    )
+    return (
+        ("Textures", "; ".join(f"{count} of {kind}" for kind, count in kinds.items())),
+        ("Bytes", f"{cost.nbytes:,}"),
+        ("Fetches", str(cost.fetches)),
+        ("Operations (scalar)", f"{cost.total} ({cost.scalar})"),
+    )

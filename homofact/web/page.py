@@ -1,0 +1,226 @@
+"""The page of a fit: the fit, McCool's projections fitted at the same size and ε, and the source side by side.
+
+    write_view(homofact.load("out/paint"), "paint.html")
+
+The errors of both fits stand beside the pictures, on the same samples: those held out of both, where the fit knows
+its split.
+"""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.brdf.source import Source
+from homofact.evaluation.reopening import NotReopened, Reopened, reopen, settings_of
+from homofact.evaluation.wording import figure, findings_named
+
+if TYPE_CHECKING:
+    from homofact.errors import Report
+    from homofact.evaluation.compare import ComparisonRow
+    from homofact.evaluation.metrics import SixErrors
+    from homofact.factor.fitted import Fitted
+    from homofact.meshes.mesh import Mesh
+    from homofact.web.viewer import Facts, Layer
+
+Stage = Callable[[str], None]
+SHOWN = {"search": "Searched fit", "cole": "Cole's fit", "mccool": "McCool", "svd": "SVD", "nmf": "NMF"}
+
+
+@dataclass(frozen=True)
+class ViewerPage:
+    """A page that was written: its `file` and `size` in bytes, the titles of its pictures, and its `record` for JSON.
+
+    `reports` are how the fits ended that were made for the page, by title. `caution` is empty, or says why the page
+    shows the fit alone, or that its errors may be on samples that the fit has seen.
+    """
+
+    file: Path
+    size: int
+    titles: tuple[str, ...]
+    record: dict[str, Any]
+    reports: "dict[str, Report]"
+    caution: str
+
+
+def write_view(
+    fitted: "Fitted",
+    path: str | os.PathLike[str],
+    source: "Reopened | Source | str | None" = None,
+    *,
+    near: Sequence[str | os.PathLike[str]] = (),
+    report: Mapping[str, Any] | None = None,
+    mesh: "Mesh | None" = None,
+    stage: Stage = lambda name: None,
+    new: bool = False,
+    baseline: bool = True,
+    shown: "Layer | None" = None,
+    baselines: "dict[Any, ComparisonRow] | None" = None,
+) -> ViewerPage:
+    """Write the page of a fit to `path` (one HTML file without network, `new` where none may be replaced); its facts.
+
+    The source is the fit's own, found as `reopen` does with the folders `near`, unless another is given. Where it is
+    gone the page shows the fit alone and says why; the errors and the verdict are then those of `report`, the record
+    of the fit (`ComparisonRow.record`), where it is given. `stage` is told what is being done. Without `baseline`
+    McCool's projections are not fitted; `shown` is the source's layer where another page had it made, `baselines` the
+    fits of McCool's projections that other pages of the same source had made, to which this one's is added. Raises
+    BadInput for channels that cannot be shown, a `source` that is given and cannot be read, and a place that cannot be
+    written.
+    """
+    from homofact.shading.program import name_of
+    from homofact.web.layers import check_shown, fit_layer
+    from homofact.web.viewer import write_viewer
+
+    check_shown(fitted.channels)
+    target, report = Path(path), report or {}
+    found: Reopened | str
+    try:
+        found = source if isinstance(source, Reopened) else reopen(fitted, source, near)
+    except NotReopened as error:
+        found = str(error)
+    method = str(fitted.provenance.get("method", ""))
+    title = SHOWN.get(method, "Fit")
+    record: dict[str, Any] = {}
+    reports: dict[str, Any] = {}
+    if isinstance(found, str):
+        errors = _reported_errors(report)
+        layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *_error_facts(errors, "held_out")))]
+        notes = [f"The fit alone: {found}.", *_reported_note(errors)]
+        name = name_of(fitted.provenance)
+        caution = f"the page shows the fit alone: {found}"
+    else:
+        record["error"] = {"fit": {part: six.record() for part, six in _measure(fitted, found).items()}}
+        facts = _error_facts(record["error"]["fit"], found.part)
+        layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *facts))]
+        row = _mccool(fitted, found, stage, {} if baselines is None else baselines) if baseline else None
+        if row is not None:
+            record["error"]["mccool"] = {"train": row.train.record(), found.part: row.held_out.record()}
+            facts = _error_facts(record["error"]["mccool"], found.part)
+            layers.append(fit_layer(row.factorization, "mccool", "McCool", (*_verdict(row.record()), *facts)))
+            reports["McCool"] = row.report
+        if shown is None:
+            stage("tabulating the source")
+            shown = shown_source(found)
+        layers.append(shown)
+        assert shown.table is not None
+        table = shown.table.error
+        record["table"] = {"median": table.median, "percentile_95": table.percentile_95, "nodes": shown.table.size}
+        notes = _conditions(fitted, found, row is not None)
+        name = found.source.name
+        caution = "" if found.held_out else "the fit has, or may have, seen the samples that its errors are on"
+    stage("writing")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    size = write_viewer(target, layers, title=name, subtitle=_subtitle(fitted), mesh=mesh, notes=notes, new=new)
+    record = {
+        "file": str(target),
+        "file_bytes": size,
+        "layers": [layer.key for layer in layers],
+        "mesh": None if mesh is None else mesh.name,
+        "source": None if isinstance(found, str) else found.source.name,
+        "split_known": None if isinstance(found, str) else found.known,
+        "split": None if isinstance(found, str) else found.split.record(),
+        **record,
+        "notes": notes,
+    }
+    return ViewerPage(target, size, tuple(layer.title for layer in layers), record, reports, caution)
+
+
+def shown_source(source: Reopened) -> "Layer":
+    """The layer of a source, which all pages of its fits may share. Raises BadInput as `source_layer`."""
+    from homofact.web.viewer import source_layer
+
+    return source_layer(source.source.reflectance, facts=_own_facts(source.source), seed=source.split.seed)
+
+
+def _measure(fitted: "Fitted", source: Reopened) -> "dict[str, SixErrors]":
+    """Errors on the test samples of the split, and on the others, turned alike."""
+    from homofact.evaluation.metrics import measure
+
+    return {part: measure(fitted, each, fitted.transform) for part, each in source.parts.items()}
+
+
+def _mccool(
+    fitted: "Fitted", source: Reopened, stage: Stage, made: "dict[Any, ComparisonRow]"
+) -> "ComparisonRow | None":
+    """McCool's projections on the same split, of the same size and ε; None where the fit is that itself."""
+    from homofact.evaluation.compare import fit_split
+    from homofact.methods.table import mccool_like
+
+    settings = settings_of(fitted)
+    baseline = mccool_like(settings)
+    if baseline == settings:
+        return None
+    if baseline not in made:
+        stage("McCool's projections")
+        made[baseline] = fit_split(source.source, source.split, baseline)
+    return made[baseline]
+
+
+def _own_facts(source: "Source") -> "Facts":
+    """What the source itself takes, beside what its fits do."""
+    return (("Bytes", "analytic" if source.kind == "material" else f"{source.reflectance.nbytes:,}"),)
+
+
+def _error_facts(errors: Mapping[str, Any], part: str) -> "Facts":
+    """Rows of a card: the Cole error on both parts, and two that are easier to imagine."""
+    tested, train = errors.get(part, {}), errors.get("train", {})
+    words = {"held_out": "held out", "source": "of the source"}[part]
+    rows = (
+        (f"Log MSE, {words}", tested.get("log_mse")),
+        ("Log MSE, training", train.get("log_mse") if part == "held_out" else None),
+        (f"Log MAE, {words}", tested.get("log_mae")),
+        (f"MAE in sr⁻¹, {words}", tested.get("mae")),
+    )
+    return tuple((name, figure(value)) for name, value in rows if isinstance(value, int | float))
+
+
+def _verdict(report: Mapping[str, Any]) -> "Facts":
+    """The verdict's sentence, and what is wrong in the fit by name, where the report has them."""
+    verdict = report.get("verdict")
+    if not isinstance(verdict, dict) or not isinstance(verdict.get("trusted"), bool):
+        return ()
+    found = verdict.get("findings")
+    listed = [each for each in found if isinstance(each, dict)] if isinstance(found, list) else []
+    # Reports of earlier versions have neither a sentence nor a grade.
+    names = [str(each.get("name")) for each in listed if each.get("grade") != "slight"]
+    said = verdict.get("summary")
+    words = said if isinstance(said, str) else "no fault found" if verdict["trusted"] else "not to be trusted"
+    return (("Verdict", words + findings_named(names)),)
+
+
+def _reported_errors(report: Mapping[str, Any]) -> dict[str, Any]:
+    errors = report.get("error")
+    errors = errors if isinstance(errors, dict) else {}
+    return {part: each for part, each in errors.items() if isinstance(each, dict)}
+
+
+def _reported_note(errors: dict[str, Any]) -> list[str]:
+    return ["Its errors are those that were measured when it was fitted (report.json)."] if errors else []
+
+
+def _conditions(fitted: "Fitted", source: Reopened, compared: bool) -> list[str]:
+    """Under which conditions the numbers beside the pictures hold."""
+    samples, split = source.source.samples, source.split
+    turned = ", turned at random" if samples.isotropic else ""
+    count = round(split.held_out * len(samples)) or len(samples)
+    both = "Both fits have" if compared else "The fit has"
+    if source.held_out:
+        seen = f"{both} the same A and have not seen them." if compared else "It has not seen them."
+    elif source.known:
+        seen = f"Nothing was held out: {'both fits were' if compared else 'the fit was'} made from these samples."
+    else:
+        seen = "The fit does not say which of these samples it was made from, or was made from others." + (
+            " McCool's has not seen them." if compared else ""
+        )
+    return [
+        f"Errors are on {count:,} of {len(samples):,} samples (seed {split.seed}){turned}. {seen} Logarithms are"
+        f" of (f + εA)/A, with ε = {fitted.transform.epsilon:g} and A the mean of the training samples."
+    ]
+
+
+def _subtitle(fitted: "Fitted") -> str:
+    facts = fitted.provenance
+    made = f"homofact {facts['homofact_version']}" if "homofact_version" in facts else "homofact"
+    channels = "" if len(fitted.channels) == 3 else f", {fitted.channels[0]} shown as grey"
+    return f"{made}, method {facts.get('method', 'unknown')}, seed {facts.get('seed', 'unknown')}{channels}"

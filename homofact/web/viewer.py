@@ -1,0 +1,215 @@
+"""One self-contained HTML file that shows a fit beside McCool's and its source, lit, on a sphere or a mesh.
+
+The page is `page.html` with `page.css`, the scripts and the data put in: nothing is loaded from anywhere, and its
+Content-Security-Policy forbids it (`assembly`). It draws with WebGL 2; where something is missing it says so. Arrays
+are packed as in `packing`.
+
+A layer is what can be asked for reflectance in the page: shader text that defines `vec3 KEY_evaluate(vec3 wi, vec3
+wo)`, BRDF in sr⁻¹ without the cosine of unit directions in the surface frame, and the textures that it declares.
+"""
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.errors import BadInput
+from homofact.files.atomic import write_bytes
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.shapes import torus_knot
+from homofact.web.assembly import assembled, part
+from homofact.web.packing import differences, pack
+from homofact.web.source_table import STEP, SourceTable, source_table
+
+PACKAGE = "homofact.web"
+SCRIPTS = (
+    "data.js", "elements.js", "vectors.js", "files.js", "hdr.js", "latlong.js", "tones.js", "webgl.js", "sky.js",
+    "lighting.js", "shading.js", "mesh.js", "targets.js", "stage.js", "curve.js", "cards.js", "saving.js", "link.js",
+    "controls.js", "page.js",
+)  # fmt: skip
+SOURCE = "source"
+# Round and across the tube of the knot that a page has where no mesh is given.
+KNOT = (112, 12)
+Facts = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class LayerTexture:
+    """One texture of a layer.
+
+    `name` is the sampler2D in the shader text; `pixels` (rows, columns, 4) float32, float16 or uint8, row 0 at texture
+    coordinate 0; `caption` says what it is (its projection); `mask` (rows, columns), where given, is False where no
+    pair of directions reads. For the pictures of textures only: a texel stands for pixel · `scale` + `bias` of its
+    first three channels (uint8: pixel/255), taken as they are where they are None, and `quantity` says of what: "log"
+    for the textures of a product, "factor" for those of a sum of products.
+    """
+
+    name: str
+    pixels: np.ndarray
+    caption: str
+    mask: np.ndarray | None = None
+    scale: tuple[float, float, float] | None = None
+    bias: tuple[float, float, float] | None = None
+    quantity: str = "log"
+
+    def __post_init__(self) -> None:
+        """Refuse other shapes and types, and texels that are not finite."""
+        if self.pixels.ndim != 3 or self.pixels.shape[2] != 4 or 0 in self.pixels.shape:
+            raise BadInput(f"pixels have shape {self.pixels.shape}", where=self.name, expected="(rows, columns, 4)")
+        if self.pixels.dtype.name not in ("float32", "float16", "uint8"):
+            raise BadInput(f"pixels are {self.pixels.dtype}", where=self.name, expected="float32, float16 or uint8")
+        if not np.isfinite(self.pixels).all():
+            raise BadInput("a texel is not finite", where=self.name, expected="finite texels")
+        if self.mask is not None and self.mask.shape != self.pixels.shape[:2]:
+            raise BadInput(f"the mask has shape {self.mask.shape}", where=self.name, expected=self.pixels.shape[:2])
+        if (self.scale is None) != (self.bias is None):
+            raise BadInput("scale without bias", where=self.name, expected="both or none")
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One picture of the page.
+
+    `key` is the prefix in `glsl` and the name for programs ("fit", "mccool", "source"; differences are to "source",
+    or to the last layer where there is none); `title` is for people; `facts` are (name, value) pairs for the
+    table of numbers, those of the same name in one column; `table` is the source's own texture.
+    """
+
+    key: str
+    title: str
+    glsl: str
+    textures: tuple[LayerTexture, ...]
+    facts: Facts = ()
+    table: SourceTable | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a key that is no name in GLSL, and shader text that does not define what the page calls."""
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.key):
+            raise BadInput(f"key is {self.key!r}", where="layer", expected="small letters, digits and _")
+        names = [f"vec3 {self.key}_evaluate", *(texture.name for texture in self.textures)]
+        missing = [name for name in names if name not in self.glsl]
+        if missing:
+            raise BadInput(f"its shader text has no {missing[0]}", where=f"layer {self.key}", expected="it to")
+
+
+def source_layer(reflectance: Reflectance, title: str = "Source", facts: Facts = (), seed: int = 0) -> Layer:
+    """The source as a layer: tabulated (`source_table`), which its facts say; the page's notes say how close that is.
+
+    Raises BadInput as `source_table`.
+    """
+    table = source_table(reflectance, seed=seed)
+    return Layer(SOURCE, title, table.glsl(SOURCE), (), (*facts, ("Textures", f"a table, {table.size}")), table)
+
+
+def viewer_html(
+    layers: Sequence[Layer], *, title: str, subtitle: str = "", mesh: Mesh | None = None, notes: Sequence[str] = ()
+) -> str:
+    """The page.
+
+    `layers` in the order of the pictures, one to three; `title` and `subtitle` head it; `mesh` is shown at first where
+    given, else the sphere, and a torus knot can be; `notes` are lines of text beside the picture, before the page's own
+    on how close the source's table is. Raises BadInput for no or more than three layers, and for keys that repeat.
+    """
+    keys = [layer.key for layer in layers]
+    if not 1 <= len(keys) <= 3 or len(set(keys)) < len(keys):
+        raise BadInput(
+            where="viewer", found=f"the layers {', '.join(keys) or 'none'}", expected="one to three different ones"
+        )
+    own = [
+        f"{layer.title} is drawn from a table of {layer.table.size}, linear in the logarithm between its nodes. At"
+        f" {layer.table.error.count:,} random cosine-weighted pairs it is off the reflectance itself by"
+        f" {layer.table.error.words()}. It stands for the source; it is not the source."
+        for layer in layers
+        if layer.table is not None
+    ]
+    data = {
+        "layers": [_layer(layer) for layer in layers],
+        "mesh": {**_mesh(_knot() if mesh is None else mesh), "first": mesh is not None},
+        "notes": [*notes, *own],
+    }
+    return assembled(
+        part(PACKAGE, "page.html"),
+        title=title,
+        subtitle=subtitle,
+        styles=[part(PACKAGE, "page.css")],
+        scripts=[part(PACKAGE, name) for name in SCRIPTS],
+        data=data,
+    )
+
+
+def write_viewer(
+    path: str | os.PathLike[str],
+    layers: Sequence[Layer],
+    *,
+    title: str,
+    subtitle: str = "",
+    mesh: Mesh | None = None,
+    notes: Sequence[str] = (),
+    new: bool = False,
+) -> int:
+    """Write `viewer_html` to `path`, whole or not at all; its bytes.
+
+    `new` says that nothing there may be replaced. Raises BadInput as `viewer_html`, and for a place that cannot be
+    written.
+    """
+    data = viewer_html(layers, title=title, subtitle=subtitle, mesh=mesh, notes=notes).encode("utf-8")
+    write_bytes(path, data, new=new)
+    return len(data)
+
+
+def _layer(layer: Layer) -> dict[str, Any]:
+    return {
+        "key": layer.key,
+        "title": layer.title,
+        "glsl": layer.glsl,
+        "textures": [_texture(texture) for texture in layer.textures],
+        "facts": [list(fact) for fact in layer.facts],
+        "volume": None if layer.table is None else _volume(layer.key, layer.table),
+    }
+
+
+def _texture(texture: LayerTexture) -> dict[str, Any]:
+    reached = texture.mask is None or bool(texture.mask.all())
+    return {
+        "name": texture.name,
+        "caption": texture.caption,
+        "texels": pack(texture.pixels),
+        "mask": None if reached else pack(np.packbits(np.asarray(texture.mask, bool).reshape(-1))),
+        "scale": texture.scale,
+        "bias": texture.bias,
+        "quantity": texture.quantity,
+    }
+
+
+def _volume(key: str, table: SourceTable) -> dict[str, Any]:
+    return {"name": f"{key}_texture_0", "step": STEP, "steps": pack(table.differences())}
+
+
+@cache
+def _knot() -> Mesh:
+    """The page's own mesh, its vertices in the order that its triangles ask for: their differences pack well."""
+    made = torus_knot(*KNOT)
+    corners = made.triangles.reshape(-1)
+    order = corners[np.sort(np.unique(corners, return_index=True)[1])]
+    place = np.empty(len(made.positions), np.int64)
+    place[order] = np.arange(len(order))
+    return Mesh(made.positions[order], made.normals[order], place[made.triangles], "Knot")
+
+
+def _mesh(mesh: Mesh) -> dict[str, Any]:
+    positions = np.round((mesh.positions + 1) / 2 * 65535).clip(0, 65535).astype(np.uint16)
+    n = mesh.normals / np.abs(mesh.normals).sum(1, keepdims=True)
+    # The octahedral map: the lower half folded over the upper one's corners.
+    signs = np.where(n[:, :2] < 0, -1.0, 1.0)
+    flat = np.where(n[:, 2:] < 0, (1 - np.abs(n[:, 1::-1])) * signs, n[:, :2])
+    return {
+        "name": mesh.name,
+        "positions": pack(positions),
+        "normals": pack(np.round(flat * 32767).astype(np.int16)),
+        "triangles": pack(differences(mesh.triangles.astype(np.int32).reshape(-1), (0,))),
+    }

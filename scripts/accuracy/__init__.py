@@ -1,0 +1,1 @@
+"""Errors of fits: against McCool's projections and other methods, and by seed, size and number of textures."""

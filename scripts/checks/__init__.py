@@ -1,0 +1,1 @@
+"""Checks of the package as a whole: damaged files, killed writes, memory, installation, equal bits, planted faults."""

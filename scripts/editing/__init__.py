@@ -1,0 +1,1 @@
+"""Errors, sizes and seconds of edited scenes."""

@@ -1,0 +1,1 @@
+"""Exported fits as other renderers and engines draw them."""

@@ -1,0 +1,130 @@
+"""One material under one lamp as it is, by our renderer, and by engines that load its exports: a picture and a table.
+
+    python scripts/engines/engine_pictures.py [--data FOLDER] [--size 256] [--out docs/pictures/engines.jpg]
+
+A row each for a satin paint of the RGL database (Dupuy and Jakob 2018) and for Ward's brushed aluminium (Ward 1992),
+fitted with three textures of 32². Every engine gets what `homofact export --engine` writes. The table says how far an
+engine's linear pixels are from our renderer's of the same stored texels, but for the silhouette. Needed are packages of
+npm (`npm ci --prefix tests/containers/node`), Debian's chromium, chromium-driver and xvfb, and MaterialX
+(`pip install 'homofact[materialx]'`).
+"""
+
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from homofact.brdf.source import open_source
+from homofact.containers.formats import format_named
+from homofact.evaluation.compare import HELD_OUT, fit_and_measure
+from homofact.exporting.engines.table import ENGINES
+from homofact.exporting.exported import exported, write_exported
+from homofact.methods.search import Search
+from homofact.rendering.light import DEFAULT_LIGHT
+from homofact.rendering.sphere import render_sphere
+from homofact.rendering.surface import RADIUS
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from scripts.engines.draw_godot import godot_sphere
+from scripts.engines.draw_materialx import materialx_sphere
+from scripts.engines.draw_three import three_sphere
+from scripts.shared.harness import ROOT, add_effort, data_folder, markdown, parser_of
+from scripts.shared.headless import chromium
+
+PLACE = ROOT / "docs" / "pictures" / "engines.jpg"
+MATERIALS = (("golden yellow", "rgl/vch_golden_yellow_rgb.bsdf"), ("brushed aluminium", "material:ward-brushed"))
+PANELS = ("source", "homofact's renderer", "three.js", "MaterialX", "Godot 4", "glTF look-alike, three.js")
+BOUND = 0.85  # of the radius: beyond, a pixel's mean and its middle differ
+MARGIN, CAPTION = 10, 34
+
+
+def difference(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
+    """Median and 99th percentile of the relative differences inside BOUND, dark pixels against 5% of the mean."""
+    size = len(found)
+    y, x = np.mgrid[:size, :size] + 0.5 - size / 2
+    inner = np.hypot(x, y) < BOUND * RADIUS * size / 2
+    off = np.abs(found - expected)[inner] / np.maximum(expected, 0.05 * expected[inner].mean())[inner]
+    return float(np.median(off)), float(np.quantile(off, 0.99))
+
+
+def drawn(driver: Any, place: Path, path: str, size: int, effort: Any) -> tuple[list[np.ndarray], list[list[str]]]:
+    """The six spheres (size, size, 3), linear, and the rows of the table: engine, median, 99th percentile."""
+    source = open_source(path, count=45_000 if isinstance(effort, str) else 2000)
+    settings = Search(textures=3, size=32 if isinstance(effort, str) else 4, effort=effort)
+    fit = fit_and_measure(source, settings, HELD_OUT).factorization
+    spheres = [render_sphere(source.reflectance, size=size).radiance.numpy()]
+    made = {}
+    for name, engine in ENGINES.items():
+        made[name] = exported(fit, format_named(engine.formats[0]))
+        write_exported(place / name, made[name], {}, engine=name, files=engine.add(made[name]).files)
+    spheres.append(render_sphere(made["materialx"].stored, size=size).radiance.numpy())
+    lamps = [DEFAULT_LIGHT]
+    draw: dict[str, Callable[[], np.ndarray]] = {
+        "three": lambda: three_sphere(driver, place / "a", place / "three", size, RADIUS, lamps),
+        "materialx": lambda: materialx_sphere(place / "materialx", size, RADIUS, lamps),
+        "godot": lambda: godot_sphere(driver, place / "b", place / "godot", size, RADIUS, lamps),
+        "gltf": lambda: three_sphere(driver, place / "c", place / "gltf", size, RADIUS, lamps, glb="lookalike.glb"),
+    }
+    rows = []
+    for (name, way), title in zip(draw.items(), PANELS[2:], strict=True):
+        found = way()
+        stored = render_sphere(made[name].stored, size=size).radiance.numpy()
+        spheres.append(found)
+        rows.append([title, *(f"{float(f'{100 * x:.2g}'):g}%" for x in difference(found, stored))])
+    return spheres, rows
+
+
+def sheet(rows: list[tuple[str, list[np.ndarray]]]) -> Image.Image:
+    """The picture: a row a material, a column a renderer, one exposure a row."""
+    size = rows[0][1][0].shape[0]
+    wide = MARGIN + len(PANELS) * (size + MARGIN)
+    picture = Image.new("RGB", (wide, CAPTION + len(rows) * (size + CAPTION)), (20, 22, 26))
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(max(12, size // 18))
+    y, x = np.mgrid[:size, :size] + 0.5 - size / 2
+    inside = np.clip(RADIUS * size / 2 - np.hypot(x, y) + 0.5, 0, 1)[..., None]
+    for k, title in enumerate(PANELS):
+        middle = MARGIN + k * (size + MARGIN) + size // 2
+        pen.text((middle, CAPTION // 2), title, (230, 230, 230), font, anchor="mm")
+    for line, (name, spheres) in enumerate(rows):
+        top = CAPTION + line * (size + CAPTION)
+        bright = 0.5 / float(np.quantile(spheres[0].max(2)[inside[..., 0] == 1], 0.85))
+        for k, radiance in enumerate(spheres):
+            linear = np.clip(radiance * bright, 0, 1)
+            coded = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+            levels = coded * inside * 255 + (1 - inside) * np.array((20, 22, 26))
+            picture.paste(Image.fromarray(levels.round().astype(np.uint8)), (MARGIN + k * (size + MARGIN), top))
+        pen.text((MARGIN, top + size + CAPTION // 2), name, (230, 230, 230), font, anchor="lm")
+    return picture
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Fit, export, draw, write the picture and print the table; 2 where the measurement is missing."""
+    parser = parser_of(__doc__, "data")
+    parser.add_argument("--out", type=Path, default=PLACE, help="where the picture goes")
+    parser.add_argument("--size", type=int, default=256, help="pixels of a sphere's side")
+    add_effort(parser, "quick")
+    chosen = parser.parse_args(arguments)
+    folder = data_folder(chosen.data)
+    size, effort = (64, 30) if chosen.short else (chosen.size, chosen.effort)
+    rows, table = [], []
+    with tempfile.TemporaryDirectory() as place, chromium(Path(place) / "profile") as driver:
+        for name, path in MATERIALS:
+            where = path if path.startswith("material:") else str(folder / path)
+            if where != path and not Path(where).is_file():
+                print(f"nothing is drawn: no {where} (--data or HOMOFACT_DATA names the measurements)", file=sys.stderr)
+                return 2
+            spheres, off = drawn(driver, Path(place) / name, where, size, effort)
+            rows.append((name, spheres))
+            table += [[name, *line] for line in off]
+    chosen.out.parent.mkdir(parents=True, exist_ok=True)
+    sheet(rows).save(chosen.out, quality=90)
+    print(markdown(("material", "engine", "median", "99th percentile"), table, 2))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

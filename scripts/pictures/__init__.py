@@ -1,0 +1,1 @@
+"""Pictures of the README, the site and the tutorials."""

@@ -1,0 +1,1 @@
+"""How good the planner's choices are."""

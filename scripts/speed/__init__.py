@@ -1,0 +1,1 @@
+"""Seconds and memory of fits, commands and evaluations."""

@@ -1,0 +1,1 @@
+"""Cost and robustness of sweeps, and sweeps over whole databases."""

@@ -1,0 +1,324 @@
+"""The page of a prepared scene in a headless Chromium: its pictures, curves, albedo and preview are the library's."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from browser import browser, complaints, headless, requests
+from editing.page_scene import page_prepared, quiet
+
+from homofact.editing.curves import Bands, band_centres, banded
+from homofact.editing.picture import Address, image
+from homofact.editing.session import Session
+from homofact.geometry.directions import normalize
+from homofact.rendering.sphere import SphereImage
+from homofact.rendering.tonemap import choose_middle, tonemap
+
+# What a half float leaves of each value.
+HALF = 2.0**-11
+PAINT: Address = ("paint", "specular", "distribution")
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    with browser(tmp_path_factory.mktemp("chromium")) as driver:
+        yield driver
+
+
+@pytest.fixture(scope="module")
+def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """The page, opened once; it must stay silent and ask for nothing."""
+    from homofact.editing.page.build import write_edit_page
+
+    path = tmp_path_factory.mktemp("page") / "edit.html"
+    write_edit_page(path, page_prepared(), title="A test")
+    complaints(chromium)
+    requests(chromium)
+    headless.open_page(chromium, path)
+    quiet(chromium)
+    yield chromium
+    assert complaints(chromium) == []
+    assert set(requests(chromium)) <= {path.as_uri()}
+
+
+@pytest.fixture(autouse=True)
+def fresh(request: pytest.FixtureRequest) -> None:
+    """The page as it began, for each test that uses it."""
+    if "page" in request.fixturenames:
+        driver = request.getfixturevalue("page")
+        driver.execute_script(
+            "const p = homofact.page; p.step = p.axisHeld = null; p.history.states.length = 1; p.history.now = 0;"
+            "p.history.kept.length = 1; p.controls.fillKept(); p.budget = 1e6; p.note('');"
+            "Object.assign(p.state, {view: 0, tool: 'brush', channel: null, logs: false, root: false, band: 8,"
+            " show: 'after', compare: 0, split: 0.5, tones: 'filmic'}); p.preview.reset(); p.controls.edit(0, 2);"
+            "p.expose(p.start); document.activeElement?.blur(); p.changed('all');"
+        )
+        quiet(driver)
+
+
+def numbers_of(address: Address) -> int:
+    """The curve's number on the page."""
+    places = [
+        (thing.material.name, *place) for thing in page_prepared().scene.objects for place in thing.material.places
+    ]
+    return places.index(address)
+
+
+def put(driver: Any, curves: dict[Address, Bands]) -> None:
+    """Set curves on the page in one step."""
+    driver.execute_script(
+        "homofact.page.history.set(arguments[0].map(([k, v]) => [k, {values: Float64Array.from(v), sliders: null}]));"
+        "homofact.changed('all');",
+        [[numbers_of(address), curve.values.reshape(-1).tolist()] for address, curve in curves.items()],
+    )
+    quiet(driver)
+
+
+def shown(driver: Any, view: int) -> torch.Tensor:
+    """Radiance (P, 3) of the page."""
+    values = driver.execute_script("return Array.from(homofact.radiance(arguments[0]))", view)
+    return torch.tensor(values, dtype=torch.float64).reshape(-1, 3)
+
+
+def check_pictures(driver: Any, session: Session) -> None:
+    """Every view is the library's, to less than half floats would leave."""
+    for view in range(len(session.prepared.pixels)):
+        expected = session.picture(view)
+        off = shown(driver, view) - expected
+        assert float(off.square().mean().sqrt() / expected.square().mean().sqrt()) < HALF / 2
+        assert float(off.abs().max() / expected.abs().max()) < HALF
+
+
+def wavy(curve: Bands, k: int) -> Bands:
+    """A curve that differs from the old one in every band and channel."""
+    place = torch.arange(curve.count, dtype=torch.float64)[:, None]
+    channel = torch.arange(curve.channels, dtype=torch.float64)[None]
+    return Bands(curve.values * (1.2 + 0.7 * torch.sin(0.37 * (k + 1) * place + channel)))
+
+
+def test_pictures_are_the_library_s(page: Any) -> None:
+    check_pictures(page, Session(page_prepared()))
+
+
+def test_every_curve_counts_as_in_the_library(page: Any) -> None:
+    session = Session(page_prepared())
+    for k, address in enumerate(session.curves):
+        changed = {address: wavy(session.curves[address], k)}
+        session.set(changed)
+        put(page, changed)
+        for view in range(2):
+            off = shown(page, view) - session.picture(view)
+            assert float(off.abs().max() / session.picture(view).abs().max()) < HALF, address
+    check_pictures(page, session)
+    assert page.execute_script("return homofact.page.history.undo() && homofact.page.history.undo()")
+    session.undo()
+    session.undo()
+    check_pictures(page, session)
+
+
+def test_an_edit_comes_in_by_pieces_and_ends_exact(page: Any) -> None:
+    session = Session(page_prepared())
+    changed = {PAINT: wavy(session.curves[PAINT], 3)}
+    session.set(changed)
+    lacking = page.execute_script(
+        "const p = homofact.page, view = p.views[0], found = [];"
+        "const now = p.history.state[2].values; p.history.set([[2, {values: now.map((x, i) => x * (1 + (i % 5))),"
+        " sliders: null}]]); while (found.length < 50) { view.update(p.history.state, -Infinity);"
+        " found.push(view.pending); if (!view.pending) break; } return found;"
+    )
+    assert len(lacking) > 2
+    assert lacking == sorted(lacking, reverse=True)
+    assert lacking[-1] == 0
+    put(page, changed)
+    check_pictures(page, session)
+
+
+def test_sliders_are_the_models(page: Any) -> None:
+    """A slider's curve, and the picture that it makes, are the library's."""
+    session = Session(page_prepared())
+    for address, values in (
+        (PAINT, {"sigma": 0.071}),
+        (("paint", "specular", "fresnel"), {"n": (0.2, 0.92, 1.1), "k": (3.9, 2.4, 0.0)}),
+        (("steel", "specular", "alpha"), {"nu": 731.0}),
+        (("steel", "specular", "beta"), {"nv": 3.5}),
+    ):
+        session.slide(address, **values)
+        found = page.execute_script(
+            "const p = homofact.page, c = p.curves[arguments[0]];"
+            "p.controls.edit(c.material, c.index); p.slide(arguments[1]); return Array.from(p.values)",
+            numbers_of(address),
+            values,
+        )
+        assert np.array(found) == pytest.approx(session.curves[address].values.reshape(-1).numpy(), rel=1e-11)
+    quiet(page)
+    check_pictures(page, session)
+    said = page.execute_script("return document.getElementById('sliders').innerText")
+    assert said.split() == ["nv", "3.5"]
+
+
+def test_start_curves_are_the_models_at_their_numbers(page: Any) -> None:
+    starts = page.execute_script(
+        "return homofact.page.curves.filter((c) => c.formula).map((c) => [c.index, Array.from(homofact.bandedFormula("
+        "c.formula, c.sliders, c.bands, c.channels)), Array.from(c.start.values)])"
+    )
+    assert len(starts) == 4
+    for _, made, start in starts:
+        assert made == pytest.approx(start, rel=1e-12)
+
+
+def test_the_albedo_is_the_library_s_with_its_warning(page: Any) -> None:
+    session = Session(page_prepared())
+    bright = {("steel", "specular", "alpha"): Bands(6 * session.curves["steel", "specular", "alpha"].values)}
+    session.set(bright)
+    put(page, bright)
+    for number, name in enumerate(("paint", "steel", "clay", "floor")):
+        found = page.execute_script(
+            "const p = homofact.page; return Array.from(p.furnaces[arguments[0]].albedo(p.history.state))", number
+        )
+        assert found == pytest.approx(np.ravel(session.albedo(name).values).tolist(), rel=1e-5)
+    page.execute_script("homofact.page.controls.edit(1)")
+    wait_for(page, "return document.getElementById('albedo-warning').textContent !== ''")
+    warning = session.albedo("steel").warning()
+    assert warning is not None
+    said = page.execute_script("return document.getElementById('albedo-warning').textContent")
+    assert said.removesuffix(".").lower() == warning.lower()
+    page.execute_script("homofact.page.resetAll()")
+    wait_for(page, "return document.getElementById('albedo-warning').textContent === ''")
+
+
+def wait_for(driver: Any, script: str) -> None:
+    """Until a script answers true."""
+    driver.execute_async_script(
+        f"const done = arguments[0]; const is = () => {{ {script} }};"
+        "(function wait() { is() ? done() : setTimeout(wait, 20); })();"
+    )
+
+
+def pixels(driver: Any, view: int) -> np.ndarray:
+    """(H, W, 3) of the canvas."""
+    width, height = page_prepared().scene.cameras[view].pixels
+    driver.execute_script("homofact.page.state.view = arguments[0]; homofact.changed('all')", view)
+    quiet(driver)
+    values = driver.execute_script(
+        "const c = document.getElementById('canvas'), other = new OffscreenCanvas(c.width, c.height),"
+        " context = other.getContext('2d', {willReadFrequently: true}); context.drawImage(c, 0, 0);"
+        "return Array.from(context.getImageData(0, 0, c.width, c.height).data)"
+    )
+    return np.array(values).reshape(height, width, 4)[:, :, :3]
+
+
+def mapped(session: Session, view: int, exposure: float, curve: str) -> np.ndarray:
+    radiance, coverage = image(session.prepared, view, session.picture(view))
+    return tonemap(SphereImage(radiance, coverage), exposure, 0.0, curve).pixels.numpy().astype(int)
+
+
+def test_what_is_seen_is_tone_mapped_as_elsewhere(page: Any) -> None:
+    start, session = Session(page_prepared()), Session(page_prepared())
+    exposure = choose_middle(SphereImage(*image(start.prepared, 0, start.picture(0))))
+    covered = [np.flatnonzero(image(start.prepared, v, start.picture(v))[1].numpy()) for v in range(2)]
+
+    def same(found: np.ndarray, expected: np.ndarray, view: int) -> None:
+        rows = covered[view]
+        assert np.abs(found.reshape(-1, 3)[rows] - expected.reshape(-1, 3)[rows]).max() <= 1
+
+    same(pixels(page, 0), mapped(start, 0, exposure, "filmic"), 0)
+    changed = {PAINT: wavy(session.curves[PAINT], 1), ("floor", "diffuse", "outgoing"): Bands(0.5 + torch.rand(256, 3))}
+    session.set(changed)
+    put(page, changed)
+    for view in range(2):
+        after, before = (mapped(each, view, exposure, "filmic") for each in (session, start))
+        same(pixels(page, view), after, view)
+        assert np.abs(after - before).max() > 10
+        page.execute_script("homofact.state.show = 'before'")
+        same(pixels(page, view), before, view)
+        page.execute_script("homofact.state.show = 'split'; homofact.state.split = 0.25")
+        cut = after.shape[1] // 4
+        both = np.concatenate((before[:, :cut], after[:, cut:]), 1)
+        same(pixels(page, view), both, view)
+        page.execute_script("homofact.state.show = 'after'")
+    page.execute_script("homofact.state.tones = 'srgb'; homofact.page.stops = -1")
+    same(pixels(page, 0), mapped(session, 0, 0.5, "srgb"), 0)
+
+
+def test_the_preview_shows_the_edited_material(page: Any) -> None:
+    """Radiance of the sphere against the material itself, for every material, turned, with the light moved."""
+    session, size = Session(page_prepared()), 48
+    session.slide(PAINT, sigma=0.35)
+    session.slide(("steel", "specular", "beta"), nv=20.0)
+    put(page, session.changed)
+    for number, (name, most) in enumerate((("paint", 0.03), ("steel", 0.02), ("clay", 0.02), ("floor", 1e-3))):
+        values, axes, light = page.execute_script(
+            "const p = homofact.page; p.preview.turn(25, -10); p.preview.move(-15, 10);"
+            "const l = p.preview.light, a = l.azimuth * Math.PI / 180, e = l.elevation * Math.PI / 180;"
+            "return [Array.from(p.preview.radiance(arguments[0], p.history.state, arguments[1])), p.preview.axes,"
+            " [Math.cos(e) * Math.sin(a), Math.sin(e), Math.cos(e) * Math.cos(a)]]",
+            number,
+            size,
+        )
+        found = torch.tensor(values, dtype=torch.float64).reshape(size * size, 4)
+        expected = sphere_of(session, name, torch.tensor(axes).double().reshape(3, 3), torch.tensor(light).double())
+        covered = found[:, 3] > 0
+        off = (found[covered, :3] - expected[covered]).square().mean().sqrt() / expected[covered].square().mean().sqrt()
+        assert float(off) < most, name
+
+
+@dataclass(frozen=True)
+class Between:
+    """Straight lines from the middle of a band to the next, as the preview has them."""
+
+    bands: Bands
+
+    @property
+    def channels(self) -> int:
+        return self.bands.channels
+
+    def at(self, gamma: torch.Tensor) -> torch.Tensor:
+        last = self.bands.count - 1
+        place = (gamma / (np.pi / 2) * self.bands.count - 0.5).clamp(0, last)
+        low = place.floor().long().clamp_max(last - 1)
+        return torch.lerp(self.bands.values[low], self.bands.values[low + 1], (place - low)[:, None])
+
+
+def sphere_of(session: Session, name: str, axes: torch.Tensor, light: torch.Tensor) -> torch.Tensor:
+    """Radiance (48², 3), rows from below, of a sphere; `axes` are right, up and towards the viewer."""
+    side = ((torch.arange(48, dtype=torch.float64) + 0.5) / 48 * 2 - 1) / 0.94
+    y, x = torch.meshgrid(side, side, indexing="ij")
+    inside = 1 - x**2 - y**2
+    n = normalize(torch.stack((x, y, inside.clamp_min(1e-9).sqrt()), -1).reshape(-1, 3) @ axes)
+    t = normalize(torch.stack((n[:, 2], torch.zeros(len(n)), -n[:, 0]), 1))
+    frame = torch.stack((t, torch.linalg.cross(n, t), n), 1)
+    wi, wo = frame @ light, frame @ axes[2]
+    curves = {address[1:]: Between(curve) for address, curve in session.curves.items() if address[0] == name}
+    radiance = session.material(name).edited(curves).evaluate(wi, wo) * wi[:, 2:].clamp_min(0) * np.pi
+    return torch.where(inside.reshape(-1, 1) > 0, radiance, torch.zeros_like(radiance))
+
+
+def test_without_webgl_all_but_the_preview_works(tmp_path: Path) -> None:
+    from homofact.editing.page.build import write_edit_page
+
+    with browser(tmp_path, webgl=False) as driver:
+        write_edit_page(tmp_path / "p.html", page_prepared())
+        headless.open_page(driver, tmp_path / "p.html")
+        quiet(driver)
+        said = driver.execute_script("return document.getElementById('no-preview').textContent")
+        assert said.startswith("The preview sphere is drawn with WebGL 2, which is not available here.")
+        put(driver, {PAINT: banded(page_prepared().scene.objects[0].material.slot(PAINT[1:]).start, 64)})
+        check_pictures(driver, Session(page_prepared()))
+        # Without unpacking there is nothing to show.
+        script = {"source": "delete window.DecompressionStream"}
+        driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", script)
+        headless.open_page(driver, tmp_path / "p.html")
+        trouble = driver.execute_script("return document.getElementById('trouble').innerText")
+        assert trouble.startswith("This browser cannot unpack the page's data.")
+
+
+def test_bands_have_their_centres_where_the_page_says(page: Any) -> None:
+    page.execute_script("homofact.state.band = 8; homofact.changed('plot')")
+    quiet(page)
+    degrees = np.degrees(float(band_centres(64)[8]))
+    said = page.execute_script("return document.getElementById('point').textContent")
+    assert said.startswith(f"θh {degrees:.1f}°: ")

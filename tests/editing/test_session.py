@@ -1,0 +1,217 @@
+"""Sessions: history, presets, pictures kept where nothing changed, strokes, albedo; and curves as JSON."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from editing.scenes import PAINT, prepared_paint, relative
+
+from homofact.brdf.analytic import Lambert
+from homofact.editing import models
+from homofact.editing.curves import Bands
+from homofact.editing.curves_file import read_curves, write_curves
+from homofact.editing.furnace import albedo_of
+from homofact.editing.picture import radiance
+from homofact.editing.session import Session
+from homofact.errors import BadInput
+
+HALF, FRESNEL = ("paint", "specular", "distribution"), ("paint", "specular", "fresnel")
+FLOOR_IN, FLOOR_OUT = ("floor", "diffuse", "incident"), ("floor", "diffuse", "outgoing")
+
+
+def raised(session: Session, address, factor: float = 2.0) -> Bands:
+    return Bands(session.curves[address].values * factor)
+
+
+@pytest.mark.parametrize("form", ["full", "low-rank"])
+def test_pictures_are_those_of_the_curves(form: str) -> None:
+    session = Session(prepared_paint(form))
+    before = session.picture(0)
+    assert torch.equal(before, radiance(session.prepared, 0, session.curves))
+    session.slide(HALF, sigma=0.5)
+    session.set({FLOOR_OUT: raised(session, FLOOR_OUT, 0.3)})
+    after = session.picture(0)
+    assert torch.equal(after, radiance(session.prepared, 0, session.curves))
+    assert relative(after, before) > 0.1
+    assert set(session.changed) == {HALF, FLOOR_OUT}
+
+
+def test_parts_that_did_not_change_are_not_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    from homofact.editing import session as module
+
+    session, asked = Session(prepared_paint()), []
+    original = module.part_picture
+    monkeypatch.setattr(module, "part_picture", lambda *given: asked.append(given[1].term) or original(*given))
+    session.picture(0)
+    asked.clear()
+    session.set({FRESNEL: raised(session, FRESNEL)})
+    session.picture(0)
+    assert asked == ["specular"]
+
+
+def test_undo_and_redo() -> None:
+    session = Session(prepared_paint())
+    start = session.picture(0)
+    assert not session.undo()
+    assert not session.redo()
+    session.set({FRESNEL: raised(session, FRESNEL)})
+    once = session.picture(0)
+    session.set({FLOOR_IN: raised(session, FLOOR_IN)})
+    assert session.undo()
+    assert torch.equal(session.picture(0), once)
+    assert session.undo()
+    assert torch.equal(session.picture(0), start)
+    assert session.redo()
+    assert torch.equal(session.picture(0), once)
+    # A new step after an undone one takes the place of what was undone.
+    session.set({FLOOR_OUT: raised(session, FLOOR_OUT)})
+    assert not session.redo()
+
+
+def test_kept_curves_come_back_and_undo() -> None:
+    session = Session(prepared_paint())
+    start = session.picture(1)
+    session.set({FRESNEL: raised(session, FRESNEL)})
+    session.keep("B")
+    kept = session.picture(1)
+    session.recall("start")
+    assert torch.equal(session.picture(1), start)
+    session.recall("B")
+    assert torch.equal(session.picture(1), kept)
+    session.undo()
+    assert torch.equal(session.picture(1), start)
+    assert session.kept == ("start", "B")
+    with pytest.raises(BadInput, match="preset: found 'C', expected one of start, B"):
+        session.recall("C")
+    with pytest.raises(BadInput, match="preset: found the name 'start'"):
+        session.keep("start")
+
+
+@pytest.mark.parametrize("address", [HALF, FRESNEL, FLOOR_IN])
+@pytest.mark.parametrize("form", ["full", "low-rank"])
+def test_a_stroke_settles_at_the_sessions_picture(address, form: str) -> None:
+    session = Session(prepared_paint(form))
+    stroke = session.stroke(address)
+    for view in (0, 1):
+        assert relative(stroke.picture(view), session.picture(view)) < 1e-6
+    values = session.curves[address].values.clone()
+    values[5:20] *= torch.tensor([3.0, 1.5, 0.2], dtype=torch.float64)
+    stroke.set(Bands(values))
+    frames = 0
+    while stroke.update(10):
+        frames += 1
+    assert frames > 1
+    session.set({address: Bands(values)})
+    wanted = [session.picture(view) for view in (0, 1)]
+    session.undo()
+    for view in (0, 1):
+        assert relative(stroke.picture(view), wanted[view]) < 1e-6
+    stroke.finish()
+    assert torch.equal(session.picture(0), wanted[0])
+
+
+def test_what_a_scene_does_not_have_is_refused() -> None:
+    session = Session(prepared_paint())
+    ones = Bands(torch.ones(256, 3, dtype=torch.float64))
+    before = session.curves
+    for call, words in (
+        (lambda: session.set({("glass", "x", "y"): ones}), "material: found 'glass', expected one of paint, floor"),
+        (lambda: session.set({FRESNEL: ones}), "found a curve of 256 bands of 3 channels, expected 32"),
+        (lambda: session.set({("floor", "diffuse", "half"): ones}), "diffuse: has no curve 'half'"),
+        (lambda: session.slide(FLOOR_IN, sigma=1.0), "floor: diffuse: incident: has no sliders"),
+        (lambda: session.slide(HALF, sigma=-1.0), "sigma: found -1.0, expected a finite number above 0"),
+        (lambda: session.stroke(FLOOR_OUT), "floor: diffuse: outgoing: is a number a pixel"),
+        (lambda: session.picture(2), "view: found number 2, expected 0 to 1"),
+    ):
+        with pytest.raises(BadInput, match=words):
+            call()
+    # One bad curve among good ones: none is set.
+    with pytest.raises(BadInput):
+        session.set({FLOOR_IN: raised(session, FLOOR_IN), FRESNEL: ones})
+    assert session.curves == before
+    assert not session.undo()
+
+
+def test_the_furnace_knows_lambert_and_warns_above_1() -> None:
+    found = albedo_of(Lambert((0.9, 0.5, 0.1)))
+    for row in found.values:
+        assert row == pytest.approx((0.9, 0.5, 0.1), abs=2e-3)
+    assert found.warning() is None
+    session = Session(prepared_paint())
+    assert session.albedo("floor").warning() is None
+    session.set({FLOOR_IN: raised(session, FLOOR_IN, 2.5)})
+    line = session.albedo("floor").warning()
+    assert line is not None
+    assert line.startswith("albedo 1.2")
+    assert line.endswith("in R: more light comes back than falls in")
+
+
+def test_curves_come_back_from_their_file(tmp_path: Path) -> None:
+    session = Session(prepared_paint())
+    session.slide(HALF, sigma=0.37)
+    session.set({FLOOR_OUT: raised(session, FLOOR_OUT, 0.3)})
+    materials = [thing.material for thing in session.prepared.scene.objects]
+    write_curves(tmp_path / "curves.json", materials, session.changed)
+    found = read_curves(tmp_path / "curves.json", materials)
+    assert set(found) == {HALF, FLOOR_OUT}
+    assert all(torch.equal(found[each].values, session.curves[each].values) for each in found)
+
+
+def good_file() -> dict[str, Any]:
+    rows = [[1.0, 1.0, 1.0]] * 64
+    entry = {"material": "paint", "term": "specular", "curve": "fresnel", "angle": "theta_d", "values": rows}
+    channels = ["R", "G", "B"]
+    return {"format": "homofact curves", "format_version": 1, "channels": channels, "curves": [entry]}
+
+
+def with_values(values: Any) -> dict[str, Any]:
+    found = good_file()
+    found["curves"][0]["values"] = values
+    return found
+
+
+def with_entry(**change: Any) -> dict[str, Any]:
+    found = good_file()
+    found["curves"][0] |= change
+    return found
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (with_values([]), r"curves\[0\].values: found \[\], expected rows of 3 numbers"),
+        (with_values("high"), r"curves\[0\].values: found \"high\", expected rows of 3 numbers"),
+        (with_values([[1.0, 1.0, 1.0]] * 63), r"curves\[0\]: curve: found values of the shape \(63, 3\)"),
+        (with_values([[1.0, 1.0, 1.0]] * 256), r"curves\[0\]: paint: specular: fresnel: found a curve of 256 bands"),
+        (with_values([[1.0, 1.0]] * 64), r"curves\[0\].values\[0\]: found \[1.0, 1.0\], expected 3 numbers"),
+        (with_values([[1.0, True, 1.0]] * 64), r"curves\[0\].values\[0\]: found"),
+        (with_values([[1.0, 1.0, 1.0]] * 63 + [[0.0, -2.0, 1.0]]), "value 63 of channel 1 is -2.0, expected finite"),
+        (with_values([[1.0, math.nan, 1.0]] * 64), "value 0 of channel 1 is nan"),
+        (with_values([[0.0, 0.0, 0.0]] * 64), "found a curve that is 0 everywhere"),
+        (with_entry(curve="gloss"), "specular: has no curve 'gloss', expected one of distribution, fresnel"),
+        (with_entry(term="coat"), "paint: has no term 'coat', expected one of diffuse, specular"),
+        (with_entry(material="glass"), r"curves\[0\].material: found \"glass\", expected one of paint"),
+        (with_entry(angle="theta_h"), r"curves\[0\].angle: found \"theta_h\", expected one of theta_d"),
+        ({**good_file(), "channels": ["Y"]}, r"channels: found \[\"Y\"\], expected \[\"R\", \"G\", \"B\"\]"),
+        ({**good_file(), "format": "x"}, 'format: found "x", expected one of homofact curves'),
+        ({**good_file(), "format_version": 2}, r"format version 2, expected at most 1 \(update homofact\)"),
+        ({**good_file(), "curves": []}, "curves: found .., expected 1 to"),
+        (
+            {**good_file(), "curves": good_file()["curves"] * 2},
+            r"curves\[1\].curve: .*, expected each curve once",
+        ),
+    ],
+)
+def test_files_that_hold_no_curves_are_refused(content: dict[str, Any], words: str, tmp_path: Path) -> None:
+    place = tmp_path / "curves.json"
+    place.write_text(json.dumps(content), encoding="utf-8")
+    materials = [models.cook_torrance(PAINT, "paint", (64, 64))]
+    with pytest.raises(BadInput, match=words) as caught:
+        read_curves(place, materials)
+    assert str(caught.value).startswith(f"{place}: ")
+    assert "\n" not in str(caught.value)
+    place.write_text(json.dumps(good_file()), encoding="utf-8")
+    assert list(read_curves(place, materials)) == [("paint", "specular", "fresnel")]

@@ -1,0 +1,153 @@
+"""Means over sources and seeds: hand-made numbers, digits by the deviation, CSV and LaTeX that others read back."""
+
+import csv
+import io
+import math
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from pylatexenc.latex2text import LatexNodes2Text
+from pylatexenc.latexwalker import LatexEnvironmentNode, LatexWalker
+
+from homofact.errors import BadInput
+from homofact.evaluation.means import MeasuredFit, csv_of, escaped, latex_of, mean_rows, rounded
+from homofact.evaluation.metric_table import METRICS
+from homofact.evaluation.seeds import asked_seeds
+
+HOSTILE = r"50%_of #1 & {a}\input{x} $x$ ~^ <b>|\"quoted\""
+
+
+def fit(source: str, method: str, seed: int, nbytes: int, log_mse: float | None, psnr: float = 30.0) -> MeasuredFit:
+    return MeasuredFit(source, method, seed, nbytes, 3, {"log_mse": log_mse, "mae": 0.5, "psnr": psnr})
+
+
+FITS = [
+    fit("paint", "search", 0, 6144, 0.1), fit("paint", "search", 1, 6144, 0.3),
+    fit("clay", "search", 0, 6144, 0.2), fit("clay", "search", 1, 3072, 0.7),
+    fit("paint", "mccool", 0, 6144, 0.4, math.inf), fit("clay", "mccool", 0, 6144, None),
+]  # fmt: skip
+
+
+def test_fits_are_gathered_by_method_and_bytes() -> None:
+    small, large, mccool = mean_rows(FITS)
+    assert [(row.method, row.nbytes, row.sources, row.fits) for row in (small, large, mccool)] == [
+        ("search", 3072, 1, 1), ("search", 6144, 2, 3), ("mccool", 6144, 2, 2),
+    ]  # fmt: skip
+    found = large.spreads["log_mse"]
+    assert found is not None
+    # Of 0.1, 0.2, 0.3: mean 0.2, and √((0.01 + 0 + 0.01)/2) = 0.1.
+    assert (found.mean, found.deviation, found.low, found.high) == pytest.approx((0.2, 0.1, 0.1, 0.3))
+    one = small.spreads["log_mse"]
+    assert one is not None
+    assert one.deviation is None
+    assert mccool.spreads["log_mse"] is None
+    psnr = mccool.spreads["psnr"]
+    assert psnr is not None
+    assert (psnr.mean, psnr.deviation) == (math.inf, None)
+    assert [row.fits for row in mean_rows(FITS, "clay")] == [1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("mean", "deviation", "expected"),
+    [
+        (0.123456, 0.0123, ("0.123", "0.012", 0)),
+        (0.123456, 0.0345, ("0.12", "0.03", 0)),
+        (0.5, 0.0996, ("0.50", "0.10", 0)),
+        (0.5, 0.0949, ("0.50", "0.09", 0)),
+        (45.2, 14.7, ("45", "15", 0)),
+        (1234.0, 56.0, ("1230", "60", 0)),
+        (12.345, None, ("12.3", "", 0)),
+        (0.00123, 0.0, ("0.00123", "0", 0)),
+        (0.0, 0.0, ("0.00", "0", 0)),
+        (1.2345e-5, 3.2e-7, ("1.23", "0.03", -5)),
+        (-1.2345e-5, 3.2e-7, ("-1.23", "0.03", -5)),
+        (123456.0, 1234.0, ("1.235", "0.012", 5)),
+        (1e-7, 2.0, ("0", "2", 0)),
+    ],
+)
+def test_a_mean_has_the_digits_of_its_deviation(mean: float, deviation: float | None, expected: tuple) -> None:
+    assert rounded(mean, deviation) == expected
+
+
+def test_the_csv_reads_back_to_the_last_bit() -> None:
+    rows = list(csv.DictReader(io.StringIO(csv_of(FITS))))
+    assert [row["source"] for row in rows[::3]] == ["all"] * 3 + ["paint"] * 2 + ["clay"] * 3
+    picked = {(row["source"], row["method"], row["bytes"], row["metric"]): row for row in rows}
+    assert len(picked) == len(rows)
+    row = picked["all", "search", "6144", "log_mse"]
+    assert float(row["mean"]) == pytest.approx(0.2, rel=1e-15)
+    assert float(row["standard_deviation"]) == pytest.approx(0.1)
+    assert (row["sources"], row["fits"], row["fetches"], row["unit"]) == ("2", "3", "3", "")
+    assert picked["all", "search", "6144", "mae"]["unit"] == "sr⁻¹"
+    assert picked["all", "mccool", "6144", "log_mse"]["mean"] == ""
+    assert picked["all", "mccool", "6144", "psnr"]["mean"] == "inf"
+    assert picked["paint", "search", "6144", "log_mse"]["fits"] == "2"
+
+
+def cells(latex: str) -> list[list[str]]:
+    """The rows of the only tabular as a strict parser of LaTeX reads them, as text."""
+    nodes, _, _ = LatexWalker(latex, tolerant_parsing=False).get_latex_nodes()
+    (tabular,) = [node for node in nodes if isinstance(node, LatexEnvironmentNode)]
+    assert tabular.environmentname == "tabular"
+    body = "".join(node.latex_verbatim() for node in tabular.nodelist)
+    for rule in (r"\toprule", r"\midrule", r"\bottomrule"):
+        assert body.count(rule) == 1
+        body = body.replace(rule, "")
+    text = LatexNodes2Text(math_mode="text")
+    # An escaped ampersand is no border.
+    rows = [line.replace(r"\&", "\0").split("&") for line in body.split("\\\\\n") if line.strip()]
+    return [[text.latex_to_text(cell.replace("\0", r"\&")).strip() for cell in row] for row in rows]
+
+
+def test_the_latex_is_what_a_parser_of_latex_reads() -> None:
+    latex = latex_of([*FITS, fit("paint", HOSTILE, 0, 10, 1.5e-5)])
+    head, small, large, mccool, hostile = cells(latex)
+    assert head[:4] == ["Method", "Bytes", "Fits", "log mse"]
+    assert [cell.replace(" ", "") for cell in head[4:]] == ["mae(sr^-1)", "psnr(dB)"]
+    assert small == ["search", "3072", "1", "0.700", "0.500", "30.0"]
+    assert [cell.replace(" ", "") for cell in large] == ["search", "6144", "3", "0.20±0.10", "0.500±0", "30.0±0"]
+    assert [cell.strip() for cell in mccool[3:]] == ["–", "0.500 ± 0", "∞"]
+    assert hostile[0].replace("ˆ", "^").replace(" ", "") == HOSTILE.replace(" ", "")
+    assert hostile[3].replace(" ", "") == "1.50×10^-5"
+    assert r"\begin{tabular}{lrrrrr}" in latex
+    assert latex.splitlines()[0].endswith("2 sources and 2 seeds (0, 1), on held-out samples.")
+
+
+def test_a_name_cannot_leave_its_comment_or_its_cell() -> None:
+    latex = latex_of([fit("a\n\\end{tabular}\r\u2028x", "b\n\\end{tabular}", 0, 4, 1.0)])
+    assert latex.count("\n\\end{tabular}") == 1
+    assert len(cells(latex)) == 2
+    assert escaped("\\") == r"\textbackslash{}"
+
+
+def test_a_compiler_takes_the_table(tmp_path: Path) -> None:
+    compiler = shutil.which("pdflatex") or shutil.which("tectonic")
+    if compiler is None:
+        pytest.skip("no pdflatex or tectonic here")
+    text = latex_of([*FITS, fit("paint", HOSTILE, 0, 10, 1.5e-5)])
+    start = "\\documentclass{article}\n\\usepackage[T1]{fontenc}\n\\usepackage{booktabs}\n\\begin{document}\n"
+    (tmp_path / "a.tex").write_text(f"{start}{text}\\end{{document}}\n", encoding="utf-8")
+    flags = ["-interaction=nonstopmode", "-halt-on-error"] if "pdflatex" in compiler else []
+    run = subprocess.run([compiler, *flags, "a.tex"], cwd=tmp_path, capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_every_metric_has_a_head_in_latex(name: str) -> None:
+    fits = [MeasuredFit("paint", "mccool", 0, 12, 3, {name: 0.5})]
+    assert METRICS[name].unit == "" or "(" in cells(latex_of(fits))[0][-1]
+
+
+@pytest.mark.parametrize(
+    ("text", "seeds"), [("3", (5, 6, 7)), ("0,1,2", (0, 1, 2)), ("7,", (7,)), (" 4, 2 ", (4, 2)), ("1", (5,))]
+)
+def test_seeds_are_counted_or_listed(text: str, seeds: tuple[int, ...]) -> None:
+    assert asked_seeds(5, text) == seeds
+
+
+@pytest.mark.parametrize("text", ["", "0", "-1", "1,-2", "two", "1.5", "1,,2", ",", "1,1", "²", f"1,{2**63}", "9" * 30])
+def test_seeds_that_are_none_are_refused(text: str) -> None:
+    with pytest.raises(BadInput, match="seeds: found"):
+        asked_seeds(0, text)

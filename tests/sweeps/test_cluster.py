@@ -1,0 +1,104 @@
+"""A sweep on Dask's own processes: the same results, also where a worker or the scheduler is killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from homofact.errors import BadInput
+from homofact.sweeps.cluster import DaskCluster
+from homofact.sweeps.ledger import SweepLedger
+from homofact.sweeps.local import TaskEnding
+from homofact.sweeps.parcel import packed, unpacked
+from homofact.sweeps.run import State, sweep
+from homofact.sweeps.sweep_file import read_sweep
+
+pytest.importorskip("distributed", reason="distributed is not installed: pip install 'homofact[cluster]'")
+
+FILE = """
+sources = ["material:phong-*", "material:lafortune-*"]
+[source]
+count = 400
+[[method]]
+method = "mccool"
+size = 4
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # Dask's own sockets, of processes that were killed
+def test_workers_that_are_killed_and_a_scheduler_that_is_gone(tmp_path: Path) -> None:
+    (tmp_path / "small.toml").write_text(FILE, encoding="utf-8")
+    asked = read_sweep(tmp_path / "small.toml")
+    out, file = tmp_path / "out", tmp_path / "scheduler.json"
+    scheduler = _start("scheduler", "--scheduler-file", str(file), "--port", "0", "--no-dashboard")
+    workers = [_start("worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny") for _ in range(2)]
+    try:
+        _until(file.is_file)
+        killed: list[int] = []
+
+        def told(_: State, ending: TaskEnding | None) -> None:
+            if ending is not None and ending.seconds is not None and not killed:
+                killed.append(workers[0].pid)
+                os.kill(workers[0].pid, signal.SIGKILL)
+
+        state = sweep(asked, out, DaskCluster(out, str(file), 2, lambda _: None), told)
+        assert (state.done, state.left, state.aside) == (len(asked.sources), 0, {})
+        times = {each.key: (each.folder / "report.json").stat().st_mtime_ns for each in _results(out)}
+        assert len(times) == len(asked.sources)
+        more = FILE.replace("size = 4", "size = 5")
+        (tmp_path / "small.toml").write_text(more, encoding="utf-8")
+
+        def kill_scheduler(_: State, ending: TaskEnding | None) -> None:
+            if ending is not None:
+                os.kill(scheduler.pid, signal.SIGKILL)
+
+        with pytest.raises(BadInput, match=r"the scheduler is gone \(the same command goes on"):
+            sweep(
+                read_sweep(tmp_path / "small.toml"), out, DaskCluster(out, str(file), 2, lambda _: None), kill_scheduler
+            )
+    finally:
+        for process in (scheduler, *workers):
+            process.kill()
+            process.wait()
+    ledger = SweepLedger(out)
+    assert 1 <= sum(map(ledger.is_done, ledger.asked())) < len(asked.sources)
+
+
+def test_a_file_and_a_folder_come_out_of_a_parcel_as_they_were(tmp_path: Path) -> None:
+    place = tmp_path / "from" / "paint"
+    (place / "below").mkdir(parents=True)
+    (place / "fit.npz").write_bytes(bytes(range(256)))
+    (place / "below" / "picture.png").write_bytes(b"a picture")
+    assert packed(place) == packed(place)
+    for number, what in enumerate((place, place / "fit.npz")):
+        found = unpacked(packed(what), tmp_path / f"to-{number}")
+        assert found == tmp_path / f"to-{number}" / what.name
+        assert found.is_dir() == what.is_dir()
+    assert (tmp_path / "to-0" / "paint" / "below" / "picture.png").read_bytes() == b"a picture"
+    assert (tmp_path / "to-0" / "paint" / "fit.npz").read_bytes() == bytes(range(256))
+    assert (tmp_path / "to-1" / "fit.npz").read_bytes() == bytes(range(256))
+
+
+def _results(folder: Path) -> list:
+    return [type("Found", (), {"key": each.task.key, "folder": each.folder}) for each in SweepLedger(folder).results()]
+
+
+def _start(*words: str) -> "subprocess.Popen[bytes]":
+    return subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def _until(true: object, patience: float = 60.0) -> None:
+    assert callable(true)
+    begun = time.monotonic()
+    while not true():
+        assert time.monotonic() - begun < patience
+        time.sleep(0.05)
