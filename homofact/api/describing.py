@@ -49,13 +49,7 @@ class InfoResult:
         return self.facts
 
 
-def info(
-    source: Any,
-    *,
-    plot: Place | None = None,
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> InfoResult:
+def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Progress | None = None) -> InfoResult:
     """Say what is in a measurement's file, what a source is, or what a scene's folder holds.
 
     Parameters

@@ -62,11 +62,7 @@ class EvaluateResult:
 
 
 def evaluate(
-    fit: Any,
-    source: Any = None,
-    *,
-    metrics: Sequence[str] = ("six",),
-    progress: Progress | None = None,
+    fit: Any, source: Any = None, *, metrics: Sequence[str] = ("six",), progress: Progress | None = None
 ) -> EvaluateResult:
     """Measure a fit against its source.
 

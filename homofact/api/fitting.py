@@ -24,13 +24,7 @@ from homofact.methods.search import Search
 from homofact.methods.table import made as made_method
 
 
-def fit(
-    source: Any,
-    method: Method | None = None,
-    *,
-    progress: ProgressCallback | None = None,
-    **settings: Any,
-) -> Fit:
+def fit(source: Any, method: Method | None = None, *, progress: ProgressCallback | None = None, **settings: Any) -> Fit:
     """Factor all samples of a source into a few small textures.
 
     Nothing is held out, as the fit's split says: the verdict judges the fit on the samples that it was made from,

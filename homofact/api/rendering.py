@@ -145,14 +145,7 @@ def render(
         picture.write(target)
     report = picture.report
     return RenderResult(
-        words,
-        picture.pixels,
-        target,
-        lit.describe(),
-        picture.caption,
-        report.exposure,
-        report.curve,
-        report.clipped,
+        words, picture.pixels, target, lit.describe(), picture.caption, report.exposure, report.curve, report.clipped
     )
 
 

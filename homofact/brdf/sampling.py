@@ -69,13 +69,7 @@ def sample_model(
     values = model.evaluate(wi, wo)
     provenance = {"sampling": facts}
     return Samples(
-        wi,
-        wo,
-        values,
-        channels=model.channels,
-        isotropic=model.isotropic,
-        provenance=provenance,
-        all_azimuths=True,
+        wi, wo, values, channels=model.channels, isotropic=model.isotropic, provenance=provenance, all_azimuths=True
     )
 
 

@@ -22,13 +22,7 @@ from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
-from homofact.geometry.directions import (
-    draw_cosine_weighted,
-    draw_uniform,
-    from_spherical,
-    normalize,
-    to_spherical,
-)
+from homofact.geometry.directions import draw_cosine_weighted, draw_uniform, from_spherical, normalize, to_spherical
 
 _ALIKE = 1e-3
 _PAIRS = 512

@@ -28,12 +28,7 @@ if TYPE_CHECKING:
     "seed",
     but=("source.path", "source.subset", "fit.method", "fit.textures", "fit.size", "fit.bytes", "fit.search"),
 )
-def chart(
-    settings: "Config",
-    seeds: o.Seeds = 1,
-    as_json: o.AsJson = False,
-    quiet: o.Quiet = False,
-) -> None:
+def chart(settings: "Config", seeds: o.Seeds = 1, as_json: o.AsJson = False, quiet: o.Quiet = False) -> None:
     """Run methods × textures × sizes × searches and draw error against cost.
 
     Each SOURCE gets NAME.csv with every run, NAME_time (error against

@@ -44,9 +44,7 @@ from homofact.files.words import harmless
 from homofact.version import __version__
 
 app = typer.Typer(
-    name="homofact",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    name="homofact", pretty_exceptions_enable=False, context_settings={"help_option_names": ["-h", "--help"]}
 )
 _BEGIN, _DATA, _JUDGE, _SCENES, _MANY = (
     "First steps", "Data", "How good is a fit", "Scenes", "Whole databases",

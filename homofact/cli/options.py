@@ -50,8 +50,7 @@ Refuse = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on stdout, all else on stderr.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no notes; no tables where files are written.")]
 ConfigFile = Annotated[
-    Path | None,
-    typer.Option("--config", "-c", metavar="FILE.toml", help="Settings; options given here win over it."),
+    Path | None, typer.Option("--config", "-c", metavar="FILE.toml", help="Settings; options given here win over it.")
 ]
 
 

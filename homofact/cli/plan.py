@@ -34,22 +34,12 @@ def plan(
     against: Annotated[
         str | None, typer.Option(metavar="NAME", help="Plan under this named lighting too, and compare the bills.")
     ] = None,
-    effort: Annotated[
-        str,
-        typer.Option(help=f"{_SETTINGS['effort'].option.help}."),
-    ] = str(_SETTINGS["effort"].default),
-    budget: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help=f"{_SETTINGS['budget'].option.help}."),
-    ] = None,
+    effort: Annotated[str, typer.Option(help=f"{_SETTINGS['effort'].option.help}.")] = str(_SETTINGS["effort"].default),
+    budget: Annotated[float | None, typer.Option(metavar="SECONDS", help=f"{_SETTINGS['budget'].option.help}.")] = None,
     count: Annotated[int, typer.Option(help=f"{_SETTINGS['count'].option.help}.")] = _SETTINGS["count"].default,
     force: Annotated[bool, typer.Option("--force", help="Replace a plan that is in the folder.")] = False,
     strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict",
-            help="Exit with code 2 if a tolerance is missed or a fit has a visible error.",
-        ),
+        bool, typer.Option("--strict", help="Exit with code 2 if a tolerance is missed or a fit has a visible error.")
     ] = False,
     refuse: o.Refuse = "",
     as_json: o.AsJson = False,

@@ -27,8 +27,7 @@ def relight(
         bool, typer.Option("--ledger", help="Every stage of the error by itself, the cube map's too: takes minutes.")
     ] = False,
     reference: Annotated[
-        bool,
-        typer.Option("--reference", help="Sum every seen vertex in full, for the page to compare with."),
+        bool, typer.Option("--reference", help="Sum every seen vertex in full, for the page to compare with.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace a relit scene that is in the folder.")] = False,
     as_json: o.AsJson = False,

@@ -16,8 +16,7 @@ from homofact.settings.options import MOST_SEED
 
 def stability(
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Where the tables and pictures go.", rich_help_panel="Output"),
+        Path | None, typer.Option(metavar="FOLDER", help="Where the tables and pictures go.", rich_help_panel="Output")
     ] = None,
     document: Annotated[
         Path | None,

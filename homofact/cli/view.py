@@ -21,8 +21,7 @@ def view(
         list[Path] | None, typer.Option(metavar="FILE.hdr", help="Of a relit scene: another sky. Repeatable.")
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.html", help="The page. view.html in the result's folder, unless given."),
+        Path | None, typer.Option(metavar="FILE.html", help="The page. view.html in the result's folder, unless given.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a page that is there.")] = False,
     as_json: o.AsJson = False,

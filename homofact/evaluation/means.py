@@ -24,12 +24,7 @@ _SPECIAL = {
     **{letter: f"\\{letter}" for letter in "&%$#_{}"}, **{letter: f"${letter}$" for letter in "<>|"},
 }  # fmt: skip
 # Units as LaTeX sets them.
-_LATEX = {
-    "sr⁻²": r"$\mathrm{sr}^{-2}$",
-    "sr⁻¹": r"$\mathrm{sr}^{-1}$",
-    "sr⁻¹ᐟ³": r"$\mathrm{sr}^{-1/3}$",
-    "dB": "dB",
-}
+_LATEX = {"sr⁻²": r"$\mathrm{sr}^{-2}$", "sr⁻¹": r"$\mathrm{sr}^{-1}$", "sr⁻¹ᐟ³": r"$\mathrm{sr}^{-1/3}$", "dB": "dB"}
 _COLUMNS = (
     "source", "method", "bytes", "fetches", "sources", "fits", "metric", "unit", "mean", "standard_deviation", "min",
     "max",

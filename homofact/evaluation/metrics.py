@@ -41,14 +41,7 @@ def six_errors(found: Tensor, expected: Tensor, transform: LogTransform, weights
             return float(values.mean())
         return float((values.mean(1) * weights).sum() / weights.sum())
 
-    return SixErrors(
-        mean(logs**2),
-        mean(logs),
-        float(logs.max()),
-        mean(linear**2),
-        mean(linear),
-        float(linear.max()),
-    )
+    return SixErrors(mean(logs**2), mean(logs), float(logs.max()), mean(linear**2), mean(linear), float(linear.max()))
 
 
 def measure(reflectance: Reflectance, samples: Samples, transform: LogTransform) -> SixErrors:

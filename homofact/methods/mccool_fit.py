@@ -64,13 +64,7 @@ def _fit_textures(samples: Samples, settings: McCool) -> MethodFit:
     return MethodFit(
         factorization,
         Report(
-            solved.status,
-            1,
-            len(tried),
-            seconds,
-            error,
-            settings.seed,
-            details=solved.details() | {"outliers": taken},
+            solved.status, 1, len(tried), seconds, error, settings.seed, details=solved.details() | {"outliers": taken}
         ),
     )
 

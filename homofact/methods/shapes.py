@@ -127,11 +127,7 @@ class SizedMix:
 
 
 def best_within(
-    texels: int,
-    mixes: tuple[Mix, ...],
-    materials: Materials,
-    smoothing_for: SmoothingFor,
-    budget: FitBudget,
+    texels: int, mixes: tuple[Mix, ...], materials: Materials, smoothing_for: SmoothingFor, budget: FitBudget
 ) -> SizedMix:
     """The mix and the shapes that leave the least error on one left-out fold of each partition.
 
@@ -166,11 +162,7 @@ def best_within(
 
 
 def _judged(
-    mix: Mix,
-    shapes: tuple[Shape, ...],
-    materials: Materials,
-    smoothing_for: SmoothingFor,
-    budget: FitBudget,
+    mix: Mix, shapes: tuple[Shape, ...], materials: Materials, smoothing_for: SmoothingFor, budget: FitBudget
 ) -> float:
     folded = materials.folded(mix.projections, shapes, 1)
     lookups = sum(projection.lookups for projection in mix.projections)

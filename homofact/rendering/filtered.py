@@ -107,11 +107,7 @@ class Surroundings(NamedTuple):
 
     @classmethod
     def at_normals(
-        cls,
-        light: EnvironmentMap,
-        normals: torch.Tensor,
-        view: tuple[float, float, float],
-        fineness: Fineness = FULL,
+        cls, light: EnvironmentMap, normals: torch.Tensor, view: tuple[float, float, float], fineness: Fineness = FULL
     ) -> "Surroundings":
         """`light` at unit normals (P, 3) in the world, none turned away from the view: a picture of one row."""
         axes, count = view_axes(view), len(normals)

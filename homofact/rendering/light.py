@@ -70,10 +70,7 @@ class EnvironmentMap:
         shape = tuple(self.radiance.shape)
         if len(shape) != 3 or shape[2] not in (1, 3) or min(shape) < 1:
             raise BadInput(f"radiance has shape {shape}", where=self.name, expected="(rows, columns, 1 or 3)")
-        for what, bad in (
-            ("not finite", ~torch.isfinite(self.radiance)),
-            ("negative", self.radiance < 0),
-        ):
+        for what, bad in (("not finite", ~torch.isfinite(self.radiance)), ("negative", self.radiance < 0)):
             if bool(bad.any()):
                 row, column, _ = bad.nonzero()[0].tolist()
                 where = f"pixel row {row}, column {column}"

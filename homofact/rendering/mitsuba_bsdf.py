@@ -204,9 +204,7 @@ def _class_of(variant: str) -> Any:
             sampling = str(properties["sampling"]) if "sampling" in properties else SAMPLINGS[0]
             if sampling not in SAMPLINGS:
                 raise BadInput(
-                    where="homofact material: sampling",
-                    found=repr(sampling),
-                    expected=f"one of {', '.join(SAMPLINGS)}",
+                    where="homofact material: sampling", found=repr(sampling), expected=f"one of {', '.join(SAMPLINGS)}"
                 )
             self._draw_from(sampling, fitted, evaluation_of(fitted).isotropic)
 

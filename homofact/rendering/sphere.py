@@ -112,10 +112,7 @@ def _environment(
         frame, wo = surface.frame[rows], surface.wo[rows]
         moved = torch.remainder(points + shifts[rows], 1.0)
         first, second, third = moved.split(sizes, 1)
-        wi = torch.cat(
-            (light.draw(first) @ frame.transpose(1, 2), _cosine(second), _mirrored(third, wo)),
-            1,
-        )
+        wi = torch.cat((light.draw(first) @ frame.transpose(1, 2), _cosine(second), _mirrored(third, wo)), 1)
         radiance, density = light.look_up(wi @ frame)
         half = wi + wo[:, None]
         half = half / half.norm(dim=2, keepdim=True).clamp_min(1e-12)

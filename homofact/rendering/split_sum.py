@@ -67,10 +67,7 @@ class _Seen(NamedTuple):
 
 
 def response_of(
-    reflectance: Reflectance,
-    side: int = SIDE,
-    lobes: int = LOBES,
-    to_rgb: ToRgb | None = None,
+    reflectance: Reflectance, side: int = SIDE, lobes: int = LOBES, to_rgb: ToRgb | None = None
 ) -> Response:
     """The table of a material, of an anisotropic one the mean over the viewer's azimuths; `lobes` 1 or 2.
 

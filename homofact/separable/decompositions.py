@@ -70,11 +70,7 @@ def eigen(matrix: Tensor, terms: int) -> Factors:
 
 
 def power(
-    matrix: Tensor,
-    terms: int,
-    generator: torch.Generator,
-    tolerance: float = 1e-9,
-    most: int = 20_000,
+    matrix: Tensor, terms: int, generator: torch.Generator, tolerance: float = 1e-9, most: int = 20_000
 ) -> Factors:
     """As `eigen`, by power iteration with deflation.
 

@@ -210,10 +210,7 @@ class Separable:
         }
         if self.terms and self.terms[0].grids:
             header["levels"] = self.terms[0].grids[0].levels
-        arrays: dict[str, Any] = {
-            "mean": self.transform.mean,
-            "read": self.read,
-        }
+        arrays: dict[str, Any] = {"mean": self.transform.mean, "read": self.read}
         for k, term in enumerate(self.terms):
             arrays[f"first_{k}"] = term.first
             arrays[f"signs_{k}"] = term.signs

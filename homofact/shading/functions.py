@@ -7,13 +7,7 @@ from typing import Any
 from homofact.geometry.expression import Expression, Let, Tables, component, nodes, variable
 from homofact.shading.c_code import render, statement_lines, tables_in_c
 from homofact.shading.languages import GLSL, HLSL, WGSL, Language, body_text, remark, tables_text
-from homofact.shading.lobe_mixture import (
-    LobeMixture,
-    density_statements,
-    parameter_tables,
-    printed,
-    sample_statements,
-)
+from homofact.shading.lobe_mixture import LobeMixture, density_statements, parameter_tables, printed, sample_statements
 
 _HEADS = {
     GLSL.name: ("{kind} {name}({parameters}) {{\n", "{kind} {name}"),

@@ -162,10 +162,7 @@ def sample_statements(lobes: int, turned: bool) -> list[Let]:
             * alpha,
         ),
         Let("m_squared", call("max", _squared("m"), _TINY)),
-        Let(
-            "mirrored",
-            variable("m", 3) * (2 * call("dot", v, variable("m", 3)) / variable("m_squared", 1)) - v,
-        ),
+        Let("mirrored", variable("m", 3) * (2 * call("dot", v, variable("m", 3)) / variable("m_squared", 1)) - v),
         Let(
             "found",
             variable("mirrored", 3) * lobe + variable("m", 3) * ((1 - lobe) / call("sqrt", variable("m_squared", 1))),

@@ -28,18 +28,7 @@ from homofact.errors import Advice, BadInput
 from homofact.factor.evaluation import Evaluated, Evaluation, TextureLookup, evaluation_of
 from homofact.geometry.axes import Coordinates, coordinates_of, gathered
 from homofact.geometry.coordinates import Scales, warped
-from homofact.geometry.expression import (
-    Expression,
-    Let,
-    Tables,
-    call,
-    constant,
-    fetch,
-    needed,
-    table,
-    variable,
-    vector,
-)
+from homofact.geometry.expression import Expression, Let, Tables, call, constant, fetch, needed, table, variable, vector
 from homofact.shading.encoded import Encoded
 
 TEXTURES = (

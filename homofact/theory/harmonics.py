@@ -17,7 +17,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.geometry.directions import from_cosine
 
@@ -101,33 +100,6 @@ def project(function: Callable[[Tensor], Tensor], order: int, nodes: int | None 
     """
     w, weights = quadrature(order if nodes is None else nodes, low)
     return harmonics(order, w).T @ (weights[:, None] * function(w))
-
-
-def project_lobe(
-    reflectance: Reflectance, wo: Tensor, order: int, nodes: int | None = None, cosine: bool = True
-) -> Tensor:
-    """Coefficients ((order+1)², C) of ωi ↦ f(ωi, ωo) cosθi in sr⁻¹ (without the cosine where `cosine` is off).
-
-    `wo` is one unit vector (3,); under the horizon the lobe is 0. `nodes` as in `project`.
-    """
-
-    def lobe(wi: Tensor) -> Tensor:
-        values = reflectance.evaluate(wi, wo.expand_as(wi))
-        return values * wi[:, 2:] if cosine else values
-
-    return project(lobe, order, nodes, low=0.0)
-
-
-def project_zonal(
-    function: Callable[[Tensor], Tensor], order: int, nodes: int | None = None, low: float = -1.0
-) -> Tensor:
-    """Coefficients f_l (order+1,) of a function of the cosine to an axis, (Q,) → (Q,): 2π ∫ f Y_l0 dcosθ.
-
-    Gauss-Legendre with `nodes` on [low, 1], `low` being the least cosine where the function is not 0; unless given,
-    twice as many as the order and 32 more.
-    """
-    cosine, weights = gauss_legendre(2 * order + 32 if nodes is None else nodes, low, 1.0)
-    return zonal(order, cosine).T @ (2 * math.pi * weights * function(cosine))
 
 
 def energy_by_order(coefficients: Tensor) -> Tensor:

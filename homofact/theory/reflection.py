@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
-from homofact.theory.harmonics import energy_by_order, harmonics, orders, zonal
+from homofact.theory.harmonics import energy_by_order, harmonics, orders
 
 
 def normalisation(order: int) -> Tensor:
@@ -29,34 +29,11 @@ def directional_lighting(order: int, direction: Tensor) -> Tensor:
     return harmonics(order, direction[None])[0]
 
 
-def axial_lighting(coefficients: Tensor) -> Tensor:
-    """Lighting symmetric about z from its zonal coefficients L_l (order+1,): L_lm = δ_m0 L_l (3.18), ((order+1)²,)."""
-    degree, m = orders(len(coefficients) - 1)
-    return torch.where(m == 0, coefficients[degree], torch.zeros_like(coefficients[degree]))
-
-
-def uniform_lighting(order: int, radiance: float | None = None) -> Tensor:
-    """Lighting equal everywhere: only L_00 differs from 0 (3.19), ((order+1)²,).
-
-    L_00 = radiance · √(4π); unless a radiance is given, the chapter's 1/Λ_0, radiance 1/4π.
-    """
+def uniform_lighting(order: int) -> Tensor:
+    """Lighting of radiance 1/4π everywhere: only L_00 = 1/Λ_0 differs from 0 (3.19), ((order+1)²,)."""
     coefficients = torch.zeros((order + 1) ** 2, dtype=torch.float64)
-    coefficients[0] = math.sqrt(4 * math.pi) * (1 / (4 * math.pi) if radiance is None else radiance)
+    coefficients[0] = 1 / math.sqrt(4 * math.pi)
     return coefficients
-
-
-def mirror_transfer(order: int) -> Tensor:
-    """ρ̂_lpq = (−1)^q δ_lp of a mirror, by [l, p, q + order] (3.23); 0 for |q| > l."""
-    values = torch.zeros(order + 1, order + 1, 2 * order + 1, dtype=torch.float64)
-    for degree in range(order + 1):
-        q = torch.arange(-degree, degree + 1)
-        values[degree, degree, order - degree : order + degree + 1] = (1 - 2 * (q.abs() % 2)).double()
-    return values
-
-
-def mirror_filter(order: int) -> Tensor:
-    """Λ_l ρ̂_l = 1 of a mirror about the reflected direction (3.27)."""
-    return torch.ones(order + 1, dtype=torch.float64)
 
 
 def lambertian_filter(order: int) -> Tensor:
@@ -93,51 +70,11 @@ def phong_filter(order: int, exponent: float) -> Tensor:
     return values
 
 
-def phong_gaussian(order: int, exponent: float) -> Tensor:
-    """exp(−l²/2s), what Phong's filter tends to for l ≪ s (3.40). Raises BadInput for s ≤ 0."""
-    if not exponent > 0:
-        raise BadInput(where="exponent", found=exponent, expected="above 0")
-    return torch.exp(-(torch.arange(order + 1, dtype=torch.float64) ** 2) / (2 * exponent))
-
-
-def microfacet_filter(order: int, sigma: float) -> Tensor:
-    """exp(−(σl)²), the approximate filter of the simplified Torrance-Sparrow lobe (3.51), σ in radians.
-
-    exp(−(θh/σ)²)/4πσ² seen from the normal, where θh is half the angle to the mirror direction. Good for σ ≪ 1 and
-    far from grazing; at the normal within .45 σ of the integral (3.44). Raises BadInput for σ ≤ 0.
-    """
-    if not sigma > 0:
-        raise BadInput(where="sigma", found=sigma, expected="above 0")
-    return torch.exp(-((sigma * torch.arange(order + 1, dtype=torch.float64)) ** 2))
-
-
-def convolve(lighting: Tensor, brdf_filter: Tensor) -> Tensor:
-    """B_lm = Λ_l ρ̂_l L_lm (3.10), ((order+1)²,) like `lighting`; `brdf_filter` is Λ_l ρ̂_l (order+1,)."""
-    return lighting * _by_coefficient(lighting, brdf_filter)
-
-
 def convolve_isotropic(lighting: Tensor, transfer: Tensor) -> Tensor:
-    """B_lmpq = Λ_l L_lm ρ̂_lpq (3.5), by [lm, p, q]; `transfer` is ρ̂ by [l, p, q] as `mirror_transfer` has it."""
+    """B_lmpq = Λ_l L_lm ρ̂_lpq (3.5), by [lm, p, q]; `transfer` is ρ̂ by [l, p, q + order]."""
     scaled = normalisation(transfer.shape[0] - 1)[:, None, None] * transfer
     degree = orders(transfer.shape[0] - 1)[0]
     return lighting[:, None, None] * scaled[degree]
-
-
-def inverse_lighting(reflected: Tensor, brdf_filter: Tensor, floor: float = 0.0) -> Tensor:
-    """L_lm = B_lm/(Λ_l ρ̂_l) (3.12 for a symmetric lobe); NaN where |Λ_l ρ̂_l| ≤ `floor`: not to be recovered."""
-    own = _by_coefficient(reflected, brdf_filter)
-    return torch.where(own.abs() > floor, reflected / own, torch.full_like(reflected, math.nan))
-
-
-def inverse_brdf(reflected: Tensor, lighting: Tensor, floor: float = 0.0) -> Tensor:
-    """Λ_l ρ̂_l (order+1,) from B_lm and L_lm (3.11): the least squares answer over m.
-
-    NaN at orders where the lighting's Σ_m L_lm² is ≤ `floor`²: that light cannot tell (3.20 for uniform light).
-    """
-    energy = energy_by_order(lighting)
-    degree = orders(len(energy) - 1)[0]
-    product = torch.zeros_like(energy).index_add(0, degree, reflected * lighting)
-    return torch.where(energy > floor**2, product / energy, torch.full_like(energy, math.nan))
 
 
 def lighting_condition(brdf_filter: Tensor, order: int | None = None) -> float:
@@ -160,42 +97,3 @@ def brdf_condition(lighting: Tensor, order: int | None = None) -> float:
     # A source's own orders agree to rounding; below that is nothing.
     least, most = float(sizes.min()), float(sizes.max())
     return most / least if least > 1e-14 * most else math.inf
-
-
-def recoverable_order(brdf_filter: Tensor, noise: float) -> int:
-    """The last order before |Λ_l ρ̂_l| first falls below `noise` times that of order 0 (orders that vanish passed over).
-
-    About √(−2s ln noise) for Phong and √(−ln noise)/σ for microfacets; 2 for Lambert with noise .05.
-    """
-    sizes = brdf_filter.abs() / brdf_filter[0].abs()
-    below = ((sizes < noise) & (sizes > 1e-12)).nonzero()
-    last = int(below[0, 0]) - 1 if len(below) else len(sizes) - 1
-    kept = (sizes[: last + 1] >= noise).nonzero()
-    return int(kept[-1, 0])
-
-
-def irradiance_share(order: int = 2) -> float:
-    """Share of the energy of max(cosθ, 0), ∫ = 2π/3, that l ≤ `order` holds: .992 for the 9 terms of order 2."""
-    own = (lambertian_filter(order) / normalisation(order)) ** 2
-    return float(own.sum() / (2 * math.pi / 3))
-
-
-def irradiance_error_bound(order: int = 2) -> float:
-    """Largest error of irradiance by l ≤ `order` under any light ≥ 0 of unit flux ∫ L dω: 3/32 for order 2.
-
-    |∫ L (k − k_order)| ≤ max |k − k_order| ∫ L, k = max(cosθ, 0); a single source reaches it. A source's own largest
-    irradiance is 1, its mean 1/4.
-    """
-    cosine = torch.linspace(-1, 1, 20_001, dtype=torch.float64)
-    kept = zonal(order, cosine) @ (lambertian_filter(order) / normalisation(order))
-    return float((cosine.clamp_min(0) - kept).abs().max())
-
-
-def _by_coefficient(coefficients: Tensor, by_order: Tensor) -> Tensor:
-    if len(coefficients) != len(by_order) ** 2:
-        raise BadInput(
-            where="lighting",
-            found=f"{len(coefficients)} coefficients beside a filter up to order {len(by_order) - 1}",
-            expected=len(by_order) ** 2,
-        )
-    return by_order[orders(len(by_order) - 1)[0]]

@@ -7,9 +7,9 @@ import pytest
 import torch
 from refusals import refused
 from scipy.special import sph_harm_y
+from spectra import project_zonal
 
-from homofact.brdf.analytic import Lambert, Phong
-from homofact.geometry.directions import draw_uniform, from_spherical
+from homofact.geometry.directions import draw_uniform
 from homofact.theory import harmonics as h
 
 
@@ -86,23 +86,8 @@ def test_turning_a_function_leaves_the_energy_of_each_order() -> None:
         )
         energies.append(h.energy_by_order(coefficients)[:, 0])
     assert torch.allclose(*energies, rtol=1e-9, atol=1e-14)
-    zonal = h.project_zonal(lambda c: torch.exp(3 * c) + c**5, 20) ** 2
+    zonal = project_zonal(lambda c: torch.exp(3 * c) + c**5, 20) ** 2
     assert torch.allclose(energies[0], zonal, rtol=1e-9, atol=1e-14)
-
-
-def test_a_lobe_at_the_normal_is_zonal_and_lambert_has_no_outgoing_direction() -> None:
-    normal = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
-    model = Phong((0.0,), (1.0,), exponent=12, channels=("Y",))
-    found = h.project_lobe(model, normal, 10, 30)[:, 0]
-    _, m = h.orders(10)
-    assert float(found[m != 0].abs().max()) < 1e-13
-    expected = h.project_zonal(lambda c: 14 / (2 * math.pi) * c**13, 10, low=0.0)
-    assert torch.allclose(found[m == 0], expected, atol=1e-13)
-    tilted = from_spherical(torch.tensor(1.0, dtype=torch.float64), torch.tensor(2.0, dtype=torch.float64))
-    grey = Lambert((0.5,), channels=("Y",))
-    assert torch.allclose(h.project_lobe(grey, tilted, 8), h.project_lobe(grey, normal, 8), atol=1e-14)
-    plain = h.project_lobe(grey, normal, 0, cosine=False)
-    assert float(plain[0, 0]) == pytest.approx(0.5 / math.pi * 2 * math.pi / math.sqrt(4 * math.pi), rel=1e-12)
 
 
 def test_the_order_of_a_share_lies_between_whole_ones() -> None:

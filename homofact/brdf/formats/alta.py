@@ -210,10 +210,7 @@ _WRITTEN = ("ISOTROPIC_TV_TL_DPHI", "SPHERICAL_TL_PL_TV_PV", "CARTESIAN")
 
 
 def write(
-    path: str | os.PathLike[str],
-    samples: Samples,
-    parameterization: str | None = None,
-    comments: tuple[str, ...] = (),
+    path: str | os.PathLike[str], samples: Samples, parameterization: str | None = None, comments: tuple[str, ...] = ()
 ) -> None:
     """Write samples; without a `parameterization` the one that fits them, see the module's head.
 

@@ -161,11 +161,6 @@ def _larger(settings: Method) -> Advice | None:
 
 
 def _finding(
-    name: str,
-    light: float | None,
-    found: str,
-    remedy: str,
-    advice: Advice | None = None,
-    least: Grade = Grade.SLIGHT,
+    name: str, light: float | None, found: str, remedy: str, advice: Advice | None = None, least: Grade = Grade.SLIGHT
 ) -> Finding:
     return Finding(name, About.FIT, light, found, remedy, advice, least)

@@ -77,11 +77,7 @@ def glb(look: MetallicRoughness, name: str, rings: int = 48) -> bytes:
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": name}],
         "meshes": [
-            {
-                "primitives": [
-                    {"attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2}, "indices": 3, "material": 0},
-                ]
-            }
+            {"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2}, "indices": 3, "material": 0}]}
         ],
         "materials": [material],
         "accessors": accessors,

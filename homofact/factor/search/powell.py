@@ -32,10 +32,7 @@ class Powell:
     sweeps: int = 6
 
     def minimize(
-        self,
-        function: Callable[[Rotation], float],
-        start: Rotation,
-        seed: int = 0,
+        self, function: Callable[[Rotation], float], start: Rotation, seed: int = 0
     ) -> tuple[Rotation, Report]:
         """The best rotation found from `start`, and the report (residual: its error).
 
