@@ -75,7 +75,7 @@ def test_negative_entries_become_zero_and_are_counted(tmp_path: Path) -> None:
     entries[1, 2, 3, 0] = entries[1, 2, 3, 2] = -0.25
     entries[0, 0, 0, 1] = -0.5
     entries[3, 0, 0, 1] = 0
-    samples = mdl.read(file_of(tmp_path, content(entries)))
+    samples = mdl.open_file(file_of(tmp_path, content(entries))).samples
     faults = samples.provenance["faults"]
     assert (faults["negative"], faults["samples_with_negative"], faults["exact_zeros"]) == (3, 2, 1)
     assert faults["most_negative"] == -0.5
@@ -88,19 +88,19 @@ def test_repeated_ends_are_left_out(tmp_path: Path) -> None:
     entries = data(6)
     entries[:, 5] = entries[:, 4]
     entries[3:] = entries[2]
-    samples = mdl.read(file_of(tmp_path, content(entries)))
+    samples = mdl.open_file(file_of(tmp_path, content(entries))).samples
     assert len(samples) == 3 * 5 * 6
     assert samples.provenance["faults"]["extrapolated"] == 6 * 6 * 6 - 3 * 5 * 6
     assert samples.provenance["faults"]["measured_to_degrees"] == [37.5, 67.5]
 
 
 def test_a_constant_file_is_no_extrapolation(tmp_path: Path) -> None:
-    assert len(mdl.read(file_of(tmp_path, content(np.full((4, 4, 6, 3), 0.25))))) == 96
+    assert len(mdl.open_file(file_of(tmp_path, content(np.full((4, 4, 6, 3), 0.25)))).samples) == 96
 
 
 def test_what_follows_may_be_the_transmission(tmp_path: Path) -> None:
     raw = content(data()) + content(data(2), b"MBSDF_DATA_TRANSMISSION=\n")
-    assert len(mdl.read(file_of(tmp_path, raw))) == 96
+    assert len(mdl.open_file(file_of(tmp_path, raw)).samples) == 96
 
 
 NAN = data()
@@ -129,7 +129,7 @@ def test_bad_files_are_refused(tmp_path: Path, raw: bytes, message: str) -> None
 
 def test_no_spectrum(tmp_path: Path) -> None:
     with refused(where="paint.bin: channels"):
-        mdl.read(file_of(tmp_path, content(data())), "spectral")
+        mdl.open_file(file_of(tmp_path, content(data())), "spectral")
 
 
 def test_the_real_paint(real_data: Path) -> None:

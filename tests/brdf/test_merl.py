@@ -107,7 +107,7 @@ def test_measure_is_how_many_uniform_pairs_fall_in_a_bin() -> None:
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_file_to_samples_to_file_keeps_every_bit(tmp_path: Path, shape: tuple[int, int, int], dtype: Any) -> None:
     path = file_of(tmp_path, entries(shape, dtype=dtype))
-    samples = merl.read(path)
+    samples = merl.open_file(path).samples
     again = tmp_path / "again.binary"
     counts = writer.write(again, samples, shape)
     first, second = merl.load(path), merl.load(again)
@@ -121,7 +121,7 @@ def test_file_to_samples_to_file_keeps_every_bit(tmp_path: Path, shape: tuple[in
         # Two neighbouring entries can share a product, so the file's own last bit is not to be had back.
         gap = np.abs(second.raw.numpy().view("i8") - first.raw.numpy().view("i8"))
         assert gap[measured.numpy()].max() <= 1
-    assert torch.equal(merl.read(again).values, samples.values)
+    assert torch.equal(merl.open_file(again).samples.values, samples.values)
 
 
 def test_a_table_is_written_byte_for_byte(tmp_path: Path) -> None:
@@ -133,7 +133,7 @@ def test_a_table_is_written_byte_for_byte(tmp_path: Path) -> None:
 def test_scales_and_planes(tmp_path: Path) -> None:
     raw = np.full((3, *HALF), -1.0)
     raw[:, 1, 2, 3] = (1500.0, 3000.0, 4500.0)
-    samples = merl.read(file_of(tmp_path, raw))
+    samples = merl.open_file(file_of(tmp_path, raw)).samples
     assert samples.values.tolist() == [pytest.approx([1.0, 2 * 1.15, 3 * 1.66])]
     wi, wo = centres(HALF)
     bin_ = (1 * 8 + 2) * 16 + 3
@@ -149,7 +149,7 @@ def test_samples_are_the_measured_bins_above_the_horizon(tmp_path: Path) -> None
     raw[:, 5, 7, 0] = 2.0
     raw[1, 1, 1, 1] = 0.0
     assert raw[0, 1, 1, 1] > 0
-    samples = merl.read(file_of(tmp_path, raw))
+    samples = merl.open_file(file_of(tmp_path, raw)).samples
     faults = samples.provenance["faults"]
     fresh = int((entries(HALF)[0, 0, 0, :2] >= 0).sum())
     assert faults["not_measured"] == under + fresh - 1
@@ -160,7 +160,7 @@ def test_samples_are_the_measured_bins_above_the_horizon(tmp_path: Path) -> None
 
 def test_weights_are_the_solid_angle_with_mean_one(tmp_path: Path) -> None:
     raw = entries(HALF)
-    samples = merl.read(file_of(tmp_path, raw))
+    samples = merl.open_file(file_of(tmp_path, raw)).samples
     assert float(samples.weights.mean()) == pytest.approx(1)
     measure = MerlGrid(HALF).measure().reshape(-1)[torch.from_numpy(raw[0].reshape(-1) >= 0)]
     assert torch.allclose(samples.weights / samples.weights[0], measure / measure[0])
@@ -231,10 +231,14 @@ def test_impossible_tables_are_refused(raw: Tensor, lookup: Any, message: str) -
 
 def test_one_channel_becomes_grey_and_spectra_become_colours(tmp_path: Path) -> None:
     writer.write(tmp_path / "grey", Lambert((0.5,), channels=("Y",)), HALF)
-    assert torch.allclose(merl.read(tmp_path / "grey").values, torch.tensor(0.5 / math.pi, dtype=torch.float64))
+    assert torch.allclose(
+        merl.open_file(tmp_path / "grey").samples.values, torch.tensor(0.5 / math.pi, dtype=torch.float64)
+    )
     flat = Lambert((0.5,) * 7, channels=spectral_names(range(400, 701, 50)))
     writer.write(tmp_path / "flat", flat, HALF)
-    assert torch.allclose(merl.read(tmp_path / "flat").values, torch.tensor(0.5 / math.pi).double(), rtol=1e-6)
+    assert torch.allclose(
+        merl.open_file(tmp_path / "flat").samples.values, torch.tensor(0.5 / math.pi).double(), rtol=1e-6
+    )
 
 
 def test_writer_refuses_what_cannot_be_meant(tmp_path: Path) -> None:
@@ -286,7 +290,7 @@ def test_padded_files_are_refused(tmp_path: Path) -> None:
     path = file_of(tmp_path, entries(HALF))
     path.write_bytes(path.read_bytes() + b"\0")
     with refused(where="table.dat"):
-        merl.read(path)
+        merl.open_file(path)
 
 
 def test_a_full_grid_is_read_in_two_seconds(tmp_path: Path) -> None:

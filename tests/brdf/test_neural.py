@@ -140,7 +140,7 @@ def test_the_only_material_needs_no_name(tmp_path: Path) -> None:
     path = saved(tmp_path, names=("tin",))
     (read, *_), (own, *_) = nbrdf.load(path).weights, model(0).weights
     assert torch.equal(torch.as_tensor(read), torch.as_tensor(own))
-    assert nbrdf.read(path).provenance["material"] == "tin"
+    assert nbrdf.open_file(path).samples.provenance["material"] == "tin"
 
 
 def test_source_is_the_network_itself(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_a_file_whose_name_has_the_mark_is_that_file(tmp_path: Path) -> None:
 
 
 def test_a_member_of_another_format_is_refused(tmp_path: Path) -> None:
-    npz.write(tmp_path / "plain.npz", nbrdf.read(saved(tmp_path, names=("tin",))), {})
+    npz.write(tmp_path / "plain.npz", nbrdf.open_file(saved(tmp_path, names=("tin",))).samples, {})
     with refused(where="plain.npz#tin"):
         read_samples(f"{tmp_path / 'plain.npz'}#tin")
 
@@ -190,8 +190,8 @@ def test_bad_files_are_refused(tmp_path: Path, changed: dict[str, Any], name: st
 
 def test_channels(tmp_path: Path) -> None:
     path = saved(tmp_path, names=("tin",))
-    with refused(where="channels"):
-        nbrdf.read(path, "spectral")
+    with refused(where="weights.bin: channels"):
+        nbrdf.open_file(path, "spectral")
 
 
 def npy(header: bytes, data: bytes = b"") -> bytes:
@@ -213,13 +213,13 @@ def test_headers_are_checked_before_anything_is_allocated(tmp_path: Path, member
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("tin/w0.npy", member)
     with pytest.raises(BadInput, match=message):
-        nbrdf.read(path)
+        nbrdf.open_file(path)
 
 
 def test_sniff_goes_before_plain_archives(tmp_path: Path) -> None:
     head = saved(tmp_path).read_bytes()[:4096]
     assert nbrdf.sniff(head)
-    npz.write(tmp_path / "plain", nbrdf.read(f"{saved(tmp_path)}#tin"), {})
+    npz.write(tmp_path / "plain", nbrdf.open_file(f"{saved(tmp_path)}#tin").samples, {})
     assert not nbrdf.sniff((tmp_path / "plain").read_bytes()[:4096])
     assert READERS.index(nbrdf) < READERS.index(npz)
 

@@ -52,7 +52,7 @@ def test_negative_entries_become_zero_and_are_counted(tmp_path: Path) -> None:
     table = entries()
     table[0, 1, 1, 1, 1] = table[2, 1, 1, 1, 1] = -0.5
     table[0, 0, 0, 0, 0] = 0
-    faults = utia.read(file_of(tmp_path, table)).provenance["faults"]
+    faults = utia.open_file(file_of(tmp_path, table)).samples.provenance["faults"]
     assert faults == {"negative": 2, "samples_with_negative": 1, "exact_zeros": 1}
 
 
@@ -75,7 +75,7 @@ def test_other_sizes_and_wild_numbers_are_refused(tmp_path: Path) -> None:
     with refused(where="cloth.bin"):
         read_samples(path)
     with refused(where="cloth.bin"):
-        utia.read(path)
+        utia.open_file(path)
     wild = entries()
     wild[1, 0, 0, 0, 2] = np.nan
     with refused(where="cloth.bin"):

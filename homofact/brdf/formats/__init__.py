@@ -14,8 +14,8 @@ from homofact.errors import BadInput
 from homofact.files.reading import read_bytes, split_member
 from homofact.files.text import beginning
 
-# Every reader is a module with NAME, DESCRIPTION, sniff(head) and read(path, channels), and open_file(path,
-# channels, drawing) where the file is a reflectance by itself. The first that knows the head has the file; a
+# Every reader is a module with NAME, DESCRIPTION, sniff(head) and read(path, channels), or open_file(path, channels,
+# drawing) where the file is a reflectance by itself. The first that knows the head has the file; a
 # format without a header has SIZES, and gets a file of such a size that no head is known of.
 READERS: tuple[ModuleType, ...] = (nbrdf, npz, rgl, mdl, merl, alta, astm, csv, curet, cornell, utia)
 _HEAD = 65_536

@@ -27,8 +27,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import as_channels, check_channels
+from homofact.brdf.channels import check_channels
 from homofact.brdf.formats.alta_parameters import PARAMETERIZATIONS
+from homofact.brdf.formats.reading import in_channels, line_fault
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import FROM_XYZ
 from homofact.errors import BadInput
@@ -83,7 +84,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     if parameters.angles and wide.any():
         row = int(wide.argmax())
         angles = numbers[row, : parameters.columns].tolist()
-        raise BadInput(f"{name} is {angles}", where=f"{path}: line {places[row]}", expected="angles in radians")
+        raise line_fault(path, places[row], f"{name} is {angles}", "angles in radians")
     light, view = parameters.directions(torch.from_numpy(numbers[:, : parameters.columns].copy()))
     values = torch.from_numpy(numbers[:, parameters.columns : parameters.columns + count].copy())
     usable = _above(light) & _above(view)
@@ -119,10 +120,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
             "faults": faults,
         },
     )
-    try:
-        return as_channels(samples, channels)
-    except BadInput as error:
-        raise error.at(path) from error
+    return in_channels(path, samples, channels)
 
 
 def _header(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, tuple[int, str]], list[str]]:
@@ -135,10 +133,10 @@ def _header(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, tuple
         key, _, text = line.partition(" ")
         if key in ("#DIM", "#VS", "#PARAM_IN", "#PARAM_OUT", "#CHANNELS"):
             if header.get(key, (0, text.strip()))[1] != text.strip():
-                raise BadInput(f"{key} for the second time", where=f"{path}: line {number}", expected="it once")
+                raise line_fault(path, number, f"{key} for the second time", "it once")
             header[key] = (number, text.strip())
         elif "BINARY" in key or (key == "#FORMAT" and "binary" in text.lower()):
-            raise BadInput("binary ALTA data", where=f"{path}: line {number}", expected="text")
+            raise line_fault(path, number, "binary ALTA data", "text")
         elif len(comments) < 64:
             comments.append(line.lstrip("# ")[:200])
     return header, [comment for comment in comments if comment]
@@ -150,7 +148,7 @@ def _named(path: object, header: dict[str, tuple[int, str]], key: str, known: Co
     if not text:
         raise BadInput(f"no {key}, so its units are unknown", where=path, expected=f"one of {words}")
     if text not in known:
-        raise BadInput(f"{key} is {short(text)}", where=f"{path}: line {number}", expected=f"one of {words}")
+        raise line_fault(path, number, f"{key} is {short(text)}", f"one of {words}")
     return text
 
 
@@ -159,25 +157,17 @@ def _sizes(path: object, header: dict[str, tuple[int, str]], columns: int) -> tu
     number, text = header.get("#DIM", (0, ""))
     words = text.split()
     if len(words) != 2 or not all(word.isascii() and word.isdecimal() and len(word) < 6 for word in words):
-        raise BadInput(
-            f"#DIM is {short(text)}", where=f"{path}: line {number}", expected="two numbers: inputs and values"
-        )
+        raise line_fault(path, number, f"#DIM is {short(text)}", "two numbers: inputs and values")
     if int(words[0]) != columns or not 1 <= int(words[1]) <= _MOST_COLUMNS:
-        raise BadInput(
-            f"#DIM is {short(text)}", where=f"{path}: line {number}", expected=f"{columns} inputs and 1 or more values"
-        )
+        raise line_fault(path, number, f"#DIM is {short(text)}", f"{columns} inputs and 1 or more values")
     number, text = header.get("#VS", (0, "0"))
     intervals = text.split()
     if not intervals or len(intervals) > _MOST_COLUMNS or any(word not in ("0", "1", "2") for word in intervals):
-        raise BadInput(f"#VS is {short(text)}", where=f"{path}: line {number}", expected="0, 1 or 2 for each value")
+        raise line_fault(path, number, f"#VS is {short(text)}", "0, 1 or 2 for each value")
     # One number stands for all values.
     intervals = intervals * int(words[1]) if len(intervals) == 1 else intervals
     if len(intervals) != int(words[1]):
-        raise BadInput(
-            f"#VS has {len(intervals)} numbers",
-            where=f"{path}: line {number}",
-            expected=f"{words[1]}, one for each value",
-        )
+        raise line_fault(path, number, f"#VS has {len(intervals)} numbers", f"{words[1]}, one for each value")
     return int(words[1]), sum(map(int, intervals))
 
 
@@ -186,9 +176,7 @@ def _channels(path: object, header: dict[str, tuple[int, str]], count: int) -> t
     if text:
         names = tuple(text.split())
         if len(names) != count or len(set(names)) != count:
-            raise BadInput(
-                f"#CHANNELS is {short(text)}", where=f"{path}: line {number}", expected=f"{count} different names"
-            )
+            raise line_fault(path, number, f"#CHANNELS is {short(text)}", f"{count} different names")
         return names
     return {1: ("Y",), 3: ("R", "G", "B")}.get(count) or tuple(f"value{k}" for k in range(1, count + 1))
 

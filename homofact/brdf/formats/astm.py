@@ -21,8 +21,8 @@ import os
 
 import torch
 
-from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
-from homofact.brdf.formats.reading import check_azimuths
+from homofact.brdf.channels import check_channels, wavelengths_of
+from homofact.brdf.formats.reading import check_azimuths, in_channels, line_fault
 from homofact.brdf.samples import Samples, lit_from_one_azimuth
 from homofact.brdf.spectral import FROM_XYZ
 from homofact.errors import BadInput
@@ -68,11 +68,8 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     wrong = (theta_i < 0) | (steep * scale > math.pi / 2 + _SLACK)
     if bool(wrong.any()):
         row = int(wrong.nonzero()[0])
-        raise BadInput(
-            f"theta_i {float(theta_i[row]):g}, theta_s {float(theta_s[row]):g}",
-            where=f"{path}: line {places[row]}",
-            expected="angles up to the horizon, pi/2 radians or 90 degrees",
-        )
+        what = f"theta_i {float(theta_i[row]):g}, theta_s {float(theta_s[row]):g}"
+        raise line_fault(path, places[row], what, "angles up to the horizon, pi/2 radians or 90 degrees")
     for name, phi in (("phi_i", phi_i), ("phi_s", phi_s)):
         check_azimuths(path, places, name, phi, degrees)
     listed = [name for name in names if name not in ANGLES]
@@ -97,10 +94,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         }
         | ({"wavelengths_nm": list(nm)} if (nm := wavelengths_of(colours)) else {}),
     )
-    try:
-        return as_channels(samples, channels)
-    except BadInput as error:
-        raise error.at(path) from error
+    return in_channels(path, samples, channels)
 
 
 def _header(path: object, lines: list[tuple[int, str]]) -> tuple[list[str], int, list[str], int]:
@@ -111,15 +105,11 @@ def _header(path: object, lines: list[tuple[int, str]]) -> tuple[list[str], int,
         text = text.strip()
         if key == "NUM_POINTS":
             if not (text.isascii() and text.isdecimal() and len(text) < 10 and int(text) > 0):
-                raise BadInput(
-                    f"NUM_POINTS is {short(text)}", where=f"{path}: line {number}", expected="how many rows there are"
-                )
+                raise line_fault(path, number, f"NUM_POINTS is {short(text)}", "how many rows there are")
             count = int(text)
         elif key == "VARS":
             if count is None:
-                raise BadInput(
-                    "VARS before NUM_POINTS", where=f"{path}: line {number}", expected="how many rows there are"
-                )
+                raise line_fault(path, number, "VARS before NUM_POINTS", "how many rows there are")
             # The length in lines is known, so a count that the file cannot hold is refused here.
             if count > len(lines) - index - 1:
                 raise BadInput(f"{len(lines) - index - 1} rows", where=path, expected=f"{count} (NUM_POINTS)")
@@ -132,9 +122,9 @@ def _header(path: object, lines: list[tuple[int, str]]) -> tuple[list[str], int,
 def _columns(path: object, number: int, text: str) -> list[str]:
     names = [" ".join(word.split()) for word in text.split(",")]
     if len(names) > _MOST_COLUMNS or "" in names or len(set(names)) < len(names):
-        raise BadInput(f"VARS has {len(names)} columns", where=f"{path}: line {number}", expected="different names")
+        raise line_fault(path, number, f"VARS has {len(names)} columns", "different names")
     if "theta_i" not in names or "theta_s" not in names or all(name in ANGLES for name in names):
-        raise BadInput(f"VARS is {short(text)}", where=f"{path}: line {number}", expected="theta_i, theta_s and values")
+        raise line_fault(path, number, f"VARS is {short(text)}", "theta_i, theta_s and values")
     return names
 
 

@@ -13,16 +13,17 @@ import math
 import os
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import as_channels, check_channels, spectral_names
-from homofact.brdf.formats.reading import check_azimuths
+from homofact.brdf.channels import check_channels, spectral_names
+from homofact.brdf.formats.reading import check_azimuths, in_channels, line_fault, zeros_of
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
-from homofact.files.text import short, text_of
+from homofact.files.text import check_last_line, number_table, numbered_lines, short, text_of
 from homofact.geometry.directions import from_spherical
 
 NAME = "cornell"
@@ -55,28 +56,22 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     raw = read_bytes(path, DESCRIPTION)
     lines = list(_content(raw))
     wavelengths, start = _wavelengths(path, lines)
-    rows = [_row(path, number, line, len(wavelengths)) for number, line in lines[start:]]
-    if not rows:
+    expected = f"4 angles and {len(wavelengths)} values"
+    table, places = number_table(path, lines[start:], 4 + len(wavelengths), expected)
+    if not places:
         raise BadInput(
             "no samples after the wavelengths", where=path, expected=f"rows of {4 + len(wavelengths)} numbers"
         )
-    if not raw.endswith((b"\n", b"\r")):
-        raise BadInput(
-            f"line {lines[-1][0]} has no line end, so its last number may be cut",
-            where=path,
-            expected="a whole file",
-            hint="or add the line end",
-        )
-    table = torch.tensor(rows, dtype=torch.float64)
-    theta_i, theta_s = (table[:, k].clamp_max(math.pi / 2) for k in (0, 2))
-    for column, name in ((1, "phi_i"), (3, "phi_s")):
-        check_azimuths(path, [number for number, _ in lines[start:]], name, table[:, column], False)
-    values = table[:, 4:]
-    zeros = values == 0
+    check_last_line(path, raw, places[-1])
+    _check(path, places, table)
+    theta_i, phi_i, theta_s, phi_s = torch.from_numpy(table[:, :4].copy()).T
+    for name, phi in (("phi_i", phi_i), ("phi_s", phi_s)):
+        check_azimuths(path, places, name, phi, False)
+    values = torch.from_numpy(table[:, 4:].copy())
     comments = [line.lstrip("# ").rstrip() for line in text_of(raw).splitlines() if line.startswith("#")]
     samples = Samples(
-        from_spherical(theta_i, table[:, 1]),
-        from_spherical(theta_s, table[:, 3]),
+        from_spherical(theta_i.clamp_max(math.pi / 2), phi_i),
+        from_spherical(theta_s.clamp_max(math.pi / 2), phi_s),
         values,
         channels=spectral_names(wavelengths),
         isotropic=True,
@@ -84,10 +79,10 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
             "format": NAME,
             "comments": [line for line in comments if line],
             "wavelengths_nm": wavelengths,
-            "faults": {"exact_zeros": int(zeros.sum()), "samples_with_zeros": int(zeros.any(1).sum())},
+            "faults": zeros_of(values),
         },
     )
-    return as_channels(samples, channels)
+    return in_channels(path, samples, channels)
 
 
 def write(
@@ -117,10 +112,7 @@ def write(
 
 def _content(raw: bytes) -> Iterator[tuple[int, str]]:
     """(line number from 1, text) of every line that is neither blank nor a comment."""
-    for number, line in enumerate(text_of(raw).split("\n"), 1):
-        stripped = line.strip()
-        if stripped and not stripped.startswith("#"):
-            yield number, stripped
+    return ((number, line) for number, line in numbered_lines(raw) if not line.startswith("#"))
 
 
 def _is_count(word: str) -> bool:
@@ -140,43 +132,28 @@ def _wavelengths(path: object, lines: list[tuple[int, str]]) -> tuple[list[float
         if index == len(lines):
             raise BadInput(f"the file ends after {len(wavelengths)} wavelengths", where=path, expected=count)
         number, line = lines[index]
-        for word in line.split():
-            value = _number(path, number, word)
+        words = line.split()
+        for word, value in zip(words, number_table(path, [lines[index]], len(words), "")[0][0].tolist(), strict=True):
             if not value > (wavelengths[-1] if wavelengths else 0):
-                raise BadInput(f"wavelength {word}", where=f"{path}: line {number}", expected="rising numbers above 0")
+                raise line_fault(path, number, f"wavelength {word}", "rising numbers above 0")
             wavelengths.append(value)
         if len(wavelengths) > count:
-            raise BadInput(f"{len(wavelengths)} wavelengths", where=f"{path}: line {number}", expected=count)
+            raise line_fault(path, number, f"{len(wavelengths)} wavelengths", count)
         index += 1
     return wavelengths, index
 
 
-def _row(path: object, number: int, line: str, wavelengths: int) -> list[float]:
-    words = line.split()
-    if len(words) != 4 + wavelengths:
-        raise BadInput(
-            f"{len(words)} columns",
-            where=f"{path}: line {number}",
-            expected=f"{4 + wavelengths} (4 angles and {wavelengths} values)",
-        )
-    row = [_number(path, number, word) for word in words]
-    for name, theta in (("theta i", row[0]), ("theta s", row[2])):
-        if not 0 <= theta <= math.pi / 2 + _ANGLE_SLACK:
-            raise BadInput(
-                f"{name} is {theta:g}, under the horizon", where=f"{path}: line {number}", expected="0 to pi/2 radians"
-            )
-    for k, value in enumerate(row[4:], 1):
-        if value < 0:
-            raise BadInput(f"value {k} is {value:g}", where=f"{path}: line {number}", expected="a BRDF >= 0")
-    return row
-
-
-def _number(path: object, number: int, word: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    # float() takes "1_0" too, which no measurement means.
-    if not math.isfinite(value) or "_" in word:
-        raise BadInput(where=f"{path}: line {number}", found=short(word), expected="a finite number")
-    return value
+def _check(path: object, places: list[int], table: np.ndarray) -> None:
+    """Raise BadInput for the first line with a direction under the horizon or a value below 0."""
+    theta, values = table[:, [0, 2]], table[:, 4:]
+    under, negative = (theta < 0) | (theta > math.pi / 2 + _ANGLE_SLACK), values < 0
+    wrong = under.any(1) | negative.any(1)
+    if not wrong.any():
+        return
+    row = int(wrong.argmax())
+    if under[row].any():
+        k = int(under[row].argmax())
+        what = f"{('theta i', 'theta s')[k]} is {theta[row, k]:g}, under the horizon"
+        raise line_fault(path, places[row], what, "0 to pi/2 radians")
+    k = int(negative[row].argmax())
+    raise line_fault(path, places[row], f"value {k + 1} is {values[row, k]:g}", "a BRDF >= 0")

@@ -21,7 +21,8 @@ from collections.abc import Callable, Iterator
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import as_channels, check_channels, wavelengths_of
+from homofact.brdf.channels import check_channels, wavelengths_of
+from homofact.brdf.formats.reading import in_channels, line_fault, zeros_of
 from homofact.brdf.samples import Samples, lit_from_one_azimuth
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
@@ -71,7 +72,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     form = _form(path, number, names)
     values = [name for name in names if name not in form and name != "weight"]
     if not values:
-        raise BadInput("no channel beside the directions", where=f"{path}: line {number}", expected="at least one")
+        raise line_fault(path, number, "no channel beside the directions", "at least one")
     rows = lines[index + 1 :]
     if not rows:
         raise BadInput("no samples after the header", where=path, expected=f"rows of {len(names)} numbers")
@@ -84,7 +85,6 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     if isotropic is None and (isotropic := lit_from_one_azimuth(wi)):
         comments.append(_ASSUMED)
     stacked = torch.stack([table[name] for name in values], 1)
-    zeros = stacked == 0
     samples = Samples(
         wi,
         wo,
@@ -96,15 +96,12 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
             "format": NAME,
             "comments": comments,
             "units": "1/sr, no cosine",
-            "faults": {"exact_zeros": int(zeros.sum()), "samples_with_zeros": int(zeros.any(1).sum())},
+            "faults": zeros_of(stacked),
         }
         | ({"noise_free": True} if facts["noise_free"] else {})
         | ({"wavelengths_nm": list(nm)} if (nm := wavelengths_of(values)) else {}),
     )
-    try:
-        return as_channels(samples, channels)
-    except BadInput as error:
-        raise error.at(path) from error
+    return in_channels(path, samples, channels)
 
 
 def _stated(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, bool | None], list[str], int]:
@@ -120,9 +117,7 @@ def _stated(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, bool 
             # A table saved by a spreadsheet has a comma for each of its columns.
             value = value.strip().rstrip(",").strip()
             if value.lower() not in _WORDS:
-                raise BadInput(
-                    f"{key} is {short(value)}", where=f"{path}: line {number}", expected="true or false (or yes or no)"
-                )
+                raise line_fault(path, number, f"{key} is {short(value)}", "true or false (or yes or no)")
             facts[key] = _WORDS[value.lower()]
         elif len(comments) < 64 and line.lstrip("# "):
             comments.append(line.lstrip("# ")[:200])
@@ -131,22 +126,15 @@ def _stated(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, bool 
 
 def _form(path: object, number: int, names: list[str]) -> tuple[str, ...]:
     if len(names) > _MOST_COLUMNS or "" in names:
-        raise BadInput(
-            f"{len(names)} columns, one without a name", where=f"{path}: line {number}", expected="a name each"
-        )
+        raise line_fault(path, number, f"{len(names)} columns, one without a name", "a name each")
     twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
     if twice:
-        raise BadInput(
-            f"{short(twice[0])} names two columns", where=f"{path}: line {number}", expected="different names"
-        )
+        raise line_fault(path, number, f"{short(twice[0])} names two columns", "different names")
     given = [form for form in _FORMS if any(name in names for name in form)]
     if len(given) != 1 or not all(name in names for name in given[0]):
         named = ", ".join(name for form in given for name in form if name in names)
-        raise BadInput(
-            f"directions by {named or 'nothing'}",
-            where=f"{path}: line {number}",
-            expected=f"all of {', '.join(ANGLES)}, the same with _deg in degrees, or all of {', '.join(VECTORS)}",
-        )
+        expected = f"all of {', '.join(ANGLES)}, the same with _deg in degrees, or all of {', '.join(VECTORS)}"
+        raise line_fault(path, number, f"directions by {named or 'nothing'}", expected)
     return given[0]
 
 

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from homofact.brdf.channels import as_channels, check_channels
-from homofact.brdf.formats.reading import check_azimuths
+from homofact.brdf.channels import check_channels
+from homofact.brdf.formats.reading import check_azimuths, in_channels, line_fault
 from homofact.brdf.samples import Samples, lit_from_one_azimuth
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
@@ -93,10 +93,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
             "faults": {"negative": negative, "exact_zeros": int((values == 0).sum())},
         },
     )
-    try:
-        return as_channels(samples, channels)
-    except BadInput as error:
-        raise error.at(file) from error
+    return in_channels(file, samples, channels)
 
 
 def _chosen(file: object, table: dict[int, np.ndarray], member: str | None) -> int:
@@ -126,9 +123,7 @@ def _rows(path: str | os.PathLike[str]) -> dict[int, np.ndarray]:
     table: dict[int, np.ndarray] = {}
     for row, line in zip(numbers, places, strict=True):
         if row[0] != int(row[0]) or not 1 <= row[0] <= SAMPLES or int(row[0]) in table:
-            raise BadInput(
-                f"sample {row[0]:g}", where=f"{path}: line {line}", expected=f"each of 1 to {SAMPLES} at most once"
-            )
+            raise line_fault(path, line, f"sample {row[0]:g}", f"each of 1 to {SAMPLES} at most once")
         table[int(row[0])] = row[1:]
     if not table:
         raise BadInput("holds no row", where=path, expected=f"rows of a sample's number and {MEASUREMENTS} values")
@@ -146,11 +141,8 @@ def _directions(path: Path) -> np.ndarray:
     wrong = ((theta < -_SLACK) | (theta > math.pi / 2 + _SLACK)).any(1)
     if wrong.any():
         row = int(wrong.argmax())
-        raise BadInput(
-            f"theta_v {theta[row, 0]:g}, theta_i {theta[row, 1]:g}",
-            where=f"{path}: line {places[row]}",
-            expected="radians from 0 to pi/2",
-        )
+        what = f"theta_v {theta[row, 0]:g}, theta_i {theta[row, 1]:g}"
+        raise line_fault(path, places[row], what, "radians from 0 to pi/2")
     for column, name in ((1, "phi_v"), (3, "phi_i")):
         check_azimuths(path, places, name, torch.from_numpy(numbers[:, column].copy()), False)
     numbers[:, [0, 2]] = theta.clip(0, math.pi / 2)

@@ -21,7 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
+from homofact.brdf.channels import check_channels
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.samples import Samples
 from homofact.brdf.table import AngleTable, TableAxis, ring_weights
@@ -83,17 +83,8 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
             },
         },
     )
-    try:
-        samples = as_channels(samples, channels)
-    except BadInput as error:
-        raise error.at(path) from error
     table = AngleTable((TableAxis(theta[:rows]), TableAxis(theta[:columns]), TableAxis(phi)), values, names)
-    return Reading(samples, LuminanceOf(table) if channels == "luminance" and len(names) == 3 else table)
-
-
-def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples alone of `open_file`; same errors."""
-    return open_file(path, channels).samples
+    return Reading.of(path, samples, table, channels)
 
 
 def read_entries(path: object, raw: bytes) -> tuple[np.ndarray, tuple[str, ...], list[str]]:

@@ -19,8 +19,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import LuminanceOf, as_channels, check_channels, wavelengths_of
-from homofact.brdf.formats.reading import Drawing, Reading
+from homofact.brdf.channels import check_channels, wavelengths_of
+from homofact.brdf.formats.reading import Drawing, Reading, zeros_of
 from homofact.brdf.merl import SCALES, STANDARD, UNMEASURED, MerlGrid, MerlTable
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -81,7 +81,6 @@ def samples_of(table: MerlTable) -> Samples:
     if not len(index):
         raise BadInput("no bin was measured", where="MERL table", expected="at least one entry that is not negative")
     weights = grid.measure().reshape(-1)[index]
-    zeros = values == 0
     return Samples(
         torch.cat([wi for wi, _ in directions]),
         torch.cat([wo for _, wo in directions]),
@@ -97,9 +96,8 @@ def samples_of(table: MerlTable) -> Samples:
             "faults": {
                 "not_measured": grid.count - int(table.measured.sum()),
                 "under_horizon": int(table.measured.sum()) - len(index),
-                "exact_zeros": int(zeros.sum()),
-                "samples_with_zeros": int(zeros.any(1).sum()),
-            },
+            }
+            | zeros_of(values),
         },
     )
 
@@ -112,15 +110,10 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     check_channels(channels)
     table = load(path)
     try:
-        samples = as_channels(samples_of(table), channels)
+        samples = samples_of(table)
     except BadInput as error:
         raise error.at(path) from error
-    return Reading(samples, LuminanceOf(table) if channels == "luminance" else table)
-
-
-def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples alone of `open_file`; same errors."""
-    return open_file(path, channels).samples
+    return Reading.of(path, samples, table, channels)
 
 
 def write(

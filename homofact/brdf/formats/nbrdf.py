@@ -15,10 +15,9 @@ from difflib import get_close_matches
 import numpy as np
 import torch
 
-from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
+from homofact.brdf.channels import check_channels
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.neural import LAYERS, NeuralBrdf
-from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
 from homofact.files.archive import member_names, read_arrays
@@ -99,13 +98,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
         "units": "1/sr, no cosine; exp(x) - 1 undone, below 0 cut to 0",
         "faults": {"exact_zeros": int((samples.values == 0).sum())},
     }
-    samples = as_channels(replace(samples, provenance=samples.provenance | facts), channels)
-    return Reading(samples, LuminanceOf(model) if channels == "luminance" else model)
-
-
-def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """45,000 noise-free samples of the network that "FILE#NAME" names; errors as in `open_file`."""
-    return open_file(path, channels).samples
+    return Reading.of(path, replace(samples, provenance=samples.provenance | facts), model, channels)
 
 
 def _names(path: object, raw: bytes) -> list[str]:

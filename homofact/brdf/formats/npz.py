@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from homofact.brdf.channels import as_channels, check_channels
+from homofact.brdf.channels import check_channels
+from homofact.brdf.formats.reading import in_channels, zeros_of
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.files.archive import member_names, read_arrays, read_header, write_arrays
@@ -69,8 +70,6 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
             )
     wi, wo = (_directions(path, name, data[name]) for name in ("wi", "wo"))
     values = torch.from_numpy(_doubles(data["values"]))
-    zeros = values == 0
-    faults = {"exact_zeros": int(zeros.sum()), "samples_with_zeros": int(zeros.any(1).sum())}
     try:
         samples = Samples(
             wi,
@@ -78,11 +77,11 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
             values,
             channels=tuple(str(name) for name in data["channels"]),
             isotropic=bool(data["isotropic"]),
-            provenance=header | {"format": NAME, "faults": faults},
+            provenance=header | {"format": NAME, "faults": zeros_of(values)},
         )
     except BadInput as error:
         raise error.at(path) from error
-    return as_channels(samples, channels)
+    return in_channels(path, samples, channels)
 
 
 def write(path: str | os.PathLike[str], samples: Samples, header: dict[str, Any], dtype: str = "float64") -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from homofact.brdf.channels import LuminanceOf, as_channels
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME
@@ -28,6 +29,31 @@ class Reading:
     samples: Samples
     reflectance: Reflectance | None = None
 
+    @classmethod
+    def of(cls, path: object, samples: Samples, reflectance: Reflectance, channels: str) -> "Reading":
+        """A file's reflectance and samples of it, both in `channels`. Raises BadInput as `in_channels`."""
+        wants_sum = channels == "luminance" and len(reflectance.channels) == 3
+        return cls(in_channels(path, samples, channels), LuminanceOf(reflectance) if wants_sum else reflectance)
+
+
+def in_channels(path: object, samples: Samples, channels: str) -> Samples:
+    """A file's samples in `channels`. Raises BadInput, naming the file, where it cannot give them."""
+    try:
+        return as_channels(samples, channels)
+    except BadInput as error:
+        raise error.at(path) from error
+
+
+def line_fault(path: object, number: int, problem: str, expected: object) -> BadInput:
+    """What is wrong with a line of a text file."""
+    return BadInput(problem, where=f"{path}: line {number}", expected=expected)
+
+
+def zeros_of(values: Tensor) -> dict[str, int]:
+    """How many of the values (N, C) are exactly 0, and how many samples have such a value; for the faults."""
+    zeros = values == 0
+    return {"exact_zeros": int(zeros.sum()), "samples_with_zeros": int(zeros.any(1).sum())}
+
 
 def check_azimuths(path: object, lines: Sequence[int], name: str, phi: Tensor, degrees: bool) -> None:
     """Raise BadInput, naming the row's line, for an azimuth (N,) of more than a turn: mostly degrees among radians."""
@@ -36,6 +62,4 @@ def check_azimuths(path: object, lines: Sequence[int], name: str, phi: Tensor, d
     if bool(over.any()):
         row = int(over.nonzero()[0])
         unit = "360 degrees" if degrees else "2 pi radians"
-        raise BadInput(
-            f"{name} {float(phi[row]):g}", where=f"{path}: line {lines[row]}", expected=f"at most a turn, {unit}"
-        )
+        raise line_fault(path, lines[row], f"{name} {float(phi[row]):g}", f"at most a turn, {unit}")

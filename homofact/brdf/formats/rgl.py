@@ -22,12 +22,11 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.adaptive import importance
-from homofact.brdf.channels import LuminanceOf, as_channels, check_channels, spectral_names, wavelengths_of
+from homofact.brdf.channels import check_channels, spectral_names, wavelengths_of
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.formats.tensor_file import DESCRIPTION as DESCRIPTION
 from homofact.brdf.formats.tensor_file import MAGIC, read_tensors, short, tensor_bytes
 from homofact.brdf.rgl import AdaptiveTable
-from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import to_luminance, to_rgb
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
@@ -96,16 +95,10 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     table = load(path, channels)
     draw = drawing or Drawing()
     try:
-        samples = as_channels(table.sample(draw.count, draw.scheme, draw.seed), channels)
+        samples = table.sample(draw.count, draw.scheme, draw.seed)
     except BadInput as error:
         raise error.at(path) from error
-    wants_sum = channels == "luminance" and table.channels == _RGB
-    return Reading(samples, LuminanceOf(table) if wants_sum else table)
-
-
-def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """45,000 samples of a file's table, uniform in the parabolic discs; errors as in `load`."""
-    return open_file(path, channels).samples
+    return Reading.of(path, samples, table, channels)
 
 
 def write(path: str | os.PathLike[str], table: AdaptiveTable, comments: Sequence[str] = ()) -> None:

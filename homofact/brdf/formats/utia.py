@@ -18,7 +18,7 @@ import os
 import numpy as np
 import torch
 
-from homofact.brdf.channels import LuminanceOf, as_channels, check_channels
+from homofact.brdf.channels import check_channels
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -91,17 +91,8 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
             },
         },
     )
-    try:
-        samples = as_channels(samples, channels)
-    except BadInput as error:
-        raise error.at(path) from error
     table = AngleTable(nodes, values, ("R", "G", "B"))
-    return Reading(samples, LuminanceOf(table) if channels == "luminance" else table)
-
-
-def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples alone of `open_file`; same errors."""
-    return open_file(path, channels).samples
+    return Reading.of(path, samples, table, channels)
 
 
 def write(path: str | os.PathLike[str], reflectance: Reflectance) -> None:
