@@ -71,32 +71,6 @@ def write_dds_cube(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -
     write_bytes(path, _cube_header(parts[0].shape[1], len(parts)) + texels)
 
 
-def read_dds_cube(path: str | os.PathLike[str]) -> list[np.ndarray]:
-    """The levels (6, N, N, 4) float16, largest first, of a cube map that this module wrote.
-
-    Raises BadInput for a file that cannot be read, is no such DDS, or is truncated or padded.
-    """
-    data = read_bytes(path, "a DDS texture")
-    if data[:4] != b"DDS " or len(data) < _HEADER.size:
-        raise BadInput(f"{len(data)} bytes that start with {data[:4]!r}", where=path, expected="a DDS cube map")
-    fields = _HEADER.unpack_from(data)
-    side, count = fields[3], fields[7]
-    if not 1 <= count <= max(side, 1).bit_length() or data[: _HEADER.size] != _cube_header(side, count):
-        raise BadInput(
-            f"a header of {fields[4]} x {side} texels that is not of a cube map of halves", where=path, expected="one"
-        )
-    sides = [side >> k for k in range(count)]
-    size = _FACES * sum(own * own * 8 for own in sides)
-    if len(data) != _HEADER.size + size:
-        raise BadInput(where=path, found=f"{len(data) - _HEADER.size} bytes of texels", expected=size)
-    faces = np.frombuffer(data, "<f2", offset=_HEADER.size).reshape(_FACES, -1).astype(np.float16)
-    levels, at = [], 0
-    for own in sides:
-        levels.append(np.ascontiguousarray(faces[:, at : at + own * own * 4]).reshape(_FACES, own, own, 4))
-        at += own * own * 4
-    return levels
-
-
 def _cube_header(side: int, levels: int) -> bytes:
     surface = (124, _FLAGS | _PITCH | _MIPMAP_COUNT, side, side, side * 8, 0, levels)
     caps = (_DDSCAPS_TEXTURE | _COMPLEX, _CUBE, 0, 0, 0)

@@ -7,8 +7,8 @@
 so that cos γα cos γβ = cosθh. They are computed by 1 − cosγ = −expm1(cos²φh log cosθh), which keeps all digits at the
 peak; cosθh below 1e-6 counts as 1e-6, as in `brdf.analytic`.
 
-`chords_at` gives 2 sin(γ/2) of the same to compiled code, which asks one pixel for many directions of light, also of
-those under the horizon: what is beyond π/2 belongs to the last band.
+`chord_at` gives 2 sin(γ/2) of the same to compiled code, which asks for directions of light under the horizon too: what
+is beyond π/2 belongs to the last band.
 """
 
 import math
@@ -83,12 +83,3 @@ def chord_at(
         sine = across / (across + sz * sz)
         logarithm = max(0.5 * np.log1p(-min(sine, 1 - 1e-16)), logarithm)
     return np.sqrt(-2 * np.expm1(share * logarithm))
-
-
-@kernel(error_model="numpy", forceinline=True)
-def chords_at(
-    kind: int, directions: np.ndarray, wo: np.ndarray, found: np.ndarray
-) -> None:  # pragma: no cover (compiled)
-    """Fill `found` (V,) with 2 sin(γ/2) of the light's `directions` (V, 3), in the surface frame, and `wo` (3,)."""
-    for v in range(directions.shape[0]):
-        found[v] = chord_at(kind, directions[v, 0], directions[v, 1], directions[v, 2], wo[0], wo[1], wo[2])

@@ -127,11 +127,6 @@ def band_of(gamma: Tensor, count: int) -> Tensor:
     return (gamma * (count / RIGHT_ANGLE)).floor().to(torch.int64).clamp(0, count - 1)
 
 
-def band_edges(count: int) -> Tensor:
-    """The J + 1 edges in radians."""
-    return torch.linspace(0, RIGHT_ANGLE, count + 1, dtype=torch.float64)
-
-
 def band_centres(count: int) -> Tensor:
     """The J centres in radians."""
     return (torch.arange(count, dtype=torch.float64) + 0.5) * (RIGHT_ANGLE / count)
@@ -158,11 +153,3 @@ def band_deviation(curve: Curve, count: int) -> Tensor:
     gamma = (torch.arange(count, dtype=torch.float64)[:, None] + place) * (RIGHT_ANGLE / count)
     values = curve.at(gamma.reshape(-1)).reshape(count, _LOOKED_AT, -1)
     return (values - means[:, None]).abs().amax(1)
-
-
-def resampled(bands: Bands, count: int) -> Bands:
-    """The curve in another number of bands: means over several of them, or each one repeated."""
-    have = bands.count
-    if count <= have:
-        return Bands(bands.values.reshape(count, have // count, -1).mean(1))
-    return Bands(bands.values.repeat_interleave(count // have, 0))

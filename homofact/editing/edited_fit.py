@@ -26,6 +26,7 @@ from homofact.editing.picture import Address
 from homofact.editing.to_textures import Applied, apply_edit, edits_of
 from homofact.errors import BadInput
 from homofact.evaluation.compare import HELD_OUT, ComparisonRow, fit_and_measure
+from homofact.exporting.as_source import Drawn
 from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
 from homofact.factor.fixed_projections import EDITED
@@ -148,36 +149,8 @@ def _own_source(own: EditMaterial) -> Source:
     if own.opened.kind == SOURCE:
         return open_source(own.opened.words)
     isotropic = bool(getattr(getattr(found, "evaluation", found), "isotropic", False))
-    drawn = _Drawable(found, isotropic)
-    samples = sample_model(drawn, DEFAULT_COUNT, DEFAULT_SCHEME)
+    samples = sample_model(Drawn(found, isotropic), DEFAULT_COUNT, DEFAULT_SCHEME)
     return Source(own.material.name, "drawn", samples, found, NOISE_FREE_EPSILON, 0.0)
-
-
-@dataclass(frozen=True)
-class _Drawable:
-    """A reflectance that says whether it is isotropic."""
-
-    own: Reflectance
-    isotropic: bool
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Its own."""
-        return self.own.channels
-
-    @property
-    def nbytes(self) -> int:
-        """Its own."""
-        return self.own.nbytes
-
-    @property
-    def fetches(self) -> int:
-        """Its own."""
-        return self.own.fetches
-
-    def evaluate(self, wi: Any, wo: Any) -> Any:
-        """Its own values."""
-        return self.own.evaluate(wi, wo)
 
 
 def _curves_record(material: Editable, curves: Mapping[Place, Any]) -> list[dict[str, Any]]:

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.analytic.ashikhmin_shirley import AshikhminShirley
-from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector, schlick, v_grooves
+from homofact.brdf.analytic.common import Colour, grazing, half_vector, schlick, v_grooves
 from homofact.brdf.analytic.cook_torrance import CookTorrance
 from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.reflectance import Reflectance
@@ -123,17 +123,6 @@ def quotient_of(reflectance: Reflectance):
         return torch.as_tensor(reflectance.evaluate(wi, wo)).to(wi.dtype)
 
     return quotient
-
-
-def editable(model: AnalyticModel | Reflectance, name: str | None = None) -> Editable:
-    """A material by its own model where that is one of the paper's, else by curves over θh and θd that start at 1."""
-    if isinstance(model, CookTorrance):
-        return cook_torrance(model, name or "Cook-Torrance")
-    if isinstance(model, AshikhminShirley):
-        return ashikhmin_shirley(model, name or "Ashikhmin-Shirley")
-    if isinstance(model, Lambert):
-        return light_view(model, name or "Lambert")
-    return from_reflectance(model, name=name or "material")
 
 
 def _colour(value: float | tuple[float, ...], count: int) -> tuple[float, ...]:

@@ -25,20 +25,8 @@ def band_table(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @kernel(error_model="numpy", forceinline=True)
-def share_below(edge: float, a: float, b: float, c: float) -> float:  # pragma: no cover (compiled)
-    """The share of a triangle's area where y < edge, y linear with a ≤ b ≤ c at the corners."""
-    if edge <= a:
-        return 0.0
-    if edge >= c:
-        return 1.0
-    if edge <= b:
-        return (edge - a) * (edge - a) / ((b - a) * (c - a))
-    return 1.0 - (c - edge) * (c - edge) / ((c - b) * (c - a))
-
-
-@kernel(error_model="numpy", forceinline=True)
 def below(edge: float, t: np.ndarray, k: int) -> float:  # pragma: no cover (compiled)
-    """`share_below` of row k of (., 5) numbers: a, b, c and the two denominators' inverses."""
+    """The share of a triangle's area where y < edge, of row k of (., 5): a, b, c and two denominators' inverses."""
     if edge <= t[k, 0]:
         return 0.0
     if edge >= t[k, 2]:

@@ -16,7 +16,6 @@ and `refresh` takes that out.
 import math
 from dataclasses import dataclass, field
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -40,22 +39,6 @@ def transformed(values: Tensor) -> Tensor:
     while end >= COARSEST:
         found[..., :end] = torch.cat(_step(found[..., :end]), -1)
         end //= 2
-    return found
-
-
-def untransformed(coefficients: Tensor) -> Tensor:
-    """Sᵀ coefficients, the inverse of `transformed`."""
-    length, end = coefficients.shape[-1], COARSEST
-    found = coefficients.clone()
-    while end <= length:
-        low, high = found[..., : end // 2], found[..., end // 2 : end]
-        back = torch.zeros_like(found[..., :end])
-        for k in range(4):
-            part = LOW[k] * low + HIGH[k] * high
-            # Coefficient i holds the values 2i … 2i + 3, round the end.
-            back[..., k % 2 :: 2] += torch.roll(part, k // 2, -1)
-        found[..., :end] = back
-        end *= 2
     return found
 
 
@@ -148,10 +131,3 @@ def non_linear(table: Tensor, curve: Tensor, terms: int = TERMS) -> Tensor:
     numbers = largest(coefficients.abs().amax(1), terms)
     kept[numbers] = coefficients[numbers]
     return torch.einsum("pcj,jc->pc", transformed(table.to(torch.float64)), kept)
-
-
-def compressed_bytes(table: np.ndarray, threshold: float = 1e-6) -> int:
-    """Bytes of a table (..., J) in wavelets without what is below `threshold` of its largest: values and numbers."""
-    found = transformed(torch.from_numpy(np.ascontiguousarray(table)).to(torch.float32))
-    kept = int((found.abs() > threshold * found.abs().max()).sum())
-    return kept * (4 + 2)

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, PngImagePlugin
@@ -61,13 +61,6 @@ def drawn_sphere(
     shown = tonemap(image, factor, curve=curve)
     report = PictureReport(factor, shown.clipped, curve)
     return SpherePicture(shown.pixels.numpy(), report, caption(light, report))
-
-
-def sphere_picture(path: str | os.PathLike[str], reflectance: Reflectance, **settings: Any) -> PictureReport:
-    """Draw one sphere as `drawn_sphere` does and write it. Raises BadInput as `drawn_sphere` and its `write`."""
-    picture = drawn_sphere(reflectance, **settings)
-    picture.write(path)
-    return picture.report
 
 
 def caption(light: Light | Sequence[Light], report: PictureReport) -> str:

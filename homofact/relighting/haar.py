@@ -26,20 +26,6 @@ def transformed(maps: np.ndarray) -> np.ndarray:
     return found
 
 
-def restored(coefficients: np.ndarray) -> np.ndarray:
-    """The maps (..., n, n) of coefficients: the inverse of `transformed`."""
-    found = np.array(coefficients, np.float64)
-    size = 1
-    while size < found.shape[-1]:
-        part = found[..., : 2 * size, : 2 * size]
-        s, x = part[..., :size, :size].copy(), part[..., :size, size:].copy()
-        y, z = part[..., size:, :size].copy(), part[..., size:, size:].copy()
-        part[..., ::2, ::2], part[..., ::2, 1::2] = (s + x + y + z) / 2, (s - x + y - z) / 2
-        part[..., 1::2, ::2], part[..., 1::2, 1::2] = (s + x - y - z) / 2, (s - x - y + z) / 2
-        size *= 2
-    return found
-
-
 @kernel(nogil=True, fastmath=True)
 def transform_faces(faces: np.ndarray, scratch: np.ndarray) -> None:
     """`transformed` of float32 faces (F, n, n) in place; `scratch` (n, n) float32. Faces of zeros are passed over."""

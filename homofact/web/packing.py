@@ -27,14 +27,6 @@ def pack(array: np.ndarray) -> dict[str, Any]:
     return {"type": array.dtype.name, "shape": list(array.shape), "data": data}
 
 
-def unpack(packed: dict[str, Any]) -> np.ndarray:
-    """The array that `pack` took."""
-    kind = np.dtype(packed["type"]).newbyteorder("<")
-    grouped = np.frombuffer(zlib.decompress(base64.b64decode(packed["data"])), np.uint8)
-    plain = np.ascontiguousarray(grouped.reshape(kind.itemsize, -1).T)
-    return plain.view(kind).reshape(packed["shape"]).astype(packed["type"])
-
-
 def differences(array: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     """Each element less the one before it along each of `axes`, the first as it is; integers wrap around."""
     for axis in axes:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from cube_maps import read_ktx2_cube
 
 import homofact
 from homofact.brdf import adaptive
@@ -14,7 +15,6 @@ from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.cli.main import main
 from homofact.containers.exr import write_exr
 from homofact.containers.formats import FORMATS
-from homofact.containers.ktx2 import read_ktx2_cube
 from homofact.exporting.engines import gltf, three
 from homofact.exporting.prefiltered import relative_rms, write_sky
 from homofact.factor.factorization import Factorization

@@ -1,4 +1,4 @@
-"""Cube maps with levels in KTX2 and DDS: numbers of the specifications, ktx-parse, bits that survive, bad files."""
+"""Cube maps with levels in KTX2 and DDS: numbers of the specifications, ktx-parse, bits that survive."""
 
 import json
 import shutil
@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cube_maps import ktx2_key_values, read_dds_cube, read_ktx2_cube
 from refusals import refused
 
-from homofact.containers.dds import read_dds, read_dds_cube, write_dds_cube
-from homofact.containers.ktx2 import read_ktx2, read_ktx2_cube, read_ktx2_key_values, write_ktx2, write_ktx2_cube
-from homofact.errors import BadInput
+from homofact.containers.dds import read_dds, write_dds_cube
+from homofact.containers.ktx2 import read_ktx2, write_ktx2_cube
 
 NODE = Path(__file__).parent / "node"
 WRITERS = {"ktx2": (write_ktx2_cube, read_ktx2_cube), "dds": (write_dds_cube, read_dds_cube)}
@@ -53,15 +53,7 @@ def test_a_ktx2_has_its_smallest_level_first_and_its_index_the_largest(tmp_path)
     for (start, length, _), level in zip(index, chain(), strict=True):
         assert data[start : start + length] == level.tobytes()
     assert len(data) == starts[0] + 6 * 64 * 8
-    assert read_ktx2_key_values_of_cube(tmp_path / "t.ktx2") == b"KTXwriter\0a\0"
-
-
-def read_ktx2_key_values_of_cube(path):
-    data = path.read_bytes()
-    start, length = struct.unpack_from("<2I", data, 56)
-    (size,) = struct.unpack_from("<I", data, start)
-    assert size + 4 <= length
-    return data[start + 4 : start + 4 + size]
+    assert ktx2_key_values(tmp_path / "t.ktx2") == {"KTXwriter": "a"}
 
 
 def test_ktx_parse_reads_the_same(tmp_path):
@@ -109,47 +101,9 @@ def test_what_is_no_cube_map_is_refused_and_nothing_written(tmp_path, form):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("form", WRITERS)
-def test_truncations_padding_and_other_kinds_of_texture_are_refused(tmp_path, form):
-    write, read = WRITERS[form]
-    path = tmp_path / "t"
-    write(path, chain(2, 2))
-    whole = path.read_bytes()
-    for size in range(len(whole)):
-        path.write_bytes(whole[:size])
-        with pytest.raises(BadInput):
-            read(path)
-    path.write_bytes(whole + b"\0")
+@pytest.mark.parametrize(("form", "read"), [("ktx2", read_ktx2), ("dds", read_dds)])
+def test_a_cube_map_is_no_plain_texture(tmp_path, form, read):
+    write, _ = WRITERS[form]
+    write(tmp_path / "t", chain(2, 2))
     with refused(where="t"):
-        read(path)
-    path.write_bytes(whole)
-    with pytest.raises(BadInput):
-        (read_ktx2 if form == "ktx2" else read_dds)(path)
-
-
-@pytest.mark.parametrize(
-    ("at", "value", "message"),
-    [
-        (20, 4, "expected a square cube map"),
-        (36, 1, "expected a square cube map"),
-        (40, 0, "expected a square cube map"),
-        (40, 9, "expected a square cube map"),
-        (40, 1, "descriptor"),
-        (88, 1, "indexed as 1"),
-        (104, 0, "expected them to follow"),
-    ],
-)
-def test_a_header_edited_into_nonsense(tmp_path, at, value, message):
-    write_ktx2_cube(tmp_path / "t.ktx2", chain())
-    data = bytearray((tmp_path / "t.ktx2").read_bytes())
-    struct.pack_into("<I", data, at, value)
-    (tmp_path / "t.ktx2").write_bytes(bytes(data))
-    with refused(message):
-        read_ktx2_cube(tmp_path / "t.ktx2")
-
-
-def test_a_plain_texture_is_no_cube_map(tmp_path):
-    write_ktx2(tmp_path / "t.ktx2", np.zeros((4, 4, 4)), {"KTXwriter": "a"})
-    with refused(where="t.ktx2"):
-        read_ktx2_cube(tmp_path / "t.ktx2")
-    assert read_ktx2_key_values(tmp_path / "t.ktx2") == {"KTXwriter": "a"}
+        read(tmp_path / "t")

@@ -9,15 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cube_maps import ktx2_key_values
 from refusals import refused
 
-from homofact.containers.bc6h import decode_bc6h, encode_bc6h
-from homofact.containers.ktx2 import (
-    read_ktx2,
-    read_ktx2_key_values,
-    write_ktx2,
-    write_ktx2_bc6h,
-)
+from homofact.containers.ktx2 import read_ktx2, write_ktx2
 from homofact.errors import BadInput
 
 NODE = Path(__file__).parent / "node"
@@ -56,7 +51,7 @@ def test_halves_come_back_to_the_bit(tmp_path, shape, key_values):
     found = read_ktx2(tmp_path / "t.ktx2")
     assert found.dtype == np.float16
     np.testing.assert_array_equal(found.view(np.uint16), pixels.view(np.uint16))
-    assert read_ktx2_key_values(tmp_path / "t.ktx2") == key_values
+    assert ktx2_key_values(tmp_path / "t.ktx2") == key_values
 
 
 def test_header_numbers_are_those_of_the_specification(tmp_path):
@@ -99,25 +94,6 @@ def test_header_numbers_are_those_of_the_specification(tmp_path):
 def test_without_key_values_their_offset_is_zero(tmp_path):
     write_ktx2(tmp_path / "t.ktx2", halves(1, 1))
     assert struct.unpack_from("<4I", (tmp_path / "t.ktx2").read_bytes(), 48) == (104, 92, 0, 0)
-
-
-def test_bc6h_has_its_own_format_descriptor_and_alignment(tmp_path):
-    pixels = halves(8, 12)[..., :3].astype(np.float64) % 7
-    write_ktx2_bc6h(tmp_path / "t.ktx2", pixels, {"a": "b"})
-    data = (tmp_path / "t.ktx2").read_bytes()
-    assert struct.unpack_from("<9I", data, 12) == (144, 1, 12, 8, 0, 0, 1, 1, 0)
-    assert struct.unpack_from("<2I", data, 48) == (104, 44)
-    # BC6H, blocks of 4 x 4 texels (stored less 1) in 16 bytes, one signed float sample of 128 bits.
-    assert struct.unpack_from("<I 4H 4B 4B 8B", data, 104) == (
-        44, 0, 0, 2, 40, 133, 0, 1, 0, 3, 3, 0, 0, 16, 0, 0, 0, 0, 0, 0, 0,
-    )  # fmt: skip
-    assert struct.unpack_from("<H 2B I 2I", data, 132) == (0, 127, 0xC0, 0, FLOAT_MINUS_1, FLOAT_1)
-    start, length, _ = struct.unpack_from("<3Q", data, 80)
-    assert start % 16 == 0
-    assert length == 96
-    blocks = encode_bc6h(pixels.astype(np.float16))
-    assert data[start:] == blocks
-    np.testing.assert_array_equal(read_ktx2(tmp_path / "t.ktx2"), decode_bc6h(blocks, 8, 12))
 
 
 @pytest.mark.parametrize("key_values", [{}, KEY_VALUES])
@@ -166,15 +142,6 @@ def test_layers_come_back_one_under_another_and_only_as_many(tmp_path):
     np.testing.assert_array_equal(read_ktx2(path, 2).view(np.uint16), halves(6, 5).view(np.uint16))
 
 
-def test_ktx_parse_reads_the_blocks(tmp_path, parsed):
-    pixels = np.random.default_rng(3).uniform(1, 2, (4, 8, 3))
-    write_ktx2_bc6h(tmp_path / "t.ktx2", pixels, KEY_VALUES)
-    found = parsed(tmp_path / "t.ktx2")
-    assert (found["vkFormat"], found["pixelWidth"], found["pixelHeight"]) == (144, 8, 4)
-    assert found["dataFormatDescriptor"][0]["colorModel"] == 133
-    assert bytes.fromhex(found["levels"][0]["data"]) == encode_bc6h(pixels.astype(np.float16))
-
-
 @pytest.mark.parametrize(
     ("key_values", "message"),
     [
@@ -205,8 +172,6 @@ def test_pixels_that_cannot_be_stored(tmp_path):
     far[2, 1, 3] = np.nan
     with refused(where="t.ktx2"):
         write_ktx2(path, far)
-    with refused(where="t.ktx2"):
-        write_ktx2_bc6h(path, np.zeros((8, 7, 3)))
     with pytest.raises(BadInput, match="cannot be written"):
         write_ktx2(tmp_path / "nowhere" / "t.ktx2", halves(2, 2))
     assert list(tmp_path.iterdir()) == []

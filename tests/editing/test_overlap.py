@@ -6,16 +6,23 @@ import math
 import numpy as np
 import pytest
 
-from homofact.editing.angles import ANGLES, RIGHT_ANGLE, chords_at
+from homofact.editing.angles import ANGLES, RIGHT_ANGLE, chord_at
 from homofact.editing.lights import TriangleLights, triangle_lights
 from homofact.editing.overlap import VisibleLights, transport
-from homofact.editing.shares import TOLERANCE, bend, share_below
+from homofact.editing.shares import TOLERANCE, below, bend, put_corners
 from homofact.scene.lighting import named_lighting
 from homofact.scene.visibility import VisiblePixels
 
 LIGHTS = triangle_lights(named_lighting("studio"), 300)
 FRAME = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
 FRAME[2] *= np.sign(np.linalg.det(FRAME))
+
+
+def share_below(edge: float, *corners: float) -> float:
+    """The share of one triangle by its values at the corners."""
+    row = np.zeros((1, 5))
+    put_corners(row, 0, *corners)
+    return below(edge, row, 0)
 
 
 def test_share_below_is_that_of_points_in_the_triangle() -> None:
@@ -75,9 +82,8 @@ def sampled_bands(lights, wo, kinds, bands, number, side=160) -> np.ndarray:
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     place = np.zeros(len(points), dtype=np.int64)
     for kind, count in zip(kinds, bands, strict=True):
-        gamma = np.empty(len(points))
         if kind >= 0:
-            chords_at(kind, points, wo, gamma)
+            gamma = np.array([chord_at(kind, *each, *wo) for each in points])
             gamma = 2 * np.arcsin(np.minimum(gamma / 2, 1))
             band = np.clip((gamma * count / RIGHT_ANGLE).astype(np.int64), 0, count - 1)
         else:

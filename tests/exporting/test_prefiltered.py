@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from cube_maps import read_dds_cube, read_ktx2_cube
 from skies import lamps
 
-from homofact.containers.dds import read_dds_cube
 from homofact.containers.formats import FORMATS
-from homofact.containers.ktx2 import read_ktx2_cube
 from homofact.exporting.prefiltered import PrefilteredExport, in_halves
 from homofact.rendering.prefilter import Prefiltered
 from homofact.rendering.sky_chain import chain_of

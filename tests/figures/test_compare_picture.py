@@ -14,7 +14,7 @@ from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.source import interpolated_samples, open_source
 from homofact.errors import BadInput
 from homofact.figures.compare_picture import LIGHTS, _coloured, _reach, compare_picture, relative_difference
-from homofact.figures.sphere_picture import sphere_picture
+from homofact.figures.sphere_picture import drawn_sphere
 from homofact.files.atomic import replace_file
 from homofact.rendering.sphere import SphereImage, render_sphere
 
@@ -153,7 +153,8 @@ def test_what_was_not_measured_is_hatched_and_counts_in_no_scale(tmp_path, chann
 
 
 def test_sphere_picture_is_the_tone_mapped_render_and_says_how(tmp_path):
-    report = sphere_picture(tmp_path / "ball.png", Grey(0.5), size=40, exposure=1.0)
+    drawn = drawn_sphere(Grey(0.5), size=40, exposure=1.0)
+    drawn.write(tmp_path / "ball.png")
     picture = Image.open(tmp_path / "ball.png")
     radiance = render_sphere(Grey(0.5), size=40).radiance[20, 20, 0]
     code = round(255 * (1.055 * float(radiance) ** (1 / 2.4) - 0.055))
@@ -161,14 +162,14 @@ def test_sphere_picture_is_the_tone_mapped_render_and_says_how(tmp_path):
     words = picture.info["Description"]
     for part in ("Exposure 1", "D65", "directional light"):
         assert part in words
-    assert report.clipped == 0
+    assert drawn.report.clipped == 0
 
 
 def test_no_fits_and_no_place(tmp_path):
     with refused(where="comparison picture", found="no fits"):
         compare_picture(tmp_path / "x.png", ("s", Grey(0.5)), [])
     with pytest.raises(BadInput, match="cannot be written"):
-        sphere_picture(tmp_path / "missing" / "x.png", Grey(0.5), size=16)
+        drawn_sphere(Grey(0.5), size=16).write(tmp_path / "missing" / "x.png")
     assert not list(tmp_path.iterdir())
 
 

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from relit_scene import CAMERA, SIZE, plain, scene, sky_picture
+from unpacked import unpack
 
 from homofact.errors import BadInput
 from homofact.meshes.shapes import ground, sphere, torus_knot
@@ -18,10 +20,10 @@ from homofact.relighting import cube
 from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.page.build import PageReference, closed, page_objects, shown_name, turns, write_page
-from homofact.relighting.page.order import cached_order, misses
+from homofact.relighting.page.order import CACHE, cached_order
 from homofact.relighting.page.skies import page_sky, reduced, rounded
 from homofact.rendering.light import EnvironmentMap
-from homofact.web.packing import halves, unpack
+from homofact.web.packing import halves
 
 
 def written(path: Path) -> dict[str, Any]:
@@ -118,6 +120,17 @@ def test_frames_become_quaternions_and_back() -> None:
     frames = scene().objects[0].transport.frames
     again = Rotation.from_quat(turns(frames).astype(float)).as_matrix()
     assert np.abs(again - frames).max() < 1e-4
+
+
+def misses(triangles: np.ndarray) -> float:
+    """Vertices processed for each triangle where the last `CACHE` of them are kept, first in, first out."""
+    kept: deque[int] = deque(maxlen=CACHE)
+    processed = 0
+    for v in triangles.reshape(-1).tolist():
+        if v not in kept:
+            kept.append(v)
+            processed += 1
+    return processed / len(triangles)
 
 
 def test_triangles_in_an_order_that_keeps_vertices() -> None:

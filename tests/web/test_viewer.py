@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from shading_cases import CASES, SEPARABLE, factorization
+from unpacked import unpack
 
 from homofact.brdf.materials import material
 from homofact.errors import BadInput
@@ -26,7 +27,7 @@ from homofact.shading.cost import cost_of
 from homofact.shading.encoding import encode_texture
 from homofact.shading.program import program_of
 from homofact.web.layers import fit_layer
-from homofact.web.packing import TYPES, differences, pack, unpack
+from homofact.web.packing import TYPES, differences, pack
 from homofact.web.viewer import Layer, LayerTexture, source_layer, viewer_html, write_viewer
 
 GLSL = "uniform sampler2D a_texture_0;\nvec3 a_evaluate(vec3 wi, vec3 wo) { return vec3(0.0); }"

@@ -24,11 +24,6 @@ def cached_order(triangles: np.ndarray) -> np.ndarray:
     return triangles[_walk(flat.reshape(-1, 3), start, around, count)]
 
 
-def misses(triangles: np.ndarray, cache: int = CACHE) -> float:
-    """Vertices processed for each triangle where the last `cache` of them are kept, first in, first out."""
-    return float(_misses(np.ascontiguousarray(triangles, np.int64).reshape(-1), cache) / max(len(triangles), 1))
-
-
 @kernel()
 def _walk(triangles: np.ndarray, start: np.ndarray, around: np.ndarray, left: np.ndarray) -> np.ndarray:
     """The numbers of the triangles in order; `left` (V,) is used up."""
@@ -76,14 +71,3 @@ def _walk(triangles: np.ndarray, start: np.ndarray, around: np.ndarray, left: np
         if found < 0:
             return order[:place]
         at = found
-
-
-@kernel()
-def _misses(flat: np.ndarray, cache: int) -> int:
-    stamp = np.full(flat.max() + 1, -cache - 1)
-    time = 0
-    for v in flat:
-        if time - stamp[v] > cache:
-            stamp[v] = time
-            time += 1
-    return time

@@ -1,0 +1,15 @@
+"""The arrays of a page again."""
+
+import base64
+import zlib
+from typing import Any
+
+import numpy as np
+
+
+def unpack(packed: dict[str, Any]) -> np.ndarray:
+    """The array that `homofact.web.packing.pack` took."""
+    kind = np.dtype(packed["type"]).newbyteorder("<")
+    grouped = np.frombuffer(zlib.decompress(base64.b64decode(packed["data"])), np.uint8)
+    plain = np.ascontiguousarray(grouped.reshape(kind.itemsize, -1).T)
+    return plain.view(kind).reshape(packed["shape"]).astype(packed["type"])
