@@ -31,7 +31,7 @@ tolerance = 0.003                  # relative RMS that the low rank may leave
 """
 
 import os
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +46,10 @@ from homofact.scene.lighting import LightTable
 from homofact.scene.materials import MaterialTable
 from homofact.scene.meshes import SHAPE_PREFIX
 from homofact.scene.objects import GroundTable, ObjectTable, found_tables
+from homofact.scene.scene_file import SceneTable
 from homofact.settings.kinds import EDITING, check_kind
-from homofact.settings.tables import limits, read_table
+from homofact.settings.options import option
+from homofact.settings.tables import read_table
 
 OWN, HF, HD = "own", "HF", "HD"
 TRIANGLES = 4000
@@ -98,22 +100,15 @@ class EditGroundTable(_Edited, GroundTable):
 class EditSettings:
     """[edit]: how many triangles the light is divided into, and what the low rank may leave."""
 
-    triangles: int = field(default=TRIANGLES, metadata=limits(least=8, most=100_000))
-    tolerance: float = field(default=TOLERANCE, metadata=limits(above=0, most=0.5))
+    triangles: int = option(TRIANGLES, "Of the light", least=8, most=100_000)
+    tolerance: float = option(TOLERANCE, "Relative RMS that the low rank may leave", above=0, most=0.5)
 
 
-@dataclass(frozen=True)
-class _Table:
+@dataclass(frozen=True, kw_only=True)
+class _EditTable(SceneTable):
     object: tuple[EditObjectTable, ...]
-    lighting: LightTable
-    camera: tuple[Camera, ...]
     ground: EditGroundTable | None = None
     edit: EditSettings = EditSettings()
-
-    def __post_init__(self) -> None:
-        for name, found in (("object", self.object), ("camera", self.camera)):
-            if not found:
-                raise BadInput(where=name, found="none", expected="at least one")
 
 
 @dataclass(frozen=True)
@@ -164,7 +159,7 @@ def read_edit_scene(path: str | Path) -> EditSceneFile:
 
 def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) -> EditSceneFile:
     """The scene of a table whose paths are relative to `folder`; `place` goes before every message. Raises BadInput."""
-    found = read_table(_Table, table, place)
+    found = read_table(_EditTable, table, place)
     try:
         objects, ground = found_tables(found.object, found.ground, folder)
         lighting = found.lighting

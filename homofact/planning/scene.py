@@ -21,7 +21,7 @@ fetches = 4                        # of one evaluation, at most
 """
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +33,8 @@ from homofact.rendering.light import DirectionalLight
 from homofact.scene.lighting import Lighting, named_lighting
 from homofact.scene.materials import found_source
 from homofact.settings.kinds import PLANNING, check_kind
-from homofact.settings.options import MOST_SEED
-from homofact.settings.tables import limits, read_table
+from homofact.settings.options import MOST_SEED, option, required
+from homofact.settings.tables import read_table
 
 SHARE_SLACK = 1e-6
 LEAST_PIXELS, MOST_PIXELS = 2, 16384
@@ -48,8 +48,8 @@ class SceneMaterial:
     """
 
     source: str
-    share: float = field(metadata=limits(above=0, most=1))
-    pixels: int | None = field(default=None, metadata=limits(least=LEAST_PIXELS, most=MOST_PIXELS))
+    share: float = required("Part of the picture", above=0, most=1)
+    pixels: int | None = option(None, "How many the object is across", least=LEAST_PIXELS, most=MOST_PIXELS)
 
     @property
     def key(self) -> tuple[str, int | None]:
@@ -62,8 +62,8 @@ class Budget:
     """`bytes` of all materials together and `fetches` of one evaluation; None is no limit."""
 
     # One colour is 4 bytes at least and 0 fetches.
-    bytes: int | None = field(default=None, metadata=limits(least=4))
-    fetches: int | None = field(default=None, metadata=limits(least=0))
+    bytes: int | None = option(None, "Of all materials together", least=4)
+    fetches: int | None = option(None, "Of one evaluation, at most", least=0)
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,10 @@ class _LightingTable:
     named: str | None = None
 
     def __post_init__(self) -> None:
-        _the_one(self)
+        given = _given(self)
+        if len(given) != 1:
+            names = ", ".join(key.name for key in fields(self))
+            raise BadInput(found=" and ".join(given) or "none", expected=f"exactly one of {names}")
         for place, light in enumerate(self.lights or ()):
             if len(light.levels()) not in (1, 3):
                 found = f"found {len(light.levels())} numbers"
@@ -98,11 +101,11 @@ class _LightingTable:
 class _ToleranceTable:
     """[tolerance] as it stands in the file; its keys are `plan.tolerance.KINDS`."""
 
-    cole: float | None = field(default=None, metadata=limits(above=0))
-    delta_e: float | None = field(default=None, metadata=limits(above=0))
-    delta_e_p95: float | None = field(default=None, metadata=limits(above=0))
-    delta_e_peak: float | None = field(default=None, metadata=limits(above=0))
-    reflected: float | None = field(default=None, metadata=limits(above=0))
+    cole: float | None = option(None, "Mean squared error of logarithms", above=0)
+    delta_e: float | None = option(None, "Mean CIEDE2000 of the lit sphere", above=0)
+    delta_e_p95: float | None = option(None, "Its 95th percentile", above=0)
+    delta_e_peak: float | None = option(None, "Its greatest value", above=0)
+    reflected: float | None = option(None, "Relative error of the reflected light", above=0)
 
     def __post_init__(self) -> None:
         if not _given(self):
@@ -117,7 +120,7 @@ class _SceneTable:
     lighting: _LightingTable | tuple[_LightingTable, ...]
     tolerance: _ToleranceTable
     budget: Budget = Budget()
-    seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
+    seed: int = option(0, "Of the views and the fits", least=0, most=MOST_SEED)
 
     def __post_init__(self) -> None:
         total = math.fsum(material.share for material in self.material)
@@ -162,14 +165,6 @@ def _lighting(table: _LightingTable, folder: Path) -> Lighting:
         return named_lighting(table.named)
     environment = read_environment(folder / str(table.environment))
     return Lighting(environment.name, (environment,), environment.describe())
-
-
-def _the_one(table: "_LightingTable") -> None:
-    """Raise BadInput where none of the keys is given, or several."""
-    given = _given(table)
-    if len(given) != 1:
-        names = ", ".join(key.name for key in fields(table))
-        raise BadInput(found=" and ".join(given) or "none", expected=f"exactly one of {names}")
 
 
 def _given(table: "_LightingTable | _ToleranceTable") -> dict[str, Any]:

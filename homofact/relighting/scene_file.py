@@ -36,7 +36,7 @@ components = 12
 reflected = 0.02                   # `plan` chooses all of them so that the light errs by this at most, relative RMS
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from homofact.errors import BadInput
@@ -46,21 +46,21 @@ from homofact.relighting.factoring import MOST_TERMS
 from homofact.relighting.precompute import KEPT, TransportSettings
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
-from homofact.scene.lighting import LightTable
 from homofact.scene.materials import MaterialTable
 from homofact.scene.objects import GroundTable, ObjectTable, found_tables
+from homofact.scene.scene_file import SceneTable
 from homofact.settings.kinds import RELIGHTING, check_kind
-from homofact.settings.options import MOST_SEED
-from homofact.settings.tables import limits, read_table
+from homofact.settings.options import MOST_SEED, option, required
+from homofact.settings.tables import read_table
 
 
 @dataclass(frozen=True, kw_only=True)
 class _TermRule(MaterialTable):
     """How many in-out factors a material has: `terms`, or by one of the two rules of `factoring`."""
 
-    terms: int | None = field(default=None, metadata=limits(least=1, most=MOST_TERMS))
-    error: float | None = field(default=None, metadata=limits(above=0, most=0.9))
-    share: float | None = field(default=None, metadata=limits(above=0, most=0.9999))
+    terms: int | None = option(None, "K of its in-out factors", least=1, most=MOST_TERMS)
+    error: float | None = option(None, "As many terms as leave this expected error", above=0, most=0.9)
+    share: float | None = option(None, "As many terms as hold this of the material's energy", above=0, most=0.9999)
 
     def __post_init__(self) -> None:
         """Refuse two rules for K. Raises BadInput."""
@@ -86,29 +86,26 @@ class _Transport:
     rays: int = 1
     kept: int | None = None
     tolerance: float | None = None
-    clusters: int | None = field(default=None, metadata=limits(least=-1))
-    components: int = field(default=COMPONENTS, metadata=limits(least=1, most=64))
+    clusters: int | None = option(None, "Clustered principal components; 0 is none, -1 as many as suit", least=-1)
+    components: int = option(COMPONENTS, "Of a cluster", least=1, most=64)
 
 
 @dataclass(frozen=True)
 class _Tolerance:
-    reflected: float = field(metadata=limits(above=0, most=0.9))
+    reflected: float = required("Relative RMS of the light", above=0, most=0.9)
 
 
-@dataclass(frozen=True)
-class _Table:
+@dataclass(frozen=True, kw_only=True)
+class _RelightTable(SceneTable):
     object: tuple[RelightObjectTable, ...]
-    lighting: LightTable
-    camera: tuple[Camera, ...]
-    transport: _Transport = _Transport()
     ground: RelightGroundTable | None = None
+    transport: _Transport = _Transport()
     tolerance: _Tolerance | None = None
-    seed: int = field(default=0, metadata=limits(least=0, most=MOST_SEED))
+    seed: int = option(0, "Of clusters and of the vertices that errors are measured at", least=0, most=MOST_SEED)
 
     def __post_init__(self) -> None:
-        for name, found in (("object", self.object), ("camera", self.camera)):
-            if not found:
-                raise BadInput(where=name, found="none", expected="at least one")
+        """Refuse a tolerance beside what it chooses. Raises BadInput."""
+        super().__post_init__()
         if self.tolerance is None:
             return
         given = [f"transport.{name}" for name in ("kept", "tolerance", "clusters") if _given(self.transport, name)]
@@ -146,7 +143,7 @@ def read_relight_scene(path: str | Path) -> RelightSceneFile:
     file = Path(path)
     given = read_toml(file, "a scene in TOML")
     check_kind(given, RELIGHTING, file)
-    found = read_table(_Table, given, f"{file}: ")
+    found = read_table(_RelightTable, given, f"{file}: ")
     asked = found.transport
     try:
         objects, ground = found_tables(found.object, found.ground, file.parent)

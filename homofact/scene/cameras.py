@@ -1,12 +1,12 @@
 """The pinhole camera of scene files, pictures, fixed views and references, and its rays."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from homofact.errors import BadInput
-from homofact.settings.tables import limits
+from homofact.settings.options import option
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Camera:
 
     eye: tuple[float, ...]
     target: tuple[float, ...] = (0.0, 0.0, 0.0)
-    field: float = field(default=40.0, metadata=limits(above=0, most=170))
+    field: float = option(40.0, "Degrees from top to bottom", above=0, most=170)
     pixels: tuple[int, ...] = (480, 360)
     name: str | None = None
 

@@ -8,7 +8,7 @@ sharp the lobe is there. Orders are looked at up to `ORDER`; a directional light
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from torch import Tensor
 from homofact.errors import BadInput
 from homofact.rendering.environment import read_environment
 from homofact.rendering.light import DirectionalLight, EnvironmentMap, Light
-from homofact.settings.tables import limits
+from homofact.settings.options import option
 from homofact.theory.harmonics import energy_by_order, harmonics, orders
 from homofact.theory.reflection import directional_lighting, lambertian_filter
 
@@ -123,7 +123,7 @@ class LightTable:
 
     environment: str | None = None
     named: str | None = None
-    turn: float = field(default=0.0, metadata=limits())
+    turn: float = option(0.0, "Degrees about y")
 
     def __post_init__(self) -> None:
         """Refuse none and both. Raises BadInput."""

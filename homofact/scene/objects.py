@@ -5,7 +5,7 @@ The tables are read by `settings.tables`; sources and meshes are relative to the
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -19,7 +19,7 @@ from homofact.meshes.shapes import ground
 from homofact.scene.cameras import check_point
 from homofact.scene.materials import MaterialTable, OpenedMaterial, Stage, found_source, open_materials
 from homofact.scene.meshes import SHAPE_PREFIX, lowest, open_mesh, shape
-from homofact.settings.tables import limits
+from homofact.settings.options import option
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class ObjectTable(MaterialTable):
     """
 
     mesh: str
-    size: float = field(default=1.0, metadata=limits(above=0))
+    size: float = option(1.0, "Radius of the sphere round it", above=0)
     at: tuple[float, ...] = (0.0, 0.0, 0.0)
-    turn: float = field(default=0.0, metadata=limits())
+    turn: float = option(0.0, "Degrees about y")
 
     def __post_init__(self) -> None:
         """Refuse what is no point, and no or two materials. Raises BadInput."""
@@ -44,8 +44,8 @@ class ObjectTable(MaterialTable):
 class GroundTable(MaterialTable):
     """The plane under the objects, at the height of their lowest vertex: half of its width, squares along a side."""
 
-    half: float = field(default=2.5, metadata=limits(above=0))
-    steps: int = field(default=64, metadata=limits(least=1, most=1024))
+    half: float = option(2.5, "Half of its width", above=0)
+    steps: int = option(64, "Squares along a side", least=1, most=1024)
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,9 @@ from types import UnionType
 from typing import Any, NoReturn, TypeVar
 
 from homofact.errors import BadInput
-from homofact.settings.options import Option, declared, described
+from homofact.settings.options import declared, described
 
 T = TypeVar("T")
-
-
-def limits(least: float | None = None, most: float | None = None, above: float | None = None) -> dict[str, Any]:
-    """Metadata of a field whose numbers are finite, at least `least`, at most `most`, and above `above`."""
-    return {"option": Option("", least=least, most=most, above=above)}
 
 
 def read_table(
