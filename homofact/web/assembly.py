@@ -15,6 +15,9 @@ from typing import Any
 from homofact.files.words import harmless, harmless_words
 from homofact.version import __version__
 
+# Pieces of pages: {{choice tones|Tones}} is choice.html with these two words as its {{1}} and {{2}}.
+_PIECES = re.compile(r"\{\{(start|choice|exposure|help|end|scripts)(?: ([^{}]*))?\}\}")
+
 
 @cache
 def part(package: str, name: str) -> str:
@@ -30,17 +33,18 @@ def assembled(
     styles: Sequence[str],
     scripts: Sequence[str],
     data: dict[str, Any],
-    workers: bool = False,
+    policy: str = "",
     head: str | None = None,
 ) -> str:
     """The page: head.html and the `body` that goes on from it, with {{title}}, {{data}} and the like filled in.
 
-    `workers` lets it start workers of its own text; `head` is another text than head.html.
+    What pages have alike is put in first (`_pieced`). `policy` is what the page may load beside pictures in its data;
+    `head` is another text than head.html.
     """
     # In JSON a letter may be written by its number: the text can then neither end nor open anything in HTML.
     text = json.dumps(harmless_words(data), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     fill = {
-        "policy": "; worker-src blob:" if workers else "",
+        "policy": policy,
         "generator": f"homofact {__version__}",
         "title": html.escape(harmless(title)),
         "subtitle": html.escape(harmless(subtitle)),
@@ -49,5 +53,16 @@ def assembled(
         "script": '(() => {\n"use strict";\n' + "\n".join(scripts) + "\n})();",
     }
     # One pass, so that braces in what is put in are left alone.
-    whole = f"{head or part('homofact.web', 'head.html')}\n{body}"
+    whole = _pieced(f"{head or part('homofact.web', 'head.html')}\n{body}")
     return re.sub(r"\{\{(\w+)\}\}", lambda match: fill[match[1]], whole)
+
+
+def _pieced(text: str) -> str:
+    """The text with all pieces put in, those of pieces too."""
+
+    def piece(match: re.Match[str]) -> str:
+        words = (match[2] or "").split("|")
+        found = part("homofact.web", f"{match[1]}.html")
+        return _pieced(re.sub(r"\{\{(\d)\}\}", lambda place: words[int(place[1]) - 1], found))
+
+    return _PIECES.sub(piece, text)

@@ -44,3 +44,12 @@ function showTrouble(error) {
   by("main").replaceWith(box);
   for (const button of document.querySelectorAll(".actions button")) button.hidden = true;
 }
+
+/** Begins a page; what `begin` resolves to are the properties of `homofact`, for programs that drive the page. */
+function startPage(begin) {
+  window.homofact = { ready: begin() };
+  window.homofact.ready.then(
+    (handle) => { Object.defineProperties(window.homofact, Object.getOwnPropertyDescriptors(handle)); },
+    showTrouble,
+  );
+}

@@ -245,8 +245,4 @@ async function begin() {
   };
 }
 
-window.homofact = { ready: begin() };
-window.homofact.ready.then(
-  (handle) => { Object.defineProperties(window.homofact, Object.getOwnPropertyDescriptors(handle)); },
-  showTrouble,
-);
+startPage(begin);

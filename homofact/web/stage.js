@@ -39,12 +39,7 @@ class Stage {
     this.reach = mesh?.reach ?? 1;
     this.targets = new Map(layers.map((layer) => [layer.key, new Target(gl, this.format, Boolean(mesh))]));
     this.display = compileProgram(gl, CORNERS, DISPLAY, "the picture");
-    this.square = gl.createVertexArray();
-    gl.bindVertexArray(this.square);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+    this.square = wholePicture(gl);
     gl.bindVertexArray(null);
     this.passes = 0;
     this.sky = null;

@@ -59,6 +59,17 @@ function makeTexture(gl, target, filter) {
   return texture;
 }
 
+/** A triangle that covers the whole picture, as attribute 0, bound. */
+function wholePicture(gl) {
+  const square = gl.createVertexArray();
+  gl.bindVertexArray(square);
+  gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+  gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.STATIC_DRAW);
+  gl.enableVertexAttribArray(0);
+  gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+  return square;
+}
+
 /** The text of a shader with its version and what it is made for. */
 function shaderText(body, defines = {}) {
   const lines = Object.entries(defines).map(([name, value]) => `#define ${name} ${value}\n`).join("");

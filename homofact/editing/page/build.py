@@ -6,10 +6,10 @@ The page holds what a picture needs: the transports at low rank (`coded`), the c
 band of θo each pixel has. Beside it tables for what is shown next to the picture: the white furnace (`albedo`) and a
 preview on a sphere (`quotients`). Light and meshes are not in it.
 
-The page is `page.html` with the viewer's style, that of scenes and this package's, and the scripts of `SCRIPTS`.
+The page is `page.html` with what all pages of scenes have (`web.scene_page`), its own style and its `SCRIPTS`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -28,23 +28,14 @@ from homofact.editing.page.coded import coded
 from homofact.editing.page.quotients import quotient_table
 from homofact.editing.scene import Part, PreparedScene
 from homofact.errors import BadInput
-from homofact.evaluation.wording import figure
-from homofact.files.atomic import write_bytes
-from homofact.web import assembly
 from homofact.web.packing import differences, halves, pack
+from homofact.web.scene_page import Numbers, percent, write_scene_page
 
 PACKAGE = "homofact.editing.page"
-# Each from the package that it belongs to.
 SCRIPTS = (
-    ("homofact.web", ("data.js", "elements.js", "vectors.js", "files.js", "tones.js", "webgl.js")),
-    (PACKAGE, (
-        "formulas.js", "history.js", "transport.js", "scene.js", "tones.js", "furnace.js", "curves_file.js",
-        "shapes.js", "plot.js", "hands.js", "preview_shader.js", "preview.js", "presets.js", "readings.js",
-        "controls.js", "page.js",
-    )),
+    "formulas.js", "history.js", "transport.js", "scene.js", "tones.js", "furnace.js", "curves_file.js", "shapes.js",
+    "plot.js", "hands.js", "preview_shader.js", "preview.js", "presets.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
-STYLES = (("homofact.web", "page.css"), ("homofact.web", "scene.css"), (PACKAGE, "page.css"))
-Numbers = Mapping[str, Mapping[str, str | int | float]]
 _MOST_CODE = 65535
 
 
@@ -77,22 +68,12 @@ def write_edit_page(
         "materials": materials,
         "views": [_view(prepared, number) for number in range(len(prepared.pixels))],
         "parts": [_part(prepared, part) for part in prepared.parts],
-        "numbers": [
-            [section, [[name, _shown(value)] for name, value in rows.items()]]
-            for section, rows in {**scene_numbers(prepared), **(numbers or {})}.items()
-        ],
     }
     tell("writing the page")
-    page = assembly.assembled(
-        assembly.part(PACKAGE, "page.html"),
-        title=title,
-        subtitle=subtitle,
-        styles=[assembly.part(*style) for style in STYLES],
-        scripts=[assembly.part(package, name) for package, names in SCRIPTS for name in names],
-        data=data,
-    ).encode()
-    write_bytes(target, page, new=new)
-    return len(page)
+    tables = {**scene_numbers(prepared), **(numbers or {})}
+    return write_scene_page(
+        target, PACKAGE, SCRIPTS, data, tables, title=title, subtitle=subtitle, styles=("page.css",), new=new
+    )
 
 
 def scene_numbers(prepared: PreparedScene) -> dict[str, dict[str, str | int | float]]:
@@ -110,14 +91,14 @@ def scene_numbers(prepared: PreparedScene) -> dict[str, dict[str, str | int | fl
         view = f"{part.view}: " if len(prepared.pixels) > 1 else ""
         rows = found.setdefault(f"{view}{part.material}", {"pixels": part.pixels})
         rows[f"{part.term}, {' × '.join(map(str, part.bands))} bands"] = (
-            f"rank {part.rank}, error {percent(part.error)}"
+            f"rank {part.rank}, error {error_words(part.error)}"
         )
     return found
 
 
-def percent(share: float) -> str:
-    """A share in words; what nobody sees is not counted out."""
-    return "below 0.001%" if share < 1e-5 else f"{figure(100 * share)}%"
+def error_words(share: float) -> str:
+    """An error in words; what nobody sees is not counted out."""
+    return "below 0.001%" if share < 1e-5 else percent(share)
 
 
 def _check(prepared: PreparedScene) -> None:
@@ -132,10 +113,6 @@ def _low_rank(part: Part) -> LowRank:
     if not isinstance(part.transport, LowRank):
         raise BadInput(where="page", found="transports in full", expected="them at low rank")
     return part.transport
-
-
-def _shown(value: str | int | float) -> str:
-    return value if isinstance(value, str) else f"{value:,}" if isinstance(value, int) else figure(float(value))
 
 
 def _material(material: Editable) -> dict[str, Any]:

@@ -37,7 +37,7 @@ class Controls {
     this.fillCurves();
     this.fillKept();
     this.follow(by("canvas"));
-    this.split(by("divider"));
+    followDivider(by("divider"), () => page.box(), () => state.split, (to) => { state.split = to; page.changed("picture"); });
     receiveFiles(by("drop"), (file) => this.open(file));
     document.addEventListener("keydown", (event) => this.key(event));
     if (page.preview) this.orbit(by("preview"));
@@ -195,21 +195,6 @@ class Controls {
       if (column < 0 || row < 0 || column >= view.width || row >= view.height) return;
       const thing = view.thingAt(column, row);
       if (thing !== null && thing !== page.state.material) this.edit(thing);
-    });
-  }
-
-  /** The divider, by pointer and by arrows. */
-  split(divider) {
-    const { page } = this, move = (to) => { page.state.split = clamped(to, 0, 1); page.changed("picture"); };
-    divider.addEventListener("pointerdown", (event) => divider.setPointerCapture(event.pointerId));
-    divider.addEventListener("pointermove", (event) => {
-      if (!divider.hasPointerCapture(event.pointerId)) return;
-      const box = page.box();
-      move((event.clientX - by("picture").getBoundingClientRect().left - box.left) / box.width);
-    });
-    divider.addEventListener("keydown", (event) => {
-      const step = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
-      if (step) { event.preventDefault(); move(page.state.split + step); }
     });
   }
 

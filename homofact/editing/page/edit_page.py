@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from homofact.editing.page.build import percent, write_edit_page
+from homofact.editing.page.build import error_words, write_edit_page
 from homofact.editing.result import EditResult
 
 
@@ -16,7 +16,7 @@ def write_saved_page(
     lights = saved.report.get("error", {}).get("lights_and_bands", {})
     if lights:
         numbers["Lights and bands against a finer division"] = {
-            view: f"error {percent(error)}" for view, error in lights.items()
+            view: f"error {error_words(error)}" for view, error in lights.items()
         }
     title = saved.file.name
     return write_edit_page(target, saved.prepared, title=title, subtitle=names, numbers=numbers, stage=stage, new=new)

@@ -252,8 +252,4 @@ async function begin() {
   };
 }
 
-window.homofact = { ready: begin() };
-window.homofact.ready.then(
-  (handle) => { Object.defineProperties(window.homofact, Object.getOwnPropertyDescriptors(handle)); },
-  showTrouble,
-);
+startPage(begin);

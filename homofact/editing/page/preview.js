@@ -10,12 +10,7 @@ class Preview {
     this.gl = openContext(canvas);
     const { gl } = this;
     this.floats = Boolean(gl.getExtension("EXT_color_buffer_float"));
-    this.square = gl.createVertexArray();
-    gl.bindVertexArray(this.square);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+    this.square = wholePicture(gl);
     this.curves = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
     this.materials = materials.map((material) => ({ ...material, made: null, stops: null }));
     this.reset();

@@ -7,10 +7,10 @@ WaveletTransport is kept as it is, number for number: vectors in falling order o
 largest are the first N, differences of magnitudes, signs apart, places as they come. Positions are rounded to 1/65535
 of their box, surface frames to about 1/30000, skies and the reference to half floats. Nothing else is rounded.
 
-The page is `page.html` with the viewer's style and that of scenes, and the scripts of `SHARED` and `SCRIPTS`.
+The page is `page.html` with what all pages of scenes have (`web.scene_page`) and the scripts of `SHARED` and `SCRIPTS`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 
 from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.errors import BadInput
-from homofact.files.atomic import write_bytes
 from homofact.meshes.mesh import Mesh
 from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
@@ -30,13 +29,11 @@ from homofact.relighting.page.order import cached_order
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import WaveletTransport
 from homofact.scene.cameras import Camera
-from homofact.web import assembly
 from homofact.web.packing import differences, halves, pack
+from homofact.web.scene_page import Numbers, write_scene_page
 
 PACKAGE = "homofact.relighting.page"
-SHARED = (
-    "data.js", "elements.js", "vectors.js", "files.js", "hdr.js", "latlong.js", "tones.js", "webgl.js",
-)  # fmt: skip
+SHARED = ("hdr.js", "latlong.js")
 SCRIPTS = (
     "cube.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "shaders.js", "gpu.js", "background.js",
     "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
@@ -44,7 +41,6 @@ SCRIPTS = (
 # Endings of files that a name is shown without.
 _ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")
 CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
-Numbers = Mapping[str, Mapping[str, str | int | float]]
 
 
 @dataclass(frozen=True)
@@ -123,24 +119,11 @@ def write_page(
         "objects": [_object(each, own) for each, own in zip(objects, colours, strict=True)],
         "skies": [_sky(sky) for sky in skies],
         "reference": None if reference is None else {"sky": reference.sky, "words": reference.words},
-        "numbers": [
-            [section, [[name, _shown(value)] for name, value in rows.items()]] for section, rows in numbers.items()
-        ],
     }
-    page = assembly.assembled(
-        assembly.part(PACKAGE, "page.html"),
-        title=title,
-        subtitle=subtitle,
-        styles=[assembly.part("homofact.web", name) for name in ("page.css", "scene.css")],
-        scripts=[
-            *(assembly.part("homofact.web", name) for name in SHARED),
-            *(assembly.part(PACKAGE, name) for name in SCRIPTS),
-        ],
-        data=data,
-        workers=True,
-    ).encode()
-    write_bytes(target, page, new=new)
-    return len(page)
+    return write_scene_page(
+        target, PACKAGE, SCRIPTS, data, numbers, title=title, subtitle=subtitle, shared=SHARED,
+        policy="; worker-src blob:", new=new,
+    )  # fmt: skip
 
 
 def _check(objects: Sequence[PageObject], skies: Sequence[PageSky]) -> None:
@@ -189,12 +172,6 @@ def _check_reference(reference: PageReference, objects: Sequence[PageObject], sk
         )
     if not any((np.nan_to_num(each) != 0).any() for each in reference.colours):
         raise BadInput(where="reference", found="no light at any vertex", expected="some")
-
-
-def _shown(value: str | int | float) -> str:
-    from homofact.evaluation.wording import figure
-
-    return value if isinstance(value, str) else f"{value:,}" if isinstance(value, int) else figure(float(value))
 
 
 def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:

@@ -34,7 +34,8 @@ class Controls {
     this.skies();
     document.addEventListener("keydown", (event) => this.key(event));
     this.follow(by("canvas"));
-    this.split(by("divider"));
+    followDivider(by("divider"), () => ({ left: 0, width: by("picture").getBoundingClientRect().width }), () => state.split,
+      (to) => { state.split = to; view.changed("picture"); });
     receiveFiles(by("drop"), (file) => this.open(file));
   }
 
@@ -162,20 +163,5 @@ class Controls {
       view.orbit.zoom(Math.exp(-0.0015 * event.deltaY * (event.deltaMode === 1 ? 16 : 1)));
       view.changed("moving");
     }, { passive: false });
-  }
-
-  /** The divider, by pointer and by arrows. */
-  split(divider) {
-    const { view } = this, move = (to) => { view.state.split = clamped(to, 0, 1); view.changed("picture"); };
-    divider.addEventListener("pointerdown", (event) => divider.setPointerCapture(event.pointerId));
-    divider.addEventListener("pointermove", (event) => {
-      if (!divider.hasPointerCapture(event.pointerId)) return;
-      const box = by("picture").getBoundingClientRect();
-      move((event.clientX - box.left) / box.width);
-    });
-    divider.addEventListener("keydown", (event) => {
-      const step = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
-      if (step) { event.preventDefault(); move(view.state.split + step); }
-    });
   }
 }

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from homofact.evaluation.wording import figure
 from homofact.relighting.page.build import PageReference, page_objects, shown_name, write_page
 from homofact.relighting.page.skies import PageSky, page_sky
 from homofact.relighting.result import RelightResult
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.lighting import NAMED, named_lighting
+from homofact.web.scene_page import percent
 
 
 def write_relit_page(
@@ -29,16 +29,11 @@ def write_relit_page(
         }
         for stage, value in (entry["error"] or {}).items():
             if stage not in ("below_zero", "vertices"):
-                rows[f"error, {stage}"] = _percent(value)
+                rows[f"error, {stage}"] = percent(value)
         numbers[f"{shown_name(entry['mesh'])}, {shown_name(entry['material'])}"] = rows
     reference = None if saved.reference is None else PageReference(saved.reference)
     objects, camera = page_objects(saved.objects), saved.cameras[0]
     return write_page(target, objects, skies, numbers, reference, title=saved.name, camera=camera, new=new)
-
-
-def _percent(share: float) -> str:
-    """With three digits, however small."""
-    return f"{figure(100 * share)}%"
 
 
 def _built_in(size: int, there: Sequence[str], shown: Sequence[str]) -> list[PageSky]:

@@ -15,12 +15,7 @@ class Stage {
     this.skies = new Map();
     this.sky = makeProgram(gl, shaderText(SKY_VERTEX), shaderText(SKY_FRAGMENT), "the sky");
     this.copy = makeProgram(gl, shaderText(COPY_VERTEX), shaderText(COPY_FRAGMENT), "the sky");
-    this.square = gl.createVertexArray();
-    gl.bindVertexArray(this.square);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+    this.square = wholePicture(gl);
     gl.bindVertexArray(null);
     this.small = { frame: gl.createFramebuffer(), picture: makeTexture(gl, gl.TEXTURE_2D, gl.LINEAR), width: 0, height: 0 };
     this.smooth = { frame: gl.createFramebuffer(), parts: [gl.createRenderbuffer(), gl.createRenderbuffer()], width: 0, height: 0 };

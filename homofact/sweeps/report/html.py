@@ -1,27 +1,37 @@
 """The pieces that the pages of a report share: its own head, its style, text made safe, figures with their words."""
 
 import html
+from collections.abc import Sequence
+from typing import Any
 
 from homofact.files.words import harmless
 from homofact.sweeps.report.reading import ReportedFinding
-from homofact.web.assembly import part
+from homofact.web.assembly import assembled, part
 
 PACKAGE = "homofact.sweeps.report"
 
 
-def head() -> str:
-    """The head of every page, to be filled by `web.assembly.assembled`."""
-    return part(PACKAGE, "head.html")
-
-
-def style() -> str:
-    """The style of every page."""
-    return part(PACKAGE, "report.css")
+def page_html(
+    body: str, title: str, subtitle: str, scripts: Sequence[str] = (), data: dict[str, Any] | None = None
+) -> str:
+    """A page of the report: its body in the head and the style of all, with its scripts and what they draw."""
+    return assembled(
+        body,
+        title=title,
+        subtitle=subtitle,
+        styles=[part(PACKAGE, "report.css")],
+        scripts=scripts,
+        data=data or {},
+        # Pictures are files beside the page.
+        policy=" 'self' file:",
+        head=part(PACKAGE, "head.html"),
+    )
 
 
 def safe(text: object) -> str:
     """A text as HTML that shows it, in attributes too."""
-    return html.escape(harmless(str(text)))
+    # A brace by its number: two of them would be a place of the page that is filled in.
+    return html.escape(harmless(str(text))).replace("{", "&#123;")
 
 
 def finding_words(finding: ReportedFinding) -> str:

@@ -10,11 +10,11 @@ from typing import Any
 
 from homofact.evaluation.metric_table import REPORTED
 from homofact.sweeps.report.comparison import SweepComparison, word, worst
-from homofact.sweeps.report.html import PACKAGE, head, style
+from homofact.sweeps.report.html import PACKAGE, page_html
 from homofact.sweeps.report.material_page import FitFiles
 from homofact.sweeps.report.reading import ReadSweep, ReportedFit
 from homofact.sweeps.summary import by_label, summary_records
-from homofact.web.assembly import assembled, part
+from homofact.web.assembly import part
 
 SCRIPTS = ("formats.js", "axes.js", "plot.js", "table.js", "lists.js", "index.js")
 
@@ -26,14 +26,12 @@ def index_html(
     materials = len(sweep.names())
     made = ", ".join(sweep.versions)
     counts = [_count(len(sweep.fits), "fit"), f"of {_count(materials, 'material')}", f"homofact {made}"]
-    return assembled(
+    return page_html(
         part(PACKAGE, "index.html"),
-        title=sweep.name,
-        subtitle=", ".join((" ".join(counts[:2]), *counts[2:])),
-        styles=[style()],
-        scripts=[part("homofact.web", "elements.js"), *(part(PACKAGE, name) for name in SCRIPTS)],
-        data=index_data(sweep, shown, comparison, files),
-        head=head(),
+        sweep.name,
+        ", ".join((" ".join(counts[:2]), *counts[2:])),
+        [part("homofact.web", "elements.js"), *(part(PACKAGE, name) for name in SCRIPTS)],
+        index_data(sweep, shown, comparison, files),
     )
 
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from homofact.evaluation.metric_table import REPORTED
 from homofact.evaluation.wording import figure
 from homofact.sweeps.ledger import Aside
-from homofact.sweeps.report.html import finding_words, head, safe, style
+from homofact.sweeps.report.html import finding_words, page_html, safe
 from homofact.sweeps.report.reading import ReportedFit
-from homofact.web.assembly import assembled
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,7 @@ def material_html(
         _aside(aside),
         "</main></body></html>",
     ]
-    said = f"{sweep}; SHA-256 {fits[0].material}…"
-    return assembled("\n".join(body), title=name, subtitle=said, styles=[style()], scripts=[], data={}, head=head())
+    return page_html("\n".join(body), name, f"{sweep}; SHA-256 {fits[0].material}…")
 
 
 def _figures(fits: Sequence[ReportedFit]) -> str:
