@@ -9,32 +9,14 @@ import io
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from homofact.cli import (
-    chart,
-    compare,
-    convert,
-    doctor,
-    edit,
-    export,
-    factorize,
-    info,
-    materials,
-    plan,
-    relight,
-    render,
-    report,
-    stability,
-    sweep,
-    terms,
-    view,
-)
 from homofact.cli.flags import with_options
 from homofact.cli.greeting import GREETING
 from homofact.errors import BadInput, SolverFailure
@@ -43,31 +25,30 @@ from homofact.files.embedded import embedded
 from homofact.files.words import harmless
 from homofact.version import __version__
 
-app = typer.Typer(
-    name="homofact", pretty_exceptions_enable=False, context_settings={"help_option_names": ["-h", "--help"]}
-)
 _BEGIN, _DATA, _JUDGE, _SCENES, _MANY = (
     "First steps", "Data", "How good is a fit", "Scenes", "Whole databases",
 )  # fmt: skip
+# Heading, name and first sentence of each command: the list of all is shown without loading them.
 COMMANDS = (
-    (_BEGIN, factorize.factorize),
-    (_BEGIN, view.view),
-    (_BEGIN, export.export),
-    (_BEGIN, compare.compare),
-    (_BEGIN, info.info),
-    (_DATA, materials.materials),
-    (_DATA, convert.convert),
-    (_DATA, render.render),
-    (_JUDGE, chart.chart),
-    (_JUDGE, stability.stability),
-    (_JUDGE, terms.terms),
-    (_SCENES, plan.plan),
-    (_SCENES, relight.relight),
-    (_SCENES, edit.edit),
-    (_MANY, sweep.sweep),
-    (_MANY, report.report),
-    ("This installation", doctor.doctor),
+    (_BEGIN, "factorize", "Fit a BRDF and leave its textures, pictures and figures in a folder."),
+    (_BEGIN, "view", "Write a page that shows a result: draggable light and camera."),
+    (_BEGIN, "export", "Write textures and the shaders that read them: GLSL, HLSL, WGSL, C."),
+    (_BEGIN, "compare", "Fit several methods to the same samples and print their errors and costs."),
+    (_BEGIN, "info", "Say what is in a measurement's file, or what a named material is."),
+    (_DATA, "materials", "List the named materials, which every SOURCE may be: material:NAME."),
+    (_DATA, "convert", "Write a measurement, a named material or a fit in another format, by the ending of OUT."),
+    (_DATA, "render", "Draw the sphere of a result or a source under a directional light or an environment map."),
+    (_JUDGE, "chart", "Run methods × textures × sizes × searches and draw error against cost."),
+    (_JUDGE, "stability", "Fit stressed data by every method, and find what goes wrong silently."),
+    (_JUDGE, "terms", "Predict and count the in-out terms (SVD) that a material needs."),
+    (_SCENES, "plan", "Find the cheapest representation of every material of a scene."),
+    (_SCENES, "relight", "Precompute an object's light transport, and render it under its sky."),
+    (_SCENES, "edit", "Precompute a scene whose materials are edited under its light."),
+    (_MANY, "sweep", "Fit many sources by several methods, and keep every result."),
+    (_MANY, "report", "Write the report of a sweep: a site that opens without network."),
+    ("This installation", "doctor", "Say what is installed, what of it works, and what is missing for more."),
 )
+_PANELS = {name: panel for panel, name, _ in COMMANDS}
 
 
 class _Command(TyperCommand):
@@ -79,8 +60,51 @@ class _Command(TyperCommand):
         return [word for word in ("--help", "-h", "--help-all") if word not in own]
 
 
-for _panel, _command in COMMANDS:
-    app.command(_command.__name__, cls=_Command, rich_help_panel=_panel)(_command)
+class _Commands(Mapping[str, Any]):
+    """The commands by name, each loaded when it is asked for."""
+
+    def __init__(self) -> None:
+        self._loaded: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._loaded:
+            panel = _PANELS[name]
+            alone = typer.Typer(add_completion=False)
+            function = getattr(import_module(f"homofact.cli.{name}"), name)
+            alone.command(name, cls=_Command, rich_help_panel=panel)(function)
+            self._loaded[name] = get_command(alone)
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_PANELS)
+
+    def __len__(self) -> int:
+        return len(_PANELS)
+
+
+class _Group(TyperGroup):
+    """The commands, of which the help of all loads none."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands: Any = _Commands()
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names in the order of the help."""
+        return list(self.commands)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """The help of all commands: the first sentence of each."""
+        loading = self.commands
+        self.commands = {name: TyperCommand(name, help=said, rich_help_panel=panel) for panel, name, said in COMMANDS}
+        super().format_help(ctx, formatter)
+        self.commands = loading
+
+
+app = typer.Typer(
+    name="homofact", cls=_Group, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
 
 # Options before a file that is read.
 _READ = {"-c", "--config", "--environment", "--mesh", "--source", "--svbrdf"}

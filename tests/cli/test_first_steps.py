@@ -1,16 +1,20 @@
 """What a newcomer meets: greeting, help in sections, named materials, the nearest name, the state of things."""
 
 import json
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from PIL import Image
+from typer.main import get_command
 
 from homofact.brdf.materials import MATERIALS
 from homofact.brdf.source_names import MATERIAL_NAMES
 from homofact.cli import doctor
-from homofact.cli.main import COMMANDS, main
+from homofact.cli.main import COMMANDS, app, main
 
 
 def test_alone_it_greets_with_commands_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
@@ -40,7 +44,7 @@ def test_a_long_help_shows_ten_options_and_all_when_asked(capsys: pytest.Capture
     assert "--calibrate" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", [command.__name__ for _, command in COMMANDS])
+@pytest.mark.parametrize("command", [name for _, name, _ in COMMANDS])
 def test_every_command_takes_help_all(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, "--help-all"]) == 0
     whole = capsys.readouterr().out
@@ -50,6 +54,18 @@ def test_every_command_takes_help_all(command: str, capsys: pytest.CaptureFixtur
     if command not in ("factorize", "compare", "chart", "stability"):
         assert whole == short
         assert "--help,--help-all" in short
+
+
+def test_the_help_of_all_says_the_first_sentence_of_each_command_and_loads_none() -> None:
+    commands: Any = get_command(app)
+    for panel, name, said in COMMANDS:
+        command = commands.commands[name]
+        assert (panel, said) == (command.rich_help_panel, command.help.split("\n\n")[0].replace("\n", " "))
+    program = "import sys\nfrom homofact.cli.main import main\nassert main(['--help']) == 0\n"
+    program += "assert not {f'homofact.cli.{name}' for name in sys.argv[1:]} & set(sys.modules)"
+    names = [name for _, name, _ in COMMANDS]
+    shown = subprocess.run([sys.executable, "-c", program, *names], capture_output=True, text=True, check=True).stdout
+    assert all(f" {name} " in shown for name in names)
 
 
 def test_hidden_options_work_as_before(capsys: pytest.CaptureFixture[str]) -> None:
