@@ -14,7 +14,7 @@ from torch import Tensor
 
 from homofact.brdf.adaptive import tabulated
 from homofact.brdf.analytic import Lambert
-from homofact.brdf.formats import alta, astm, cornell, csv, curet, merl, npz, rgl, utia
+from homofact.brdf.formats import alta, astm, cornell, csv, curet, merl, npz, read_samples, rgl, utia
 from homofact.brdf.materials import material
 from homofact.brdf.neural import LAYERS
 from homofact.brdf.samples import Samples
@@ -169,13 +169,13 @@ WRITERS: dict[str, Writer] = {
         astm.read,
         lambda found: as_paint(found, 1e-12, turned=True),
     ),
-    "merl": Writer(lambda path, second: merl.write(path, DARK if second else GREY, (4, 4, 8)), merl.read, is_grey),
+    "merl": Writer(lambda path, second: merl.write(path, DARK if second else GREY, (4, 4, 8)), read_samples, is_grey),
     "rgl": Writer(
         lambda path, second: rgl.write(path, tabulated(DARK if second else GREY, True, side=32, thetas=8)),
-        rgl.read,
+        read_samples,
         is_nearly_grey,
     ),
-    "utia": Writer(lambda path, second: utia.write(path, DARK if second else GREY), utia.read, is_grey),
+    "utia": Writer(lambda path, second: utia.write(path, DARK if second else GREY), read_samples, is_grey),
     "cornell": Writer(
         lambda path, second: cornell.write(path, ANGLES, SPECTRA / (2 if second else 1), WAVELENGTHS),
         lambda path: cornell.read(path, "spectral"),

@@ -19,6 +19,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,7 +28,7 @@ import numpy as np
 import torch
 
 from homofact.brdf.analytic import Lambert
-from homofact.brdf.formats import READERS, cornell, open_file
+from homofact.brdf.formats import READERS, cornell, open_file, read_by
 from homofact.brdf.formats import alta as write_alta
 from homofact.brdf.formats import astm as write_astm
 from homofact.brdf.formats import csv as write_csv
@@ -35,8 +36,8 @@ from homofact.brdf.formats import curet as write_curet
 from homofact.brdf.formats import merl as write_merl
 from homofact.brdf.formats import npz as npz_reader
 from homofact.brdf.formats import utia as write_utia
+from homofact.brdf.formats.reading import Reading
 from homofact.brdf.materials import material
-from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -77,9 +78,9 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     return made
 
 
-def use(reader: Callable[[Path], Samples], path: Path) -> str:
+def use(read: Callable[[Path], Reading], path: Path) -> str:
     """Read a file; "" where its samples are some."""
-    samples = reader(path)
+    samples = read(path).samples
     sound = bool(torch.isfinite(samples.values).all()) and not bool((samples.values < 0).any())
     return "" if sound else "samples that are none"
 
@@ -95,11 +96,11 @@ def fuzz(module: ModuleType, whole: bytes, count: int, seed: int, folder: Path) 
         raw = dice.choice(DAMAGES)(bytearray(whole), dice)
         if dice.random() < 0.2 and raw:
             raw = dice.choice(DAMAGES)(bytearray(raw), dice)
-        reader = (lambda p: open_file(p).samples) if k % 4 == 3 else module.read
+        read = open_file if k % 4 == 3 else partial(read_by, module)
         largest = max(largest, len(raw))
         path.write_bytes(raw)
         bounds = Bounds(SECONDS, SLACK)
-        wrong = attempt(lambda own=reader: use(own, path), path, len(raw), bounds, tally, traced=k % 8 == 0)
+        wrong = attempt(lambda own=read: use(own, path), path, len(raw), bounds, tally, traced=k % 8 == 0)
         if wrong:
             tally.wrong.append((wrong, raw))
     tally.growth = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)

@@ -2,6 +2,7 @@
 
 import math
 import tracemalloc
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -9,7 +10,7 @@ import pytest
 import torch
 from brdf_files import WHOLE_FILES, jsonable
 
-from homofact.brdf.formats import READERS, open_file
+from homofact.brdf.formats import READERS, open_file, read_by
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 
@@ -24,7 +25,7 @@ def place(reader: ModuleType, tmp_path: Path) -> Path:
 
 def refused(reader: ModuleType, path: Path) -> None:
     """Both by the reader and at the front door: one line that names the file."""
-    for read in (reader.read, open_file):
+    for read in (partial(read_by, reader), open_file):
         with pytest.raises(BadInput) as caught:
             read(path)
         assert str(path) in str(caught.value)
@@ -47,7 +48,7 @@ def test_its_content_is_known_whatever_its_name(reader: ModuleType, place: Path)
 
 @EVERY
 def test_samples_keep_their_own_rules(reader: ModuleType, place: Path) -> None:
-    samples = reader.read(place)
+    samples = read_by(reader, place).samples
     assert isinstance(samples, Samples)
     for tensor in (samples.wi, samples.wo, samples.values, samples.weights):
         assert tensor.dtype == torch.float64
@@ -65,7 +66,7 @@ def test_samples_keep_their_own_rules(reader: ModuleType, place: Path) -> None:
 
 @EVERY
 def test_it_says_where_samples_come_from_in_plain_words_and_numbers(reader: ModuleType, place: Path) -> None:
-    facts = reader.read(place).provenance
+    facts = read_by(reader, place).samples.provenance
     assert facts["format"] == reader.NAME
     assert jsonable(facts)
 
@@ -73,7 +74,7 @@ def test_it_says_where_samples_come_from_in_plain_words_and_numbers(reader: Modu
 @EVERY
 def test_reading_again_gives_the_same_bits(reader: ModuleType, place: Path) -> None:
     before = place.read_bytes()
-    one, other = reader.read(place), open_file(place).samples
+    one, other = read_by(reader, place).samples, open_file(place).samples
     for name in ("wi", "wo", "values", "weights"):
         assert torch.equal(getattr(one, name), getattr(other, name))
     assert (one.channels, one.isotropic, one.provenance) == (other.channels, other.isotropic, other.provenance)
@@ -82,11 +83,11 @@ def test_reading_again_gives_the_same_bits(reader: ModuleType, place: Path) -> N
 
 @EVERY
 def test_channels_are_those_asked_for(reader: ModuleType, place: Path) -> None:
-    colour, grey = reader.read(place), reader.read(place, "luminance")
+    colour, grey = read_by(reader, place).samples, read_by(reader, place, "luminance").samples
     assert colour.channels == ("R", "G", "B")
     assert grey.channels == ("Y",)
     assert torch.equal(colour.wi, grey.wi)
-    for call in (reader.read, open_file):
+    for call in (partial(read_by, reader), open_file):
         with pytest.raises(BadInput, match="channels: found 'xyz', expected one of rgb, spectral, luminance"):
             call(place, "xyz")
 
@@ -111,7 +112,7 @@ def test_a_file_of_another_format_is_refused(reader: ModuleType, tmp_path: Path)
             folder.mkdir()
             path = other.make(folder)
             with pytest.raises(BadInput) as caught:
-                reader.read(path)
+                read_by(reader, path)
             assert str(path) in str(caught.value)
             assert "\n" not in str(caught.value)
 

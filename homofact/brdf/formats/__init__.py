@@ -37,9 +37,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
     for reader in _readers_of(head, size):
         if member is not None and not hasattr(reader, "material_names"):
             raise BadInput(f"{reader.NAME} files hold one material", where=path, expected=f"no #{member}")
-        if hasattr(reader, "open_file"):
-            return reader.open_file(path, channels, drawing)
-        return Reading(reader.read(path, channels))
+        return read_by(reader, path, channels, drawing)
     if hint := hint_of(head):
         others = ", ".join(reader.NAME for reader in READERS if reader is not csv)
         what = f"content of no known format (begins with {beginning(head)}): {hint}; other formats: {others}"
@@ -60,6 +58,15 @@ def _readers_of(head: bytes, size: int) -> list[ModuleType]:
     """The readers that know a file by its head, or, where none does, by its size."""
     known_heads = [reader for reader in READERS if reader.sniff(head)]
     return known_heads or [reader for reader in READERS if size in getattr(reader, "SIZES", ())]
+
+
+def read_by(
+    reader: ModuleType, path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None
+) -> Reading:
+    """What a file holds by one of `READERS`. Raises what it raises."""
+    if hasattr(reader, "open_file"):
+        return reader.open_file(path, channels, drawing)
+    return Reading(reader.read(path, channels))
 
 
 def read_samples(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
