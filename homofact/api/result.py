@@ -215,11 +215,6 @@ class Fit:
 
         return module_of(self, device, dtype)
 
-    @classmethod
-    def from_module(cls, module: "FitModule") -> "Fit":
-        """Return the fit that a module is now: `module.to_fit()`."""
-        return module.to_fit()
-
     def describe(self) -> dict[str, Any]:
         """Return what a manifest says of the fit beside texels and transform, JSON-able."""
         return self.factorization.describe()

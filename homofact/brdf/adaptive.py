@@ -117,12 +117,12 @@ def importance(table: AdaptiveTable) -> Tensor:
     return (weights / weights.mean()).reshape(*table.table.shape[:4])
 
 
-def relative_differences(source: Reflectance, table: Reflectance, pairs: int, seed: int = 0) -> tuple[float, float]:
+def relative_differences(source: Reflectance, table: Reflectance, pairs: int) -> tuple[float, float]:
     """(median, 99th percentile) of |table − source|/source, channels' means, at cosine-weighted random pairs.
 
     Values under a thousandth of their mean count as that much, so that zeros do. 0 where the source reflects nothing.
     """
-    wi, wo = draw_cosine_weighted(pairs, torch.Generator().manual_seed(seed))
+    wi, wo = draw_cosine_weighted(pairs, torch.Generator().manual_seed(0))
     wanted, tabled = (reflectance.evaluate(wi, wo).double().mean(1) for reflectance in (source, table))
     mean = float(wanted.mean())
     if mean <= 0:

@@ -6,13 +6,12 @@ errors use the fit's own ε and A, which come from the training samples alone.
 """
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
-from homofact.errors import BadInput, Report, Status
+from homofact.errors import BadInput, Report
 from homofact.evaluation.appearance import Appearance, appearance
 from homofact.evaluation.metrics import SixErrors, measure
 from homofact.evaluation.split import Split
@@ -140,25 +139,3 @@ def fit_split(
         verdict,
         seen,
     )
-
-
-def compare(
-    source: Source,
-    methods: Sequence[Method],
-    held_out: float = HELD_OUT,
-    progress: ProgressCallback | None = None,
-    subset: int = 0,
-    split_seed: int | None = None,
-) -> list[ComparisonRow]:
-    """A row for each of `methods`, in their order, all on the split that the first one's seed draws, or `split_seed`.
-
-    An interrupted fit is the last, as it is in `fit_seeds`. Raises BadInput as `fit_and_measure`.
-    """
-    if split_seed is None and methods:
-        split_seed = methods[0].seed
-    rows: list[ComparisonRow] = []
-    for settings in methods:
-        rows.append(fit_and_measure(source, settings, held_out, progress, subset, split_seed))
-        if rows[-1].report.status is Status.INTERRUPTED:
-            break
-    return rows

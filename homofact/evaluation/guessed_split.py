@@ -37,7 +37,7 @@ def has_mean_of(fitted: "Fitted", source: Source, split: Split) -> bool:
 
 def source_named_by(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> str:
     """What `open_source` is to be given for a fit without a split. Raises BadInput where nothing is found."""
-    facts = _mapping(fitted.provenance.get("source"))
+    facts = mapping(fitted.provenance.get("source"))
     material, file = facts.get("material"), facts.get("file")
     if facts.get("format") == "analytic model" and isinstance(material, str):
         return f"{MATERIAL_PREFIX}{material}"
@@ -57,10 +57,10 @@ def guess_split(fitted: "Fitted", path: str) -> tuple[Source, Split, bool]:
 
     Raises BadInput as `open_source`.
     """
-    facts = _mapping(fitted.provenance.get("source"))
-    sampling = _mapping(facts.get("sampling"))
+    facts = mapping(fitted.provenance.get("source"))
+    sampling = mapping(facts.get("sampling"))
     scheme, drawn = sampling.get("scheme"), sampling.get("seed")
-    seed, subset = fitted.provenance.get("seed"), _mapping(facts.get("subset")).get("samples")
+    seed, subset = fitted.provenance.get("seed"), mapping(facts.get("subset")).get("samples")
     seed = seed if isinstance(seed, int) and seed >= 0 else 0
     subset = subset if isinstance(subset, int) and subset > 0 else 0
     first: tuple[Source, Split, bool] | None = None
@@ -102,7 +102,7 @@ def _parts(fitted: "Fitted", total: int, subset: int) -> Iterator[float]:
     """Parts that may have been held out: the usual one, none, and those that leave as many as the fit was given."""
     yield USUAL_HELD_OUT
     yield 0.0
-    trained, copies = fitted.provenance.get("samples"), _mapping(fitted.provenance.get("settings")).get("copies")
+    trained, copies = fitted.provenance.get("samples"), mapping(fitted.provenance.get("settings")).get("copies")
     if subset or not isinstance(trained, int):
         return
     # A fit of version 0.1.0 counts its azimuth copies.
@@ -112,5 +112,6 @@ def _parts(fitted: "Fitted", total: int, subset: int) -> Iterator[float]:
             yield (total - trained // factor) / total
 
 
-def _mapping(value: Any) -> Mapping[str, Any]:
+def mapping(value: Any) -> Mapping[str, Any]:
+    """A mapping as it is; an empty one in place of anything else."""
     return value if isinstance(value, Mapping) else {}

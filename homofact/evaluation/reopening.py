@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.source import Source
 from homofact.errors import BadInput
-from homofact.evaluation.guessed_split import USUAL_HELD_OUT, guess_split, has_mean_of, source_named_by
+from homofact.evaluation.guessed_split import USUAL_HELD_OUT, guess_split, has_mean_of, mapping, source_named_by
 from homofact.evaluation.split import Split
 from homofact.factor.fixed_projections import EDITED, EDITS
 
@@ -88,7 +88,7 @@ def settings_of(fitted: "Fitted") -> "Method":
     """
     from homofact.methods.table import ALL_METHODS, settings_of_class
 
-    kept = _mapping(fitted.provenance.get("settings"))
+    kept = mapping(fitted.provenance.get("settings"))
     name = fitted.provenance.get("method", kept.get("method"))
     method = ALL_METHODS.get(name if isinstance(name, str) else "", ALL_METHODS["search"])
     # A fit of version 0.1.0 has all methods' settings in one, the method's name among them.
@@ -107,7 +107,7 @@ def settings_of(fitted: "Fitted") -> "Method":
 
 def _own(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> Reopened:
     """The source that the fit names. Raises BadInput."""
-    if fitted.provenance.get(EDITS) or EDITED in _mapping(fitted.provenance.get("source")):
+    if fitted.provenance.get(EDITS) or EDITED in mapping(fitted.provenance.get("source")):
         raise BadInput("it is of an edited material, and its source is the material before the edit")
     split = Split.saved_with(fitted)
     if split is None:
@@ -169,7 +169,3 @@ def _largest_side(fitted: "Fitted") -> int:
     # Of a product's terms, whose textures are larger by a line where they go round.
     of_terms = [side for term in fitted.terms for side in getattr(term, "size", ())]
     return max([*(of_terms or [side for texture in fitted.textures for side in texture.size]), 2])
-
-
-def _mapping(value: Any) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {}

@@ -98,12 +98,12 @@ def exported(fitted: Fitted, form: Format) -> Exported:
     return Exported(stored, textures, program, cost_of(program, nbytes), form)
 
 
-def log_difference(before: Fitted, after: Reflectance, pairs: int = 20_000, seed: int = 0) -> float:
-    """Root mean square difference of log((f + εA)/A) of two fits, with the first's ε and A, at random pairs.
+def log_difference(before: Fitted, after: Reflectance) -> float:
+    """Root mean square difference of log((f + εA)/A) of two fits, with the first's ε and A.
 
-    The pairs are cosine-weighted, drawn by `seed`.
+    At 20,000 random pairs, cosine-weighted.
     """
-    wi, wo = draw_cosine_weighted(pairs, torch.Generator().manual_seed(seed))
+    wi, wo = draw_cosine_weighted(20_000, torch.Generator().manual_seed(0))
     logs = [before.transform.forward(fit.evaluate(wi, wo)) for fit in (before, after)]
     return float((logs[0] - logs[1]).square().mean().sqrt())
 

@@ -55,9 +55,9 @@ class _Objective:
     shown: Tensor
 
     @classmethod
-    def of(cls, reflectance: Reflectance, isotropic: bool, seed: int) -> "_Objective":
+    def of(cls, reflectance: Reflectance, isotropic: bool) -> "_Objective":
         """What a reflectance shows, and how much each part is without a fit."""
-        samples = sample_model(Drawn(reflectance, isotropic), PAIRS, "lobe", seed, noise_free=False)
+        samples = sample_model(Drawn(reflectance, isotropic), PAIRS, "lobe", 0, noise_free=False)
         number = torch.arange(PLACES, dtype=torch.float64)
         # Vogel's spiral: equal areas of the disc that the sphere is seen as.
         normals = from_cosine((1 - (number + 0.5) / PLACES).sqrt(), number * (math.pi * (3 - math.sqrt(5))))
@@ -65,7 +65,7 @@ class _Objective:
         wi, solid = hemisphere_nodes(towards, _RINGS, _SPOKES)
         light = sky(wi @ frames) * solid * wi[..., 2]
         wo = towards[:, None].expand_as(wi).reshape(-1, 3)
-        made = cls(CubeRoots.of(samples, seed), wi.reshape(-1, 3), wo, light, torch.zeros(0))
+        made = cls(CubeRoots.of(samples, 0), wi.reshape(-1, 3), wo, light, torch.zeros(0))
         shown = made.under_the_sky(reflectance.evaluate(made.wi, made.wo).to(torch.float64))
         return cls(made.lamps, made.wi, made.wo, made.light, shown)
 
@@ -83,9 +83,7 @@ class _Objective:
         return torch.cat(((lamps / scale).reshape(-1), sky_part.reshape(-1)))
 
 
-def fit_metallic_roughness(
-    reflectance: Reflectance, isotropic: bool, *, extensions: bool = True, seed: int = 0
-) -> MetallicRoughness:
+def fit_metallic_roughness(reflectance: Reflectance, isotropic: bool, *, extensions: bool = True) -> MetallicRoughness:
     """The material; with `extensions` a coat, or (where not isotropic) a lobe stretched along a tangent, if that helps.
 
     R, G, B or one channel; raises BadInput for others, and for what reflects nothing.
@@ -93,7 +91,7 @@ def fit_metallic_roughness(
     channels = reflectance.channels
     if len(channels) not in (1, 3):
         raise BadInput(f"channels {', '.join(channels)}", where="glTF material", expected="R, G, B or one alone")
-    objective = _Objective.of(reflectance, isotropic, seed)
+    objective = _Objective.of(reflectance, isotropic)
     count = len(channels)
     median = objective.lamps.samples.values.median(0).values
     if float(objective.lamps.samples.values.max()) <= 0:

@@ -20,7 +20,7 @@ from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.prefilter import Prefiltered, prefiltered, program_of_light
 from homofact.rendering.sky_chain import SIDE, SkyChain, alphas_of, chain_of
 from homofact.rendering.sphere import SphereImage
-from homofact.rendering.split_sum import LOBES, response_of
+from homofact.rendering.split_sum import response_of
 from homofact.rendering.surface import seen_surface
 from homofact.shading.cube_code import c_light
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
@@ -138,15 +138,13 @@ class PrefilteredExport:
         )
 
 
-def prefiltered_export(
-    fitted: Fitted, light: EnvironmentMap, form: Format, side: int = SIDE, lobes: int = LOBES
-) -> PrefilteredExport:
+def prefiltered_export(fitted: Fitted, light: EnvironmentMap, form: Format, side: int = SIDE) -> PrefilteredExport:
     """A fit's table and the sky: the table in the format where it holds floats, else in half floats of an EXR.
 
     Raises BadInput for channels that are no picture's, and a side that no chain has.
     """
     held = form if form.storage in ("float32", "float16") else format_named("exr16")
-    data = prefiltered(response_of(fitted, side, lobes), in_halves(chain_of(light, side)))
+    data = prefiltered(response_of(fitted, side), in_halves(chain_of(light, side)))
     stored = replace(data, table=torch.from_numpy(data.table.numpy().astype(held.dtype).astype(np.float64)))
     return PrefilteredExport(stored, held, form.suffix == ".dds", relative_rms(stored, fitted, light))
 

@@ -28,6 +28,7 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.geometry.directions import normalize
 from homofact.linear.bilinear import lookup
+from homofact.shading.mixture_fit import viewers
 
 SIGMA = 1e-4  # θh = 1.1°: no fitted texture holds a narrower lobe
 SCALE = math.asinh(1 / (2 * SIGMA))
@@ -92,7 +93,7 @@ def lobe_sampling(reflectance: Reflectance, isotropic: bool) -> LobeSampling:
     ends[[0, -1]] = 0.5
     # Trapezoids in y, even steps around: solid angle of each node.
     angles = (2 * slope * ends / (rows - 1) * (2 * torch.pi / _COLUMNS))[:, None].expand(rows, _COLUMNS)
-    target, cosine = _targets(reflectance, _viewers(azimuths), halves.reshape(-1, 3))
+    target, cosine = _targets(reflectance, viewers(_LEVELS, azimuths), halves.reshape(-1, 3))
     weights = angles.reshape(-1)
     total = (target * weights).sum(1, keepdim=True)
     seen = torch.isfinite(total[:, 0]) & (total[:, 0] > 0)
@@ -115,16 +116,6 @@ def _half_vectors(s: Tensor) -> Tensor:
     around = torch.stack((torch.cos(phi), torch.sin(phi)), 1)
     height = (1 - 2 * s)[:, None, None].expand(-1, _COLUMNS, 1)
     return torch.cat((sine[:, None, None] * around, height), 2)
-
-
-def _viewers(azimuths: int) -> Tensor:
-    """Viewers (L · azimuths, 3): levels even in cosθo, each turned by the golden section against the one below."""
-    z = (torch.arange(_LEVELS, dtype=torch.float64) + 0.5) / _LEVELS
-    first = torch.arange(_LEVELS, dtype=torch.float64) * ((math.sqrt(5) - 1) / 2)
-    phi = (first[:, None] + torch.arange(azimuths, dtype=torch.float64)) * (2 * torch.pi / azimuths)
-    z = z[:, None].expand_as(phi)
-    radius = torch.sqrt(1 - z**2)
-    return torch.stack((radius * torch.cos(phi), radius * torch.sin(phi), z), 2).reshape(-1, 3)
 
 
 def _targets(reflectance: Reflectance, viewers: Tensor, halves: Tensor) -> tuple[Tensor, Tensor]:

@@ -17,14 +17,14 @@ from homofact.rendering.light import EnvironmentMap
 _ROWS = 2048
 
 
-def environment_emitter(environment: EnvironmentMap, times: int | None = None) -> Any:
+def environment_emitter(environment: EnvironmentMap) -> Any:
     """The emitter (a `mitsuba.Emitter`) in the variant of the moment, turned as the map is; grey for one channel.
 
-    `times` is 2 to 8, whichever makes about 2048 rows, unless given. Mitsuba must have been opened.
+    `times` is 2 to 8, whichever makes about 2048 rows. Mitsuba must have been opened.
     """
     mi = import_module("mitsuba")
     rows, columns, _ = environment.radiance.shape
-    count = max(2, min(8, _ROWS // rows)) if times is None else times
+    count = max(2, min(8, _ROWS // rows))
     place = np.arange(count * rows + 1)
     texels = environment.radiance.numpy()
     upper = texels[((place - 1) // count).clip(0, rows - 1)]

@@ -1,7 +1,7 @@
 """How noisy light is that is drawn from a density: by quadrature, without drawing any."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import torch
@@ -65,12 +65,10 @@ def cosine_density(wi: Tensor, wo: Tensor) -> Tensor:
     return wi[:, 2] / math.pi * ((wi[:, 2] > 0) & (wo[:, 2] > 0))
 
 
-def noise_at_angles(
-    reflectance: Reflectance, mixture: LobeMixture, angles: Sequence[float] = ANGLES
-) -> tuple[Noise, ...]:
-    """The noise of a mixture for viewers at these angles in degrees."""
+def noise_at_angles(reflectance: Reflectance, mixture: LobeMixture) -> tuple[Noise, ...]:
+    """The noise of a mixture for viewers at `ANGLES`."""
     noises = []
-    for angle in angles:
+    for angle in ANGLES:
         wo = viewer_at(angle)
         variance, whole = noise_of(reflectance, mixture.density, wo)
         cosine, _ = noise_of(reflectance, cosine_density, wo)

@@ -21,6 +21,7 @@ from homofact.geometry.directions import from_half_difference, from_spherical
 from homofact.theory.harmonics import gauss_legendre, order_for_share, zonal
 
 NODES, ORDER = 420, 300
+_DIFFERENCES, _TURNS = 12, 4
 
 
 @dataclass(frozen=True)
@@ -52,20 +53,18 @@ class HalfCurve:
         return float(4 * math.pi * (self.weights * self.values**2).sum())
 
 
-def half_angle_curve(
-    reflectance: Reflectance, limit: float = math.radians(85), nodes: int = NODES, differences: int = 12, turns: int = 4
-) -> HalfCurve:
+def half_angle_curve(reflectance: Reflectance, limit: float = math.radians(85)) -> HalfCurve:
     """The mean over channels, θd and φd of a reflectance at each θh.
 
-    θd has `differences` even values below `limit`, φd `turns` in [0, π/2] on each side of both planes; pairs with a
+    θd has `_DIFFERENCES` even values below `limit`, φd `_TURNS` in [0, π/2] on each side of both planes; pairs with a
     direction beyond `limit` (radians) from the normal are left out. For θh beyond it the last value is held.
     """
-    cosine, weights = gauss_legendre(nodes, 0.0, 1.0)
+    cosine, weights = gauss_legendre(NODES, 0.0, 1.0)
     theta_h = torch.arccos(cosine).flip(0)
-    theta_d = (torch.arange(differences, dtype=torch.float64) + 0.5) * (limit / differences)
+    theta_d = (torch.arange(_DIFFERENCES, dtype=torch.float64) + 0.5) * (limit / _DIFFERENCES)
     # θd = 0 is there for every θh within the limit.
     theta_d = torch.cat((torch.zeros(1, dtype=torch.float64), theta_d))
-    phi_d = (torch.arange(turns, dtype=torch.float64) + 0.5) * (math.pi / 2 / turns)
+    phi_d = (torch.arange(_TURNS, dtype=torch.float64) + 0.5) * (math.pi / 2 / _TURNS)
     phi_d = torch.cat((phi_d, math.pi - phi_d))
     h = from_spherical(theta_h, torch.zeros_like(theta_h))[:, None, None, :]
     angles = torch.meshgrid(theta_d, phi_d, indexing="ij")

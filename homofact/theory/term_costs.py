@@ -15,12 +15,12 @@ from homofact.theory.terms import InOutCount
 _MAP_SIDE = 32
 
 
-def map_bytes(terms: int, channels: int, side: int = _MAP_SIDE) -> int:
-    """Bytes of `terms` in-out terms: two maps each (g over ωi, h over ωo) of side² float32 texels a channel.
+def map_bytes(terms: int, channels: int) -> int:
+    """Bytes of `terms` in-out terms: two maps each (g over ωi, h over ωo) of 32² float32 texels a channel.
 
     Where f is reciprocal the two are the same map up to sign, and half of it is enough.
     """
-    return terms * 2 * side * side * channels * 4
+    return terms * 2 * _MAP_SIDE**2 * channels * 4
 
 
 @dataclass(frozen=True)

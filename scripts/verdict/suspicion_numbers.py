@@ -4,7 +4,7 @@
 
 Materials are drawn from the neural surrogates of MERL materials and the analytic models, and each is measured in one of
 five ways in turn: at pairs drawn in the discs, by lobes, on a goniometer's rings in the order of its angles, the same
-with 3% of noise, and the same in random order. Every fault of `brdf.quality.suspicion.planting` is planted at each
+with 3% of noise, and the same in random order. Every fault of `scripts.verdict.planting` is planted at each
 of its strengths, and all checks are asked as `homofact info` asks them. Named rightly: the fault's own check speaks,
 whatever else does; accused wrongly: others speak, and it does not. What is planted on a material that cannot show it
 (no highlight, no colours) counts as silent all the same.
@@ -22,13 +22,13 @@ import torch
 
 from homofact.brdf.formats.nbrdf import load, material_names
 from homofact.brdf.materials import MATERIALS
-from homofact.brdf.quality.suspicion.planting import FAULTS
 from homofact.brdf.quality.suspicion.suspects import suspicions
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.geometry.directions import from_spherical
 from homofact.linear.threads import one_thread
+from scripts.verdict.planting import FAULTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.shared.harness import data_folder, finish, markdown, parser_of, progress

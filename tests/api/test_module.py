@@ -31,7 +31,7 @@ def test_a_module_gives_the_values_of_its_fit_and_goes_back_to_it(name: str, tmp
     assert torch.allclose(found, expected, rtol=1e-9, atol=1e-12)
     assert not bool(found[:5].any())
     assert module(wi[:6].reshape(2, 3, 3), wo[0]).shape == (2, 3, len(fit.channels))
-    back = homofact.Fit.from_module(module)
+    back = module.to_fit()
     assert (back.channels, back.nbytes, back.fetches) == (fit.channels, fit.nbytes, fit.fetches)
     assert back.provenance["trained"] is True
     assert torch.equal(back.evaluate(wi, wo), expected)

@@ -10,7 +10,7 @@ import homofact.evaluation.compare
 import homofact.evaluation.seeds
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput, Status
-from homofact.evaluation.compare import ComparisonRow, compare, fit_and_measure
+from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.seeds import SeedRows, fit_seeds
 from homofact.evaluation.spread import Spread
 from homofact.methods.cole import Cole
@@ -91,12 +91,3 @@ def test_an_interrupted_fit_is_the_last_of_a_comparison(source: Source, monkeypa
     def stopped(*arguments: object) -> ComparisonRow:
         row = fit_and_measure(*arguments)  # type: ignore[arg-type]
         return replace(row, report=replace(row.report, status=Status.INTERRUPTED))
-
-    monkeypatch.setattr(homofact.evaluation.compare, "fit_and_measure", stopped)
-    assert [row.settings.name for row in compare(source, [McCool(size=4), COLE])] == ["mccool"]
-
-
-def test_methods_are_compared_on_one_split(source: Source) -> None:
-    rows = compare(source, [COLE, McCool(size=4, seed=8)])
-    assert rows[0].split == rows[1].split
-    assert [row.settings.name for row in rows] == ["cole", "mccool"]

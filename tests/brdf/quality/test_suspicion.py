@@ -13,13 +13,13 @@ from homofact.brdf.materials import MATERIALS
 from homofact.brdf.quality.suspicion import conventions
 from homofact.brdf.quality.suspicion.base import base_of
 from homofact.brdf.quality.suspicion.evidence import Evidence
-from homofact.brdf.quality.suspicion.planting import FAULTS, Planted
-from homofact.brdf.quality.suspicion.suspects import check_of, suspicions, undone_evidence
+from homofact.brdf.quality.suspicion.suspects import CHECKS, suspicions, undone_evidence
 from homofact.brdf.quality.suspicion.undo import UNDO, names_in, srgb_decoded, undone
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.symmetry import angles_of_pairs
 from homofact.geometry.directions import from_spherical, to_spherical
+from scripts.verdict.planting import FAULTS, Planted
 
 COUNT = 1000
 
@@ -226,18 +226,18 @@ def test_levels_are_measured_by_how_many_values_come_twice() -> None:
     # Levels 1.00, 1.01, ... of two samples each, as many that come once; the commonest value is left out.
     twice = torch.where(number < 600, 1 + (number % 300) / 100, 10 + number).where(number < 1190, 0.5)
     given = Evidence.of(replace(samples, values=twice[:, None]))
-    figures = check_of("quantised").figures(given)
+    figures = CHECKS["quantised"].figures(given)
     assert figures is not None
     assert figures[0] == pytest.approx(600 / 1189, abs=2e-3)
     different = (1 + number / 100).where(number < 1190, 0.5)[:, None]
-    once = check_of("quantised").figures(Evidence.of(replace(samples, values=different)))
+    once = CHECKS["quantised"].figures(Evidence.of(replace(samples, values=different)))
     assert once is not None
     assert once[0] == 0
     # The same values at a swapped place are one.
     joined = {name: torch.cat((getattr(samples, name), getattr(samples, other)))
               for name, other in (("wi", "wo"), ("wo", "wi"))}  # fmt: skip
     both = replace(samples, **joined, values=different.repeat(2, 1), weights=torch.ones(2400))
-    once = check_of("quantised").figures(Evidence.of(both))
+    once = CHECKS["quantised"].figures(Evidence.of(both))
     assert once is not None
     assert once[0] == 0
 
@@ -250,7 +250,7 @@ def test_what_is_beyond_doubt_is_undone_before_the_instrument_is_asked() -> None
 
 
 PAINT = "lafortune-blue-paint"
-GAIN = check_of("gains")
+GAIN = CHECKS["gains"]
 
 
 def gained(gain, scheme: str = "discs", count: int = 4000):

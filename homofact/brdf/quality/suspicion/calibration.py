@@ -1,7 +1,7 @@
 """How figures become odds: for every check, weights and an offset of the log odds.
 
-Set by hand between the figures of clean samples and those of planted faults (`planting`), nearer to the faults. What
-comes out are degrees of suspicion in the form of odds, not odds that were counted.
+Set by hand between the figures of clean samples and those of planted faults (`scripts/verdict/planting.py`), nearer to
+the faults. What comes out are degrees of suspicion in the form of odds, not odds that were counted.
 """
 
 SAID = 50.0  # odds under which nothing is said

@@ -8,6 +8,7 @@ import numpy as np
 
 from homofact.brdf.quality.suspicion.calibration import LOGISTIC
 from homofact.brdf.quality.suspicion.evidence import Evidence
+from homofact.brdf.quality.suspicion.undo import UNDO
 from homofact.errors import Advice
 
 Figures = tuple[float, ...]
@@ -37,13 +38,13 @@ class Check:
     """A fault that samples may have.
 
     `figures` measure it (None where these samples cannot tell), `LOGISTIC[name]` of the calibration turns them into log
-    odds; `words(figures)` say what is found. `undo` is a name of `undo.UNDO`, empty where nothing undoes it; then
-    `remedy` says what to do.
+    odds; `words(figures)` say what is found, those of `undo` unless given. `undo` is a name of `undo.UNDO`, empty where
+    nothing undoes it; then `remedy` says what to do.
     """
 
     name: str
     figures: Callable[[Evidence], Figures | None]
-    words: Callable[[Figures], str]
+    words: Callable[[Figures], str] | None = None
     undo: str = ""
     remedy: str = ""
 
@@ -59,7 +60,8 @@ class Check:
         if figures is None or not all(np.isfinite(figures)):
             return None
         remedy = str(Advice("undo", self.undo, of="convert")) if self.undo else self.remedy
-        return Suspicion(self.name, float(np.exp(self.log_odds(figures))), self.words(figures), remedy)
+        words = UNDO[self.undo].words if self.words is None else self.words(figures)
+        return Suspicion(self.name, float(np.exp(self.log_odds(figures))), words, remedy)
 
 
 def _figure(odds: float) -> str:

@@ -19,7 +19,6 @@ from homofact.brdf.quality.suspicion.base import base_of
 from homofact.brdf.quality.suspicion.calibration import BASE_EXPONENT, BASE_SPREAD, RECIPROCITY_SPREAD
 from homofact.brdf.quality.suspicion.check import Check, Figures
 from homofact.brdf.quality.suspicion.evidence import Evidence
-from homofact.brdf.quality.suspicion.undo import UNDO
 
 _LEAST = 0.2  # cosines below this graze, where few measurements are to be trusted
 _FEWEST = 100
@@ -65,12 +64,8 @@ def _albedo(evidence: Evidence) -> Figures | None:
     return None if base is None or base[1] <= 0 else (math.log(base[1]),)
 
 
-def _said(words: str) -> Callable[[Figures], str]:
-    return lambda figures: words
-
-
 CHECKS = (
-    *(Check(name, _ratio(*powers), _said(UNDO[name].words), undo=name) for name, powers in POWERS.items()),
+    *(Check(name, _ratio(*powers), undo=name) for name, powers in POWERS.items()),
     Check(
         "pi", _albedo, lambda f: f"more light out than in ({math.exp(f[0]):.2g} from the base alone): times π or so",
         undo="pi",

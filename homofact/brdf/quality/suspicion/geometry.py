@@ -57,12 +57,8 @@ def _radians(evidence: Evidence) -> Figures | None:
     return (max(_MOST_DEGREES - largest, -5.0),)
 
 
-def _said(words: str) -> Callable[[Figures], str]:
-    return lambda figures: words
-
-
 NAMES = ("elevation", "elevation-i", "elevation-o", "azimuth")
 CHECKS = (
-    Check("radians", _radians, _said(UNDO["radians"].words), undo="radians"),
-    *(Check(name, _undone(name), _said(UNDO[name].words), undo=name) for name in NAMES),
+    Check("radians", _radians, undo="radians"),
+    *(Check(name, _undone(name), undo=name) for name in NAMES),
 )

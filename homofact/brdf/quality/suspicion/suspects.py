@@ -16,11 +16,11 @@ from homofact.brdf.quality.suspicion.evidence import LEAST_SAMPLES, Evidence
 from homofact.brdf.quality.suspicion.undo import UNDO
 from homofact.brdf.samples import Samples
 
-_BY_NAME: dict[str, Check] = {
+CHECKS: dict[str, Check] = {
     check.name: check
     for check in (*geometry.CHECKS, *encodings.CHECKS, *conventions.CHECKS, *instrument.CHECKS)
 }  # fmt: skip
-NAMES = tuple(_BY_NAME)
+NAMES = tuple(CHECKS)
 _COUNTED = ("quantised", "clipped", "zeros")
 _COLOURS = ("channels", "channel-late")
 _COSINES = tuple(conventions.POWERS)
@@ -72,11 +72,6 @@ def undone_evidence(evidence: Evidence, name: str) -> Evidence:
 def _said(names: Sequence[str], evidence: Evidence) -> list[Suspicion]:
     """What these checks suspect by more than `SAID` to 1, likeliest first."""
     with np.errstate(all="ignore"):
-        all_of = [_BY_NAME[name].suspicion(evidence) for name in names]
+        all_of = [CHECKS[name].suspicion(evidence) for name in names]
     likely = [suspicion for suspicion in all_of if suspicion is not None and suspicion.odds >= SAID]
     return sorted(likely, key=lambda suspicion: -suspicion.odds)
-
-
-def check_of(name: str) -> Check:
-    """The check called `name`."""
-    return _BY_NAME[name]

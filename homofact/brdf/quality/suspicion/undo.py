@@ -93,16 +93,8 @@ def _of_angles(
     return apply
 
 
-def _same(theta: Tensor, phi: Tensor) -> Tensor:
-    return from_spherical(theta, phi)
-
-
 def _complement(theta: Tensor, phi: Tensor) -> Tensor:
     return from_spherical(math.pi / 2 - theta, phi)
-
-
-def _opposite(theta: Tensor, phi: Tensor) -> Tensor:
-    return from_spherical(theta, phi + math.pi)
 
 
 def _degrees(theta: Tensor, phi: Tensor) -> Tensor:
@@ -113,6 +105,7 @@ def _swapped(samples: Samples) -> Samples:
     return replace(samples, wi=samples.wo, wo=samples.wi)
 
 
+_SAME = from_spherical
 _ALL = (
     Undo("cosine-o", "the values hold cosθo", _by_cosines(0, 1)),
     Undo("cosine-i", "the values hold cosθi", _by_cosines(1, 0)),
@@ -129,9 +122,9 @@ _ALL = (
     Undo("log1p", "the values are log(1 + f)", _of_values(torch.expm1)),
     Undo("density", "the values are −log10 f", _of_values(lambda v: 10.0**-v)),
     Undo("elevation", "θ is measured from the surface, not from the normal", _of_angles(_complement, _complement)),
-    Undo("elevation-i", "θi is measured from the surface, not from the normal", _of_angles(_complement, _same)),
-    Undo("elevation-o", "θo is measured from the surface, not from the normal", _of_angles(_same, _complement)),
-    Undo("azimuth", "one azimuth is off by 180°", _of_angles(_same, _opposite)),
+    Undo("elevation-i", "θi is measured from the surface, not from the normal", _of_angles(_complement, _SAME)),
+    Undo("elevation-o", "θo is measured from the surface, not from the normal", _of_angles(_SAME, _complement)),
+    Undo("azimuth", "one azimuth is off by 180°", _of_angles(_SAME, lambda t, p: _SAME(t, p + math.pi))),
     Undo("radians", "angles in radians were read as degrees", _of_angles(_degrees, _degrees)),
     Undo("swap", "ωi and ωo are swapped", _swapped),
 )  # fmt: skip
