@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from homofact.brdf.source_names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, GAINS, MOST_COUNT, SCHEMES
+from homofact.brdf.source_names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, GAINS, HELD_OUT, MOST_COUNT, SCHEMES
 from homofact.errors import BadInput
 from homofact.methods.search import Search
 from homofact.methods.table import METHODS, MODELS_BY_NAME, made, made_each
@@ -34,8 +34,16 @@ def _several(value: tuple[Any, ...]) -> str | None:
     return None if value and len(set(value)) == len(value) else "at least one, none twice"
 
 
+class _Checked:
+    """A section whose values are checked by what its fields declare."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be meant. Raises BadInput."""
+        check_options(self)
+
+
 @dataclass(frozen=True)
-class SourceSettings:
+class SourceSettings(_Checked):
     """What is read: a file's path or `material:NAME`, its channels, and how a model is sampled.
 
     `count` (pairs of directions) and `scheme` count for analytic models only. `subset` above 0 is the most samples
@@ -65,10 +73,6 @@ class SourceSettings:
     )  # fmt: skip
     subset: int = option(0, "Most samples that a fit is given, drawn by cells; 0 is all", least=0, panel=SOURCE)
 
-    def __post_init__(self) -> None:
-        """Refuse what cannot be meant. Raises BadInput."""
-        check_options(self)
-
     def opening(self, seed: int, path: str | None = None) -> "Opening":
         """How the source is opened, a model drawn by `seed`; the source at another `path` where one is given."""
         from homofact.brdf.source import Opening
@@ -78,69 +82,51 @@ class SourceSettings:
 
 
 @dataclass(frozen=True)
-class EvaluateSettings:
+class EvaluateSettings(_Checked):
     """`held_out`: the part of the measured samples kept from the fit, drawn by the seed."""
 
-    held_out: float = option(0.2, "Part of the samples kept from the fit", above=0, below=1, panel=SOURCE)
-
-    def __post_init__(self) -> None:
-        """Refuse a part that leaves nothing to fit or nothing to test. Raises BadInput."""
-        check_options(self)
+    held_out: float = option(HELD_OUT, "Part of the samples kept from the fit", above=0, below=1, panel=SOURCE)
 
 
 @dataclass(frozen=True)
-class CompareSettings:
-    """`methods` are fitted side by side to each of `sources`; `plot` is the figure's file, where one is wanted.
-
-    `metrics` names what they are measured by: six, all, or single metrics; `csv` and `latex` are files for their means
-    and standard deviations over sources and seeds. No sources means the one of [source].
+class _SeveralMethods(_Checked):
+    """What is fitted by which methods side by side; no sources means the one of [source].
 
     A method is a name, `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`), or `ggx:` and a
     number of lobes.
     """
 
     sources: tuple[str, ...] = option(
-        (),
-        "Measurements' files, or material:NAME",
-        argument=True,
-        metavar="SOURCE...",
-        expected_instead=none_twice,
+        (), "Measurements' files, or material:NAME", argument=True, metavar="SOURCE...", expected_instead=none_twice
     )
     methods: tuple[str, ...] = option(
         COMPARED,
         "Names with commas; mccool:A+B has the fixed projections A and B, ggx:2 two lobes",
         expected_instead=_several,
     )
+
+
+@dataclass(frozen=True)
+class CompareSettings(_SeveralMethods):
+    """`methods` are fitted side by side to each of `sources`; `plot` is the figure's file, where one is wanted.
+
+    `metrics` names what they are measured by: six, all, or single metrics; `csv` and `latex` are files for their means
+    and standard deviations over sources and seeds.
+    """
+
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")
     csv: str | None = option(None, "Write means and standard deviations over sources and seeds (.csv)", metavar="FILE")
     latex: str | None = option(None, "Write them as a table of LaTeX, for booktabs (.tex)", metavar="FILE")
     metrics: tuple[str, ...] = option(("six",), "six, all, or names with commas (an unknown one lists them)")
 
-    def __post_init__(self) -> None:
-        """Refuse an empty list and a method named twice. Raises BadInput."""
-        check_options(self)
-
 
 @dataclass(frozen=True)
-class ChartSettings:
+class ChartSettings(_SeveralMethods):
     """What a chart runs on each of `sources`: methods × counts of textures × sizes × searches.
 
-    A method is named as for a comparison; McCool's fixed lists take neither counts nor searches, and only
-    `search` takes searches. No sources means the one of [source].
+    McCool's fixed lists take neither counts nor searches, and only `search` takes searches.
     """
 
-    sources: tuple[str, ...] = option(
-        (),
-        "Measurements' files, or material:NAME",
-        argument=True,
-        metavar="SOURCE...",
-        expected_instead=none_twice,
-    )
-    methods: tuple[str, ...] = option(
-        COMPARED,
-        "Names with commas; mccool:A+B has the fixed projections A and B, ggx:2 two lobes",
-        expected_instead=_several,
-    )
     textures: tuple[int, ...] = option((1, 2, 3), "Counts of textures, with commas", expected_instead=_several)
     sizes: tuple[int, ...] = option((8, 16, 32), "Texels per side, with commas", expected_instead=_several)
     searches: tuple[str, ...] = option(
@@ -149,25 +135,17 @@ class ChartSettings:
         expected_instead=_several,
     )
 
-    def __post_init__(self) -> None:
-        """Refuse an empty list and an entry named twice. Raises BadInput."""
-        check_options(self)
-
 
 @dataclass(frozen=True)
-class OutputSettings:
+class OutputSettings(_Checked):
     """Where the result goes (`folder`), and whether a result already there is replaced (`force`)."""
 
     folder: str | None = option(None, "Where the result goes", flag="out", metavar="FOLDER", panel=OUTPUT)
     force: bool = option(False, "Replace a result that is there; fit a chart's runs anew", panel=OUTPUT)
 
-    def __post_init__(self) -> None:
-        """Refuse values of another type. Raises BadInput."""
-        check_options(self)
-
 
 @dataclass(frozen=True)
-class RenderSettings:
+class RenderSettings(_Checked):
     """How a sphere is drawn.
 
     `light` points to a directional light (any length), None is the light of the comparison pictures; `environment` is
@@ -188,7 +166,7 @@ class RenderSettings:
 
     def __post_init__(self) -> None:
         """Refuse a light without direction and a picture too small to hold a sphere. Raises BadInput."""
-        check_options(self)
+        super().__post_init__()
         if self.light is not None and not 0 < math.hypot(*self.light) < math.inf:
             raise BadInput(where="light", found=self.light, expected="a direction x,y,z that is not zero")
         if self.light is not None and self.environment is not None:

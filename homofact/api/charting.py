@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from homofact.api.comparing import HELD_OUT, named_methods
+from homofact.api.comparing import named_methods
 from homofact.api.places import check_place
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.subjects import Place, given_source, open_given
-from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.brdf.source_names import HELD_OUT, MATERIAL_PREFIX
 from homofact.errors import BadInput
 from homofact.files.extras import check as check_library
 from homofact.files.lock import claimed

@@ -10,6 +10,7 @@ from homofact.api.places import check_file
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.refusing import checked_findings, refuse_findings
 from homofact.api.subjects import Place, given_source, open_given, subset_of
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, Status
 from homofact.files import extras
 from homofact.methods.table import made_each
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from homofact.evaluation.means import MeanRow, MeasuredFit
     from homofact.evaluation.seeds import SeedRows
     from homofact.methods.method import Method
-
-HELD_OUT = 0.2  # as `evaluation.compare.HELD_OUT`, which help must not load
 
 
 @dataclass(frozen=True)

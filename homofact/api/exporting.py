@@ -153,7 +153,8 @@ def export(
     source = None if source is None else given_source(source)
 
     from homofact.containers.formats import format_named
-    from homofact.exporting.exported import check_export_folder
+    from homofact.files.folder import check_new_folder
+    from homofact.files.kinds import EXPORT
     from homofact.rendering.environment import read_environment
     from homofact.rendering.sky_chain import check_side
 
@@ -163,7 +164,7 @@ def export(
 
         of_engine, name = engine_named(engine, format or quantize)
     folder = Path(to)
-    check_export_folder(folder, force)
+    check_new_folder(folder, EXPORT, force)
     side = SKY_SIDE if prefilter_side is None else prefilter_side
     check_side(side)
     light = None if prefilter is None else read_environment(prefilter)

@@ -8,6 +8,7 @@ from homofact.api.places import check_folder
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.refusing import checked_findings, refuse_findings
 from homofact.api.subjects import Place, given_source, open_given, subset_of
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput
 from homofact.evaluation.wording import counted, figure
 from homofact.files import extras
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from homofact.evaluation.compare import ComparisonRow
     from homofact.factor.fitted import Fitted
     from homofact.methods.method import Method
-
-HELD_OUT = 0.2  # as `evaluation.compare.HELD_OUT`, which help must not load
 
 
 @dataclass(frozen=True)

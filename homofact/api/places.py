@@ -48,7 +48,6 @@ def check_folder(folder: Path, force: bool) -> None:
     from homofact.files.folder import check_new_folder
     from homofact.files.kinds import RESULT
 
-    # As `exporting.result.check_result_folder`, which loads torch.
     check_new_folder(folder, RESULT, force)
     _try_writing(folder.resolve())
 

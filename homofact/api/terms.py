@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.subjects import given_source, open_given, subset_of
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def terms(
     share: float = 0.99,
     limit: float = 85.0,
     method: "Method | None" = None,
-    held_out: float = 0.2,
+    held_out: float = HELD_OUT,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> TermsResult:

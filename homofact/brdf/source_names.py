@@ -4,6 +4,7 @@ CHANNELS = ("rgb", "spectral", "luminance")
 SCHEMES = ("lobe", "discs", "cosine", "grid")
 DEFAULT_SCHEME = "lobe"
 DEFAULT_COUNT = 45_000
+HELD_OUT = 0.2  # the part of the samples that is kept from a fit to test it
 MOST_COUNT = 10_000_000  # pairs: a gigabyte of samples
 MATERIAL_PREFIX = "material:"
 MATERIAL_NAMES = (

@@ -18,14 +18,14 @@ import torch
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import NOISE_FREE_EPSILON, Source, open_source
-from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME
+from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME, HELD_OUT
 from homofact.editing.build import EditMaterial
 from homofact.editing.curves import Bands
 from homofact.editing.material import Editable, Edited, Place
 from homofact.editing.picture import Address
 from homofact.editing.to_textures import Applied, apply_edit, edits_of
 from homofact.errors import BadInput
-from homofact.evaluation.compare import HELD_OUT, ComparisonRow, fit_and_measure
+from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.exporting.as_source import Drawn
 from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted

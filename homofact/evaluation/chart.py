@@ -12,9 +12,10 @@ from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 
 from homofact.brdf.source import Source
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, HomofactError, Status
 from homofact.evaluation.chart_ledger import ChartLedger, ChartRow, Identity, series_name
-from homofact.evaluation.compare import HELD_OUT, ComparisonRow, fit_and_measure
+from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.estimate import TimeEstimate, fit_seconds, training_count
 from homofact.evaluation.machine import machine
 from homofact.evaluation.metric_table import LIGHT

@@ -11,6 +11,7 @@ from typing import Any
 
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, Report
 from homofact.evaluation.appearance import Appearance, appearance
 from homofact.evaluation.metrics import SixErrors, measure
@@ -20,8 +21,6 @@ from homofact.evaluation.verdict.verdict import Verdict
 from homofact.factor.fitted import Fitted
 from homofact.methods.fitting import ProgressCallback
 from homofact.methods.method import Method
-
-HELD_OUT = 0.2
 
 
 @dataclass(frozen=True)

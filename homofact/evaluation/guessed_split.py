@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.source import MATERIAL_PREFIX, Source, open_source
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput
 from homofact.evaluation.split import Split
 from homofact.files.reading import split_member
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from homofact.factor.fitted import Fitted
 
 SAME_MEAN = 1e-6
-USUAL_SAMPLES, USUAL_HELD_OUT = 45_000, 0.2
+USUAL_SAMPLES = 45_000
 
 
 def has_mean_of(fitted: "Fitted", source: Source, split: Split) -> bool:
@@ -76,7 +77,7 @@ def guess_split(fitted: "Fitted", path: str) -> tuple[Source, Split, bool]:
             split = Split.of(source, held_out, seed, subset)
             if has_mean_of(fitted, source, split):
                 return source, split, True
-        first = first or (source, Split.of(source, USUAL_HELD_OUT, seed, subset), False)
+        first = first or (source, Split.of(source, HELD_OUT, seed, subset), False)
         if source.kind == "measurement":
             break
     assert first is not None  # there is at least one count
@@ -95,12 +96,12 @@ def _counts(fitted: "Fitted") -> list[int]:
     trained = fitted.provenance.get("samples")
     if not isinstance(trained, int) or trained < 1:
         return [USUAL_SAMPLES]
-    return list(dict.fromkeys((round(trained / (1 - USUAL_HELD_OUT)), USUAL_SAMPLES, trained)))
+    return list(dict.fromkeys((round(trained / (1 - HELD_OUT)), USUAL_SAMPLES, trained)))
 
 
 def _parts(fitted: "Fitted", total: int, subset: int) -> Iterator[float]:
     """Parts that may have been held out: the usual one, none, and those that leave as many as the fit was given."""
-    yield USUAL_HELD_OUT
+    yield HELD_OUT
     yield 0.0
     trained, copies = fitted.provenance.get("samples"), mapping(fitted.provenance.get("settings")).get("copies")
     if subset or not isinstance(trained, int):

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.source import Source
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput
-from homofact.evaluation.guessed_split import USUAL_HELD_OUT, guess_split, has_mean_of, mapping, source_named_by
+from homofact.evaluation.guessed_split import guess_split, has_mean_of, mapping, source_named_by
 from homofact.evaluation.split import Split
 from homofact.factor.fixed_projections import EDITED, EDITS
 
@@ -135,7 +136,7 @@ def _given(fitted: "Fitted", given: str | Source) -> Reopened:
     if split is not None and split.matches(source):
         return Reopened(source, split, has_mean_of(fitted, source, split))
     seed = settings_of(fitted).seed if split is None else split.seed
-    return Reopened(source, Split.of(source, USUAL_HELD_OUT, seed), False)
+    return Reopened(source, Split.of(source, HELD_OUT, seed), False)
 
 
 def _check_channels(source: Source, fitted: "Fitted") -> None:

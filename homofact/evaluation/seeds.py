@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from homofact.brdf.source import Source
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, Status
-from homofact.evaluation.compare import HELD_OUT, ComparisonRow, fit_and_measure
+from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.means import mean_record
 from homofact.evaluation.metric_table import SIX
 from homofact.evaluation.metrics import SixErrors

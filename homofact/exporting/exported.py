@@ -7,7 +7,7 @@ textures give.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,6 @@ import torch
 from homofact.brdf.reflectance import Reflectance
 from homofact.containers.exr import exr_channel_names
 from homofact.containers.formats import Format
-from homofact.errors import Advice, BadInput
 from homofact.evaluation.split import without_places
 from homofact.exporting.exported_reader import FORMAT, FORMAT_VERSION, MANIFEST
 from homofact.exporting.manifest import conventions, write_json
@@ -34,7 +33,7 @@ from homofact.shading.functions import functions_in_c, functions_text, sampling_
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
 from homofact.shading.lobe_mixture import LobeMixture
 from homofact.shading.noise import MEANING, noise_at_angles
-from homofact.shading.program import Program, program_of
+from homofact.shading.program import Program, check_count, program_of
 from homofact.version import __version__
 
 STORAGE = (
@@ -82,13 +81,7 @@ def exported(fitted: Fitted, form: Format) -> Exported:
     Raises BadInput, named by texture, where the format cannot hold a texture, and for more than four channels.
     """
     channels = len(fitted.channels)
-    if channels > 4:
-        raise BadInput(
-            where="channels",
-            found=channels,
-            expected="at most the 4 of a texture",
-            hint=f"fit with {Advice('channels', 'rgb')}",
-        )
+    check_count(channels)
     for k, texture in enumerate(fitted.textures):
         form.check(*texture.size, channels, f"texture {k}")
     textures = tuple(encode_texture(texture, form.storage) for texture in fitted.textures)
@@ -108,11 +101,6 @@ def log_difference(before: Fitted, after: Reflectance) -> float:
     return float((logs[0] - logs[1]).square().mean().sqrt())
 
 
-def check_export_folder(folder: str | os.PathLike[str], force: bool) -> None:
-    """Raise BadInput where `write_exported` could not put its files, as `files.folder.check_new_folder` says."""
-    check_new_folder(folder, EXPORT, force)
-
-
 def write_exported(
     folder: str | os.PathLike[str],
     made: Exported,
@@ -124,10 +112,10 @@ def write_exported(
     """Write textures, shaders and manifest to `folder`, or nothing; the manifest.
 
     `files` of an `engine`, by name, join them (`exporting.engines`), and engine.json lists these. `errors` go into the
-    manifest as they are. Raises BadInput as `check_export_folder` and for a place that turns
-    out not to be writable.
+    manifest as they are. Raises BadInput as `files.folder.check_new_folder` and for a place that turns out not to be
+    writable.
     """
-    check_export_folder(folder, force)
+    check_new_folder(folder, EXPORT, force)
     description = export_manifest(made, errors)
 
     def fill(place: Path) -> None:
@@ -151,17 +139,7 @@ def write_exported(
 def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]:
     """All that a loader needs beside the texels, JSON-able."""
     fitted, described = made.stored, made.stored.describe()
-    textures = [
-        {
-            "file": name,
-            "rows": int(texture.stored.shape[0]),
-            "columns": int(texture.stored.shape[1]),
-            "storage": texture.storage,
-            "scale": texture.scale.tolist(),
-            "bias": texture.bias.tolist(),
-        }
-        for name, texture in zip(made.names, made.textures, strict=True)
-    ]
+    textures = texture_records(made.names, made.textures, [texture.stored.shape for texture in made.textures])
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -172,22 +150,33 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         "A": {"values": fitted.transform.mean.tolist(), "unit": "1/sr", "meaning": "mean of the training samples"},
         "textures": textures,
         **described,
-        "code": {"function": "homofact_evaluate", "files": list(_codes(made))} | _sampling_code(made),
+        "code": {"function": "homofact_evaluate", "files": list(_codes(made))}
+        | ({} if made.sampling is None else {"sampling": SAMPLING}),
         "cost": made.cost.record(),
         "errors": dict(errors),
-        **_sampling(made),
+        **({} if made.sampling is None else {"sampling": sampling_record(made.stored, made.sampling)}),
         **({} if made.prefiltered is None else {"prefiltered": made.prefiltered.record()}),
         "provenance": without_places(fitted.provenance),
         "conventions": conventions(described) | {"storage": STORAGE, "sampler": SAMPLER},
     }
 
 
-def _sampling_code(made: Exported) -> dict[str, Any]:
-    return {} if made.sampling is None else {"sampling": SAMPLING}
-
-
-def _sampling(made: Exported) -> dict[str, Any]:
-    return {} if made.sampling is None else {"sampling": sampling_record(made.stored, made.sampling)}
+def texture_records(
+    names: Sequence[str], textures: Sequence[Encoded], shapes: Sequence[tuple[int, ...]], **more: Any
+) -> list[dict[str, Any]]:
+    """What a manifest says of textures of these (rows, columns, …), each with `more`; JSON-able."""
+    return [
+        {
+            "file": name,
+            **more,
+            "rows": int(shape[0]),
+            "columns": int(shape[1]),
+            "storage": texture.storage,
+            "scale": texture.scale.tolist(),
+            "bias": texture.bias.tolist(),
+        }
+        for name, texture, shape in zip(names, textures, shapes, strict=True)
+    ]
 
 
 def sampling_record(stored: Reflectance, mixture: LobeMixture) -> dict[str, Any]:

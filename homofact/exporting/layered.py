@@ -14,9 +14,8 @@ import numpy as np
 from homofact.containers.exr import exr_channel_names
 from homofact.containers.formats import Format
 from homofact.containers.png import write_png
-from homofact.errors import Advice, BadInput
 from homofact.evaluation.split import without_places
-from homofact.exporting.exported import MANIFEST, SAMPLER, SAMPLING, STORAGE, sampling_record
+from homofact.exporting.exported import MANIFEST, SAMPLER, SAMPLING, STORAGE, sampling_record, texture_records
 from homofact.exporting.manifest import conventions, write_json
 from homofact.factor.layered import Layered
 from homofact.files.atomic import write_text
@@ -28,7 +27,7 @@ from homofact.shading.labels import label_lookup, label_lookup_in_c
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
 from homofact.shading.lobe_mixture import LobeMixture
 from homofact.shading.mixture_fit import fitted_mixture
-from homofact.shading.program import Program, program_of
+from homofact.shading.program import Program, check_count, program_of
 from homofact.version import __version__
 
 FORMAT = "homofact layered export"
@@ -61,13 +60,7 @@ class LayeredExport:
 def exported_layers(fit: Layered, form: Format) -> LayeredExport:
     """The layers in a texture format. Raises BadInput as `exporting.exported.exported`."""
     channels, count = len(fit.layers[0].channels), len(fit.layers)
-    if channels > 4:
-        raise BadInput(
-            where="channels",
-            found=channels,
-            expected="at most the 4 of a texture",
-            hint=f"fit with {Advice('channels', 'rgb')}",
-        )
+    check_count(channels)
     arrays = [list(parts) for parts in zip(*(layer.textures for layer in fit.layers), strict=True)]
     textures = []
     for k, parts in enumerate(arrays):
@@ -132,18 +125,7 @@ def put_layers(place: Path, made: LayeredExport, labels: np.ndarray) -> dict[str
 def _manifest(made: LayeredExport, labels: np.ndarray, files: list[str]) -> dict[str, Any]:
     layers = made.stored.layers
     described = [layer.describe() for layer in layers]
-    textures = [
-        {
-            "file": name,
-            "layers": len(layers),
-            "rows": rows,
-            "columns": columns,
-            "storage": texture.storage,
-            "scale": texture.scale.tolist(),
-            "bias": texture.bias.tolist(),
-        }
-        for name, texture, (rows, columns) in zip(made.names, made.textures, made.program.shapes, strict=True)
-    ]
+    textures = texture_records(made.names, made.textures, made.program.shapes, layers=len(layers))
     terms = [{key: value for key, value in term.items() if key != "mask"} for term in described[0]["terms"]]
     return {
         "format": FORMAT,

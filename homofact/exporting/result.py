@@ -19,14 +19,6 @@ from homofact.methods.saved import open_saved
 REPORT = "report.json"
 
 
-def check_result_folder(folder: str | os.PathLike[str], force: bool) -> None:
-    """Raise BadInput where `write_result` could not put a result: ask before a long fit, not after it.
-
-    Refused as `files.folder.check_new_folder` says.
-    """
-    check_new_folder(folder, RESULT, force)
-
-
 def write_result(
     folder: str | os.PathLike[str],
     *,
@@ -38,14 +30,14 @@ def write_result(
     """Write the whole result to `folder`, or nothing.
 
     `pictures` is called with the folder under construction and adds its files to it. Raises BadInput as
-    `check_result_folder` and `files.folder.write_folder`; whatever else goes wrong, `pictures` included, passes through
+    `files.folder.check_new_folder` and `write_folder`; whatever else goes wrong, `pictures` included, passes through
     with the place as it was before. Where anything but an interrupt ends it after the fit is saved, the fit alone is
     kept beside the place, and the error says where.
     """
     from homofact.exporting.images import write_textures
     from homofact.exporting.manifest import manifest, write_json
 
-    check_result_folder(folder, force)
+    check_new_folder(folder, RESULT, force)
 
     def fill(place: Path) -> None:
         factorization.save(place / FACTORIZATION)

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from homofact.brdf.source import Source
-from homofact.evaluation.compare import HELD_OUT
+from homofact.brdf.source_names import HELD_OUT
 from homofact.methods.fitting import MethodFit, ProgressCallback
 from homofact.methods.mccool import McCool
 from homofact.methods.method import Method

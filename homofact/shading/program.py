@@ -71,13 +71,7 @@ def program_of(
     them. Raises BadInput for more than four channels.
     """
     count = len(fitted.channels)
-    if count > 4:
-        raise BadInput(
-            where="channels",
-            found=count,
-            expected="at most the 4 of a texture",
-            hint=f"fit with {Advice('channels', 'rgb')}",
-        )
+    check_count(count)
     wi, wo = variable("wi", 3), variable("wo", 3)
     evaluation = evaluation_of(fitted)
     sizes = [texture.stored.shape[:2] for texture in textures]
@@ -109,6 +103,13 @@ def program_of(
     result = variable("f", count) * variable("above", 1)
     title = _title(fitted, len(layers))
     return Program(needed(statements, result), result, shapes, fitted.channels, title, len(layers), tables)
+
+
+def check_count(channels: int) -> None:
+    """Raise BadInput for more channels than a texture has."""
+    if channels > 4:
+        hint = f"fit with {Advice('channels', 'rgb')}"
+        raise BadInput(where="channels", found=channels, expected="at most the 4 of a texture", hint=hint)
 
 
 def _of_layers(

@@ -19,8 +19,9 @@ from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.source import Source
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, SolverFailure, Status
-from homofact.evaluation.compare import HELD_OUT, ComparisonRow, fit_and_measure
+from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.metrics import measure
 from homofact.evaluation.verdict.flux import flux_of, misplaced, worst_band
 from homofact.methods.method import Method

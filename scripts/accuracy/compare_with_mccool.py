@@ -24,7 +24,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, FuncFormatter
 
 from homofact.brdf.source import Source, open_source
-from homofact.evaluation.compare import HELD_OUT, ComparisonRow, fit_and_measure
+from homofact.brdf.source_names import HELD_OUT
+from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.machine import machine
 from homofact.evaluation.metric_table import SIX
 from homofact.files.atomic import replace_file

@@ -17,7 +17,8 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
-from homofact.evaluation.compare import HELD_OUT, ComparisonRow, fit_and_measure
+from homofact.brdf.source_names import HELD_OUT
+from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.machine import machine
 from homofact.evaluation.metrics import SixErrors, six_errors
 from homofact.methods.cole import Cole

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import Report
-from homofact.evaluation.compare import HELD_OUT, ComparisonRow
+from homofact.evaluation.compare import ComparisonRow
 from homofact.evaluation.metrics import measure
 from homofact.evaluation.split import Split
 from homofact.evaluation.verdict.judge import judge

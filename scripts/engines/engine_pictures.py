@@ -19,8 +19,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from homofact.brdf.source import open_source
+from homofact.brdf.source_names import HELD_OUT
 from homofact.containers.formats import format_named
-from homofact.evaluation.compare import HELD_OUT, fit_and_measure
+from homofact.evaluation.compare import fit_and_measure
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import exported, write_exported
 from homofact.methods.search import Search

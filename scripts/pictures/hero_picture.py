@@ -22,8 +22,9 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from homofact.brdf.source import open_source
+from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput
-from homofact.evaluation.compare import HELD_OUT, fit_and_measure
+from homofact.evaluation.compare import fit_and_measure
 from homofact.exporting.result import open_result
 from homofact.factor.fitted import Fitted
 from homofact.methods.search import Search

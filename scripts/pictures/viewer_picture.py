@@ -13,7 +13,8 @@ from pathlib import Path
 from PIL import Image
 
 from homofact.brdf.source import open_source
-from homofact.evaluation.compare import HELD_OUT, fit_and_measure
+from homofact.brdf.source_names import HELD_OUT
+from homofact.evaluation.compare import fit_and_measure
 from homofact.methods.search import Search
 from homofact.web.page import write_view
 

@@ -17,7 +17,6 @@ from homofact.containers.formats import FORMATS, format_named
 from homofact.errors import BadInput
 from homofact.exporting.exported import (
     Exported,
-    check_export_folder,
     exported,
     log_difference,
     write_exported,
@@ -26,6 +25,8 @@ from homofact.exporting.exported_reader import open_exported
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
 from homofact.factor.projection import Warp, fixed_projection
+from homofact.files.folder import check_new_folder
+from homofact.files.kinds import EXPORT
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.shading.lobe_mixture import LobeMixture
 from homofact.shading.mixture_fit import fitted_mixture
@@ -143,7 +144,7 @@ def test_unknown_formats_are_refused_with_the_list() -> None:
 def test_a_folder_that_is_no_export_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "photo.jpg").write_bytes(b"")
     with pytest.raises(BadInput, match=r"found photo\.jpg in it and no export"):
-        check_export_folder(tmp_path, force=True)
+        check_new_folder(tmp_path, EXPORT, force=True)
     write(tmp_path / "out", CASES["fixed h"])
     before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
     with pytest.raises(BadInput, match="found an existing export, expected a new folder or `force=True`"):

@@ -11,11 +11,13 @@ import torch
 from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
 from homofact.exporting import result
-from homofact.exporting.result import check_result_folder, open_result, write_result
+from homofact.exporting.result import open_result, write_result
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import fixed_projection
 from homofact.files import folder as folders
 from homofact.files import private
+from homofact.files.folder import check_new_folder
+from homofact.files.kinds import RESULT
 
 CONTENTS = {
     "factorization.npz",
@@ -107,7 +109,7 @@ def test_an_unwritable_place(tmp_path, monkeypatch):
     # Permissions do not bind every user who runs the tests.
     monkeypatch.setattr(result.os, "access", lambda path, mode: honest(path, mode) and path.name != "locked")
     with pytest.raises(BadInput, match="locked is not writable"):
-        check_result_folder(tmp_path / "locked" / "out", force=False)
+        check_new_folder(tmp_path / "locked" / "out", RESULT, force=False)
     with pytest.raises(BadInput, match="locked is not writable"):
         write(tmp_path / "locked" / "deep" / "out")
     assert not list((tmp_path / "locked").iterdir())
