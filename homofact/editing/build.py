@@ -73,13 +73,17 @@ def editable(
         curves == OWN and not isinstance(reflectance, CookTorrance | AshikhminShirley | Lambert)
     ):
         angles = curves if isinstance(curves, tuple) else _ANGLES
-        return models.from_reflectance(reflectance, angles, name, _bands(bands, len(angles), _BANDS[: len(angles)]))
+        given = (*_BANDS, *(_BANDS[-1],) * len(angles))[: len(angles)] if bands is None else bands
+        if len(given) != len(angles):
+            raise BadInput(where="bands", found=f"{len(given)} numbers", expected=f"{len(angles)}, one a curve")
+        return models.from_reflectance(reflectance, angles, name, given)
     if isinstance(reflectance, Lambert) and curves == OWN:
         if bands is not None:
             raise BadInput(where="bands", found="some for a matt material, whose curves have 256", expected="none")
         return models.light_view(reflectance, name)
-    pair = None if bands is None else _pair(bands)
-    more = () if pair is None else (pair,)
+    if bands is not None and len(bands) != 2:
+        raise BadInput(where="bands", found=f"{len(bands)} numbers", expected="2, one a curve")
+    more = () if bands is None else ((bands[0], bands[1]),)
     if curves == HF:
         return homomorphic(reflectance, name, *more)
     if curves == HD:
@@ -88,20 +92,6 @@ def editable(
         return models.cook_torrance(reflectance, name, *more)
     assert isinstance(reflectance, AshikhminShirley)
     return models.ashikhmin_shirley(reflectance, name, *more)
-
-
-def _bands(given: tuple[int, ...] | None, count: int, usual: tuple[int, ...]) -> tuple[int, ...]:
-    if given is None:
-        return (*usual, *(_BANDS[-1],) * (count - len(usual)))
-    if len(given) != count:
-        raise BadInput(where="bands", found=f"{len(given)} numbers", expected=f"{count}, one a curve")
-    return given
-
-
-def _pair(bands: tuple[int, ...]) -> tuple[int, int]:
-    if len(bands) != 2:
-        raise BadInput(where="bands", found=f"{len(bands)} numbers", expected="2, one a curve")
-    return bands[0], bands[1]
 
 
 def _tables(file: EditSceneFile) -> dict[str, EditObjectTable | EditGroundTable]:

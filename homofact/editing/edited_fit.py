@@ -23,7 +23,7 @@ from homofact.editing.build import EditMaterial
 from homofact.editing.curves import Bands
 from homofact.editing.material import Editable, Edited, Place
 from homofact.editing.picture import Address
-from homofact.editing.to_textures import Applied, apply_edit, edits_of
+from homofact.editing.to_textures import AppliedEdit, apply_edit, edits_of
 from homofact.errors import BadInput
 from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.exporting.as_source import Drawn
@@ -46,17 +46,17 @@ class EditedFit:
     fit: Fitted
     edited: Edited
     rms: float
-    applied: tuple[Applied, ...] = ()
+    applied: tuple[AppliedEdit, ...] = ()
     row: ComparisonRow | None = None
 
     def words(self) -> str:
         """One line for people."""
         if self.row is None:
             ways = " and ".join(dict.fromkeys(each.way for each in self.applied))
-            return (
-                f"taken into the textures of the fit ({ways}): relative RMS {self.rms:.2%} against the edited material"
-            )
-        return f"fitted anew: relative RMS {self.rms:.2%} against the edited material"
+            made = f"taken into the textures of the fit ({ways})"
+        else:
+            made = "fitted anew"
+        return f"{made}: relative RMS {self.rms:.2%} against the edited material"
 
 
 def chosen_material(

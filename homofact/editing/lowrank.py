@@ -18,7 +18,7 @@ from torch import Tensor
 
 from homofact.editing.basis import product_of
 from homofact.editing.block_floats import BlockFloats
-from homofact.editing.transport import Full, check_curves
+from homofact.editing.transport import FullTransport, check_curves
 from homofact.editing.wavelets import transformed
 
 # Pixels whose wavelets are made at a time.
@@ -27,7 +27,7 @@ _PIECE = 4096
 
 @dataclass(frozen=True)
 class LowRank:
-    """`coefficients` a (P, C, r), `outward` W (r, 1, J·K), and `scale` (C, J·K), as in `Basis`.
+    """`coefficients` a (P, C, r), `outward` W (r, 1, J·K), `scale` (C, J·K) as in `Basis`, and `bands` (J,) or (J, K).
 
     `probes` holds the pixels `rows` (S,) in full.
     """
@@ -35,9 +35,9 @@ class LowRank:
     coefficients: BlockFloats
     outward: BlockFloats
     scale: np.ndarray
-    sizes: tuple[int, ...]
+    bands: tuple[int, ...]
     rows: np.ndarray
-    probes: Full
+    probes: FullTransport
 
     @property
     def rank(self) -> int:
@@ -48,11 +48,6 @@ class LowRank:
     def channels(self) -> int:
         """C."""
         return len(self.scale)
-
-    @property
-    def bands(self) -> tuple[int, ...]:
-        """(J,) or (J, K)."""
-        return self.sizes
 
     @property
     def nbytes(self) -> int:
@@ -89,17 +84,17 @@ class LowRank:
 
     def _held(self, curves: Sequence[Tensor]) -> np.ndarray:
         """W ρ (C, r), float32."""
-        check_curves(self.sizes, self.channels, curves)
+        check_curves(self.bands, self.channels, curves)
         return self.outward.times(product_of(curves) / self.scale).T
 
     def _vectors(self, active: int, curves: Sequence[Tensor]) -> Tensor:
         """W with the other curve held (C, r, J or K), float32."""
-        check_curves(self.sizes, self.channels, curves)
-        if len(self.sizes) == 1:
+        check_curves(self.bands, self.channels, curves)
+        if len(self.bands) == 1:
             return torch.from_numpy(self._rows * self._inverse[:, None])
-        table = self._rows.reshape(-1, *self.sizes)
+        table = self._rows.reshape(-1, *self.bands)
         held = curves[1 - active].T.numpy().astype(np.float32)
-        weights = self._inverse.reshape(-1, *self.sizes) * (held[:, None] if active == 0 else held[:, :, None])
+        weights = self._inverse.reshape(-1, *self.bands) * (held[:, None] if active == 0 else held[:, :, None])
         words = "rjk,jk->rj" if active == 0 else "rjk,jk->rk"
         return torch.from_numpy(np.stack([np.einsum(words, table, each) for each in weights]))
 
@@ -112,3 +107,6 @@ class LowRank:
     def _inverse(self) -> np.ndarray:
         """1/scale (C, J·K), float32."""
         return (1 / self.scale).astype(np.float32)
+
+
+CurveTransport = FullTransport | LowRank

@@ -45,11 +45,7 @@ def cook_torrance(model: CookTorrance, name: str = "Cook-Torrance", bands: tuple
         Slot("distribution", "theta_h", width.curve(), bands[0], sliders=width),
         Slot("fresnel", "theta_d", indices.curve(), bands[1], sliders=indices),
     )
-    return Editable(
-        name,
-        model.channels,
-        (lambert_term(model.diffuse), EditableTerm(SPECULAR, quotient, slots)),
-    )
+    return Editable(name, model.channels, (lambert_term(model.diffuse), EditableTerm(SPECULAR, quotient, slots)))
 
 
 def ashikhmin_shirley(

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from homofact.editing.curves import Bands
 from homofact.editing.material import Editable
-from homofact.editing.scene import Part, PreparedScene
+from homofact.editing.scene import PreparedScene, PreparedTerm
 
 # By the name of the material, its term and its curve.
 Address = tuple[str, str, str]
@@ -23,12 +23,12 @@ def starting_curves(prepared: PreparedScene) -> dict[Address, Bands]:
     return found
 
 
-def summed_curves(part: Part, material: Editable, curves: Curves) -> list[Tensor]:
+def summed_curves(part: PreparedTerm, material: Editable, curves: Curves) -> list[Tensor]:
     """The curves (J, C) that count in a part's sum over the light, in their order."""
     return [curves[material.name, part.term, slot.name].values for slot in material.term(part.term).summed]
 
 
-def factor_of(part: Part, material: Editable, curves: Curves) -> Tensor:
+def factor_of(part: PreparedTerm, material: Editable, curves: Curves) -> Tensor:
     """What multiplies a part's sum (P, C) or (1, C): curves over θo, and its pattern."""
     factor = torch.ones(1, len(material.channels), dtype=torch.float64)
     for slot in material.term(part.term).slots:
@@ -37,7 +37,7 @@ def factor_of(part: Part, material: Editable, curves: Curves) -> Tensor:
     return factor if part.factor is None else factor * part.factor
 
 
-def part_picture(prepared: PreparedScene, part: Part, curves: Curves) -> Tensor:
+def part_picture(prepared: PreparedScene, part: PreparedTerm, curves: Curves) -> Tensor:
     """R (P, C) of one part, in its rows of the view's pixels."""
     material = prepared.scene.objects[part.object].material
     return part.transport.picture(summed_curves(part, material, curves)) * factor_of(part, material, curves)

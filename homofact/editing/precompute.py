@@ -14,19 +14,18 @@ from dataclasses import dataclass, field
 
 import numba
 import numpy as np
-import torch
 
 from homofact.editing.angles import ANGLES
 from homofact.editing.basis import TOLERANCE, Basis, basis_of
 from homofact.editing.block_floats import BlockFloats
 from homofact.editing.curves import banded
 from homofact.editing.lights import TriangleLights, triangle_lights
-from homofact.editing.lowrank import LowRank
+from homofact.editing.lowrank import CurveTransport, LowRank
 from homofact.editing.material import EditableTerm, Quotient
 from homofact.editing.overlap import VisibleLights, transport
 from homofact.editing.quotient import LightPoints, enough_points, lit
-from homofact.editing.scene import EditObject, EditScene, Part, PreparedScene
-from homofact.editing.transport import CurveTransport, Full
+from homofact.editing.scene import EditObject, EditScene, PreparedScene, PreparedTerm
+from homofact.editing.transport import FullTransport
 from homofact.errors import BadInput
 from homofact.linear.threads import one_thread
 from homofact.scene.meshes import MeshGroup
@@ -67,7 +66,7 @@ def prepare(
     if form == "full":
         _check_size(scene, pixels)
     work = _Work(lights, meshes, threads or numba.get_num_threads(), sum(len(each) for each in pixels), progress)
-    parts: list[Part] = []
+    parts: list[PreparedTerm] = []
     for number, seen in enumerate(pixels):
         for which, edited in enumerate(scene.objects):
             rows = np.flatnonzero(seen.objects == which)
@@ -75,11 +74,8 @@ def prepare(
                 own = seen.some(rows)
                 work.ask(own, edited, divided)
                 made = _full(work, own, edited) if form == "full" else _low_rank(work, own, edited, tolerance)
-                theta_o = torch.from_numpy(np.arctan2(np.hypot(own.wo[:, 0], own.wo[:, 1]), own.wo[:, 2]))
                 for term, found in zip(edited.material.terms, made, strict=True):
-                    pattern = edited.patterns.get(term.name)
-                    factor = None if pattern is None else torch.from_numpy(pattern(own.points))
-                    parts.append(Part(number, which, term.name, rows, found, theta_o, factor))
+                    parts.append(PreparedTerm.of(scene, seen, number, which, term.name, rows, found))
     return PreparedScene(scene, lights, pixels, tuple(parts))
 
 
@@ -90,11 +86,9 @@ def _check_size(scene: EditScene, pixels: Sequence[VisiblePixels]) -> None:
             numbers = sum(int(np.prod(_bands(term))) for term in edited.material.terms)
             total += 4 * len(scene.channels) * numbers * int((seen.objects == which).sum())
     if total > MOST_BYTES:
+        expected = f"at most {MOST_BYTES}"
         raise BadInput(
-            f"full would be {total} bytes",
-            where="form",
-            expected=f"at most {MOST_BYTES}",
-            hint="fewer pixels, or low-rank",
+            f"full would be {total} bytes", where="form", expected=expected, hint="fewer pixels, or low-rank"
         )
 
 
@@ -184,7 +178,7 @@ def _full(work: _Work, pixels: VisiblePixels, edited: EditObject) -> list[CurveT
     terms, channels = edited.material.terms, len(edited.material.channels)
     tables = [np.empty((len(pixels), channels, *_bands(term)), np.float32) for term in terms]
     work.fill(tables, pixels, edited, [lambda block, _: block] * len(terms))
-    return [Full(table, len(term.summed)) for table, term in zip(tables, terms, strict=True)]
+    return [FullTransport(table, len(term.summed)) for table, term in zip(tables, terms, strict=True)]
 
 
 def _low_rank(work: _Work, pixels: VisiblePixels, edited: EditObject, tolerance: float) -> list[CurveTransport]:
@@ -205,7 +199,7 @@ def _low_rank(work: _Work, pixels: VisiblePixels, edited: EditObject, tolerance:
     blocks = work.block(pixels.some(probes), edited)
     made: list[CurveTransport] = []
     for table, term, basis, block in zip(found, terms, bases, blocks, strict=True):
-        full = Full(block.reshape(len(probes), channels, *_bands(term)).astype(np.float32), len(term.summed))
+        full = FullTransport(block.reshape(len(probes), channels, *_bands(term)).astype(np.float32), len(term.summed))
         sizes = tuple(slot.bands for slot in term.summed)
         outward = BlockFloats.of(basis.outward[:, None])
         made.append(LowRank(BlockFloats.of(table), outward, basis.scale, sizes, probes, full))

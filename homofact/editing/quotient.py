@@ -7,7 +7,6 @@ by some of its pixels: until dividing once more changes their light by less than
 `MOST_POINTS`. Rays go to the triangles' centres alone, and bands are divided over the whole triangle (`overlap`).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,16 +87,13 @@ def enough_points(
     """The points that these pixels need, pixel p under the lights numbers[begins[p] … begins[p + 1]]."""
     owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
     before, chosen = None, LightPoints.of(lights, 0)
-    for points in _candidates(lights):
+    for divided in range(MOST_DIVIDED + 1):
+        if divided and lights.count * 4**divided > MOST_POINTS:
+            break
+        points = LightPoints.of(lights, divided)
         each = lit(pixels, lights, points, owner, numbers, material, term)
         now = np.stack([np.bincount(owner, column, len(pixels)) for column in each.T], 1)
         if before is not None and ((now - before) ** 2).sum() <= TOLERANCE**2 * (now**2).sum():
             break
         before, chosen = now, points
     return chosen
-
-
-def _candidates(lights: TriangleLights) -> Iterator[LightPoints]:
-    for divided in range(MOST_DIVIDED + 1):
-        if divided == 0 or lights.count * 4**divided <= MOST_POINTS:
-            yield LightPoints.of(lights, divided)

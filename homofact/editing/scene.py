@@ -4,11 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from homofact.editing.lights import TriangleLights
+from homofact.editing.lowrank import CurveTransport
 from homofact.editing.material import Editable
-from homofact.editing.transport import CurveTransport
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.scene.cameras import Camera
@@ -81,7 +82,7 @@ class EditScene:
 
 
 @dataclass(frozen=True)
-class Part:
+class PreparedTerm:
     """One term of one object in one view: `rows` (P,) of the view's pixels, its transport, and the fixed factor (P, C).
 
     `theta_o` (P,) in radians, for curves that are a number a pixel.
@@ -95,6 +96,17 @@ class Part:
     theta_o: Tensor
     factor: Tensor | None
 
+    @classmethod
+    def of(
+        cls, scene: "EditScene", seen: VisiblePixels, view: int, number: int, term: str, rows: np.ndarray,
+        transport: CurveTransport,
+    ) -> "PreparedTerm":  # fmt: skip
+        """Of these rows of what a view sees, which are object `number`'s."""
+        own, pattern = seen.some(rows), scene.objects[number].patterns.get(term)
+        theta_o = torch.from_numpy(np.arctan2(np.hypot(own.wo[:, 0], own.wo[:, 1]), own.wo[:, 2]))
+        factor = None if pattern is None else torch.from_numpy(pattern(own.points))
+        return cls(view, number, term, rows, transport, theta_o, factor)
+
 
 @dataclass(frozen=True)
 class PreparedScene:
@@ -103,7 +115,7 @@ class PreparedScene:
     scene: EditScene
     lights: TriangleLights
     pixels: tuple[VisiblePixels, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[PreparedTerm, ...]
 
     @property
     def nbytes(self) -> int:

@@ -15,7 +15,7 @@ from homofact.errors import BadInput
 
 def beckmann(sigma: float, channels: int) -> Formula:
     """D(θh) = exp(−(tanθh/σ)²)/(4σ² cos⁴θh), as `CookTorrance` has it; σ the RMS slope, above 0."""
-    _check("sigma", sigma, above=0)
+    _check("sigma", sigma, above_zero=True)
 
     def density(gamma: Tensor) -> Tensor:
         cosine = torch.cos(gamma).clamp_min(MIN_COSINE)
@@ -30,9 +30,9 @@ def fresnel(n: tuple[float, ...], k: tuple[float, ...]) -> Formula:
     if len(n) != len(k):
         raise BadInput(where="k", found=f"{len(k)} numbers", expected=f"{len(n)}, as many as n has")
     for value in n:
-        _check("n", value, above=0)
+        _check("n", value, above_zero=True)
     for value in k:
-        _check("k", value, above=None)
+        _check("k", value)
     real, imaginary = (torch.tensor(part, dtype=torch.float64) for part in (n, k))
 
     def reflectance(gamma: Tensor) -> Tensor:
@@ -52,7 +52,7 @@ def fresnel(n: tuple[float, ...], k: tuple[float, ...]) -> Formula:
 
 def cosine_power(exponent: float, channels: int) -> Formula:
     """√(n + 1) cosⁿγ: α and β of eq. 15 and 16, n the `exponent` ≥ 0."""
-    _check("exponent", exponent, above=None)
+    _check("exponent", exponent)
 
     def lobe(gamma: Tensor) -> Tensor:
         # log cosγ = ½ log(1 − sin²γ), with its digits at the peak; cosγ stops at 1e-6 as in the model.
@@ -74,7 +74,6 @@ def matte_fade(channels: int) -> Formula:
     return Formula(fade, channels, "matte fade")
 
 
-def _check(name: str, value: float, above: float | None) -> None:
-    least = "above 0" if above is not None else ">= 0"
-    if not math.isfinite(value) or value < 0 or (above is not None and value <= above):
-        raise BadInput(where=name, found=value, expected=f"a finite number {least}")
+def _check(name: str, value: float, above_zero: bool = False) -> None:
+    if not math.isfinite(value) or value < 0 or (above_zero and value == 0):
+        raise BadInput(where=name, found=value, expected=f"a finite number {'above 0' if above_zero else '>= 0'}")

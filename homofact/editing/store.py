@@ -16,19 +16,18 @@ import torch
 from homofact.editing.block_floats import BlockFloats
 from homofact.editing.lights import triangle_lights
 from homofact.editing.lowrank import LowRank
-from homofact.editing.scene import EditScene, Part, PreparedScene
-from homofact.editing.transport import Full
+from homofact.editing.scene import EditScene, PreparedScene, PreparedTerm
+from homofact.editing.transport import FullTransport
 from homofact.errors import BadInput
 from homofact.files.archive import write_archive
 from homofact.files.fields import Fields
 from homofact.geometry.directions import draw_in_discs
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.folders import read_scene_archive
-from homofact.scene.visibility import VisiblePixels
+from homofact.scene.visibility import PIXEL_ARRAYS, VisiblePixels
 
 FORMAT, FORMAT_VERSION = "homofact prepared scene", 2
 _WHAT, _PAIRS = "a prepared scene", 200
-_PIXELS = ("numbers", "objects", "points", "frames", "wo")
 
 
 def digest_of(scene: EditScene, triangles: int) -> str:
@@ -77,7 +76,7 @@ def write_prepared(path: str | os.PathLike[str], prepared: PreparedScene, triang
     """
     arrays: dict[str, np.ndarray] = {}
     for number, seen in enumerate(prepared.pixels):
-        for name in _PIXELS:
+        for name in PIXEL_ARRAYS:
             arrays[f"view_{number}_{name}"] = getattr(seen, name)
     parts = []
     for number, part in enumerate(prepared.parts):
@@ -124,7 +123,7 @@ def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> PreparedSce
         )
     try:
         pixels = tuple(
-            VisiblePixels(*(arrays[f"view_{number}_{name}"] for name in _PIXELS))
+            VisiblePixels(*(arrays[f"view_{number}_{name}"] for name in PIXEL_ARRAYS))
             for number in range(len(scene.cameras))
         )
         parts = tuple(_part(scene, pixels, arrays, k, entry) for k, entry in enumerate(fields.inners("parts", 100_000)))
@@ -137,7 +136,7 @@ def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> PreparedSce
 
 def _part(
     scene: EditScene, pixels: tuple[VisiblePixels, ...], arrays: dict[str, np.ndarray], number: int, entry: Fields
-) -> Part:
+) -> PreparedTerm:
     view = entry.whole("view", 0, len(pixels) - 1)
     which = entry.whole("thing", 0, len(scene.objects) - 1)
     edited, own = scene.objects[which], f"part_{number}_"
@@ -150,12 +149,8 @@ def _part(
     outward = _read(arrays, f"{own}outward", (rank, 1, columns))
     if scale.shape != (channels, columns):
         raise ValueError(f"{own}scale has the shape {scale.shape}, not {(channels, columns)}")
-    seen = pixels[view].some(rows)
-    theta_o = torch.from_numpy(np.arctan2(np.hypot(seen.wo[:, 0], seen.wo[:, 1]), seen.wo[:, 2]))
-    pattern = edited.patterns.get(term.name)
-    factor = None if pattern is None else torch.from_numpy(pattern(seen.points))
-    kept = LowRank(coefficients, outward, scale, sizes, arrays[f"{own}probe_rows"], Full(probes, len(sizes)))
-    return Part(view, which, term.name, rows, kept, theta_o, factor)
+    kept = LowRank(coefficients, outward, scale, sizes, arrays[f"{own}probe_rows"], FullTransport(probes, len(sizes)))
+    return PreparedTerm.of(scene, pixels[view], view, which, term.name, rows, kept)
 
 
 def _written(name: str, found: BlockFloats) -> dict[str, np.ndarray]:

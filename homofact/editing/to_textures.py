@@ -84,7 +84,7 @@ class Edit:
 
 
 @dataclass(frozen=True)
-class Applied:
+class AppliedEdit:
     """A fit with an edit in its textures, and what that leaves, over held-out pairs.
 
     `log_rms` is of Σ textures against Σ before + log r; `rms` of f against r f, relative, cosine-weighted; `by_epsilon`
@@ -126,7 +126,7 @@ def edits_of(material: Editable, curves: Mapping[Place, Bands]) -> tuple[Edit, .
     return tuple(found)
 
 
-def apply_edit(fit: Factorization, edit: Edit, way: str | None = None, refine: int = 1) -> Applied:
+def apply_edit(fit: Factorization, edit: Edit, way: str | None = None, refine: int = 1) -> AppliedEdit:
     """The fit with the edit in its textures: by `way`, or by texels where some texture knows the angle, else solved.
 
     `refine` is for "texels": steps between two texels that one becomes, along the axes of that texture. Raises BadInput
@@ -265,14 +265,14 @@ def _recorded(fit: Factorization, edit: Edit, **more: Any) -> Factorization:
     return replace(fit, provenance=fit.provenance | {PROVENANCE: [*earlier, edit.record() | more]})
 
 
-def _judged(before: Factorization, edit: Edit, after: Factorization, way: str) -> Applied:
+def _judged(before: Factorization, edit: Edit, after: Factorization, way: str) -> AppliedEdit:
     """What is left, over held-out pairs; stated in the record too."""
     wi, wo = pairs_of(HELD_OUT, SEED + 1)
     added = edit.log_of_pairs(wi, wo)
     wanted = before.evaluate_log(wi, wo) + added
     off = after.evaluate_log(wi, wo) - wanted
     rms, by_epsilon, clamped = relative_rms(before, edit, after)
-    made = Applied(after, way, float(off.square().mean().sqrt()), rms, by_epsilon, clamped)
+    made = AppliedEdit(after, way, float(off.square().mean().sqrt()), rms, by_epsilon, clamped)
     figures = {"log_rms": made.log_rms, "rms": rms, "by_epsilon": by_epsilon, "clamped": clamped}
     *earlier, record = after.provenance[PROVENANCE]
     stated = after.provenance | {PROVENANCE: [*earlier, record | figures]}

@@ -1,13 +1,12 @@
 """The light that reaches the viewer as a linear function of one curve, or a bilinear one of two (eq. 6 and 23).
 
 R (P, C) = Σ_j c_j T_j, or Σ_jk c^A_j c^B_k U_jk, for the P pixels that one term of one object has in a view. Two forms
-answer alike: `Full` holds every band of every pixel and is exact; `lowrank.LowRank` holds few numbers a pixel and says
-how far off that is.
+answer alike: `FullTransport` holds every band of every pixel and is exact; `lowrank.LowRank` holds few numbers a pixel
+and says how far off that is.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -17,34 +16,8 @@ from homofact.editing.wavelets import transformed
 from homofact.errors import BadInput
 
 
-class CurveTransport(Protocol):
-    """T or U of P pixels with J (and K) bands in C channels."""
-
-    @property
-    def bands(self) -> tuple[int, ...]:
-        """(J,) or (J, K)."""
-        ...
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes that it is stored in."""
-        ...
-
-    def picture(self, curves: Sequence[Tensor]) -> Tensor:
-        """R (P, C), float64, of the curves (J, C) and, where there are two, (K, C)."""
-        ...
-
-    def frozen(self, active: int, curves: Sequence[Tensor]) -> Tensor:
-        """T (P, C, J or K) of curve number `active`, the other one held (eq. 26); of a single curve, T itself."""
-        ...
-
-    def wavelets(self, active: int, curves: Sequence[Tensor]) -> Tensor:
-        """S T (C, J or K, P) float32 of it: transformed, a coefficient's pixels side by side."""
-        ...
-
-
 @dataclass(frozen=True)
-class Full:
+class FullTransport:
     """Every band of every pixel: `table` (P, C, J, K) float32, K = 1 where there is one curve."""
 
     table: np.ndarray

@@ -36,17 +36,20 @@ class Buyer:
     def offers(self) -> list[tuple[int, float, Candidate | None]]:
         """(bytes, error, rung) of all that may serve, None for nothing."""
         unasked = [
-            candidate
-            for candidate in self.rungs
-            if candidate not in self.asked and candidate.most_fetches(self.isotropic) <= self.most_fetches
+            rung
+            for rung in self.rungs
+            if rung not in self.asked and rung.most_fetches(self.isotropic) <= self.most_fetches
         ]
-        offers: list[tuple[int, float, Candidate | None]] = [(0, NOTHING, None)]
-        for candidate, error in zip(unasked, expected_errors(unasked, self.asked) if unasked else (), strict=True):
-            offers.append((candidate.most_bytes(self.channels), error, candidate))
-        for candidate, outcome in self.asked.items():
-            if outcome.fetches <= self.most_fetches and math.isfinite(outcome.error):
-                offers.append((outcome.bytes, outcome.error, candidate))
-        return offers
+        expected = expected_errors(unasked, self.asked) if unasked else []
+        return [
+            (0, NOTHING, None),
+            *((rung.most_bytes(self.channels), error, rung) for rung, error in zip(unasked, expected, strict=True)),
+            *(
+                (outcome.bytes, outcome.error, rung)
+                for rung, outcome in self.asked.items()
+                if outcome.fetches <= self.most_fetches and math.isfinite(outcome.error)
+            ),
+        ]
 
 
 def allocate(buyers: Sequence[Buyer], most_bytes: float) -> list[Candidate | None]:

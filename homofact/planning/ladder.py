@@ -102,11 +102,7 @@ LADDER: tuple[Candidate, ...] = (
 
 def ladder(channels: int = 3, isotropic: bool = True) -> tuple[Candidate, ...]:
     """`LADDER` by rising bytes, fetches breaking ties."""
-    return tuple(
-        sorted(
-            LADDER, key=lambda candidate: (candidate.most_bytes(channels), candidate.most_fetches(isotropic), candidate)
-        )
-    )
+    return tuple(sorted(LADDER, key=lambda rung: (rung.most_bytes(channels), rung.most_fetches(isotropic), rung)))
 
 
 def fits_among(candidates: Iterable[Candidate]) -> int:
@@ -114,29 +110,19 @@ def fits_among(candidates: Iterable[Candidate]) -> int:
     return len({candidate.fit for candidate in candidates if not candidate.is_colour})
 
 
-def settings_of(candidate: Candidate, source: Source, options: FitOptions) -> Method:
-    """`method_of` with the source's ε."""
-    return replace(method_of(candidate, options), epsilon=source.default_epsilon)
-
-
-def method_of(candidate: Candidate, options: FitOptions) -> Method:
-    """The fit that a rung with textures stands for."""
+def method_of(candidate: Candidate, options: FitOptions, epsilon: float | None = None) -> Method:
+    """The fit that a rung with textures stands for, with the source's ε."""
+    size, shared = candidate.size, {"seed": options.seed, "epsilon": epsilon}
     if candidate.method == "mccool":
-        return McCool(size=candidate.size, seed=options.seed)
+        return McCool(size=size, **shared)
     if candidate.method == "svd":
-        return Svd(textures=candidate.textures, size=candidate.size, seed=options.seed)
-    return Search(
-        textures=candidate.textures,
-        size=candidate.size,
-        effort=options.effort,
-        budget=options.budget,
-        search_size=SEARCHED_AT,
-        search_samples=SEARCHED_FROM,
-        seed=options.seed,
-    )
+        return Svd(textures=candidate.textures, size=size, **shared)
+    searched = {"search_size": SEARCHED_AT, "search_samples": SEARCHED_FROM}
+    effort = {"effort": options.effort, "budget": options.budget}
+    return Search(textures=candidate.textures, size=size, **effort, **searched, **shared)
 
 
 def fit_candidate(candidate: Candidate, source: Source, options: FitOptions) -> MethodFit:
     """Fit a rung with textures to the source's training samples, texels as floats; raises what the method raises."""
-    method = settings_of(candidate, source, options)
+    method = method_of(candidate, options, source.default_epsilon)
     return method.fit(source.samples.split(options.held_out, options.seed)[0], options.progress)

@@ -23,7 +23,7 @@ from homofact.factor.fitted import Fitted
 from homofact.factor.projection import fixed_projection
 from homofact.factor.quantize import rounded
 from homofact.methods.common import quantized
-from homofact.planning.ladder import SEARCH_SIZES, WHOLE, Candidate, FitOptions, fit_candidate, ladder, settings_of
+from homofact.planning.ladder import SEARCH_SIZES, WHOLE, Candidate, FitOptions, fit_candidate, ladder, method_of
 from homofact.planning.theory import Lobes
 from homofact.theory.half_curve import half_angle_curve
 from homofact.theory.terms import half_angle_terms
@@ -102,7 +102,7 @@ class MaterialFits:
     def _whole(self, candidate: Candidate, fit: Fitted) -> Fitted:
         if sum(texture.size[0] * texture.size[1] for texture in fit.textures) > MOST_SOLVED:
             return rounded(fit, WHOLE)
-        method = settings_of(candidate, self.source, self.options)
+        method = method_of(candidate, self.options, self.source.default_epsilon)
         return quantized(fit, self.training, method, WHOLE)
 
     def verdict(self, candidate: Candidate, colour: Lambert | None = None) -> Verdict:
@@ -110,7 +110,7 @@ class MaterialFits:
 
         Of a colour only what is odd in the data or unknown: what it lacks it lacks by choice, within the tolerance.
         """
-        method = settings_of(candidate if colour is None else _LEAST, self.source, self.options)
+        method = method_of(candidate if colour is None else _LEAST, self.options, self.source.default_epsilon)
         test = self.split.test_samples(self.source)
         if colour is None:
             fit, report = self.fitted(candidate)
@@ -123,9 +123,7 @@ class MaterialFits:
         verdict = judge(fit, report, method, self.training, test, errors, seen)
         if colour is None:
             return verdict
-        return replace(
-            verdict, findings=tuple(finding for finding in verdict.findings if finding.about is not About.FIT)
-        )
+        return replace(verdict, findings=tuple(each for each in verdict.findings if each.about is not About.FIT))
 
 
 def as_texture(colour: Lambert, training: Samples, epsilon: float) -> Factorization:

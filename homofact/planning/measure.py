@@ -16,6 +16,7 @@ from torch import Tensor
 from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.errors import BadInput
 from homofact.evaluation.compare import held_out_samples
@@ -59,8 +60,11 @@ class RepresentationEvaluator:
     @cached_property
     def transform(self) -> LogTransform:
         """ε of the source and A of the training samples, as every fit of them has."""
-        train = self.source.samples.split(self.options.held_out, self.options.seed)[0]
-        return LogTransform.of(train, self.source.default_epsilon)
+        return LogTransform.of(self._train, self.source.default_epsilon)
+
+    @property
+    def _train(self) -> Samples:
+        return self.source.samples.split(self.options.held_out, self.options.seed)[0]
 
     @cached_property
     def _drawn(self) -> list[Tensor]:
@@ -117,7 +121,7 @@ class RepresentationEvaluator:
     @cached_property
     def of_logs(self) -> Tensor:
         """f (C,) whose logarithm is the mean of the training samples'."""
-        train = self.source.samples.split(self.options.held_out, self.options.seed)[0]
+        train = self._train
         weights = train.weights / train.weights.sum()
         return self.transform.inverse((self.transform.forward(train.values) * weights[:, None]).sum(0))
 
@@ -139,10 +143,8 @@ class RepresentationEvaluator:
     def cut(self, model: Lambert, drawn: list[Tensor]) -> list[Tensor]:
         """Under the 9 terms alone: what the light above them adds is taken off, exactly, at each node's normal."""
         albedo = torch.tensor(model.diffuse, dtype=torch.float64)
-        cut = []
-        for lost, radiance in zip(self.stage.above_nine_terms, drawn, strict=True):
-            cut.append((radiance - lost * albedo / math.pi).clamp_min(0))
-        return cut
+        above = zip(self.stage.above_nine_terms, drawn, strict=True)
+        return [(radiance - lost * albedo / math.pi).clamp_min(0) for lost, radiance in above]
 
 
 def best_colour(judges: Sequence[RepresentationEvaluator], of_light: bool) -> Lambert:
@@ -171,8 +173,9 @@ def picture_errors(
     if set(kinds) & set(SEEN):
         views = []
         for a, b in pairs:
-            shown = [_displayed(picture, exposed) for picture in (a, b)]
-            apart = torch.from_numpy(ciede2000_of_pixels(shown[0], shown[1], _all(a)))
+            every = torch.ones(1, len(a.weights), dtype=torch.bool)
+            one, two = (displayed(SphereImage(each.radiance[None], every.float()), exposed) for each in (a, b))
+            apart = torch.from_numpy(ciede2000_of_pixels(one, two, every))
             views.append((float((apart * a.weights).sum()), quantile(apart, a.weights, _P95), float(apart.max())))
         worst = map(max, zip(*views, strict=True))
         errors |= {kind: value for kind, value in zip(SEEN, worst, strict=True) if kind in kinds}
@@ -192,14 +195,6 @@ def quantile(values: Tensor, weights: Tensor, part: float) -> float:
     running = weights[order].cumsum(0)
     place = int(torch.searchsorted(running, part * running[-1]))
     return float(values[order[min(place, len(order) - 1)]])
-
-
-def _displayed(picture: Picture, exposed: float) -> Tensor:
-    return displayed(SphereImage(picture.radiance[None], torch.ones(1, len(picture.weights))), exposed)
-
-
-def _all(picture: Picture) -> Tensor:
-    return torch.ones(1, len(picture.weights), dtype=torch.bool)
 
 
 def _energy(radiance: Tensor, weights: Tensor) -> float:

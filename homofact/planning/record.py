@@ -35,8 +35,8 @@ def plan_record(plan: ScenePlan) -> dict[str, Any]:
         "error_of_the_picture": finite(plan.error),
         "one_size_fits_all": None
         if one is None
-        else {**_rung(one.candidate), "bytes": one.bytes}
-        | {"fetches_per_pixel": one.fetches, "bytes_saved": one.bytes - plan.bytes},
+        else asdict(one.candidate)
+        | {"bytes": one.bytes, "fetches_per_pixel": one.fetches, "bytes_saved": one.bytes - plan.bytes},
         "fits": plan.planning_fits,
         "fits_with_one_size": plan.fits,
         "exhaustive_fits": plan.exhaustive_fits,
@@ -56,7 +56,7 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "highlight_pixels": plan.highlight_pixels,
         "choice": None
         if choice is None or outcome is None
-        else {**_rung(choice), "bytes": outcome.bytes} | {"fetches": outcome.fetches},
+        else asdict(choice) | {"bytes": outcome.bytes, "fetches": outcome.fetches},
         "met": plan.walk.met,
         "error": None if outcome is None else finite(outcome.value),
         "error_kind": None if outcome is None else outcome.kind,
@@ -90,8 +90,4 @@ def _asked(plan: MaterialPlan, rung: Candidate, answer: LadderOutcome) -> dict[s
         predicted["reflected_over_all_turnings"] = {
             judge.lighting.name: colour_error(rung, plan.fits.lobes, judge.lighting) for judge in plan.judges
         }
-    return _rung(rung) | facts | predicted
-
-
-def _rung(candidate: Candidate) -> dict[str, Any]:
-    return asdict(candidate)
+    return asdict(rung) | facts | predicted

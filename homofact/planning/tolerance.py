@@ -47,7 +47,6 @@ class Used:
     ratio: float
     kind: str
     error: float
-    limit: float
 
 
 @dataclass(frozen=True)
@@ -73,9 +72,7 @@ class Tolerance:
 
     def used(self, errors: Errors) -> Used:
         """The limit that the errors use most of."""
-        used = [
-            Used(MARGINS[kind] * errors.of(kind) / limit, kind, errors.of(kind), limit) for kind, limit in self.limits
-        ]
+        used = [Used(MARGINS[kind] * errors.of(kind) / limit, kind, errors.of(kind)) for kind, limit in self.limits]
         return max(used, key=lambda part: part.ratio)
 
     def describe(self) -> str:

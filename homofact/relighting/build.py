@@ -9,13 +9,14 @@ import numpy as np
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.clusters import Clustered, clustered
-from homofact.relighting.compact import lit_tuples
 from homofact.relighting.factoring import SHARE, factor
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import Harmonic, harmonic
 from homofact.relighting.plan import ObjectPlan, plan_object
 from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
+from homofact.relighting.relight import Relit, light_coefficients
 from homofact.relighting.scene_file import RelightSceneFile
+from homofact.rendering.light import EnvironmentMap
 from homofact.scene.materials import Stage
 from homofact.scene.meshes import MeshGroup
 from homofact.scene.objects import SceneObject, place_objects
@@ -63,6 +64,17 @@ class RelitObject:
     def tuples(self, light: np.ndarray) -> np.ndarray:
         """K-tuples (V, K, 3) under a cube map of radiance, by the form that is used."""
         return lit_tuples(self.transport, self.compact, light)
+
+
+def lit_tuples(
+    transport: WaveletTransport, compact: Clustered | Harmonic | None, light: EnvironmentMap | np.ndarray
+) -> np.ndarray:
+    """K-tuples (V, K, 3) under a light, by the compact form where there is one. Raises BadInput for no light."""
+    if isinstance(compact, Harmonic):
+        return compact.tuples(light_coefficients(light, transport.settings.cube))
+    relit = Relit(transport if compact is None else compact.basis)
+    relit.relight(light)
+    return relit.tuples if compact is None else compact.mixed(relit.tuples)
 
 
 @dataclass(frozen=True)

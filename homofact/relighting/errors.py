@@ -18,7 +18,7 @@ squares over vertices that the eye sees, all channels together: √(Σ|B̂ − B
 """
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,21 +26,20 @@ import numpy as np
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.relighting import cube
-from homofact.relighting.build import RelightScene, RelitObject
+from homofact.relighting.build import RelightScene, RelitObject, lit_tuples
 from homofact.relighting.clusters import Clustered
-from homofact.relighting.compact import lit_tuples
 from homofact.relighting.factoring import factor
 from homofact.relighting.factors import InOutFactors, view_values
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.kernels import transport_vectors
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.relight import Relit, light_coefficients
-from homofact.relighting.seen import Seen, seen_vertices
+from homofact.relighting.seen import SeenVertices, seen_vertices
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
 
 FINE = 4
-_FINE_MAPS = 128
+_FINE_MAPS, _TRIANGLES = 128, 200
 STAGES = ("terms", "maps", "cube", "truncation", "quantisation", "harmonics", "clusters", "interpolation", "together")
 
 
@@ -92,12 +91,11 @@ def scene_errors(
 
 
 def measured_errors(
-    seen: Seen,
+    seen: SeenVertices,
     transport: WaveletTransport,
     light: EnvironmentMap,
     compact: Clustered | Harmonic | None = None,
     stages: Sequence[str] = STAGES,
-    progress: Callable[[str], object] | None = None,
 ) -> RelightErrors:
     """Every stage of `stages` by itself, under one light and from one eye. Raises BadInput for an unknown stage."""
     unknown = [each for each in stages if each not in STAGES]
@@ -109,24 +107,18 @@ def measured_errors(
     if not (truth != 0).any():
         raise BadInput("none reaches the vertices that are seen", where="light", expected="some")
     errors: dict[str, float] = {}
-
-    def wanted(stage: str) -> bool:
-        if stage in stages and progress is not None:
-            progress(stage)
-        return stage in stages
-
     factors = transport.factors
-    if wanted("terms") or wanted("maps"):
+    if {"terms", "maps"} & {*stages}:
         fine = factor(seen.reflectance, terms=factors.terms, map_size=_FINE_MAPS)
         exact = seen.dense(radiance, size, fine)
         if "terms" in stages:
             errors["terms"] = relative(exact, truth)
         if "maps" in stages:
             errors["maps"] = relative(seen.dense(radiance, size, factors), exact)
-    if wanted("cube"):
+    if "cube" in stages:
         much = seen.dense(cube.environment_cube(light, FINE * size), FINE * size)
         errors["cube"] = relative(truth, much)
-    if wanted("truncation") or wanted("quantisation"):
+    if {"truncation", "quantisation"} & {*stages}:
         whole, cut, stored = _vectors(seen, transport, radiance)
         if "truncation" in stages:
             errors["truncation"] = relative(cut, whole)
@@ -136,14 +128,14 @@ def measured_errors(
     relit.relight(radiance)
     used = relit.tuples
     stage = "harmonics" if isinstance(compact, Harmonic) else "clusters"
-    if compact is not None and (wanted(stage) or wanted("together")):
+    if compact is not None and {stage, "together"} & {*stages}:
         used = lit_tuples(transport, compact, radiance)
         if stage in stages:
             errors[stage] = relative(_seen_of(seen, factors, used), _seen_of(seen, factors, relit.tuples))
     shown = _seen_of(seen, factors, used)
-    if wanted("interpolation"):
+    if "interpolation" in stages:
         errors["interpolation"] = _interpolation(seen, radiance, size)
-    if wanted("together"):
+    if "together" in stages:
         errors["together"] = relative(shown, truth)
     below = float(np.maximum(-shown, 0).sum() / np.abs(shown).sum())
     return RelightErrors({name: errors[name] for name in STAGES if name in errors}, below, len(seen.which))
@@ -154,14 +146,14 @@ def relative(found: np.ndarray, truth: np.ndarray) -> float:
     return float(np.sqrt(((found - truth) ** 2).sum() / (truth**2).sum()))
 
 
-def _seen_of(seen: Seen, factors: InOutFactors, tuples: np.ndarray) -> np.ndarray:
+def _seen_of(seen: SeenVertices, factors: InOutFactors, tuples: np.ndarray) -> np.ndarray:
     """Light (S, 3) towards the eye of K-tuples (V, K, 3) of all vertices."""
     h = view_values(factors, seen.wo)
     return np.einsum("skc,skc->sc", h, tuples[seen.which])
 
 
 def _vectors(
-    seen: Seen, transport: WaveletTransport, radiance: np.ndarray
+    seen: SeenVertices, transport: WaveletTransport, radiance: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Light (S, 3) each by whole transport vectors, by those that are kept, and by these as they are stored."""
     factors, settings = transport.factors, transport.settings
@@ -187,23 +179,23 @@ def _vectors(
     return whole, cut, stored
 
 
-def _interpolation(seen: Seen, radiance: np.ndarray, size: int, most: int = 200) -> float:
+def _interpolation(seen: SeenVertices, radiance: np.ndarray, size: int) -> float:
     """Of points in the middle of triangles: light mixed from the corners against the light of the point itself."""
     mesh = seen.mesh
     shown = np.zeros(len(mesh.positions), bool)
     shown[seen.which] = True
     # Triangles at a vertex that is seen; their corners are summed too.
     triangles = mesh.triangles[shown[mesh.triangles].any(1)]
-    triangles = triangles[np.random.default_rng(1).permutation(len(triangles))[:most]]
+    triangles = triangles[np.random.default_rng(1).permutation(len(triangles))[:_TRIANGLES]]
     middle = mesh.positions[triangles].mean(1)
     normal = mesh.normals[triangles].mean(1)
     length = np.linalg.norm(normal, axis=1)
     triangles, middle, normal = (each[length > 0.1] for each in (triangles, middle, normal))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     points = Mesh(middle, normal, np.arange(len(middle) // 3 * 3).reshape(-1, 3), f"{mesh.name}, between vertices")
-    own = Seen(points, seen.reflectance, seen.occluder, seen.eye, np.arange(len(middle)))
+    own = SeenVertices(points, seen.reflectance, seen.occluder, seen.eye, np.arange(len(middle)))
     corners, place = np.unique(triangles, return_inverse=True)
-    around = Seen(mesh, seen.reflectance, seen.occluder, seen.eye, corners)
+    around = SeenVertices(mesh, seen.reflectance, seen.occluder, seen.eye, corners)
     mixed = around.dense(radiance, size)[place.reshape(triangles.shape)].mean(1)
     facing = own.wo[:, 2] > 0.1
     return relative(mixed[facing], own.dense(radiance, size)[facing])

@@ -83,7 +83,8 @@ class Harmonic:
 
 def harmonic(transport: WaveletTransport, order: int) -> Harmonic:
     """A transport in harmonics up to `order`. Raises BadInput for an order outside 0 to `MOST_ORDER`."""
-    check_order(order)
+    if not 0 <= order <= MOST_ORDER:
+        raise BadInput(where="harmonics", found=f"order {order}", expected=f"0 to {MOST_ORDER}")
     texels = cube.FACES * transport.settings.cube**2
     counts = np.diff(transport.start)
     values = (transport.number * np.repeat(transport.scale, counts)).astype(np.float32)
@@ -100,9 +101,3 @@ def harmonic_maps(order: int, size: int) -> tuple[np.ndarray, np.ndarray]:
     values = harmonics(order, w).T.numpy().reshape(-1, cube.FACES, size, size)
     weighted = transformed(values * cube.solid_angles(size))
     return weighted.reshape(len(values), -1), transformed(values).reshape(len(values), -1)
-
-
-def check_order(order: int) -> None:
-    """Raise BadInput for an order outside 0 to `MOST_ORDER`."""
-    if not 0 <= order <= MOST_ORDER:
-        raise BadInput(where="harmonics", found=f"order {order}", expected=f"0 to {MOST_ORDER}")

@@ -21,7 +21,7 @@ from homofact.relighting.factoring import factors_of_sizes
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import MOST_ORDER
 from homofact.relighting.precompute import TransportSettings
-from homofact.relighting.probe import ProbedErrors, Spot, measured
+from homofact.relighting.probe import ProbedErrors, ProbedVertices, measured
 from homofact.relighting.seen import seen_vertices
 from homofact.rendering.light import EnvironmentMap
 
@@ -35,7 +35,7 @@ _MOST_WEIGHTS = 64
 
 
 @dataclass(frozen=True)
-class Choice:
+class PlannedTransport:
     """A way to hold an object's transport, its bytes and the error that is expected of it.
 
     `order` is of the harmonics, None for all frequencies; `tolerance` what of a vertex's root sum square is left out,
@@ -75,8 +75,8 @@ class ObjectPlan:
     name: str
     material: str
     reflected: float
-    choices: tuple[Choice, ...]
-    chosen: Choice
+    choices: tuple[PlannedTransport, ...]
+    chosen: PlannedTransport
     factors: InOutFactors
 
     @property
@@ -132,9 +132,9 @@ def plan_object(
     counts = candidate_terms(made[0], allowed) if terms is None else [made[0].terms]
     whole = [each.first(counts[-1]) for each in made]
     groups = np.searchsorted(counts, np.arange(counts[-1]), side="right")
-    spot = _spot(mesh, reflectance, occluder, eye, seed)
+    probed = _probed(mesh, reflectance, occluder, eye, seed)
     orders = tuple(range(1, MOST_ORDER + 1))
-    found = measured(spot, whole, len(SIZES) - 1, groups, light, settings.cube, orders)
+    found = measured(probed, whole, len(SIZES) - 1, groups, light, settings.cube, orders)
     errors = [whole[0].first(each).expected_error for each in counts]
     choices = [
         choice
@@ -143,7 +143,11 @@ def plan_object(
         for choice in _choices(found, g, m, count, errors[g], allowed, len(mesh.positions), whole[0].view.shape[3])
     ]
     if not choices:
-        choices = [_nearest(found, counts, errors, len(mesh.positions), whole[0].view.shape[3])]
+        # Nothing meets the tolerance: the most terms on the largest maps.
+        allowed = 0.3 * math.hypot(errors[-1], found.maps[-1, len(SIZES) - 1])
+        last = len(counts) - 1, len(SIZES) - 1
+        vertices, channels = len(mesh.positions), whole[0].view.shape[3]
+        choices = [_wavelets(found, *last, allowed, counts[-1], errors[-1], vertices, channels)]
     shown = _best_of_each(choices)
     chosen = min(shown, key=lambda each: each.bytes)
     factors = whole[SIZES.index(chosen.map_size)].first(chosen.terms)
@@ -165,37 +169,36 @@ def candidate_terms(factors: InOutFactors, allowed: float) -> list[int]:
 
 def _choices(
     found: ProbedErrors, g: int, m: int, terms: int, error: float, allowed: float, vertices: int, channels: int
-) -> list[Choice]:
+) -> list[PlannedTransport]:
     """Of so many terms on maps of one size: all frequencies, and the harmonics that are enough."""
     size, maps = SIZES[m], float(found.maps[g, m])
     square = allowed**2 - error**2 - maps**2
     if square <= 0:
         return []
-    view = terms * size**2 * channels * 4
-    tolerance, lost, kept = found.truncated(g, math.sqrt(square))
-    bytes_of_wavelets = vertices * (6 * terms + 4 * round(kept)) + view
-    choices = [Choice(terms, size, None, tolerance, kept / terms, bytes_of_wavelets, error, maps, lost)]
+    choices = [_wavelets(found, g, m, math.sqrt(square), terms, error, vertices, channels)]
     fine = found.truncated(g, math.sqrt(square) / 5)[0]
     for order, low in zip(found.orders, found.harmonics(g), strict=True):
         count = (order + 1) ** 2
         if low**2 <= square and terms * count <= _MOST_WEIGHTS:
-            stored = vertices * terms * (2 * count + 4) + view
-            choices.append(Choice(terms, size, order, fine, count, stored, error, maps, float(low)))
+            stored = vertices * terms * (2 * count + 4) + terms * size**2 * channels * 4
+            choices.append(PlannedTransport(terms, size, order, fine, count, stored, error, maps, float(low)))
             break
     return choices
 
 
-def _nearest(found: ProbedErrors, counts: list[int], errors: list[float], vertices: int, channels: int) -> Choice:
-    """The most terms on the largest maps, where nothing meets the tolerance."""
-    maps = float(found.maps[-1, len(SIZES) - 1])
-    tolerance, lost, kept = found.truncated(len(counts) - 1, 0.3 * math.hypot(errors[-1], maps))
-    stored = vertices * (6 * counts[-1] + 4 * round(kept)) + counts[-1] * SIZES[-1] ** 2 * channels * 4
-    return Choice(counts[-1], SIZES[-1], None, tolerance, kept / counts[-1], stored, errors[-1], maps, lost)
+def _wavelets(
+    found: ProbedErrors, g: int, m: int, allowed: float, terms: int, error: float, vertices: int, channels: int
+) -> PlannedTransport:
+    """All frequencies, of which as few are kept as leave what is allowed."""
+    size = SIZES[m]
+    tolerance, lost, kept = found.truncated(g, allowed)
+    stored = vertices * (6 * terms + 4 * round(kept)) + terms * size**2 * channels * 4
+    return PlannedTransport(terms, size, None, tolerance, kept / terms, stored, error, float(found.maps[g, m]), lost)
 
 
-def _best_of_each(choices: list[Choice]) -> tuple[Choice, ...]:
+def _best_of_each(choices: list[PlannedTransport]) -> tuple[PlannedTransport, ...]:
     """Of each form and number of terms the cheapest map, cheapest first."""
-    best: dict[tuple[int, int | None], Choice] = {}
+    best: dict[tuple[int, int | None], PlannedTransport] = {}
     for each in choices:
         key = (each.terms, each.order)
         if key not in best or each.bytes < best[key].bytes:
@@ -203,11 +206,13 @@ def _best_of_each(choices: list[Choice]) -> tuple[Choice, ...]:
     return tuple(sorted(best.values(), key=lambda each: (each.bytes, each.error)))
 
 
-def _spot(mesh: Mesh, reflectance: Reflectance, occluder: Occluder, eye: tuple[float, ...], seed: int) -> Spot:
+def _probed(
+    mesh: Mesh, reflectance: Reflectance, occluder: Occluder, eye: tuple[float, ...], seed: int
+) -> ProbedVertices:
     """Vertices that the eye sees; where it sees none, any, from 45° each."""
     try:
         seen = seen_vertices(mesh, reflectance, occluder, eye, SPOTS, seed)
     except BadInput:
         drawn = np.sort(np.random.default_rng(seed).permutation(len(mesh.positions))[:SPOTS])
-        return Spot(mesh, occluder, drawn, np.tile([math.sqrt(0.5), 0.0, math.sqrt(0.5)], (len(drawn), 1)))
-    return Spot(mesh, occluder, seen.which, seen.wo)
+        return ProbedVertices(mesh, occluder, drawn, np.tile([math.sqrt(0.5), 0.0, math.sqrt(0.5)], (len(drawn), 1)))
+    return ProbedVertices(mesh, occluder, seen.which, seen.wo)

@@ -30,7 +30,7 @@ _BINS = 2048
 
 
 @dataclass(frozen=True)
-class Spot:
+class ProbedVertices:
     """Vertices `which` (S,) of a mesh and the eye's direction (S, 3) in their frames."""
 
     mesh: Mesh
@@ -84,7 +84,7 @@ _TOLERANCES = tuple(float(each) for each in np.geomspace(1e-4, 0.5, 50))
 
 
 def measured(
-    spot: Spot,
+    probed: ProbedVertices,
     sizes: Sequence[InOutFactors],
     at: int,
     groups: np.ndarray,
@@ -101,14 +101,14 @@ def measured(
     flat = np.concatenate([each.reshape(-1, 3) for each in radiance], 1)
     coefficients = np.concatenate([light_coefficients(each, size) for each in radiance], 1)
     angles = np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)
-    tracer = Tracer(spot.mesh, spot.occluder, size)
-    rows = frames(spot.mesh.normals[spot.which])
-    views = [view_values(each, spot.wo) for each in sizes]
+    tracer = Tracer(probed.mesh, probed.occluder, size)
+    rows = frames(probed.mesh.normals[probed.which])
+    views = [view_values(each, probed.wo) for each in sizes]
     maps = [torch.from_numpy(each.light).permute(1, 2, 0).double() for each in sizes]
     kept = np.ascontiguousarray(sizes[at].light.transpose(1, 2, 0))
     into, back = harmonic_maps(max(orders), size)
     smooth_light, back = into @ coefficients, back.astype(np.float32)
-    number = len(spot.which)
+    number = len(probed.which)
     counts, squares = (np.zeros((number, count, _BINS)) for _ in range(2))
     sent = np.zeros((number, count, _BINS, 3 * TURNS))
     by_map = np.zeros((len(sizes), number, count, 3 * TURNS))
@@ -121,7 +121,7 @@ def measured(
         np.add.at(found, group, values)
         return found
 
-    for s, v in enumerate(spot.which.tolist()):
+    for s, v in enumerate(probed.which.tolist()):
         lit = tracer.visible(v)
         seen = np.flatnonzero(lit)
         wi = tracer.directions[seen].astype(np.float64) @ rows[s].T
@@ -145,7 +145,7 @@ def measured(
             few = (order + 1) ** 2
             smooth[s, :, n] = grouped(low[:, :few] @ smooth_light[:few] * np.tile(views[at][s], TURNS))
     if not sent.any():
-        raise BadInput("no light reaches the vertices that were drawn", where=spot.mesh.name, expected="some")
+        raise BadInput("no light reaches the vertices that were drawn", where=probed.mesh.name, expected="some")
     by_map, counts, squares, sent, smooth = (
         each.cumsum(axis) for each, axis in ((by_map, 2), (counts, 1), (squares, 1), (sent, 1), (smooth, 1))
     )

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -138,7 +138,7 @@ def save_scene(file: Path, scene: RelightResult) -> None:
                 "channels": list(factors.channels),
                 "energy": factors.energy,
                 "compact": "harmonic" if isinstance(each.compact, Harmonic) else each.compact is not None,
-                "settings": _settings(made.settings),
+                "settings": asdict(made.settings),
             }
         )
     header = {
@@ -154,16 +154,8 @@ def save_scene(file: Path, scene: RelightResult) -> None:
 
 
 def _camera_record(camera: Camera) -> dict[str, Any]:
-    record = {
-        "eye": list(camera.eye), "target": list(camera.target), "field": camera.field, "pixels": list(camera.pixels),
-    }  # fmt: skip
-    return record if camera.name is None else record | {"name": camera.name}
-
-
-def _settings(settings: TransportSettings) -> dict[str, Any]:
-    return {
-        "cube": settings.cube, "rays": settings.rays, "kept": settings.kept, "tolerance": settings.tolerance,
-    }  # fmt: skip
+    record = {"eye": list(camera.eye), "target": list(camera.target), "field": camera.field}
+    return record | {"pixels": list(camera.pixels)} | ({} if camera.name is None else {"name": camera.name})
 
 
 def open_relit(place: Path) -> RelightResult:

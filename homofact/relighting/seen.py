@@ -16,7 +16,7 @@ from homofact.relighting.tracer import Tracer
 
 
 @dataclass
-class Seen:
+class SeenVertices:
     """Vertices that an eye sees, with what their light is summed from."""
 
     mesh: Mesh
@@ -54,7 +54,7 @@ class Seen:
 
 def seen_vertices(
     mesh: Mesh, reflectance: Reflectance, occluder: Occluder, eye: Sequence[float], most: int, seed: int = 0
-) -> Seen:
+) -> SeenVertices:
     """At most so many vertices, drawn by the seed, that face the eye and that nothing hides from it.
 
     Raises BadInput where the eye sees none.
@@ -70,4 +70,4 @@ def seen_vertices(
     if not len(open_):
         raise BadInput(f"no vertex is seen from {tuple(point.tolist())}", where=mesh.name, expected="another eye")
     drawn = np.random.default_rng(seed).permutation(open_)[:most]
-    return Seen(mesh, reflectance, occluder, point, np.sort(drawn))
+    return SeenVertices(mesh, reflectance, occluder, point, np.sort(drawn))

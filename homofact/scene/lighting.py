@@ -216,10 +216,6 @@ def open_environment(place: str | Path) -> EnvironmentMap:
         raise error.at("light") from error
 
 
-def _sun() -> tuple[Light, ...]:
-    return (DirectionalLight((0.5, 0.5, math.sqrt(0.5)), math.pi),)
-
-
 def _sky(ground: float, level: Callable[[Tensor], Tensor], name: str) -> EnvironmentMap:
     """A sky of radiance level(sin of the elevation) over ground that reflects `ground` of it, Lambertian."""
     sine = texel_directions(_ROWS, 2 * _ROWS)[:, 1]
@@ -227,14 +223,6 @@ def _sky(ground: float, level: Callable[[Tensor], Tensor], name: str) -> Environ
     irradiance = float((above * sine.clamp_min(0) * solid_angles(_ROWS, 2 * _ROWS)).sum())
     values = torch.where(sine > 0, above, torch.full_like(sine, ground * irradiance / math.pi))
     return EnvironmentMap((values / irradiance * math.pi).reshape(_ROWS, 2 * _ROWS, 1), name=name)
-
-
-def _overcast() -> tuple[Light, ...]:
-    return (_sky(0.2, lambda sine: (1 + 2 * sine) / 3, "overcast"),)
-
-
-def _uniform() -> tuple[Light, ...]:
-    return (EnvironmentMap(torch.ones(_ROWS, 2 * _ROWS, 1, dtype=torch.float64), name="uniform"),)
 
 
 def _studio() -> tuple[Light, ...]:
@@ -252,9 +240,12 @@ def _studio() -> tuple[Light, ...]:
 
 # Spectra: the sun's E_l = (2l+1)/4π times its flux squared (3.13); uniform L_00 alone (3.19); the others by quadrature.
 NAMED: dict[str, tuple[Callable[[], tuple[Light, ...]], str]] = {
-    "sun": (_sun, "one directional light 45° from the viewer, irradiance π: every order alike (eq. 3.13)"),
+    "sun": (
+        lambda: (DirectionalLight((0.5, 0.5, math.sqrt(0.5)), math.pi),),
+        "one directional light 45° from the viewer, irradiance π: every order alike (eq. 3.13)",
+    ),
     "overcast": (
-        _overcast,
+        lambda: (_sky(0.2, lambda sine: (1 + 2 * sine) / 3, "overcast"),),
         "the CIE overcast sky (Moon and Spencer 1942), (1 + 2 sin elevation)/3 of its zenith, irradiance π, over"
         " ground that reflects 20%: axial (eq. 3.18)",
     ),
@@ -262,7 +253,10 @@ NAMED: dict[str, tuple[Callable[[], tuple[Light, ...]], str]] = {
         _studio,
         "three soft boxes of 25°, 35° and 20° half width, radiance 8, 1.5 and 4, in a room of .05: our choice",
     ),
-    "uniform": (_uniform, "radiance 1 from everywhere: order 0 alone (eq. 3.19)"),
+    "uniform": (
+        lambda: (EnvironmentMap(torch.ones(_ROWS, 2 * _ROWS, 1, dtype=torch.float64), name="uniform"),),
+        "radiance 1 from everywhere: order 0 alone (eq. 3.19)",
+    ),
 }
 
 

@@ -8,6 +8,8 @@ from homofact.meshes.tangents import frames
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import MeshGroup
 
+PIXEL_ARRAYS = ("numbers", "objects", "points", "frames", "wo")
+
 
 @dataclass(frozen=True)
 class VisiblePixels:
@@ -29,7 +31,7 @@ class VisiblePixels:
 
     def some(self, rows: np.ndarray) -> "VisiblePixels":
         """Those of the given rows."""
-        return VisiblePixels(*(getattr(self, name)[rows] for name in ("numbers", "objects", "points", "frames", "wo")))
+        return VisiblePixels(*(getattr(self, name)[rows] for name in PIXEL_ARRAYS))
 
 
 def visible_pixels(meshes: MeshGroup, camera: Camera) -> VisiblePixels:

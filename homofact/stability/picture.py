@@ -86,14 +86,9 @@ def _cell(axes: Axes, x: float, y: float, cell: Cell) -> None:
 def _look(cell: Cell) -> tuple[str, str, str]:
     """(fill, ink, text) of a cell."""
     if cell.factor is None or cell.outcome in (CellOutcome.CRASHED, CellOutcome.REFUSED):
-        fill = {CellOutcome.NONE: "white", CellOutcome.ABSENT: "white", CellOutcome.CRASHED: "white"}.get(
-            cell.outcome, _GREY
-        )
-        return (
-            fill,
-            "#9a9a9a" if cell.outcome in (CellOutcome.NONE, CellOutcome.ABSENT) else "black",
-            _SHOWN[cell.outcome],
-        )
+        empty = cell.outcome in (CellOutcome.NONE, CellOutcome.ABSENT)
+        fill = "white" if empty or cell.outcome is CellOutcome.CRASHED else _GREY
+        return fill, "#9a9a9a" if empty else "black", _SHOWN[cell.outcome]
     text = short_number(cell.factor)
     if cell.outcome is CellOutcome.SILENT:
         return _BLACK, "white", text
@@ -102,11 +97,8 @@ def _look(cell: Cell) -> tuple[str, str, str]:
     share = min(math.log(cell.factor / 1.2) / math.log(_TOP / 1.2), 1.0)
     red, green, blue, _ = _SCALE(share)
     light = 0.2126 * red + 0.7152 * green + 0.0722 * blue
-    return _hex(red, green, blue), "white" if light < 0.5 else "black", text
-
-
-def _hex(red: float, green: float, blue: float) -> str:
-    return "#" + "".join(f"{round(255 * part):02x}" for part in (red, green, blue))
+    fill = "#" + "".join(f"{round(255 * part):02x}" for part in (red, green, blue))
+    return fill, "white" if light < 0.5 else "black", text
 
 
 def _legend() -> list[Patch]:

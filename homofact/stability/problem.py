@@ -56,6 +56,10 @@ class Problem:
         """The same problem with other measured samples."""
         return replace(self, samples=samples, key="stressed")
 
+    def both(self, change: Callable[[Samples], Samples]) -> "Problem":
+        """The same problem with measured and clean samples changed alike."""
+        return replace(self.measuring(change(self.samples)), clean=change(self.clean))
+
     def with_values(self, values: Tensor) -> "Problem":
         """The same problem with other measured values (N, C), negative ones cut as the readers do."""
         return self.measuring(replace(self.samples, values=values.clamp_min(0)))

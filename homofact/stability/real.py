@@ -45,8 +45,7 @@ def measured(name: str, channels: str, seed: int, scale: Scale) -> Problem:
 def retroreflector(strength: float, seed: int, scale: Scale) -> Problem:
     """The tape's values to the power `strength`: 1 as measured."""
     problem = measured("retro/retro-3M-jaune.dat", "rgb", seed, scale)
-    train, clean = (replace(samples, values=samples.values**strength) for samples in (problem.samples, problem.clean))
-    return replace(problem, samples=train, clean=clean)
+    return problem.both(lambda samples: replace(samples, values=samples.values**strength))
 
 
 def rgl(strength: float, seed: int, scale: Scale) -> Problem:

@@ -55,7 +55,7 @@ def _out_of_gamut(strength: float, seed: int, scale: Scale) -> Problem:
         red, green = samples.values.unbind(1)
         return replace(samples, values=torch.stack((red, (green - strength * (red - green)).clamp_min(0)), 1))
 
-    return replace(problem.measuring(cut(problem.samples)), clean=cut(problem.clean))
+    return problem.both(cut)
 
 
 def _uncut_negative(strength: float, seed: int, scale: Scale) -> Problem:
@@ -79,14 +79,8 @@ def precision(strength: float, seed: int, scale: Scale) -> Problem:
         steps = 2.0 ** (int(strength) + 1)
         return torch.ldexp(torch.round(fraction * steps) / steps, exponent)
 
-    return problem.measuring(
-        replace(
-            samples,
-            wi=normalize(rounded(samples.wi)),
-            wo=normalize(rounded(samples.wo)),
-            values=rounded(samples.values),
-        )
-    )
+    wi, wo = (normalize(rounded(directions)) for directions in (samples.wi, samples.wo))
+    return problem.measuring(replace(samples, wi=wi, wo=wo, values=rounded(samples.values)))
 
 
 def _channel_scale(strength: float, seed: int, scale: Scale) -> Problem:
@@ -100,11 +94,8 @@ def _dark_channel(strength: float, seed: int, scale: Scale) -> Problem:
 
 
 def _scaled(problem: Problem, factors: tuple[float, float]) -> Problem:
-    measured, clean = (
-        replace(samples, values=samples.values * torch.tensor(factors, dtype=torch.float64))
-        for samples in (problem.samples, problem.clean)
-    )
-    return replace(problem.measuring(measured), clean=clean)
+    scales = torch.tensor(factors, dtype=torch.float64)
+    return problem.both(lambda samples: replace(samples, values=samples.values * scales))
 
 
 def contradiction(strength: float, seed: int, scale: Scale) -> Problem:
@@ -124,7 +115,7 @@ def _non_reciprocal(strength: float, seed: int, scale: Scale) -> Problem:
         tilt = torch.exp(strength * (samples.wi[:, 2] - samples.wo[:, 2]))
         return replace(samples, values=samples.values * tilt[:, None])
 
-    return replace(problem.measuring(tilted(problem.samples)), clean=tilted(problem.clean))
+    return problem.both(tilted)
 
 
 def retroreflection(strength: float, seed: int, scale: Scale) -> Problem:
@@ -135,7 +126,7 @@ def retroreflection(strength: float, seed: int, scale: Scale) -> Problem:
         back = (samples.wi * samples.wo).sum(1).clamp(0, 1) ** 60
         return replace(samples, values=samples.values + (strength * 0.1 * back)[:, None])
 
-    return replace(problem.measuring(lit(problem.samples)), clean=lit(problem.clean))
+    return problem.both(lit)
 
 
 def _wrong_frame(strength: float, seed: int, scale: Scale) -> Problem:

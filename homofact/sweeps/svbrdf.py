@@ -5,7 +5,7 @@ searched together (`methods.search_fit.fit_shared`), so that one program with te
 every cluster is fitted alone with the same settings, which says what sharing costs.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -120,15 +120,8 @@ def read_asked(asked: AskedSweep, notify: Callable[[str], object] = lambda words
     settings = one_search(asked, "svbrdf")
     labels = read_labels(asked.svbrdf.labels, len(asked.sources))
     sources = open_together(asked, settings, notify)
-    return SpatialTask(
-        asked.name,
-        sources,
-        labels,
-        settings,
-        format_named(asked.svbrdf.format),
-        asked.held_out,
-        asked.source.subset,
-    )
+    stored = format_named(asked.svbrdf.format)
+    return SpatialTask(asked.name, sources, labels, settings, stored, asked.held_out, asked.source.subset)
 
 
 def fit_clusters(
@@ -153,13 +146,8 @@ def fit_clusters(
         transform = shared[k].factorization.transform
         errors = [measure(fit.factorization, test, transform) for fit in (shared[k], alone)]
         clusters.append(TexelCluster(source.name, texels, shared[k], alone, *errors))
-    return SpatialFit(asked, tuple(clusters), layers_of(shared))
-
-
-def layers_of(fits: Sequence[MethodFit]) -> Layered:
-    """The layers of shared fits."""
-    made = [fit.factorization for fit in fits]
-    return Layered(tuple(layer for layer in made if isinstance(layer, Factorization)))
+    made = (fit.factorization for fit in shared)
+    return SpatialFit(asked, tuple(clusters), Layered(tuple(each for each in made if isinstance(each, Factorization))))
 
 
 def check_place(folder: Path) -> None:

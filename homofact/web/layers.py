@@ -27,7 +27,9 @@ EIGHT_BITS = 255
 def fit_layer(fitted: Fitted, key: str, title: str, facts: Facts = ()) -> Layer:
     """The layer of a fit; `facts` come before what it costs. Raises BadInput for channels that the page cannot show."""
     check_shown(fitted.channels)
-    encoded = [encode_texture(texture, _storage(texture)) for texture in fitted.textures]
+    whole = (texture.grid is not None and texture.grid.levels == EIGHT_BITS for texture in fitted.textures)
+    stored = ("unorm8" if each else "float32" for each in whole)
+    encoded = [encode_texture(*each) for each in zip(fitted.textures, stored, strict=True)]
     program = program_of(fitted, encoded)
     textures = tuple(
         _texture(f"{_prefix(program, key)}_texture_{k}", each, texture)
@@ -47,10 +49,6 @@ def check_shown(channels: Sequence[str]) -> None:
         expected="1 or RGB to show",
         hint=f"fit with {Advice('channels', 'rgb')}",
     )
-
-
-def _storage(texture: Texture) -> str:
-    return "unorm8" if texture.grid is not None and texture.grid.levels == EIGHT_BITS else "float32"
 
 
 def _prefix(program: Program, key: str) -> str:

@@ -19,7 +19,6 @@ from homofact.evaluation.wording import figure, findings_named
 if TYPE_CHECKING:
     from homofact.errors import Report
     from homofact.evaluation.compare import ComparisonRow
-    from homofact.evaluation.metrics import SixErrors
     from homofact.factor.fitted import Fitted
     from homofact.meshes.mesh import Mesh
     from homofact.web.viewer import Facts, Layer
@@ -68,6 +67,7 @@ def write_view(
     BadInput for channels that cannot be shown, a `source` that is given and cannot be read, and a place that cannot be
     written.
     """
+    from homofact.evaluation.metrics import measure
     from homofact.shading.program import name_of
     from homofact.web.layers import check_shown, fit_layer
     from homofact.web.viewer import write_viewer
@@ -86,12 +86,16 @@ def write_view(
     if isinstance(found, str):
         errors = _reported_errors(report)
         layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *_error_facts(errors, "held_out")))]
-        notes = [f"The fit alone: {found}.", *_reported_note(errors)]
+        notes = [f"The fit alone: {found}."]
+        if errors:
+            notes.append("Its errors are those that were measured when it was fitted (report.json).")
         name = name_of(fitted.provenance)
         caution = f"the page shows the fit alone: {found}"
     else:
-        record["error"] = {"fit": {part: six.record() for part, six in _measure(fitted, found).items()}}
-        facts = _error_facts(record["error"]["fit"], found.part)
+        # On the test samples of the split, and on the others, turned alike.
+        errors = {part: measure(fitted, each, fitted.transform).record() for part, each in found.parts.items()}
+        record["error"] = {"fit": errors}
+        facts = _error_facts(errors, found.part)
         layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *facts))]
         row = _mccool(fitted, found, stage, {} if baselines is None else baselines) if baseline else None
         if row is not None:
@@ -130,14 +134,10 @@ def shown_source(source: Reopened) -> "Layer":
     """The layer of a source, which all pages of its fits may share. Raises BadInput as `source_layer`."""
     from homofact.web.viewer import source_layer
 
-    return source_layer(source.source.reflectance, facts=_own_facts(source.source), seed=source.split.seed)
-
-
-def _measure(fitted: "Fitted", source: Reopened) -> "dict[str, SixErrors]":
-    """Errors on the test samples of the split, and on the others, turned alike."""
-    from homofact.evaluation.metrics import measure
-
-    return {part: measure(fitted, each, fitted.transform) for part, each in source.parts.items()}
+    own = source.source
+    # What the source itself takes, beside what its fits do.
+    nbytes = "analytic" if own.kind == "material" else f"{own.reflectance.nbytes:,}"
+    return source_layer(own.reflectance, facts=(("Bytes", nbytes),), seed=source.split.seed)
 
 
 def _mccool(
@@ -155,11 +155,6 @@ def _mccool(
         stage("McCool's projections")
         made[baseline] = fit_split(source.source, source.split, baseline)
     return made[baseline]
-
-
-def _own_facts(source: "Source") -> "Facts":
-    """What the source itself takes, beside what its fits do."""
-    return (("Bytes", "analytic" if source.kind == "material" else f"{source.reflectance.nbytes:,}"),)
 
 
 def _error_facts(errors: Mapping[str, Any], part: str) -> "Facts":
@@ -193,10 +188,6 @@ def _reported_errors(report: Mapping[str, Any]) -> dict[str, Any]:
     errors = report.get("error")
     errors = errors if isinstance(errors, dict) else {}
     return {part: each for part, each in errors.items() if isinstance(each, dict)}
-
-
-def _reported_note(errors: dict[str, Any]) -> list[str]:
-    return ["Its errors are those that were measured when it was fitted (report.json)."] if errors else []
 
 
 def _conditions(fitted: "Fitted", source: Reopened, compared: bool) -> list[str]:

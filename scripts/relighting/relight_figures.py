@@ -31,7 +31,7 @@ from homofact.relighting.factoring import factor
 from homofact.relighting.picture import displayed_picture, picture
 from homofact.relighting.precompute import TransportSettings, WaveletTransport, transport
 from homofact.relighting.relight import Relit, shaded
-from homofact.relighting.seen import Seen, seen_vertices
+from homofact.relighting.seen import SeenVertices, seen_vertices
 from homofact.rendering.environment import read_environment
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
@@ -113,7 +113,7 @@ def highlight(mesh: Mesh, light: EnvironmentMap, target: Path, pixels: int, size
 
 
 def by_terms(
-    made: WaveletTransport, seen: Seen, light: EnvironmentMap
+    made: WaveletTransport, seen: SeenVertices, light: EnvironmentMap
 ) -> tuple[list[np.ndarray], np.ndarray, list[float]]:
     """(light (V, 3) towards the eye by each of `TERMS`; that by the reflectance itself; relative errors)."""
     relit = Relit(made)

@@ -33,7 +33,7 @@ from homofact.relighting import cube
 from homofact.relighting.factoring import MAP_SIZE, MOST_TERMS, factor, terms_by_share
 from homofact.relighting.factors import InOutFactors, look_up, view_values
 from homofact.relighting.precompute import KEPT
-from homofact.relighting.seen import Seen, seen_vertices
+from homofact.relighting.seen import SeenVertices, seen_vertices
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
 
@@ -46,7 +46,9 @@ RULES = ("share", "light", "expected", "one K", "best")
 HEADER = ("rule", "terms of each", "terms", "MB", "error of the scene", "over the best", "largest of a material")
 
 
-def squared_errors(seen: Seen, factors: InOutFactors, light: EnvironmentMap, size: int) -> tuple[np.ndarray, float]:
+def squared_errors(
+    seen: SeenVertices, factors: InOutFactors, light: EnvironmentMap, size: int
+) -> tuple[np.ndarray, float]:
     """(Σ|B_K − B|² for K = 0 … all (K + 1,), Σ|B|²) over the vertices and channels."""
     radiance = cube.environment_cube(light, size)
     truth = np.broadcast_to(seen.dense(radiance, size), (len(seen.which), 3))

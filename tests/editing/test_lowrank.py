@@ -8,7 +8,7 @@ from editing.scenes import relative
 from homofact.editing.basis import basis_of, product_of, trial_edits
 from homofact.editing.block_floats import BlockFloats
 from homofact.editing.lowrank import LowRank
-from homofact.editing.transport import Full
+from homofact.editing.transport import FullTransport
 from homofact.editing.wavelets import transformed
 
 PIXELS, BANDS = 500, (64, 32)
@@ -50,12 +50,12 @@ def bands_of_pixels() -> np.ndarray:
     return 0.05 + table * np.array([1.0, 0.7, 0.3])[:, None]
 
 
-def low_rank(tolerance: float) -> tuple[LowRank, Full, float]:
+def low_rank(tolerance: float) -> tuple[LowRank, FullTransport, float]:
     """(at low rank, in full, the worst trial edit's error as it is said)."""
     bands = bands_of_pixels()
     channels = np.arange(PIXELS) % 3
     basis = basis_of(bands[np.arange(PIXELS), channels], channels, curves(), tolerance)
-    full = Full(bands.reshape(PIXELS, 3, *BANDS).astype(np.float32), 2)
+    full = FullTransport(bands.reshape(PIXELS, 3, *BANDS).astype(np.float32), 2)
     outward = BlockFloats.of(basis.outward[:, None])
     kept = BlockFloats.of(basis.coefficients(bands))
     return LowRank(kept, outward, basis.scale, BANDS, np.arange(PIXELS), full), full, basis.reached

@@ -16,7 +16,7 @@ from homofact.editing.angles import RIGHT_ANGLE, angle
 from homofact.editing.curves import Bands, band_centres
 from homofact.editing.pairs import pairs_of
 from homofact.editing.texel_angles import angles_of_texels
-from homofact.editing.to_textures import PROVENANCE, Applied, Edit, apply_edit, edits_of, undo_edit
+from homofact.editing.to_textures import PROVENANCE, AppliedEdit, Edit, apply_edit, edits_of, undo_edit
 from homofact.errors import BadInput
 from homofact.exporting.manifest import manifest
 from homofact.factor.factorization import Factorization, Term
@@ -239,7 +239,7 @@ def test_edits_of_a_material_are_ratios_to_its_start() -> None:
     assert found.angle == "theta_h"
     assert torch.equal(found.ratio.values, curve.values)
     made = apply_edit(fit, found)
-    assert isinstance(made, Applied)
+    assert isinstance(made, AppliedEdit)
     # The same material with that curve, up to what a band and a texel round.
     expected = material.edited({("whole", "theta_h"): curve}).evaluate(WI, WO)
     assert off(made.fit, expected) < 0.01

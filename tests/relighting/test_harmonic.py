@@ -10,13 +10,13 @@ from relighting_cases import EYE, MATT, ball, knot, occluder, whole
 from homofact.errors import BadInput
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting import cube
-from homofact.relighting.compact import lit_tuples
+from homofact.relighting.build import lit_tuples
 from homofact.relighting.errors import measured_errors, relative
 from homofact.relighting.factoring import factor
 from homofact.relighting.harmonic import harmonic
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import light_coefficients
-from homofact.relighting.seen import Seen, seen_vertices
+from homofact.relighting.seen import SeenVertices, seen_vertices
 from homofact.theory.harmonics import harmonics
 from homofact.theory.reflection import lambertian_filter
 
@@ -81,7 +81,7 @@ def test_the_page_s_form_is_the_same_light() -> None:
 
 
 def test_the_ledger_names_what_harmonics_lose() -> None:
-    those: Seen = seen_vertices(knot(), MATT, occluder(), EYE, 10)
+    those: SeenVertices = seen_vertices(knot(), MATT, occluder(), EYE, 10)
     from homofact.scene.lighting import named_environment
 
     found = measured_errors(

@@ -19,13 +19,13 @@ from homofact.relighting.factoring import factor
 from homofact.relighting.light_kernels import add_columns
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import Relit
-from homofact.relighting.seen import Seen, seen_vertices
+from homofact.relighting.seen import SeenVertices, seen_vertices
 from homofact.rendering.light import EnvironmentMap
 
 SMALL = TransportSettings(8, kept=384)
 
 
-def seen(most: int = 40) -> Seen:
+def seen(most: int = 40) -> SeenVertices:
     return seen_vertices(knot(), SHINY, occluder(), EYE, most)
 
 

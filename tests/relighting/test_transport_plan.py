@@ -9,7 +9,7 @@ import torch
 from relighting_cases import EYE, MATT, SHINY, knot, occluder, shiny
 
 from homofact.errors import BadInput
-from homofact.relighting.compact import lit_tuples
+from homofact.relighting.build import lit_tuples
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import measured_errors, relative
 from homofact.relighting.factoring import factor
@@ -17,8 +17,8 @@ from homofact.relighting.factors import view_values
 from homofact.relighting.harmonic import harmonic
 from homofact.relighting.plan import MARGIN, ObjectPlan, _choices, candidate_terms, plan_object
 from homofact.relighting.precompute import TransportSettings, WaveletTransport, transport
-from homofact.relighting.probe import TURNS, ProbedErrors, Spot, measured
-from homofact.relighting.seen import Seen, seen_vertices
+from homofact.relighting.probe import TURNS, ProbedErrors, ProbedVertices, measured
+from homofact.relighting.seen import SeenVertices, seen_vertices
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.lighting import named_environment
 
@@ -30,14 +30,14 @@ LAMP = EnvironmentMap(_DARK)
 STUDIO = named_environment("studio")
 
 
-def seen(most: int = 12, seed: int = 0) -> Seen:
+def seen(most: int = 12, seed: int = 0) -> SeenVertices:
     return seen_vertices(knot(), SHINY, occluder(), EYE, most, seed)
 
 
 @cache
 def probed() -> ProbedErrors:
     own = seen()
-    spot = Spot(knot(), occluder(), own.which, own.wo)
+    spot = ProbedVertices(knot(), occluder(), own.which, own.wo)
     groups = np.array([0, 0, 0, 1, 1, 1])
     coarse = factor(SHINY, 6, map_size=8)
     return measured(spot, (coarse, shiny()), 1, groups, STUDIO, CUBE, (1, 3))

@@ -22,11 +22,11 @@ from homofact.editing.angles import LETTERS
 from homofact.editing.curves import band_of
 from homofact.editing.errors import rank_errors
 from homofact.editing.lowrank import LowRank
-from homofact.editing.material import Editable, EditableTerm, Slot
+from homofact.editing.material import Editable, EditableTerm, Place, Slot
 from homofact.editing.page.albedo import factors, furnace_table
 from homofact.editing.page.coded import coded
 from homofact.editing.page.quotients import quotient_table
-from homofact.editing.scene import Part, PreparedScene
+from homofact.editing.scene import PreparedScene, PreparedTerm
 from homofact.errors import BadInput
 from homofact.web.packing import differences, halves, pack
 from homofact.web.scene_page import Numbers, percent, write_scene_page
@@ -109,7 +109,7 @@ def _check(prepared: PreparedScene) -> None:
         _low_rank(part)
 
 
-def _low_rank(part: Part) -> LowRank:
+def _low_rank(part: PreparedTerm) -> LowRank:
     if not isinstance(part.transport, LowRank):
         raise BadInput(where="page", found="transports in full", expected="them at low rank")
     return part.transport
@@ -121,27 +121,23 @@ def _material(material: Editable) -> dict[str, Any]:
         "notes": list(material.notes),
         "terms": [_term(term) for term in material.terms],
         "curves": [
-            _curve(term, slot, bands.values.tolist())
-            for (term, slot), bands in zip(
-                ((term, slot) for term in material.terms for slot in term.slots),
-                material.banded_start().values(),
-                strict=True,
-            )
+            _curve(place, material.slot(place), bands.values.tolist())
+            for place, bands in material.banded_start().items()
         ],
     }
 
 
-def _curve(term: EditableTerm, slot: Slot, values: list[list[float]]) -> dict[str, Any]:
+def _curve(place: Place, slot: Slot, values: list[list[float]]) -> dict[str, Any]:
     return {
-        "term": term.name,
-        "name": slot.name,
+        "term": place[0],
+        "name": place[1],
         "angle": slot.angle,
         "letters": LETTERS[slot.angle],
         "bands": slot.bands,
         "also": slot.also_outgoing,
         "summed": slot.in_sum,
         "start": values,
-        "sliders": None if slot.sliders is None else {name: value for name, value in slot.sliders.start.items()},
+        "sliders": None if slot.sliders is None else dict(slot.sliders.start),
     }
 
 
@@ -172,7 +168,7 @@ def _view(prepared: PreparedScene, number: int) -> dict[str, Any]:
     }
 
 
-def _part(prepared: PreparedScene, part: Part) -> dict[str, Any]:
+def _part(prepared: PreparedScene, part: PreparedTerm) -> dict[str, Any]:
     transport = _low_rank(part)
     found = coded(transport)
     term = prepared.scene.objects[part.object].material.term(part.term)

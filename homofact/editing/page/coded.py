@@ -27,16 +27,6 @@ class Coded:
     outward: np.ndarray
     outward_steps: np.ndarray
 
-    @property
-    def coefficients(self) -> np.ndarray:
-        """a (P, C, r), float64, as the page has it."""
-        return (self.numbers * self.steps[:, None, None]).transpose(1, 2, 0)
-
-    @property
-    def rows(self) -> np.ndarray:
-        """W (r, J·K), float64, as the page has it."""
-        return self.outward * self.outward_steps[:, None]
-
 
 def coded(transport: LowRank) -> Coded:
     """A transport in whole numbers."""

@@ -135,28 +135,19 @@ def _check(objects: Sequence[PageObject], skies: Sequence[PageSky]) -> None:
     for each in objects:
         given = each.transport
         if each.basis.settings.cube != size:
-            raise BadInput(
-                where=each.name,
-                found=f"a cube map of {each.basis.settings.cube} texels",
-                expected=f"{size} as the others",
-            )
+            found = f"a cube map of {each.basis.settings.cube} texels"
+            raise BadInput(where=each.name, found=found, expected=f"{size} as the others")
         if given.positions.shape != each.mesh.positions.shape or not np.allclose(
             given.positions, each.mesh.positions, atol=1e-5
         ):
             raise BadInput(where=each.name, found="transport of another mesh", expected=f"that of {each.mesh.name}")
     for sky in skies:
         if sky.cube.shape != (6, size, size, 3):
-            raise BadInput(
-                where=f"sky {sky.name}",
-                found=f"a cube map of shape {sky.cube.shape}",
-                expected=f"(6, {size}, {size}, 3)",
-            )
-        if not (
-            np.isfinite(sky.cube).all() and np.isfinite(sky.picture).all() and sky.cube.min() >= 0 <= sky.picture.min()
-        ):
-            raise BadInput(
-                where=f"sky {sky.name}", found="radiance that is negative or not finite", expected="finite numbers >= 0"
-            )
+            found = f"a cube map of shape {sky.cube.shape}"
+            raise BadInput(where=f"sky {sky.name}", found=found, expected=f"(6, {size}, {size}, 3)")
+        if not all(np.isfinite(each).all() and each.min() >= 0 for each in (sky.cube, sky.picture)):
+            found = "radiance that is negative or not finite"
+            raise BadInput(where=f"sky {sky.name}", found=found, expected="finite numbers >= 0")
 
 
 def _check_reference(reference: PageReference, objects: Sequence[PageObject], skies: Sequence[PageSky]) -> None:

@@ -43,6 +43,16 @@ class SweepComparison:
         said = [word(metric, step) for pair in self.pairs if (step := pair.change(metric)) is not None]
         return {kind: said.count(kind) for kind in ("better", "same", "worse")}
 
+    def record(self) -> dict[str, Any]:
+        """How many pairs there are and what became of them, JSON-able."""
+        return {
+            "versions": list(self.before.versions),
+            "pairs": len(self.pairs),
+            "only_now": self.only_now,
+            "only_before": self.only_before,
+            "counts": {metric.name: self.counts(metric) for metric in REPORTED},
+        }
+
 
 def change(metric: Metric, before: float, now: float) -> float:
     """How much worse `now` is, negative where it is better.

@@ -104,15 +104,7 @@ def _comparison(comparison: SweepComparison, numbers: Mapping[str, int]) -> dict
             ]
             for step, pair in steps
         ]
-    return {
-        "name": comparison.before.name,
-        "versions": list(comparison.before.versions),
-        "pairs": len(comparison.pairs),
-        "only_now": comparison.only_now,
-        "only_before": comparison.only_before,
-        "counts": {metric.name: comparison.counts(metric) for metric in REPORTED},
-        "changes": changes,
-    }
+    return {"name": comparison.before.name} | comparison.record() | {"changes": changes}
 
 
 def _short(value: float | None) -> float | None:

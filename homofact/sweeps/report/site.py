@@ -16,7 +16,6 @@ from typing import Any
 
 from homofact.errors import BadInput
 from homofact.evaluation.compare import ComparisonRow
-from homofact.evaluation.metric_table import REPORTED
 from homofact.evaluation.reopening import NotReopened, Reopened, reopen
 from homofact.exporting.images import write_texture_png
 from homofact.exporting.manifest import write_json
@@ -169,12 +168,5 @@ def _record(sweep: ReadSweep, comparison: SweepComparison | None) -> dict[str, A
         "left": sweep.left,
     }
     if comparison is not None:
-        record["against"] = {
-            "sweep": comparison.before.name,
-            "versions": list(comparison.before.versions),
-            "pairs": len(comparison.pairs),
-            "only_now": comparison.only_now,
-            "only_before": comparison.only_before,
-            "counts": {metric.name: comparison.counts(metric) for metric in REPORTED},
-        }
+        record["against"] = {"sweep": comparison.before.name} | comparison.record()
     return record
