@@ -68,14 +68,9 @@ def write_dds_cube(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -
     """
     parts = finite_levels(path, levels)
     texels = b"".join(part[face].tobytes() for face in range(_FACES) for part in parts)
-    write_bytes(path, _cube_header(parts[0].shape[1], len(parts)) + texels)
-
-
-def _cube_header(side: int, levels: int) -> bytes:
-    surface = (124, _FLAGS | _PITCH | _MIPMAP_COUNT, side, side, side * 8, 0, levels)
-    caps = (_DDSCAPS_TEXTURE | _COMPLEX, _CUBE, 0, 0, 0)
-    last = (DXGI_FORMAT_R16G16B16A16_FLOAT, _TEXTURE_2D, _TEXTURECUBE, 1, 0)
-    return _HEADER.pack(b"DDS ", *surface, 32, _DDPF_FOURCC, b"DX10", *caps, *last)
+    side = parts[0].shape[1]
+    header = _header(side, side, 1, _PITCH, side * 8, DXGI_FORMAT_R16G16B16A16_FLOAT, len(parts))
+    write_bytes(path, header + texels)
 
 
 def read_dds(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
@@ -116,8 +111,10 @@ def read_dds(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     return np.frombuffer(data, "<f2", offset=_HEADER.size).reshape(layers * rows, columns, 4).astype(np.float16)
 
 
-def _header(rows: int, columns: int, layers: int, pitch_kind: int, pitch: int, dxgi: int) -> bytes:
-    surface = (124, _FLAGS | pitch_kind, rows, columns, pitch, 0, 1)
+def _header(rows: int, columns: int, layers: int, pitch_kind: int, pitch: int, dxgi: int, levels: int = 0) -> bytes:
+    """Of textures of one level, or of a cube map with so many levels."""
+    more, caps, cube, flag = (_MIPMAP_COUNT, _COMPLEX, _CUBE, _TEXTURECUBE) if levels else (0, 0, 0, 0)
+    surface = (124, _FLAGS | pitch_kind | more, rows, columns, pitch, 0, levels or 1)
     pixel_format = (32, _DDPF_FOURCC, b"DX10")
-    caps = (_DDSCAPS_TEXTURE, 0, 0, 0, 0)
-    return _HEADER.pack(b"DDS ", *surface, *pixel_format, *caps, dxgi, _TEXTURE_2D, 0, layers, 0)
+    last = (dxgi, _TEXTURE_2D, flag, layers, 0)
+    return _HEADER.pack(b"DDS ", *surface, *pixel_format, _DDSCAPS_TEXTURE | caps, cube, 0, 0, 0, *last)

@@ -49,12 +49,12 @@ def rank_errors(prepared: PreparedScene) -> tuple[PartError, ...]:
     return tuple(found)
 
 
-def light_error(prepared: PreparedScene, seed: int = 0) -> dict[str, float]:
+def light_error(prepared: PreparedScene) -> dict[str, float]:
     """By the name of each view: relative RMS of some pixels against `FINER` times as many lights."""
     scene, curves = prepared.scene, starting_curves(prepared)
     finer = triangle_lights(scene.lighting, FINER * prepared.lights.count, len(scene.channels))
     meshes = MeshGroup([edited.mesh for edited in scene.objects])
-    generator, found = np.random.default_rng(seed), {}
+    generator, found = np.random.default_rng(0), {}
     for view, seen in enumerate(prepared.pixels):
         rows = np.sort(generator.permutation(len(seen))[:PIXELS])
         if not len(rows):

@@ -1,30 +1,13 @@
 """The scene of an editing session, read from strict TOML: objects with editable materials, a light, cameras.
 
-[[object]]                         # one or more
-mesh = "knot.ply"                  # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot
-material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
-albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
+Objects, ground, light and cameras are those of `scene.scene_file`. A lighting may be any that is named; beside them:
+
+[[object]]
 name = "paint"                     # what curves name it by; the material's own name unless given
 curves = "own"                     # a model's own; "HF" or "HD", found from the material; or one or two angles that
                                    # start at 1, as ["theta_h", "theta_d"], which "own" means for what is no such model
 bands = [256, 64]                  # of the curves that count in the sum over the light: 256, 128, 64 or 32 each
-size = 1.0                         # radius of the sphere round it
-at = [0, 0, 0]                     # the middle of that sphere; y is up
-turn = 0                           # degrees about y
-[ground]                           # optional: a square plane under the objects
-albedo = [0.5]                     # or material; name, curves and bands as above
-half = 2.5                         # half of its width
-steps = 64                         # squares along a side
-[lighting]                         # one of the two: an environment map, or one of `scene.lighting.NAMED`
-environment = "sky.hdr"
-named = "studio"
-turn = 0                           # degrees about y
-[[camera]]                         # one or more: the fixed views
-name = "front"                     # "view 1" and so on unless given
-eye = [0, 1, 4]
-target = [0, 0, 0]
-field = 40                         # degrees from top to bottom
-pixels = [480, 360]                # width, height
+[ground]                           # name, curves and bands as above
 [edit]                             # all optional
 triangles = 4000                   # of the light; 400 for a preview
 tolerance = 0.003                  # relative RMS that the low rank may leave

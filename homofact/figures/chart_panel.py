@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from homofact.evaluation.chart_points import ChartPoint
 from homofact.evaluation.pareto import front
 from homofact.evaluation.spread import Spread
-from homofact.figures.log_axis import log_x, log_y, plain_number, round_ticks, set_ticks
+from homofact.figures.log_axis import log_y, plain_number, round_ticks, set_ticks
 from homofact.figures.point_labels import PointLabel, label_points
 
 # A series' colour, shape, and the shape's width in points.
@@ -21,35 +21,26 @@ _Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class CostAxis:
-    """What a chart has to the right: its words, its value, and its axis between two values."""
+    """What a chart has to the right: its words, its value, and the ticks between two ends for its values."""
 
     words: str
     of: Callable[[ChartPoint], Spread]
-    axis: Callable[[Axes, float, float, Sequence[float]], None]
+    ticks: Callable[[float, float, Sequence[float]], list[float]]
 
 
-def _decimal(axes: Axes, low: float, high: float, _: Sequence[float]) -> None:
-    log_x(axes, low, high)
+def _doubling(low: float, high: float, _: Sequence[float]) -> list[float]:
+    return [2.0**k for k in range(-12, 25) if low <= 2.0**k <= high] or round_ticks(low, high)
 
 
-def _doubling(axes: Axes, low: float, high: float, _: Sequence[float]) -> None:
-    axes.set_xscale("log")
-    axes.set_xlim(low, high)
-    powers = [2.0**k for k in range(-12, 25) if low <= 2.0**k <= high]
-    set_ticks(axes.xaxis, powers or round_ticks(low, high))
-
-
-def _whole(axes: Axes, low: float, high: float, values: Sequence[float]) -> None:
-    axes.set_xscale("log")
-    axes.set_xlim(low, high)
-    set_ticks(axes.xaxis, sorted({float(round(value)) for value in values}))
-
-
-SECONDS = CostAxis("fitting time [s]", lambda point: point.seconds, _decimal)
+SECONDS = CostAxis("fitting time [s]", lambda point: point.seconds, lambda low, high, _: round_ticks(low, high))
 KIBIBYTES = CostAxis(
     "textures as float32 [KiB]", lambda point: Spread.of(row.bytes / 1024 for row in point.rows), _doubling
 )
-FETCHES = CostAxis("texture fetches of one evaluation", lambda point: point.fetches, _whole)
+FETCHES = CostAxis(
+    "texture fetches of one evaluation",
+    lambda point: point.fetches,
+    lambda low, high, values: sorted({float(round(value)) for value in values}),
+)
 
 
 @dataclass(frozen=True)
@@ -79,7 +70,9 @@ class Panel:
         axes, costs = self.axes, [self.cost.of(point) for point in self.points]
         left, right = min(cost.low for cost in costs) / 1.5, max(cost.high for cost in costs) * 1.6
         log_y(axes, *limits)
-        self.cost.axis(axes, left, right, [cost.mean for cost in costs])
+        axes.set_xscale("log")
+        axes.set_xlim(left, right)
+        set_ticks(axes.xaxis, self.cost.ticks(left, right, [cost.mean for cost in costs]))
         axes.set_xlabel(self.cost.words)
         axes.grid(color="#eeeeee", linewidth=0.8, zorder=0)
         axes.set_axisbelow(True)

@@ -87,13 +87,11 @@ def compare_picture(
     *,
     size: int = 160,
     to_rgb: ToRgb | None = None,
-    notes: Sequence[str] = (),
 ) -> tuple[LightReport, ...]:
     """Draw `source` (title, reflectance) and `fits` (title, reflectance, caption lines) into a PNG at `path`.
 
-    `notes` are lines under the source, `size` the pixels of a sphere's side; `to_rgb` is `render_sphere`'s. Returns a
-    report for each of `LIGHTS`. Raises BadInput for no fits, what `render_sphere` refuses, and a place that cannot be
-    written.
+    `size` are the pixels of a sphere's side; `to_rgb` is `render_sphere`'s. Returns a report for each of `LIGHTS`.
+    Raises BadInput for no fits, what `render_sphere` refuses, and a place that cannot be written.
     """
     if not fits:
         raise BadInput(where="comparison picture", found="no fits", expected="at least one")
@@ -113,7 +111,7 @@ def compare_picture(
             under = page.picture(bar, left, top + size + 4)
             below = page.text(f"−{scale * 100:.3g}% to +{scale * 100:.3g}%", left, under + 1, panel)
     samples = interpolated_samples(source[1])
-    notes = [*notes, *([] if samples is None else [f"Interpolated from {len(samples):,} samples"])]
+    notes = [] if samples is None else [f"Interpolated from {len(samples):,} samples"]
     captions = [(notes, lefts[0], panel), *((fit[2], left, pair) for fit, left in zip(fits, lefts[1::2], strict=True))]
     ends = [below + 8]
     for lines, left, width in captions:

@@ -6,7 +6,7 @@ declared and checked as a setting is (`settings.options`).
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -73,26 +73,25 @@ class Fields:
 
     def rows(self, name: str, count: int, width: int) -> list[list[float]]:
         """A matrix of finite numbers, `count` rows of `width`."""
-        value = self.found.get(name)
-        if not isinstance(value, list) or len(value) != count or not all(_row(each, width) for each in value):
-            self.refuse(name, f"{count} rows of {width} finite numbers")
-        return [[float(each) for each in row] for row in value]
+        rows = self._list(name, count, count, f"{count} rows of {width} finite numbers", lambda row: _row(row, width))
+        return [[float(each) for each in row] for row in rows]
 
     def texts(self, name: str, most: int) -> list[str]:
         """One to `most` different texts."""
-        value = self.found.get(name)
-        right = isinstance(value, list) and 1 <= len(value) <= most and all(isinstance(each, str) for each in value)
-        if not isinstance(value, list) or not right or len(set(value)) < len(value):
-            self.refuse(name, f"1 to {most} different texts")
+        expected = f"1 to {most} different texts"
+        value = self._list(name, 1, most, expected, lambda each: isinstance(each, str))
+        if len(set(value)) < len(value):
+            self.refuse(name, expected)
         return value
 
     def bits(self, name: str, count: int, width: int) -> list[list[bool]]:
         """`count` texts of `width` characters 0 and 1."""
-        value = self.found.get(name)
-        right = isinstance(value, list) and len(value) == count
-        if not isinstance(value, list) or not right or not all(_bits(each, width) for each in value):
-            self.refuse(name, f"{count} texts of {width} characters 0 and 1")
-        return [[character == "1" for character in row] for row in value]
+
+        def right(row: Any) -> bool:
+            return isinstance(row, str) and len(row) == width and set(row) <= {"0", "1"}
+
+        rows = self._list(name, count, count, f"{count} texts of {width} characters 0 and 1", right)
+        return [[character == "1" for character in row] for row in rows]
 
     def inner(self, name: str) -> "Fields":
         """An object within this one."""
@@ -103,19 +102,23 @@ class Fields:
 
     def inners(self, name: str, most: int) -> "list[Fields]":
         """One to `most` objects."""
-        value = self.found.get(name)
-        if not isinstance(value, list) or not 1 <= len(value) <= most or not all(isinstance(v, dict) for v in value):
-            self.refuse(name, f"1 to {most} objects")
+        value = self._list(name, 1, most, f"1 to {most} objects", lambda each: isinstance(each, dict))
         return [Fields(f"{self.place}{name}[{k}].", each) for k, each in enumerate(value)]
+
+    def _list(self, name: str, least: int, most: int, expected: str, right: Callable[[Any], bool]) -> list[Any]:
+        """A list of so many entries, each of them right."""
+        value = self.found.get(name)
+        if not isinstance(value, list) or not least <= len(value) <= most or not all(map(right, value)):
+            self.refuse(name, expected)
+        return value
 
 
 def _row(value: Any, width: int) -> bool:
-    return isinstance(value, list) and len(value) == width and all(map(_finite, value))
-
-
-def _finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and -math.inf < value < math.inf
-
-
-def _bits(value: Any, width: int) -> bool:
-    return isinstance(value, str) and len(value) == width and set(value) <= {"0", "1"}
+    return (
+        isinstance(value, list)
+        and len(value) == width
+        and all(
+            isinstance(each, int | float) and not isinstance(each, bool) and -math.inf < each < math.inf
+            for each in value
+        )
+    )

@@ -17,7 +17,6 @@ from homofact.relighting.decomposition import MOST_TERMS, decompositions
 from homofact.relighting.factors import InOutFactors
 from homofact.rendering.light import EnvironmentMap
 from homofact.theory.harmonics import check_share
-from homofact.theory.in_out import count_for_share
 
 MAP_SIZE, SHARE = 64, 0.99
 
@@ -75,13 +74,3 @@ def factors_of_sizes(
         before = now
     assert found is not None
     return [found.drawn(reflectance, picked, size) for size in map_sizes]
-
-
-@one_thread
-def terms_by_share(reflectance: Reflectance, shares: Sequence[float]) -> list[int]:
-    """Mahajan's K for each share of f's energy, on the finest grid, decomposed once; `MOST_TERMS` at most.
-
-    Raises BadInput for a share outside (0, 1) and as `factor` for the reflectance.
-    """
-    white = decompositions(reflectance)[-1]().white
-    return [min(count_for_share(white, share), MOST_TERMS) for share in shares]

@@ -1,30 +1,13 @@
 """The scene of a relighting, read from strict TOML: objects with their materials, a light, cameras, what is kept.
 
+Objects, ground, light and cameras are those of `scene.scene_file`. A lighting that is named must be a map; beside them:
+
 seed = 0
-[[object]]                         # one or more
-mesh = "bunny.ply"                 # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot
-material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
-albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
+[[object]]
 terms = 4                          # K of its in-out factors, or one of the two rules of `factoring` for it:
 error = 0.02                       # as many as leave this expected error under the scene's light
 share = 0.99                       # as many as hold this of the material's energy; the rule where none is given
-size = 1.0                         # radius of the sphere round it
-at = [0, 0, 0]                     # the middle of that sphere; y is up
-turn = 0                           # degrees about y
-[ground]                           # optional: a square plane under the objects
-albedo = [0.5]                     # or material, as above; terms, error or share, as above
-half = 2.5                         # half of its width
-steps = 64                         # squares along a side
-[lighting]                         # one of the two: an environment map, or one of `scene.lighting.NAMED` that is a map
-environment = "sky.hdr"
-named = "studio"
-turn = 0                           # degrees about y
-[[camera]]                         # one or more: what is rendered
-name = "front"                     # optional
-eye = [0, 1, 4]
-target = [0, 0, 0]
-field = 40                         # degrees from top to bottom
-pixels = [480, 360]                # width, height
+[ground]                           # terms, error or share, as above
 [transport]                        # all optional
 cube = 64                          # texels along a face of the cube map: 8, 16, 32 or 64
 rays = 1                           # across a texel, 1 or 2

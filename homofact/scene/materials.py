@@ -38,9 +38,9 @@ class MaterialTable:
     @property
     def words(self) -> str:
         """The material as tables and reports name it."""
-        return (
-            self.material if self.material is not None else f"albedo {', '.join(f'{x:g}' for x in self.albedo or ())}"
-        )
+        if self.material is not None:
+            return self.material
+        return f"albedo {', '.join(f'{x:g}' for x in self.albedo or ())}"
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,9 @@ def open_materials(tables: Iterable[MaterialTable], stage: Stage | None = None) 
             if stage is not None:
                 stage(f"opening {Path(words).name}")
             if table.albedo:
-                opened[words] = OpenedMaterial(words, MATT, Lambert(_rgb(table.albedo)))
+                opened[words] = OpenedMaterial(
+                    words, MATT, Lambert(table.albedo * (3 if len(table.albedo) == 1 else 1))
+                )
             else:
                 opened[words] = OpenedMaterial(words, FIT if is_fit(words) else SOURCE, open_reflectance(words))
         materials.append(opened[words])
@@ -95,7 +97,3 @@ def found_source(text: str, folder: Path, where: str) -> str:
     if not Path(path).exists():
         raise BadInput(f"no file {path}", where=where, expected=f"a measurement or {MATERIAL_PREFIX}NAME")
     return str(folder / text)
-
-
-def _rgb(albedo: tuple[float, ...]) -> tuple[float, ...]:
-    return albedo * 3 if len(albedo) == 1 else albedo

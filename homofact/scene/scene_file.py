@@ -1,4 +1,27 @@
-"""The file of a scene with objects in their places, read from strict TOML: what relighting and editing have alike."""
+"""The file of a scene with objects in their places, read from strict TOML: what relighting and editing have alike.
+
+[[object]]                         # one or more
+mesh = "knot.ply"                  # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot
+material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
+albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
+size = 1.0                         # radius of the sphere round it
+at = [0, 0, 0]                     # the middle of that sphere; y is up
+turn = 0                           # degrees about y
+[ground]                           # optional: a square plane under the objects
+albedo = [0.5]                     # or material
+half = 2.5                         # half of its width
+steps = 64                         # squares along a side
+[lighting]                         # one of the two: an environment map, or one of `scene.lighting.NAMED`
+environment = "sky.hdr"
+named = "studio"
+turn = 0                           # degrees about y
+[[camera]]                         # one or more: the fixed views, or what is rendered
+name = "front"                     # "view 1" and so on unless given
+eye = [0, 1, 4]
+target = [0, 0, 0]
+field = 40                         # degrees from top to bottom
+pixels = [480, 360]                # width, height
+"""
 
 from dataclasses import dataclass
 

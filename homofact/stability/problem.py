@@ -117,9 +117,9 @@ def uniform(count: int, generator: torch.Generator) -> Tensor:
     return torch.rand(count, dtype=torch.float64, generator=generator)
 
 
-def samples_at(reflectance: Reflectance, wi: Tensor, wo: Tensor, isotropic: bool = True) -> Samples:
-    """Samples of a reflectance at given pairs of directions."""
-    return Samples(wi, wo, reflectance.evaluate(wi, wo), channels=reflectance.channels, isotropic=isotropic)
+def samples_at(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Samples:
+    """Samples of an isotropic reflectance at given pairs of directions."""
+    return Samples(wi, wo, reflectance.evaluate(wi, wo), channels=reflectance.channels, isotropic=True)
 
 
 def joined(one: Samples, two: Samples) -> Samples:

@@ -29,6 +29,7 @@ WELL_POSED = 1e8
 AGREES = 1e-8
 # On ill-posed systems: share of the texels' size within which an answer is the minimum-norm one.
 AGREES_ILL = 1e-4
+_SIZE = 8
 _MODEL = BlinnPhong((0.35, 0.15), (0.4, 0.4), exponent=50, channels=("R", "G"))
 
 
@@ -74,7 +75,6 @@ def _system(
     names: tuple[str, ...] = ("wi", "h"),
     *,
     count: int = 3000,
-    size: int = 8,
     smoothing: float = 1e-3,
     gauged: bool = True,
     hole: float = 0.0,
@@ -95,7 +95,7 @@ def _system(
         samples = replace(samples, weights=spread)
         logs = LogSamples.of(samples, LogTransform.of(samples, epsilon))
         projections = tuple(fixed_projection(name, True) for name in names)
-        shapes = ((size, size),) * len(names)
+        shapes = ((_SIZE, _SIZE),) * len(names)
         masks = domain_masks(projections, shapes)
         problem = inner_problem(replace(logs, logs=logs.logs * factor), projections, shapes, smoothing, masks)
         return replace(problem, gauge=gauge_rows(projections, masks)) if gauged else problem

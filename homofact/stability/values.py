@@ -1,5 +1,6 @@
 """Stressors of what was measured: noise, outliers, zeros, precision, scale, contradiction, things no fit expects."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -7,7 +8,7 @@ from torch import Tensor
 
 from homofact.brdf.samples import Samples
 from homofact.geometry.directions import normalize
-from homofact.stability.problem import Problem, Scale, Stressor, generator_of, joined, uniform, unstressed
+from homofact.stability.problem import Problem, Scale, Stress, Stressor, generator_of, joined, uniform, unstressed
 
 
 def _normal(like: Tensor, seed: int) -> Tensor:
@@ -83,19 +84,14 @@ def precision(strength: float, seed: int, scale: Scale) -> Problem:
     return problem.measuring(replace(samples, wi=wi, wo=wo, values=rounded(samples.values)))
 
 
-def _channel_scale(strength: float, seed: int, scale: Scale) -> Problem:
-    """One channel times `strength`, the other over it, measured and clean."""
-    return _scaled(unstressed(seed, scale), (strength, 1 / strength))
+def _scaled(factors: Callable[[float], tuple[float, float]]) -> Stress:
+    """The channels times their factors, measured and clean."""
 
+    def stress(strength: float, seed: int, scale: Scale) -> Problem:
+        scales = torch.tensor(factors(strength), dtype=torch.float64)
+        return unstressed(seed, scale).both(lambda samples: replace(samples, values=samples.values * scales))
 
-def _dark_channel(strength: float, seed: int, scale: Scale) -> Problem:
-    """One channel times `strength`, down to nothing."""
-    return _scaled(unstressed(seed, scale), (1.0, strength))
-
-
-def _scaled(problem: Problem, factors: tuple[float, float]) -> Problem:
-    scales = torch.tensor(factors, dtype=torch.float64)
-    return problem.both(lambda samples: replace(samples, values=samples.values * scales))
+    return stress
 
 
 def contradiction(strength: float, seed: int, scale: Scale) -> Problem:
@@ -218,7 +214,7 @@ STRESSORS = (
         "The transform divides every channel by its own mean, and all channels share one matrix, so their scale does"
         " not matter to the fit. It does to every figure that is a mean over channels in sr⁻¹.",
         "None is needed; compare linear errors channel by channel.",
-        "s", (1.5, 1e2, 1e4, 1e6, 1e8), _channel_scale,
+        "s", (1.5, 1e2, 1e4, 1e6, 1e8), _scaled(lambda s: (s, 1 / s)),
     ),
     Stressor(
         "dark-channel", "a channel goes dark",
@@ -226,7 +222,7 @@ STRESSORS = (
         "Relative to its own mean a small channel is as good as any, down to where numbers themselves end. At zero it"
         " has no mean to be divided by.",
         "A channel that is zero throughout is refused by name: leave it out (`channels`).",
-        "factor", (1e-8, 1e-100, 1e-300, 0), _dark_channel,
+        "factor", (1e-8, 1e-100, 1e-300, 0), _scaled(lambda s: (1.0, s)),
     ),
     Stressor(
         "contradiction", "duplicated and contradictory samples",

@@ -138,7 +138,9 @@ class Local:
         except BrokenPipeError:
             line = ""
         if not line.endswith("\n"):
-            return TaskEnding(task, died=_death(worker.wait()))
+            code = worker.wait()
+            how = f"by signal {-code}" if code < 0 else f"with exit code {code}"
+            return TaskEnding(task, died=f"its worker ended {how}")
         try:
             answer: dict[str, Any] = json.loads(line)
         except ValueError:
@@ -170,7 +172,3 @@ class Local:
                 with contextlib.suppress(BrokenPipeError):
                     assert pipe is not None
                     pipe.close()
-
-
-def _death(code: int) -> str:
-    return f"its worker ended by signal {-code}" if code < 0 else f"its worker ended with exit code {code}"

@@ -202,7 +202,8 @@ def fit_basis(
     others = [_basis(torch.cat((stack[:k], stack[k + 1 :])), count) for k in range(materials)]
     whole = _basis(stack, count)
     rows = []
-    for number in _numbers(count):
+    # 1, 2, 4 … up to the count, and that.
+    for number in sorted({2**k for k in range(count.bit_length())} | {count}):
         left_out = (judged(other.first(number), own) for other, own in zip(others, made, strict=True))
         inside = (judged(whole.first(number), own) for own in made)
         channels = len(made[0].fit.channels)
@@ -257,8 +258,3 @@ def _basis(stack: Tensor, count: int) -> LogBasis:
 
 def _side(texels: int, share: float) -> int:
     return max(2, round(texels * share))
-
-
-def _numbers(most: int) -> list[int]:
-    """1, 2, 4 … up to `most`, and that."""
-    return sorted({2**k for k in range(most.bit_length())} | {most})

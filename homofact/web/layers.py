@@ -70,13 +70,8 @@ def _texture(name: str, encoded: Encoded, texture: Texture) -> LayerTexture:
     pixels[..., :3] = stored
     if stored.dtype != np.uint8:
         return LayerTexture(name, pixels, texture.caption, mask, quantity=texture.quantity)
-    scale, bias = (_three(values) for values in (encoded.scale, encoded.bias))
+    scale, bias = ((*np.broadcast_to(values, 3).tolist(),) for values in (encoded.scale, encoded.bias))
     return LayerTexture(name, pixels, texture.caption, mask, scale, bias, texture.quantity)
-
-
-def _three(values: np.ndarray) -> tuple[float, float, float]:
-    red, green, blue = np.broadcast_to(values, 3).tolist()
-    return red, green, blue
 
 
 def _costs(program: Program, encoded: Sequence[Encoded]) -> Facts:

@@ -53,19 +53,17 @@ def write_view(
     mesh: "Mesh | None" = None,
     stage: Stage = lambda name: None,
     new: bool = False,
-    baseline: bool = True,
     shown: "Layer | None" = None,
     baselines: "dict[Any, ComparisonRow] | None" = None,
 ) -> ViewerPage:
     """Write the page of a fit to `path` (one HTML file without network, `new` where none may be replaced); its facts.
 
     The source is the fit's own, found as `reopen` does with the folders `near`, unless another is given. Where it is
-    gone the page shows the fit alone and says why; the errors and the verdict are then those of `report`, the record
-    of the fit (`ComparisonRow.record`), where it is given. `stage` is told what is being done. Without `baseline`
-    McCool's projections are not fitted; `shown` is the source's layer where another page had it made, `baselines` the
-    fits of McCool's projections that other pages of the same source had made, to which this one's is added. Raises
-    BadInput for channels that cannot be shown, a `source` that is given and cannot be read, and a place that cannot be
-    written.
+    gone the page shows the fit alone and says why; the errors and the verdict are then those of `report`, the record of
+    the fit (`ComparisonRow.record`), where it is given. `stage` is told what is being done. `shown` is the source's
+    layer where another page had it made, `baselines` the fits of McCool's projections that other pages of the same
+    source had made, to which this one's is added. Raises BadInput for channels that cannot be shown, a `source` that is
+    given and cannot be read, and a place that cannot be written.
     """
     from homofact.evaluation.metrics import measure
     from homofact.shading.program import name_of
@@ -97,7 +95,7 @@ def write_view(
         record["error"] = {"fit": errors}
         facts = _error_facts(errors, found.part)
         layers = [fit_layer(fitted, "fit", title, (*_verdict(report), *facts))]
-        row = _mccool(fitted, found, stage, {} if baselines is None else baselines) if baseline else None
+        row = _mccool(fitted, found, stage, {} if baselines is None else baselines)
         if row is not None:
             record["error"]["mccool"] = {"train": row.train.record(), found.part: row.held_out.record()}
             facts = _error_facts(record["error"]["mccool"], found.part)

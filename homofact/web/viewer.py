@@ -97,13 +97,13 @@ class Layer:
             raise BadInput(f"its shader text has no {missing[0]}", where=f"layer {self.key}", expected="it to")
 
 
-def source_layer(reflectance: Reflectance, title: str = "Source", facts: Facts = (), seed: int = 0) -> Layer:
+def source_layer(reflectance: Reflectance, facts: Facts = (), seed: int = 0) -> Layer:
     """The source as a layer: tabulated (`source_table`), which its facts say; the page's notes say how close that is.
 
     Raises BadInput as `source_table`.
     """
     table = source_table(reflectance, seed=seed)
-    return Layer(SOURCE, title, table.glsl(SOURCE), (), (*facts, ("Textures", f"a table, {table.size}")), table)
+    return Layer(SOURCE, "Source", table.glsl(SOURCE), (), (*facts, ("Textures", f"a table, {table.size}")), table)
 
 
 def viewer_html(
@@ -163,13 +163,16 @@ def write_viewer(
 
 
 def _layer(layer: Layer) -> dict[str, Any]:
+    table, volume = layer.table, None
+    if table is not None:
+        volume = {"name": f"{layer.key}_texture_0", "step": STEP, "steps": pack(table.differences())}
     return {
         "key": layer.key,
         "title": layer.title,
         "glsl": layer.glsl,
         "textures": [_texture(texture) for texture in layer.textures],
         "facts": [list(fact) for fact in layer.facts],
-        "volume": None if layer.table is None else _volume(layer.key, layer.table),
+        "volume": volume,
     }
 
 
@@ -184,10 +187,6 @@ def _texture(texture: LayerTexture) -> dict[str, Any]:
         "bias": texture.bias,
         "quantity": texture.quantity,
     }
-
-
-def _volume(key: str, table: SourceTable) -> dict[str, Any]:
-    return {"name": f"{key}_texture_0", "step": STEP, "steps": pack(table.differences())}
 
 
 @cache

@@ -26,16 +26,19 @@ import torch
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.evaluation.machine import machine
+from homofact.linear.threads import one_thread
 from homofact.meshes.mesh import read_mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import torus_knot
 from homofact.relighting import cube
-from homofact.relighting.factoring import MAP_SIZE, MOST_TERMS, factor, terms_by_share
+from homofact.relighting.decomposition import MOST_TERMS, decompositions
+from homofact.relighting.factoring import MAP_SIZE, factor
 from homofact.relighting.factors import InOutFactors, look_up, view_values
 from homofact.relighting.precompute import KEPT
 from homofact.relighting.seen import SeenVertices, seen_vertices
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
+from homofact.theory.in_out import count_for_share
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.relighting.relight_truth import EYE, materials, skies
@@ -105,6 +108,13 @@ def best_split(errors: Sequence[np.ndarray], total: int) -> list[int]:
 def scene_error(errors: Sequence[np.ndarray], powers: Sequence[float], counts: Sequence[int]) -> float:
     """√(Σ|found − truth|²/Σ|truth|²) over all materials."""
     return float(np.sqrt(sum(each[k] for each, k in zip(errors, counts, strict=True)) / sum(powers)))
+
+
+@one_thread
+def terms_by_share(reflectance: Reflectance, shares: Sequence[float]) -> list[int]:
+    """Mahajan's K for each share of f's energy, on the finest grid, decomposed once; `MOST_TERMS` at most."""
+    white = decompositions(reflectance)[-1]().white
+    return [min(count_for_share(white, share), MOST_TERMS) for share in shares]
 
 
 def splits(
