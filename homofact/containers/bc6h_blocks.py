@@ -114,9 +114,8 @@ def unpack(data: bytes, name: str = "BC6H") -> tuple[np.ndarray, np.ndarray, np.
     if (modes < 0).any():
         at = int(np.argmax(modes < 0))
         wanted = ", ".join(str(mode.number) for mode in MODES)
-        raise BadInput(
-            f"block {at} has mode bits {numbers[at]:05b}", where=name, expected=f"one region (mode {wanted})"
-        )
+        what = f"block {at} has mode bits {numbers[at]:05b}"
+        raise BadInput(what, where=name, expected=f"one region (mode {wanted})")
     anchor = _take(bits, 65, 3)[:, None]
     return modes, first, second, np.hstack([anchor, *(_take(bits, 64 + 4 * t, 4)[:, None] for t in range(1, 16))])
 

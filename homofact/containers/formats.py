@@ -113,9 +113,8 @@ class Format:
         """
         texels = self._read(path, names, layers)
         if texels.dtype != self.dtype:
-            raise BadInput(
-                where=path, found=f"{texels.dtype} texels", expected=f"{np.dtype(self.dtype).name} for {self.name}"
-            )
+            wanted = f"{np.dtype(self.dtype).name} for {self.name}"
+            raise BadInput(where=path, found=f"{texels.dtype} texels", expected=wanted)
         found = texels.shape[2]
         if self._held not in (None, found):
             raise BadInput(where=path, found=f"{found} channels", expected=f"{self._held} for {self.name}")

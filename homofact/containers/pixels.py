@@ -12,9 +12,8 @@ def whole_shape(path: str | os.PathLike[str], pixels: np.ndarray, channels: tupl
     """Raise BadInput unless pixels are (rows, columns, C), none of it empty, with C one of `channels`."""
     if pixels.ndim != 3 or pixels.shape[2] not in channels or 0 in pixels.shape:
         wanted = " or ".join(map(str, channels))
-        raise BadInput(
-            where=path, found=f"pixels of shape {pixels.shape}", expected=f"(rows, columns, {wanted}), not empty"
-        )
+        found = f"pixels of shape {pixels.shape}"
+        raise BadInput(where=path, found=found, expected=f"(rows, columns, {wanted}), not empty")
 
 
 def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[np.floating]) -> np.ndarray:

@@ -53,9 +53,8 @@ def read_png(path: str | os.PathLike[str]) -> np.ndarray:
         columns, rows, lines, facts = png.Reader(bytes=data).read()
         values = [np.asarray(line) for line in lines]
     except (png.Error, *_BROKEN) as error:
-        raise BadInput(
-            f"not a readable PNG ({' '.join(str(error).split())})", where=path, expected="a whole one"
-        ) from error
+        what = f"not a readable PNG ({' '.join(str(error).split())})"
+        raise BadInput(what, where=path, expected="a whole one") from error
     bits, channels = facts["bitdepth"], facts["planes"]
     if bits not in (8, 16) or channels not in _CHANNELS or "palette" in facts:
         wanted = "8 or 16 bits in 1, 3 or 4 channels without a palette"

@@ -96,16 +96,14 @@ class Bands:
         """Refuse what is no curve."""
         shape = tuple(self.values.shape)
         if len(shape) != 2 or shape[0] not in BANDS or shape[1] < 1:
-            raise BadInput(
-                where="curve", found=f"values of the shape {shape}", expected=f"({' or '.join(map(str, BANDS))}, C)"
-            )
+            wanted = f"({' or '.join(map(str, BANDS))}, C)"
+            raise BadInput(where="curve", found=f"values of the shape {shape}", expected=wanted)
         bad = ~torch.isfinite(self.values) | (self.values < 0)
         if bool(bad.any()):
             band, channel = (int(place) for place in bad.nonzero()[0])
             found = float(self.values[band, channel])
-            raise BadInput(
-                f"value {band} of channel {channel} is {found}", where="curve", expected="finite numbers >= 0"
-            )
+            what = f"value {band} of channel {channel} is {found}"
+            raise BadInput(what, where="curve", expected="finite numbers >= 0")
 
     @property
     def channels(self) -> int:

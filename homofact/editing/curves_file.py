@@ -84,7 +84,6 @@ def _values(entry: Fields, channels: int) -> torch.Tensor:
     for number, row in enumerate(rows):
         numbers = isinstance(row, list) and all(type(value) in (int, float) for value in row)
         if not numbers or len(row) != channels:
-            raise BadInput(
-                where=f"{entry.place}values[{number}]", found=json.dumps(row)[:60], expected=f"{channels} numbers"
-            )
+            wanted = f"{channels} numbers"
+            raise BadInput(where=f"{entry.place}values[{number}]", found=json.dumps(row)[:60], expected=wanted)
     return torch.tensor([[float(value) for value in row] for row in rows], dtype=torch.float64)

@@ -77,9 +77,8 @@ def chosen_material(
     if not changed:
         raise BadInput("all are as the materials start", where="curves", expected="an edit")
     if name is None and len(changed) > 1:
-        raise BadInput(
-            f"of {', '.join(changed)} are edited", where="curves", expected="one material", hint="name the material"
-        )
+        what = f"of {', '.join(changed)} are edited"
+        raise BadInput(what, where="curves", expected="one material", hint="name the material")
     chosen = next(iter(changed)) if name is None else name
     if chosen not in changed:
         raise BadInput(f"no curve of {chosen!r} is edited", where="material", expected=f"one of {', '.join(changed)}")

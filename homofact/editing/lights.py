@@ -76,9 +76,8 @@ def triangle_lights(lighting: Lighting, number: int, channels: int | None = None
                  for each in lighting.lights)  # fmt: skip
     wanted = channels or widest
     if widest not in (1, wanted):
-        raise BadInput(
-            where="lighting", found=f"light of {widest} channels", expected=f"{wanted}, as the materials have, or grey"
-        )
+        found = f"light of {widest} channels"
+        raise BadInput(where="lighting", found=found, expected=f"{wanted}, as the materials have, or grey")
     tree = _Tree()
     radiances: list[np.ndarray] = []
     if maps:

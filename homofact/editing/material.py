@@ -40,13 +40,11 @@ class Slot:
         """Refuse an angle that is none, and a number of bands that is not offered."""
         check_angle(self.angle)
         if self.bands not in BANDS:
-            raise BadInput(
-                where=f"{self.name}: bands", found=self.bands, expected=f"one of {', '.join(map(str, BANDS))}"
-            )
+            wanted = f"one of {', '.join(map(str, BANDS))}"
+            raise BadInput(where=f"{self.name}: bands", found=self.bands, expected=wanted)
         if self.also_outgoing and self.angle != "theta_i":
-            raise BadInput(
-                where=self.name, found=f"a curve over {LETTERS[self.angle]} at both ends", expected="one over θi"
-            )
+            found = f"a curve over {LETTERS[self.angle]} at both ends"
+            raise BadInput(where=self.name, found=found, expected="one over θi")
 
     @property
     def in_sum(self) -> bool:

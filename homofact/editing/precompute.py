@@ -87,9 +87,8 @@ def _check_size(scene: EditScene, pixels: Sequence[VisiblePixels]) -> None:
             total += 4 * len(scene.channels) * numbers * int((seen.objects == which).sum())
     if total > MOST_BYTES:
         expected = f"at most {MOST_BYTES}"
-        raise BadInput(
-            f"full would be {total} bytes", where="form", expected=expected, hint="fewer pixels, or low-rank"
-        )
+        what = f"full would be {total} bytes"
+        raise BadInput(what, where="form", expected=expected, hint="fewer pixels, or low-rank")
 
 
 def _bands(term: EditableTerm) -> tuple[int, int]:

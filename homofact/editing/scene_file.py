@@ -53,9 +53,8 @@ class _Edited(MaterialTable):
             raise BadInput(where="name", found="an empty one", expected="a name")
         if isinstance(self.curves, str):
             if self.curves not in (OWN, HF, HD):
-                raise BadInput(
-                    where="curves", found=repr(self.curves), expected=f"{OWN}, {HF}, {HD} or a list of angles"
-                )
+                wanted = f"{OWN}, {HF}, {HD} or a list of angles"
+                raise BadInput(where="curves", found=repr(self.curves), expected=wanted)
         elif not 1 <= len(self.curves) <= 3:
             raise BadInput(where="curves", found=f"{len(self.curves)} angles", expected="one, two, or two and theta_o")
         else:
@@ -149,9 +148,8 @@ def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) 
         if lighting.environment is not None:
             lighting = replace(lighting, environment=str(folder / lighting.environment))
             if not Path(str(lighting.environment)).is_file():
-                raise BadInput(
-                    f"no file {lighting.environment}", where="lighting.environment", expected="a .hdr or .exr picture"
-                )
+                what = f"no file {lighting.environment}"
+                raise BadInput(what, where="lighting.environment", expected="a .hdr or .exr picture")
     except BadInput as error:
         joint = "." if place.endswith(".") else ": "
         raise error.at(place.removesuffix(joint), joint) from error

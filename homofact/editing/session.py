@@ -74,9 +74,8 @@ class Session:
         """Set a curve by its model's sliders. Raises BadInput for a curve without any, and values out of range."""
         slot = self.material(address[0]).slot(address[1:])
         if slot.sliders is None:
-            raise BadInput(
-                "has no sliders", where=f"{address[0]}: {address[1]}: {address[2]}", expected="a curve drawn by hand"
-            )
+            wanted = "a curve drawn by hand"
+            raise BadInput("has no sliders", where=f"{address[0]}: {address[1]}: {address[2]}", expected=wanted)
         self.set({address: banded(slot.sliders.curve(**values), slot.bands)})
 
     def undo(self) -> bool:
@@ -96,9 +95,8 @@ class Session:
     def keep(self, name: str) -> None:
         """Keep all curves as they are under a name, for presets and for A against B. "start" is taken."""
         if name == START:
-            raise BadInput(
-                where="preset", found=f"the name {name!r}", expected="another: it means the curves as they started"
-            )
+            wanted = "another: it means the curves as they started"
+            raise BadInput(where="preset", found=f"the name {name!r}", expected=wanted)
         self._kept[name] = self._states[self._now]
 
     @property
@@ -162,9 +160,8 @@ class Stroke:
         material, curves = session.material(address[0]), session.curves
         slot = material.slot(address[1:])
         if not slot.in_sum:
-            raise BadInput(
-                "is a number a pixel", where=": ".join(address), expected="a curve over an angle with the light"
-            )
+            wanted = "a curve over an angle with the light"
+            raise BadInput("is a number a pixel", where=": ".join(address), expected=wanted)
         made = cls(session, address, curves[address])
         active = material.term(address[1]).summed.index(slot)
         for number, part in enumerate(session.prepared.parts):

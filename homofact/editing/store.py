@@ -113,14 +113,12 @@ def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> PreparedSce
     fields.text("format", (FORMAT,))
     fields.version("format_version", FORMAT_VERSION)
     if header["format_version"] < FORMAT_VERSION:
-        raise BadInput(
-            "of an earlier homofact", where=path, expected=f"format version {FORMAT_VERSION}", hint="prepare it again"
-        )
+        wanted = f"format version {FORMAT_VERSION}"
+        raise BadInput("of an earlier homofact", where=path, expected=wanted, hint="prepare it again")
     triangles = fields.whole("triangles", 8, 10_000_000)
     if fields.text("digest") != digest_of(scene, triangles):
-        raise BadInput(
-            "made of another scene, or of another state of it", where=path, expected="this one", hint="prepare it again"
-        )
+        what = "made of another scene, or of another state of it"
+        raise BadInput(what, where=path, expected="this one", hint="prepare it again")
     try:
         pixels = tuple(
             VisiblePixels(*(arrays[f"view_{number}_{name}"] for name in PIXEL_ARRAYS))

@@ -62,9 +62,8 @@ class Edit:
         """Refuse an angle that is none, and both ends of another one than θi."""
         check_angle(self.angle)
         if self.also_outgoing and self.angle != "theta_i":
-            raise BadInput(
-                where="edit", found=f"a ratio over {LETTERS[self.angle]} at both ends", expected="one over θi"
-            )
+            found = f"a ratio over {LETTERS[self.angle]} at both ends"
+            raise BadInput(where="edit", found=found, expected="one over θi")
 
     def log_at(self, gamma: Tensor) -> Tensor:
         """log r (N, C): straight lines between the bands' centres, constant beyond the first and last."""
@@ -112,9 +111,8 @@ def edits_of(material: Editable, curves: Mapping[Place, Bands]) -> tuple[Edit, .
     """
     if len(material.terms) > 1:
         names = ", ".join(term.name for term in material.terms)
-        raise BadInput(
-            where=material.name, found=f"the terms {names}", expected="one: an edit of a part is no factor of all"
-        )
+        wanted = "one: an edit of a part is no factor of all"
+        raise BadInput(where=material.name, found=f"the terms {names}", expected=wanted)
     before, found = material.banded_start(), []
     for place, curve in curves.items():
         slot = material.slot(place)
@@ -143,9 +141,8 @@ def apply_edit(fit: Factorization, edit: Edit, way: str | None = None, refine: i
     if chosen == "texels":
         if not knowing:
             letter = LETTERS[edit.angle]
-            raise BadInput(
-                f"no texture of the fit is indexed by {letter} so", where="texels", expected="solve or texture"
-            )
+            what = f"no texture of the fit is indexed by {letter} so"
+            raise BadInput(what, where="texels", expected="solve or texture")
         tried = [_judged(fit, edit, _by_texels(fit, edit, k, refine), "texels") for k in knowing]
         return min(tried, key=lambda each: each.rms)
     if chosen == "solve":
@@ -171,9 +168,8 @@ def undo_edit(fit: Factorization) -> Factorization:
     elif way == "texels":
         added = _added(term, edit)
         if added is None:
-            raise BadInput(
-                f"texture {number} does not know {LETTERS[edit.angle]}", where="undo", expected="the edited fit"
-            )
+            wanted = "the edited fit"
+            raise BadInput(f"texture {number} does not know {LETTERS[edit.angle]}", where="undo", expected=wanted)
         back = replace(term, texture=term.texture - added)
         terms = tuple(_coarsened(back, refine) if k == number else each for k, each in enumerate(fit.terms))
     elif way == "solve":

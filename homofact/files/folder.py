@@ -35,9 +35,8 @@ def check_new_folder(folder: str | os.PathLike[str], kind: FolderKind, force: bo
         if found and kind.mark not in found:
             raise BadInput(where=folder, found=f"{found[0]} in it and no {kind.what}", expected="a new or empty folder")
         if found and not force:
-            raise BadInput(
-                where=folder, found=f"an existing {kind.what}", expected=f"a new folder or {Advice('force', True)}"
-            )
+            wanted = f"a new folder or {Advice('force', True)}"
+            raise BadInput(where=folder, found=f"an existing {kind.what}", expected=wanted)
         if _is_mount_point(target):
             raise BadInput("is a mount point, which cannot be replaced", where=folder, expected="a folder in it")
     elif target.exists():

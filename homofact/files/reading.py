@@ -70,9 +70,8 @@ def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
     for number, line in enumerate(data.split(b"\n"), 1):
         # What a dotted key costs to read grows by the square of its parts.
         if any(piece.count(b".") > _DEEPEST for piece in line.split(b",")):
-            raise BadInput(
-                where=f"{path}: line {number}", found=f"more than {_DEEPEST} dots between commas", expected=expected
-            )
+            found = f"more than {_DEEPEST} dots between commas"
+            raise BadInput(where=f"{path}: line {number}", found=found, expected=expected)
     try:
         return tomllib.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:

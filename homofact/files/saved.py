@@ -46,9 +46,8 @@ class SavedFit:
             sound = (values >= least) & (values <= MOST_VALUE)
         if not sound.all():
             found = float(values[~sound].reshape(-1)[0])
-            raise BadInput(
-                f"{name} holds {found:g}", where=self.path, expected=f"numbers from {least:g} to {MOST_VALUE:g}"
-            )
+            wanted = f"numbers from {least:g} to {MOST_VALUE:g}"
+            raise BadInput(f"{name} holds {found:g}", where=self.path, expected=wanted)
         return values
 
     def flags(self, name: str, shape: tuple[int | None, ...]) -> np.ndarray:

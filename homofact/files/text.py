@@ -35,12 +35,8 @@ def numbered_lines(raw: bytes) -> Iterator[tuple[int, str]]:
 def check_last_line(path: object, raw: bytes, number: int) -> None:
     """Raise BadInput where line `number`, the last, has no line end: its last number may be cut."""
     if not raw.endswith((b"\n", b"\r")):
-        raise BadInput(
-            f"line {number} has no line end, so its last number may be cut",
-            where=path,
-            expected="a whole file",
-            hint="or add the line end",
-        )
+        what = f"line {number} has no line end, so its last number may be cut"
+        raise BadInput(what, where=path, expected="a whole file", hint="or add the line end")
 
 
 def number_table(

@@ -71,9 +71,8 @@ class RepresentationEvaluator:
         """The source's radiance at the nodes. Raises BadInput for what the source itself cannot be drawn with."""
         drawn = self.stage.draw(self.source.reflectance)
         if not any(bool(radiance.any()) for radiance in drawn):
-            raise BadInput(
-                f"{self.source.name} reflects none of {self.lighting.name}", where="lighting", expected="some light"
-            )
+            what = f"{self.source.name} reflects none of {self.lighting.name}"
+            raise BadInput(what, where="lighting", expected="some light")
         return drawn
 
     @cached_property

@@ -34,9 +34,8 @@ _AXES = np.array(
 def check_size(size: int) -> None:
     """Raise BadInput for a cube map of another size than `SIZES`: an index of a texel must fit 16 bits."""
     if size not in SIZES:
-        raise BadInput(
-            where="cube", found=f"{size} texels along a face", expected=f"one of {', '.join(map(str, SIZES))}"
-        )
+        wanted = f"one of {', '.join(map(str, SIZES))}"
+        raise BadInput(where="cube", found=f"{size} texels along a face", expected=wanted)
 
 
 def directions(size: int) -> np.ndarray:

@@ -54,9 +54,8 @@ def moments(
         here = fixed.expand(len(w), 3)
         values = reflectance.evaluate(*((w, here) if swapped else (here, w))).double()
         if not bool(torch.isfinite(values).all()):
-            raise BadInput(
-                "the reflectance has values that are not finite", where="relighting", expected="finite numbers"
-            )
+            what = "the reflectance has values that are not finite"
+            raise BadInput(what, where="relighting", expected="finite numbers")
         values = values.reshape(len(other), len(phi), -1)
         ring = width * torch.sin(other) * torch.cos(other) ** power
         against = polynomial(grid, from_spherical(other, torch.zeros_like(other))) * ring[:, None]

@@ -275,11 +275,8 @@ def _claim(folder: Path, fingerprint: str, name: str) -> None:
     if mark.exists():
         found = read_arrays(mark, read_bytes(mark, _EXPECTED), ("digest", "mesh"), _EXPECTED)
         if str(found.get("digest")) != fingerprint:
-            raise BadInput(
-                f"holds transport of {found.get('mesh')} with another mesh, material or setting",
-                where=folder,
-                expected=f"that of {name} or an empty folder",
-            )
+            what = f"holds transport of {found.get('mesh')} with another mesh, material or setting"
+            raise BadInput(what, where=folder, expected=f"that of {name} or an empty folder")
         return
     if any(folder.glob("block_*.npz")):
         raise BadInput("holds blocks of transport and no fingerprint", where=folder, expected="an empty folder")

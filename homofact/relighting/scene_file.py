@@ -96,9 +96,8 @@ class _RelightTable(SceneTable):
         tables += [] if self.ground is None else [("ground", self.ground)]
         given += [f"{where}.{name}" for where, each in tables for name in ("error", "share") if _given(each, name)]
         if given:
-            raise BadInput(
-                where=given[0], found="it beside tolerance.reflected, which chooses it", expected="one of the two"
-            )
+            found = "it beside tolerance.reflected, which chooses it"
+            raise BadInput(where=given[0], found=found, expected="one of the two")
 
 
 @dataclass(frozen=True)

@@ -103,9 +103,8 @@ class DaskCluster:
                     elif ended(ending):
                         waiting.append(task)
             except (CommClosedError, CancelledError, TimeoutError) as error:
-                raise BadInput(
-                    "the scheduler is gone", where=self._scheduler, hint="the same command goes on"
-                ) from error
+                what = "the scheduler is gone"
+                raise BadInput(what, where=self._scheduler, hint="the same command goes on") from error
 
     def _ending(self, task: Task, future: Any) -> tuple[TaskEnding, bool]:
         """How a task ended, and whether its source was missing there; a result is put into its place."""

@@ -19,9 +19,8 @@ def read_labels(path: Path, clusters: int) -> np.ndarray:
     cluster that no texel has, and for more clusters than a texture array has layers.
     """
     if clusters > MOST_LAYERS:
-        raise BadInput(
-            where=path, found=f"{clusters} clusters", expected=f"at most {MOST_LAYERS}, the layers of an array"
-        )
+        wanted = f"at most {MOST_LAYERS}, the layers of an array"
+        raise BadInput(where=path, found=f"{clusters} clusters", expected=wanted)
     labels = _png(path) if path.suffix.lower() == ".png" else _npy(path)
     low, high = int(labels.min()), int(labels.max())
     if low < 0 or high >= clusters:
@@ -31,9 +30,8 @@ def read_labels(path: Path, clusters: int) -> np.ndarray:
         raise BadInput(where=path, found=f"the label {wrong} {place}", expected=f"0 to {clusters - 1}, one a source")
     missing = sorted(set(range(clusters)) - set(np.unique(labels).tolist()))
     if missing:
-        raise BadInput(
-            where=path, found=f"no texel of the label {missing[0]}", expected=f"each of the {clusters} sources'"
-        )
+        found = f"no texel of the label {missing[0]}"
+        raise BadInput(where=path, found=found, expected=f"each of the {clusters} sources'")
     return labels.astype(np.uint8)
 
 

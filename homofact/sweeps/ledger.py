@@ -69,9 +69,8 @@ class SweepLedger:
             if there != name:
                 raise BadInput(where=self.folder, found=f"the sweep {there!r}", expected=f"a new folder for {name!r}")
         elif self.folder.exists() and any(path.name[:1] != "." for path in self.folder.iterdir()):
-            raise BadInput(
-                where=self.folder, found=f"files and no {SWEEP}", expected="a sweep's folder or an empty one"
-            )
+            wanted = "a sweep's folder or an empty one"
+            raise BadInput(where=self.folder, found=f"files and no {SWEEP}", expected=wanted)
         self.folder.mkdir(parents=True, exist_ok=True)
         record = {"format": FORMAT, "format_version": FORMAT_VERSION, "version": __version__, "name": name}
         write_json(self.folder / SWEEP, record | {"tasks": [task.record() for task in tasks]})

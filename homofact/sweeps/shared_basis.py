@@ -184,14 +184,12 @@ def fit_basis(
     """
     materials = len(names)
     if materials < 3:
-        raise BadInput(
-            where="basis", found=f"{materials} materials", expected="3 or more: one is left out of two others"
-        )
+        wanted = "3 or more: one is left out of two others"
+        raise BadInput(where="basis", found=f"{materials} materials", expected=wanted)
     most = min((materials - 1) * len(trains[0].channels) - 1, MOST_LAYERS - 1)
     if not 1 <= count <= most:
-        raise BadInput(
-            where="basis", found=count, expected=f"1 to {most} for {materials} materials, one of them left out"
-        )
+        wanted = f"1 to {most} for {materials} materials, one of them left out"
+        raise BadInput(where="basis", found=count, expected=wanted)
     notify("all materials together", 0, materials + 1)
     fits = fit_shared(trains, replace(settings, objective="log"), progress)
     made = []
@@ -218,9 +216,8 @@ def _material(name: str, fit: MethodFit, train: Samples, test: Samples, solver: 
     projections = tuple(term.projection for term in own_fit.terms)
     shapes = tuple(term.size for term in own_fit.terms)
     if sum(rows * columns for rows, columns in shapes) > MOST_DENSE:
-        raise BadInput(
-            where="size", found=f"more than {MOST_DENSE} texels a material", expected="smaller textures for a basis"
-        )
+        found = f"more than {MOST_DENSE} texels a material"
+        raise BadInput(where="size", found=found, expected="smaller textures for a basis")
     smoothing = tuple(own_fit.provenance["smoothing"])
     logs, held = (LogSamples.of(samples, own_fit.transform) for samples in (train, test))
     texels = layout_of(projections, shapes).join([torch.from_numpy(term.texture) for term in own_fit.terms])

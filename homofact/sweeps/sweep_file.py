@@ -140,9 +140,8 @@ def with_bytes(method: "Method", count: int) -> "Method | None":
         return None
     size = math.isqrt(count // (_RGB_TEXEL * method.most_textures))
     if size < 2:
-        raise BadInput(
-            where="bytes", found=count, expected=f"enough for {method.most_textures} textures of 2 x 2 texels"
-        )
+        wanted = f"enough for {method.most_textures} textures of 2 x 2 texels"
+        raise BadInput(where="bytes", found=count, expected=wanted)
     return replace(method, size=size)
 
 

@@ -16,14 +16,12 @@ def one_search(asked: AskedSweep, what: str) -> Search:
     """
     fits = asked.fits()
     if len(fits) != 1:
-        raise BadInput(
-            where=what, found=f"{len(fits)} fits of a source", expected="one method, at most one size, one seed"
-        )
+        wanted = "one method, at most one size, one seed"
+        raise BadInput(where=what, found=f"{len(fits)} fits of a source", expected=wanted)
     settings = fits[0][1]
     if not isinstance(settings, Search):
-        raise BadInput(
-            where="method[0].method", found=repr(settings.name), expected="search: it alone shares projections"
-        )
+        wanted = "search: it alone shares projections"
+        raise BadInput(where="method[0].method", found=repr(settings.name), expected=wanted)
     for name, usual in (("quantize", "none"), ("confidence", False)):
         if getattr(settings, name) != usual:
             found = f"{getattr(settings, name)!r}, which shared fits do not have yet"
@@ -44,9 +42,8 @@ def open_together(
         channels = source.samples.channels
         if channels != first:
             words = f"{len(channels)} ({', '.join(channels[:4])}{' …' * (len(channels) > 4)})"
-            raise BadInput(
-                where=source.name, found=f"the channels {words}", expected=f"the {len(first)} of {sources[0].name}"
-            )
+            wanted = f"the {len(first)} of {sources[0].name}"
+            raise BadInput(where=source.name, found=f"the channels {words}", expected=wanted)
     return tuple(sources)
 
 

@@ -272,9 +272,8 @@ def _evaluate(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:
         [reflectance.evaluate(a, b).to(torch.float64) for a, b in zip(wi.split(_BATCH), wo.split(_BATCH), strict=True)]
     )
     if not bool(torch.isfinite(values).all()):
-        raise BadInput(
-            "a value is not finite", where="source", expected="finite values at all directions above the horizon"
-        )
+        wanted = "finite values at all directions above the horizon"
+        raise BadInput("a value is not finite", where="source", expected=wanted)
     return values.clamp_min(0)
 
 

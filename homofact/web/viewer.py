@@ -117,9 +117,8 @@ def viewer_html(
     """
     keys = [layer.key for layer in layers]
     if not 1 <= len(keys) <= 3 or len(set(keys)) < len(keys):
-        raise BadInput(
-            where="viewer", found=f"the layers {', '.join(keys) or 'none'}", expected="one to three different ones"
-        )
+        found = f"the layers {', '.join(keys) or 'none'}"
+        raise BadInput(where="viewer", found=found, expected="one to three different ones")
     own = [
         f"{layer.title} is drawn from a table of {layer.table.size}, linear in the logarithm between its nodes. At"
         f" {layer.table.error.count:,} random cosine-weighted pairs it is off the reflectance itself by"

@@ -128,9 +128,8 @@ def write_page(
 
 def _check(objects: Sequence[PageObject], skies: Sequence[PageSky]) -> None:
     if not objects or not skies:
-        raise BadInput(
-            where="page", found=f"{len(objects)} objects and {len(skies)} skies", expected="at least one of each"
-        )
+        wanted = "at least one of each"
+        raise BadInput(where="page", found=f"{len(objects)} objects and {len(skies)} skies", expected=wanted)
     size = objects[0].basis.settings.cube
     for each in objects:
         given = each.transport
@@ -158,9 +157,8 @@ def _check_reference(reference: PageReference, objects: Sequence[PageObject], sk
     if not 0 <= reference.sky < len(skies):
         raise BadInput(where="reference", found=f"sky {reference.sky}", expected=f"0 to {len(skies) - 1}")
     if any(np.isinf(each).any() for each in reference.colours):
-        raise BadInput(
-            where="reference", found="infinite radiance", expected="finite numbers, or NaN where there is none"
-        )
+        wanted = "finite numbers, or NaN where there is none"
+        raise BadInput(where="reference", found="infinite radiance", expected=wanted)
     if not any((np.nan_to_num(each) != 0).any() for each in reference.colours):
         raise BadInput(where="reference", found="no light at any vertex", expected="some")
 
