@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 from homofact.api.places import check_folder
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.refusing import checked_findings, refuse_findings
-from homofact.api.subjects import Place, given_source, open_given, subset_of
+from homofact.api.subjects import Place, given_method, given_source, open_given, subset_of
 from homofact.brdf.source_names import HELD_OUT
-from homofact.errors import BadInput
 from homofact.evaluation.wording import counted, figure
 from homofact.files import extras
 from homofact.files.lock import claimed
@@ -127,7 +126,10 @@ def factorize(
     """
     refused = checked_findings(refuse)
     source = given_source(source)
-    chosen = _method(method, settings, seed)
+    if method is None or isinstance(method, str):
+        chosen = made(method or Search.name, settings | {"seed": seed})
+    else:
+        chosen = given_method(method, settings)
     folder = Path(to)
     drawn = extras.installed("matplotlib")
     check_folder(folder, force)
@@ -174,17 +176,6 @@ def caption(record: dict[str, Any]) -> list[str]:
         f"log MAE {figure(held['log_mae'])}, MAE {figure(held['mae'])} sr⁻¹ held out",
         f"{counted(record['textures'], 'texture')}, {record['bytes']} bytes, {counted(record['fetches'], 'fetch')}",
     ]
-
-
-def _method(method: "Method | str | None", settings: dict[str, Any], seed: int) -> "Method":
-    if method is None or isinstance(method, str):
-        return made(method or Search.name, settings | {"seed": seed})
-    if isinstance(method, type) or not hasattr(method, "fit"):
-        words = f"the class {method.__name__}" if isinstance(method, type) else repr(method)
-        raise BadInput(where="method", found=words, expected="one such as homofact.McCool(size=16)")
-    if settings:
-        raise BadInput(where=next(iter(settings)), found="it beside a method as an object", expected="it in that")
-    return method
 
 
 def _report(subject: "Source", source: Any, records: dict[str, dict[str, Any]], folder: Path) -> dict[str, Any]:

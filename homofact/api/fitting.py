@@ -11,17 +11,15 @@ from dataclasses import replace
 from typing import Any
 
 from homofact.api.result import Fit
+from homofact.api.subjects import given_method
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import samples_of, source_of
-from homofact.errors import BadInput
 from homofact.evaluation.appearance import appearance
 from homofact.evaluation.metrics import measure
 from homofact.evaluation.split import Split
 from homofact.evaluation.verdict.judge import judge
 from homofact.methods.fitting import ProgressCallback
 from homofact.methods.method import Method
-from homofact.methods.search import Search
-from homofact.methods.table import made as made_method
 
 
 def fit(source: Any, method: Method | None = None, *, progress: ProgressCallback | None = None, **settings: Any) -> Fit:
@@ -54,18 +52,7 @@ def fit(source: Any, method: Method | None = None, *, progress: ProgressCallback
     >>> fit.nbytes, fit.fetches
     (360, 3)
     """
-    if method is None:
-        method = made_method(Search.name, settings)
-    elif isinstance(method, type) or not hasattr(method, "fit"):
-        found = f"the class {method.__name__}" if isinstance(method, type) else repr(method)
-        raise BadInput(where="method", found=found, expected="one such as homofact.McCool(size=16)")
-    elif settings:
-        as_in = f"{type(method).__name__}({', '.join(f'{name}=...' for name in settings)})"
-        raise BadInput(
-            where="fit",
-            found=f"a method and {', '.join(settings)} beside it",
-            expected=f"a method with its settings, as in {as_in}",
-        )
+    method = given_method(method, settings)
     bare = source if isinstance(source, Samples) else samples_of(source)
     if bare is not None:
         given, samples = None, bare

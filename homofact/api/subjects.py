@@ -4,18 +4,22 @@ What is cheap to refuse is refused before anything is loaded.
 """
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from homofact.api.places import check_measurement, check_result
 from homofact.errors import BadInput
+from homofact.methods.search import Search
+from homofact.methods.table import made
 from homofact.sections import SourceSettings
 
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
     from homofact.evaluation.reopening import Reopened
     from homofact.factor.fitted import Fitted
+    from homofact.methods.method import Method
 
 Place = str | os.PathLike[str]
 
@@ -73,6 +77,20 @@ def given_source(source: Any) -> Any:
             where="source", found=_kind(source), expected="a file, material:NAME, a Source, Samples or f(wi, wo)"
         )
     return source
+
+
+def given_method(method: Any, settings: Mapping[str, Any]) -> "Method":
+    """A method as an object; `Search` by the settings where none is given. Raises BadInput for anything else."""
+    if method is None:
+        return made(Search.name, settings)
+    if isinstance(method, type) or not hasattr(method, "fit"):
+        found = f"the class {method.__name__}" if isinstance(method, type) else repr(method)
+        raise BadInput(where="method", found=found, expected="one such as homofact.McCool(size=16)")
+    if settings:
+        as_in = f"{type(method).__name__}({', '.join(f'{name}=...' for name in settings)})"
+        found = f"a method and {', '.join(settings)} beside it"
+        raise BadInput(where="method", found=found, expected=f"a method with its settings, as in {as_in}")
+    return method
 
 
 def open_given(source: Any, seed: int = 0) -> "Source":

@@ -28,7 +28,10 @@ def knows_no_azimuth(fitted: Fitted) -> bool:
 
 
 def is_fit(place: str | os.PathLike[str]) -> bool:
-    """Whether a place is a folder, or an .npz that does not hold samples. Raises BadInput for a damaged archive."""
+    """Whether a place is a fit's, not a source: a folder, or an .npz that does not hold samples.
+
+    Raises BadInput for a damaged archive.
+    """
     path = Path(place)
     if path.is_dir():
         return True

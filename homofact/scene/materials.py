@@ -10,8 +10,8 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import open_source
 from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.errors import BadInput
+from homofact.exporting.as_source import is_fit
 from homofact.exporting.result import open_result
-from homofact.files.kinds import FACTORIZATION
 from homofact.files.reading import split_member
 
 MATT, FIT, SOURCE = "matt", "fit", "source"
@@ -77,12 +77,6 @@ def open_materials(tables: Iterable[MaterialTable], stage: Stage | None = None) 
 def open_reflectance(text: str) -> Reflectance:
     """A material's name, a measurement's file, or a fit: the folder or the file that `factorize` wrote."""
     return open_result(Path(text)) if is_fit(text) else open_source(text).reflectance
-
-
-def is_fit(text: str) -> bool:
-    """Whether a material's words name a result of `factorize` rather than a measurement or a named material."""
-    place = Path(text)
-    return not text.startswith(MATERIAL_PREFIX) and (place.is_dir() or place.name == FACTORIZATION)
 
 
 def found_source(text: str, folder: Path, where: str) -> str:

@@ -76,7 +76,7 @@ def test_settings_by_keyword_are_those_of_search(source: Source) -> None:
         homofact.fit(source, joint_terms=1)
     with pytest.raises(BadInput, match=r"^parameterization: search has no such setting, expected one of its own"):
         homofact.fit(source, parameterization="h")
-    with pytest.raises(BadInput, match=r"fit: found a method and size beside it, expected .* as in McCool\(size=...\)"):
+    with pytest.raises(BadInput, match=r"method: found a method and size beside it, .* as in McCool\(size=...\)"):
         homofact.fit(source, homofact.McCool(), size=8)
     with pytest.raises(BadInput, match="method: found 'mccool', expected one such as"):
         homofact.fit(source, "mccool")  # type: ignore[arg-type]
