@@ -2,10 +2,15 @@
 
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+# Where PYTHONDONTWRITEBYTECODE is set (many images of containers), every worker would rewrite and compile all test
+# modules in every run: half a minute.
+sys.dont_write_bytecode = False
 
 pytest.register_assert_rewrite("refusals")
 import refusals  # noqa: E402

@@ -1,12 +1,14 @@
 """Skies whose averages are known or hard, directions and reflectances made up for the tests of lighting by them."""
 
 import math
+from functools import cache
 
 import torch
 from torch import Tensor
 
 from homofact.geometry.directions import normalize
 from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.sky_chain import SkyChain, chain_of
 
 
 class Planted:
@@ -48,3 +50,18 @@ def normals(count: int = 400) -> tuple[Tensor, Tensor]:
     generator = torch.Generator().manual_seed(1)
     n, wo = (normalize(torch.randn(count, 3, dtype=torch.float64, generator=generator)) for _ in range(2))
     return n, torch.where((n * wo).sum(1, keepdim=True) > 0, wo, -wo)
+
+
+SKIES = {
+    "lamps": lamps,
+    "lamps, turned": lambda: lamps().turned(0.5),
+    "lamps, upside down": lambda: EnvironmentMap(lamps().radiance.flip(1)),
+    "gradient": gradient,
+    "constant": lambda: EnvironmentMap.constant(2.0),
+}
+
+
+@cache
+def chain(name: str = "lamps", side: int = 32) -> SkyChain:
+    """The chain of one of these skies, made once a process."""
+    return chain_of(SKIES[name](), side)

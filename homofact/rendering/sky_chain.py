@@ -150,6 +150,17 @@ def _rings(alpha: float, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
 def _filtered(towards, shares, middle, wide, spokes, texels, starts, sides):  # pragma: no cover (compiled)
     """Light (N, 3) by shares (R,) of rings at angles `middle` round directions (N, 3), read at `spokes` places."""
     light = np.zeros((len(towards), 3))
+    # The places round the pole, the same for all directions: their sines again would take a quarter of the time.
+    first = np.zeros(len(shares) + 1, np.int64)
+    for ring in range(len(shares)):
+        first[ring + 1] = first[ring] + spokes[ring]
+    places = np.empty((first[-1], 2))
+    for ring in range(len(shares)):
+        sine = math.sin(middle[ring])
+        for spoke in range(spokes[ring]):
+            turn = (spoke + 0.5 * (ring % 2)) * (2 * math.pi / spokes[ring])
+            places[first[ring] + spoke, 0] = sine * math.cos(turn)
+            places[first[ring] + spoke, 1] = sine * math.sin(turn)
     for k in range(len(towards)):
         x, y, z = towards[k, 0], towards[k, 1], towards[k, 2]
         # Two axes across (Duff et al. 2017).
@@ -159,11 +170,10 @@ def _filtered(towards, shares, middle, wide, spokes, texels, starts, sides):  # 
         ax, ay, az = 1 + sign * x * x * a, sign * b, -sign * x
         bx, by, bz = b, sign + y * y * a, -y
         for ring in range(len(shares)):
-            sine, cosine = math.sin(middle[ring]), math.cos(middle[ring])
+            cosine = math.cos(middle[ring])
             red = green = blue = 0.0
-            for spoke in range(spokes[ring]):
-                turn = (spoke + 0.5 * (ring % 2)) * (2 * math.pi / spokes[ring])
-                c, s = sine * math.cos(turn), sine * math.sin(turn)
+            for place in range(first[ring], first[ring + 1]):
+                c, s = places[place, 0], places[place, 1]
                 u, v, w = cosine * x + c * ax + s * bx, cosine * y + c * ay + s * by, cosine * z + c * az + s * bz
                 one, two, three = fetch(texels, starts, sides, u, v, w, wide[ring])
                 red += one

@@ -15,10 +15,13 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from homofact.editing.curves_file import read_curves, write_curves
+from homofact.editing.material import Editable
 from homofact.editing.picture import Address
 from homofact.editing.session import Session
 
-MATERIALS = [thing.material for thing in page_prepared().scene.objects]
+
+def materials() -> list[Editable]:
+    return [thing.material for thing in page_prepared().scene.objects]
 
 
 @pytest.fixture(scope="module")
@@ -238,7 +241,7 @@ def test_a_click_in_the_picture_takes_the_material_there(page: Any) -> None:
         )  # fmt: skip
         ActionChains(page).move_to_element_with_offset(canvas, round(x), round(y)).click().perform()
         quiet(page)
-        assert page.execute_script("return homofact.page.material.name") == MATERIALS[thing].name
+        assert page.execute_script("return homofact.page.material.name") == materials()[thing].name
 
 
 def text(driver: Any) -> str:
@@ -268,7 +271,7 @@ def test_curves_go_to_a_file_and_back_bit_for_bit(page: Any, tmp_path: Path) -> 
     )
     kept, content = all_values(page), text(page)
     (tmp_path / "c.json").write_text(content)
-    found = read_curves(tmp_path / "c.json", MATERIALS)
+    found = read_curves(tmp_path / "c.json", materials())
     assert list(found) == [("paint", "specular", "distribution"), ("clay", "whole", "directions")]
     for address, index in zip(found, (2, 9), strict=True):
         assert found[address].values.reshape(-1).tolist() == kept[index]
@@ -284,7 +287,7 @@ def test_curves_go_to_a_file_and_back_bit_for_bit(page: Any, tmp_path: Path) -> 
 def test_a_file_of_the_library_is_shown(page: Any, tmp_path: Path) -> None:
     session = Session(page_prepared())
     session.slide(("steel", "specular", "alpha"), nu=500.0)
-    write_curves(tmp_path / "c.json", MATERIALS, session.changed)
+    write_curves(tmp_path / "c.json", materials(), session.changed)
     assert dropped(page, (tmp_path / "c.json").read_text()) == "c.json is shown."
     off = torch.tensor(page.execute_script("return Array.from(homofact.radiance(0))")).double().reshape(-1, 3)
     expected = session.picture(0)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from skies import gradient, lamps, normals
+from skies import chain, gradient, lamps, normals
 from torch import Tensor
 
 from homofact.errors import BadInput
@@ -41,9 +41,8 @@ def test_other_sides_are_refused(side: int) -> None:
 
 def test_every_level_of_a_gradient_is_known() -> None:
     """Of 1 + s·ω the mean over cosᵖ is 1 + (p + 1)/(p + 2) s·m, on the last level E/π = 1 + ⅔ s·n."""
-    slope = (0.3, 0.4, -0.2)
-    chain = chain_of(gradient(slope), 64)
-    for level, alpha in zip((*chain.levels, chain.irradiance), (*alphas_of(64), 1.0), strict=True):
+    slope, known = (0.3, 0.4, -0.2), chain("gradient", 64)
+    for level, alpha in zip((*known.levels, known.irradiance), (*alphas_of(64), 1.0), strict=True):
         power = alpha**-2
         m = directions_of(level.shape[1])
         expected = (1 + (power + 1) / (power + 2) * m @ m.new_tensor(slope))[..., None] * m.new_tensor((1, 2, 3))
@@ -54,14 +53,14 @@ def test_every_level_of_a_band_is_known() -> None:
     """Of 3z² the mean is 1 + P2(z) times that of 2 P2 over cosᵖ, (3 (p + 1)/(p + 3) − 1)."""
     sky = gradient((0.0, 0.0, 1.0), 128)
     band = EnvironmentMap(3 * (sky.radiance[..., :1] - 1) ** 2, name="band")
-    chain = chain_of(band, 64)
-    for level, alpha in zip(chain.levels, alphas_of(64), strict=True):
+    known = chain_of(band, 64)
+    for level, alpha in zip(known.levels, alphas_of(64), strict=True):
         z = directions_of(level.shape[1])[..., 2]
         gain = 3 * (alpha**-2 + 1) / (alpha**-2 + 3) - 1
         assert torch.allclose(level[..., 0], 1 + gain * (3 * z * z - 1) / 2, atol=2e-2)
     x, y, z = normals()[0].unbind(1)
     basis = torch.stack((torch.ones_like(x), x, y, z, x * y, y * z, z * x, 3 * z * z - 1, x * x - y * y), 1)
-    assert torch.allclose((basis @ chain.harmonics)[:, 0], 1 + (3 * z * z - 1) / 4, atol=5e-3)
+    assert torch.allclose((basis @ known.harmonics)[:, 0], 1 + (3 * z * z - 1) / 4, atol=5e-3)
 
 
 def averaged(light: EnvironmentMap, towards: Tensor, alpha: float) -> Tensor:
@@ -78,8 +77,8 @@ def averaged(light: EnvironmentMap, towards: Tensor, alpha: float) -> Tensor:
 
 def test_lamps_are_averaged_as_by_brute_force() -> None:
     light = lamps(rows=128)
-    chain = chain_of(light, 32)
-    for level, alpha in zip((*chain.levels, chain.irradiance), (*alphas_of(32), 1.0), strict=True):
+    known = chain_of(light, 32)
+    for level, alpha in zip((*known.levels, known.irradiance), (*alphas_of(32), 1.0), strict=True):
         every = max(level[..., 0].numel() // 150, 1)
         d, found = directions_of(level.shape[1]).reshape(-1, 3)[::every], level.reshape(-1, 3)[::every]
         expected = averaged(light, d, alpha)
@@ -92,18 +91,17 @@ def test_lamps_are_averaged_as_by_brute_force() -> None:
 def test_bright_light_is_scaled_into_half_floats() -> None:
     radiance = lamps().radiance.clone()
     radiance[10, 20] = 1e8
-    chain = chain_of(EnvironmentMap(radiance, name="sun"), 32)
-    assert math.log2(chain.factor) == round(math.log2(chain.factor)) > 0
-    assert 2**14 < max(float(level.max()) for level in chain.levels) <= 2**15
-    plain = chain_of(lamps(), 32)
+    bright, plain = chain_of(EnvironmentMap(radiance, name="sun"), 32), chain()
+    assert math.log2(bright.factor) == round(math.log2(bright.factor)) > 0
+    assert 2**14 < max(float(level.max()) for level in bright.levels) <= 2**15
     assert plain.factor == 1
     d = normalize(torch.tensor([[0.0, -1.0, 0.2]], dtype=torch.float64))
-    dark = [each.cube.read(d, torch.zeros(1)) * each.factor for each in (chain, plain)]
+    dark = [each.cube.read(d, torch.zeros(1)) * each.factor for each in (bright, plain)]
     assert torch.allclose(*dark, rtol=1e-2)
 
 
 def test_bytes_are_those_of_half_floats() -> None:
-    chain = chain_of(EnvironmentMap.constant(2.0), 32)
-    assert chain.nbytes == 8 * 6 * (32**2 + 16**2 + 8**2 + 32**2)
-    for level in (*chain.levels, chain.irradiance):
+    constant = chain("constant")
+    assert constant.nbytes == 8 * 6 * (32**2 + 16**2 + 8**2 + 32**2)
+    for level in (*constant.levels, constant.irradiance):
         assert level.flatten().tolist() == pytest.approx([2.0] * level.numel(), rel=1e-5)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from skies import LAMBERT, Planted, gradient, lamps, normals
+from skies import LAMBERT, Planted, chain, lamps, normals
 from torch import Tensor
 from webgpu import Gpu, Image, glslang, wgsl_main
 
@@ -22,9 +22,8 @@ from homofact.exporting.prefiltered import compared, in_halves, picture
 from homofact.geometry.directions import from_spherical
 from homofact.geometry.quadrature import hemisphere_nodes
 from homofact.rendering.filtered import render_filtered
-from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.prefilter import Prefiltered, prefiltered, program_of_light
-from homofact.rendering.sky_chain import SkyChain, chain_of
+from homofact.rendering.sky_chain import SkyChain
 from homofact.rendering.split_sum import COLUMNS, LOBES, Response, response_of
 from homofact.shading.cube_code import c_light
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
@@ -44,9 +43,8 @@ def response(name: str, lobes: int = LOBES) -> Response:
     return response_of(material(name).model, SIDE, lobes)
 
 
-@cache
 def sky(name: str = "lamps") -> SkyChain:
-    return chain_of({"lamps": lamps, "gradient": gradient}[name](), SIDE)
+    return chain(name, SIDE)
 
 
 def albedo(reflectance: Reflectance, cosine: Tensor) -> Tensor:
@@ -69,7 +67,7 @@ def test_the_table_keeps_the_albedo(name: str) -> None:
 
 @pytest.mark.parametrize("reflectance", [LAMBERT, material("cook-torrance-plastic").model], ids=["lambert", "plastic"])
 def test_in_a_furnace_it_is_the_albedo(reflectance: Reflectance) -> None:
-    data = prefiltered(response_of(reflectance, 32), chain_of(EnvironmentMap.constant(2.0), 32))
+    data = prefiltered(response_of(reflectance, 32), chain("constant"))
     n, wo = normals(60)
     cosine = (n * wo).sum(1)
     seen = cosine > 0.15
@@ -111,8 +109,8 @@ def test_the_sphere_is_near_the_exact_one(name: str, most: float) -> None:
     data = prefiltered(response(name), sky())
     assert compared(picture(data, 48), exact) < most
     # It would be seen if the light were mirrored or turned.
-    for wrong in (lamps().turned(0.5), EnvironmentMap(lamps().radiance.flip(1))):
-        assert compared(picture(replace(data, sky=chain_of(wrong, SIDE)), 48), exact) > 2 * most
+    for wrong in ("lamps, turned", "lamps, upside down"):
+        assert compared(picture(replace(data, sky=sky(wrong)), 48), exact) > 2 * most
 
 
 def test_what_looks_different_by_channel_and_angle_wants_two_lobes() -> None:
@@ -137,7 +135,7 @@ def test_one_sky_serves_all_materials_and_a_table_fits_its_sky_alone() -> None:
     paint, phong = (prefiltered(response(name), sky()) for name in ("lafortune-blue-paint", "phong-30"))
     assert paint.sky is phong.sky
     with pytest.raises(AssertionError, match="another chain"):
-        prefiltered(response("phong-30"), chain_of(lamps(), 32))
+        prefiltered(response("phong-30"), chain())
 
 
 def test_the_factor_of_a_bright_sky_is_multiplied_back() -> None:

@@ -1,6 +1,7 @@
 """The program compiled for the processor gives what Python gives; its functions are those of mathematics."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.directions import draw_uniform
 from homofact.geometry.expression import Let, variable, vector
 from homofact.shading import float_functions
-from homofact.shading.compiled import compiled, compiled_program
+from homofact.shading.compiled import Compiled, compiled, compiled_program
 from homofact.shading.kernel_source import BLOCK
 from homofact.shading.program import Program
 
@@ -28,11 +29,17 @@ def pairs(count: int = 4001) -> tuple[torch.Tensor, torch.Tensor]:
     return wi, wo
 
 
+@cache
+def fast_of(name: str) -> Compiled:
+    """A case, compiled once for all tests: that takes seconds."""
+    return compiled(CASES[name])
+
+
 @pytest.mark.parametrize("name", ["searched in-out", "warped half-diff", "five of all kinds", "McCool, one channel"])
 def test_it_gives_what_python_gives(name: str) -> None:
     fitted = CASES[name]
     wi, wo = pairs()
-    found, expected = compiled(fitted).evaluate(wi, wo), fitted.evaluate(wi, wo)
+    found, expected = fast_of(name).evaluate(wi, wo), fitted.evaluate(wi, wo)
     assert found.dtype == wi.dtype
     assert float(found[:9].abs().max()) == 0
     error = ((found - expected).abs() / expected.clamp_min(1e-6))[9:]
@@ -65,7 +72,7 @@ def test_any_number_of_channels(channels: int) -> None:
 
 
 def test_directions_that_are_none_read_no_foreign_memory() -> None:
-    fast = compiled(CASES["five of all kinds"])
+    fast = fast_of("five of all kinds")
     wi, wo = (w.float().numpy() for w in pairs(100))
     odd = np.array([math.nan, math.inf, -math.inf, 1e30, -1e30, 0], np.float32)
     wi[10:28] = np.stack([np.roll(odd, k)[:3] for k in range(18)])
@@ -86,7 +93,7 @@ def test_sums_of_products_too() -> None:
 @pytest.mark.parametrize("name", ["fixed h", "five of all kinds"])
 def test_blocks_need_not_be_full(name: str) -> None:
     """Equal bits, however many pairs are left over: on every processor, whatever its vectors' width."""
-    fast = compiled(CASES[name])
+    fast = fast_of(name)
     wi, wo = (w.float().numpy() for w in pairs(2 * BLOCK + 7))
     whole = fast.evaluate_array(wi, wo)
     for count in (0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK + 7):
@@ -161,13 +168,13 @@ def test_exp_of_what_float32_cannot_hold_is_cut() -> None:
     ],
 )
 def test_other_arrays_are_refused(wi, wo) -> None:
-    fast = compiled(CASES["fixed h"])
+    fast = fast_of("fixed h")
     with pytest.raises(BadInput, match=r"expected float32 of shape \(N, 3\), N alike"):
         fast.evaluate_array(wi, wo)
 
 
 def test_directions_may_lie_anyhow_in_memory_but_values_may_not() -> None:
-    fast = compiled(CASES["fixed h"])
+    fast = fast_of("fixed h")
     wi, wo = (w.float().numpy() for w in pairs(50))
     columns = [np.asfortranarray(w) for w in (wi, wo)]
     assert np.array_equal(fast.evaluate_array(*columns), fast.evaluate_array(wi, wo))
@@ -176,7 +183,7 @@ def test_directions_may_lie_anyhow_in_memory_but_values_may_not() -> None:
 
 
 def test_a_place_for_the_values_that_does_not_fit_is_refused() -> None:
-    fast = compiled(CASES["fixed h"])
+    fast = fast_of("fixed h")
     w = np.zeros((4, 3), np.float32)
     for out in (np.zeros((4, 3)), np.zeros((3, 3), np.float32), np.zeros((4, 1), np.float32)):
         with pytest.raises(BadInput, match=r"out: found float.* expected float32 of shape \(4, 3\)"):
