@@ -95,9 +95,8 @@ def read_dds(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     size = -(-rows // 4) * -(-columns // 4) * 16 if blocks else rows * columns * 8
     kind, pitch = (_LINEAR_SIZE, size) if blocks else (_PITCH, columns * 8)
     size *= layers
-    wrong_size = BadInput(
-        where=path, found=f"{len(data) - _HEADER.size} bytes of texels for {columns} x {rows}", expected=size
-    )
+    found = f"{len(data) - _HEADER.size} bytes of texels for {columns} x {rows}"
+    wrong_size = BadInput(where=path, found=found, expected=size)
     if len(data) < _HEADER.size + size:
         raise wrong_size
     if 0 in (rows, columns) or data[: _HEADER.size] != _header(rows, columns, layers, kind, pitch, dxgi):

@@ -71,9 +71,8 @@ def ashikhmin_shirley(
         Slot("alpha", "gamma_alpha", along.curve(), bands[0], sliders=along),
         Slot("beta", "gamma_beta", across.curve(), bands[1], sliders=across),
     )
-    return Editable(
-        name, model.channels, (EditableTerm(DIFFUSE, matte, diffuse), EditableTerm(SPECULAR, quotient, specular))
-    )
+    terms = (EditableTerm(DIFFUSE, matte, diffuse), EditableTerm(SPECULAR, quotient, specular))
+    return Editable(name, model.channels, terms)
 
 
 def light_view(model: Lambert, name: str = "Lambert") -> Editable:
@@ -88,9 +87,8 @@ def lambert_term(diffuse: Colour) -> EditableTerm:
         return (torch.tensor(diffuse, dtype=wi.dtype) / math.pi).expand(len(wi), len(diffuse))
 
     count = len(diffuse)
-    return EditableTerm(
-        DIFFUSE, quotient, (Slot("incident", "theta_i", flat(count)), Slot("outgoing", "theta_o", flat(count)))
-    )
+    slots = (Slot("incident", "theta_i", flat(count)), Slot("outgoing", "theta_o", flat(count)))
+    return EditableTerm(DIFFUSE, quotient, slots)
 
 
 def from_reflectance(

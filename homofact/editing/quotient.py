@@ -43,9 +43,8 @@ class LightPoints:
         count = corners.shape[1]
         angles = triangle_solid_angles(corners.reshape(-1, 3, 3)).reshape(-1, count)
         points = corners.sum(2)
-        return cls(
-            divided, points / np.linalg.norm(points, axis=-1, keepdims=True), angles / angles.sum(1, keepdims=True)
-        )
+        points /= np.linalg.norm(points, axis=-1, keepdims=True)
+        return cls(divided, points, angles / angles.sum(1, keepdims=True))
 
 
 def lit(

@@ -36,9 +36,8 @@ def digest_of(scene: EditScene, triangles: int) -> str:
 
     def tell(*values: object) -> None:
         for value in values:
-            digest.update(
-                np.ascontiguousarray(value).tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
-            )
+            array = isinstance(value, np.ndarray)
+            digest.update(np.ascontiguousarray(value).tobytes() if array else repr(value).encode())
 
     tell(triangles)
     digest.update(_views_text(scene).encode())

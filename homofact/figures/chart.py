@@ -141,9 +141,8 @@ def _caption(rows: Sequence[ChartRow]) -> list[str]:
     caption = ["Labels: number of textures × their size in texels."]
     most = max(len(point.rows) for point in points_of(rows))
     if most > 1:
-        caption[0] += (
-            f" A point is the mean of up to {most} fits by different seeds, its bars go from least to greatest."
-        )
+        mean = f"the mean of up to {most} fits by different seeds"
+        caption[0] += f" A point is {mean}, its bars go from least to greatest."
     if any(row.textures < row.textures_asked for row in rows):
         caption[0] += " A run that was asked for more textures than it found worth having shows those it kept."
     caption += [

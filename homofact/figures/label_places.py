@@ -82,9 +82,8 @@ def _trials(point: tuple[float, float], size: tuple[float, float], radius: float
             # The box slides along the ring: beside the point its middle is level, above it is centred.
             centre_x = point[0] + dx * (radius + ring) + _side(dx) * size[0] / 2
             centre_y = point[1] + dy * (radius + ring) + _side(dy) * size[1] / 2
-            boxes.append(
-                (centre_x - size[0] / 2, centre_y - size[1] / 2, centre_x + size[0] / 2, centre_y + size[1] / 2)
-            )
+            left, bottom = centre_x - size[0] / 2, centre_y - size[1] / 2
+            boxes.append((left, bottom, centre_x + size[0] / 2, centre_y + size[1] / 2))
             rings.append(ring)
     return np.array(boxes), np.array(rings)
 

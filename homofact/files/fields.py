@@ -67,9 +67,8 @@ class Fields:
 
     def number(self, name: str, above: float | None = None) -> float:
         """A finite number greater than `above`."""
-        return self.value(
-            name, float, "a finite number" if above is None else f"a finite number above {above:g}", above=above
-        )
+        more = "" if above is None else f" above {above:g}"
+        return self.value(name, float, f"a finite number{more}", above=above)
 
     def rows(self, name: str, count: int, width: int) -> list[list[float]]:
         """A matrix of finite numbers, `count` rows of `width`."""

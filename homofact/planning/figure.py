@@ -167,9 +167,9 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
     for k, (plan, own) in enumerate(zip(distinct, bars, strict=True)):
         colour = _COLOURS[k % len(_COLOURS)]
         outcome, choice = plan.outcome, plan.walk.choice
-        words = (
-            "nothing in the budget" if choice is None or outcome is None else f"{choice.label}, {outcome.bytes} bytes"
-        )
+        words = "nothing in the budget"
+        if choice is not None and outcome is not None:
+            words = f"{choice.label}, {outcome.bytes} bytes"
         share = "" if plan.material.pixels is None else f", {plan.material.pixels} pixels"
         name = plan.name if len(plan.name) <= _MOST_LETTERS else plan.name[: _MOST_LETTERS - 1] + "…"
         behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1}

@@ -140,9 +140,8 @@ class ScenePlan:
     @property
     def error(self) -> float:
         """Of the picture, by the shares, in units of the tolerance; infinite where a material has no representation."""
-        return sum(
-            plan.material.share * (math.inf if plan.outcome is None else plan.outcome.error) for plan in self.materials
-        )
+        errors = (math.inf if plan.outcome is None else plan.outcome.error for plan in self.materials)
+        return sum(plan.material.share * error for plan, error in zip(self.materials, errors, strict=True))
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -117,9 +117,7 @@ class Stage:
     @classmethod
     def of(cls, lighting: Lighting, seed: int = 0, views: int = VIEWS, nodes: int = NODES) -> "Stage":
         """`views` views turned by `seed`."""
-        return cls(
-            lighting, tuple(SphereView.of(drawn_view, lighting, nodes) for drawn_view in drawn_views(views, seed))
-        )
+        return cls(lighting, tuple(SphereView.of(each, lighting, nodes) for each in drawn_views(views, seed)))
 
     @cached_property
     def above_nine_terms(self) -> tuple[Tensor, ...]:

@@ -110,9 +110,8 @@ def clustered(
     steps = np.maximum(steps, 1e-30).astype(np.float32)
     numbers = np.rint(weights / steps[labels]).astype(np.int16)
     basis = _sparse(np.concatenate(vectors), transport, kept)
-    return Clustered(
-        transport.positions, transport.frames, transport.factors, basis, labels.astype(np.uint16), numbers, steps
-    )
+    cluster = labels.astype(np.uint16)
+    return Clustered(transport.positions, transport.frames, transport.factors, basis, cluster, numbers, steps)
 
 
 def _rows(transport: WaveletTransport) -> csr_array:

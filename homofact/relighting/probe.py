@@ -130,25 +130,16 @@ def measured(
             got = look_up(each, torch.from_numpy(wi)).numpy().T @ flux
             by_map[m, s] = grouped(got * np.tile(views[m][s], TURNS))
         transport_vectors(rows[s].astype(np.float32), lit, tracer.directions, tracer.angles, kept, vectors, scratch)
-        binned(
-            vectors,
-            sizes[at].weights.astype(np.float64),
-            group,
-            coefficients,
-            views[at][s],
-            counts[s],
-            squares[s],
-            sent[s],
-        )
+        weights = sizes[at].weights.astype(np.float64)
+        binned(vectors, weights, group, coefficients, views[at][s], counts[s], squares[s], sent[s])
         low = (vectors @ back.T).astype(np.float64)
         for n, order in enumerate(orders):
             few = (order + 1) ** 2
             smooth[s, :, n] = grouped(low[:, :few] @ smooth_light[:few] * np.tile(views[at][s], TURNS))
     if not sent.any():
         raise BadInput("no light reaches the vertices that were drawn", where=probed.mesh.name, expected="some")
-    by_map, counts, squares, sent, smooth = (
-        each.cumsum(axis) for each, axis in ((by_map, 2), (counts, 1), (squares, 1), (sent, 1), (smooth, 1))
-    )
+    by_map = by_map.cumsum(2)
+    counts, squares, sent, smooth = (each.cumsum(1) for each in (counts, squares, sent, smooth))
     errors = np.array([[_relative(each[:, g], by_map[-1][:, g]) for each in by_map] for g in range(count)])
     return ProbedErrors(errors, counts, squares, sent, smooth, tuple(orders))
 

@@ -94,13 +94,12 @@ class RelightResult:
         Raises BadInput for what is no light or no point.
         """
         opened = opened_light(light)
+        sizes = [thing.transport.settings.cube for thing in self.objects]
         cubes = {
-            size: opened if isinstance(opened, np.ndarray) else environment_cube(opened, size)
-            for size in {thing.transport.settings.cube for thing in self.objects}
+            size: opened if isinstance(opened, np.ndarray) else environment_cube(opened, size) for size in {*sizes}
         }
-        return [
-            shaded(thing.transport, thing.tuples(cubes[thing.transport.settings.cube]), eye) for thing in self.objects
-        ]
+        pairs = zip(self.objects, sizes, strict=True)
+        return [shaded(thing.transport, thing.tuples(cubes[size]), eye) for thing, size in pairs]
 
     def save(self, folder: str | os.PathLike[str], force: bool = False) -> None:
         """Write the folder that `homofact view` shows, whole or not at all; `force` replaces one that is there.
@@ -208,9 +207,8 @@ def _object(arrays: dict[str, np.ndarray], number: int, entry: dict[str, Any]) -
         steps, weights, cluster = part("steps"), part("weights"), part("cluster")
         count = len(steps) * (weights.shape[1] + 1)
         empty = np.zeros((count, 3), np.float32)
-        basis = WaveletTransport(
-            empty, np.zeros((count, 3, 3), np.float32), factors, settings, *(part(f"basis_{n}") for n in _VECTORS)
-        )
+        frames, vectors = np.zeros((count, 3, 3), np.float32), [part(f"basis_{n}") for n in _VECTORS]
+        basis = WaveletTransport(empty, frames, factors, settings, *vectors)
         _check(basis, count)
         if len(cluster) != len(positions) or len(weights) != len(positions) or cluster.max() >= len(steps):
             raise ValueError("clusters of other vertices")

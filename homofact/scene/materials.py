@@ -65,9 +65,8 @@ def open_materials(tables: Iterable[MaterialTable], stage: Stage | None = None) 
             if stage is not None:
                 stage(f"opening {Path(words).name}")
             if table.albedo:
-                opened[words] = OpenedMaterial(
-                    words, MATT, Lambert(table.albedo * (3 if len(table.albedo) == 1 else 1))
-                )
+                rgb = table.albedo * 3 if len(table.albedo) == 1 else table.albedo
+                opened[words] = OpenedMaterial(words, MATT, Lambert(rgb))
             else:
                 opened[words] = OpenedMaterial(words, FIT if is_fit(words) else SOURCE, open_reflectance(words))
         materials.append(opened[words])

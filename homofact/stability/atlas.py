@@ -6,6 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any
 
 from homofact.evaluation.estimate import TimeEstimate, fit_seconds
@@ -116,9 +117,8 @@ def run_atlas(
             started(done, len(places), f"{stress.title} ({label}): {name}")
         empty = Cell(name, stress.name, strength, label, CellOutcome.NONE)
         try:
-            cells.append(
-                run_cell(empty, lambda s=stress, x=strength: s.stress(x, plan.seed, plan.scale), references, fitter)
-            )
+            make = partial(stress.stress, strength, plan.seed, plan.scale)
+            cells.append(run_cell(empty, make, references, fitter))
         except MissingMeasurement as error:
             notes[f"{stress.title}: {error}"] = None
             cells.append(Cell(name, stress.name, strength, label, CellOutcome.ABSENT, message=str(error)))

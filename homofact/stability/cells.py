@@ -169,9 +169,8 @@ def run_cell(empty: Cell, make: Callable[[], Problem], references: "References",
     except (BadInput, SolverFailure) as error:
         return replace(empty, outcome=CellOutcome.REFUSED, message=f"{type(error).__name__}: {error}")
     except Exception as error:
-        return replace(
-            empty, outcome=CellOutcome.CRASHED, message=f"{type(error).__name__}: {' '.join(str(error).split())}"
-        )
+        message = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return replace(empty, outcome=CellOutcome.CRASHED, message=message)
     reference = references.of(empty.method, problem, fitter)
     new = len(judged.said.keys() - reference.said.keys())
     factor = judged.error / max(reference.error, WORTH_AN_ERROR)

@@ -1,6 +1,7 @@
 """The atlas in words: docs/stability.md, one section a stressor with its mechanism, remedy and measured numbers."""
 
 import os
+from collections import Counter
 from pathlib import Path
 from urllib.parse import quote
 
@@ -139,9 +140,8 @@ def _really_bad(atlas: Atlas) -> str:
     warned = [cell for cell in degraded if cell.new]
     if not cells:
         return ""
-    methods = ", ".join(
-        f"{sum(cell.bad for cell in fine if cell.method == name)} {name}" for name in atlas.plan.methods
-    )
+    bad = Counter(cell.method for cell in fine if cell.bad)
+    methods = ", ".join(f"{bad[name]} {name}" for name in atlas.plan.methods)
     return (
         f" By their light\n  {sum(cell.bad for cell in degraded)} of these {len(degraded)} are really bad (off by over"
         f" {BAD_LIGHT:.0%} in a band of angles, or under\n  {LEAST_EXPLAINED:.0%} of the clean logarithms explained):"

@@ -75,6 +75,5 @@ def middle(rows: Sequence[FitRow], name: str) -> float | None:
 
 def summary_records(rows: Sequence[FitRow]) -> dict[str, dict[str, float | None]]:
     """By method the median of every metric."""
-    return {
-        label: {metric.name: middle(some, metric.name) for metric in REPORTED} for label, some in by_label(rows).items()
-    }
+    names = [metric.name for metric in REPORTED]
+    return {label: {name: middle(some, name) for name in names} for label, some in by_label(rows).items()}

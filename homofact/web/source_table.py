@@ -204,13 +204,9 @@ def _tabulate(
     phi_d = around * symmetry.period_d * (0.5 if symmetry.isotropic and symmetry.mirrored else 1)
     theta_h = (math.pi / 2 - 1e-4) * width * torch.sinh(theta * math.asinh(1 / width))
     theta_d = _REACH * share * torch.atan2(torch.cos(theta_h), torch.sin(theta_h) * torch.cos(phi_d).abs())
-    h = torch.stack(
-        (torch.sin(theta_h) * torch.cos(phi_h), torch.sin(theta_h) * torch.sin(phi_h), torch.cos(theta_h)), -1
-    )
-    a = torch.stack(
-        (torch.cos(theta_h) * torch.cos(phi_h), torch.cos(theta_h) * torch.sin(phi_h), -torch.sin(theta_h)), -1
-    )
-    b = torch.stack((-torch.sin(phi_h), torch.cos(phi_h), torch.zeros_like(phi_h)), -1)
+    (sine, cosine), (y, x) = ((torch.sin(angle), torch.cos(angle)) for angle in (theta_h, phi_h))
+    h, a = torch.stack((sine * x, sine * y, cosine), -1), torch.stack((cosine * x, cosine * y, -sine), -1)
+    b = torch.stack((-y, x, torch.zeros_like(phi_h)), -1)
     off = torch.sin(theta_d)[..., None] * (torch.cos(phi_d)[..., None] * a + torch.sin(phi_d)[..., None] * b)
     on = torch.cos(theta_d)[..., None] * h
     values = _evaluate(reflectance, (on + off).reshape(-1, 3), (on - off).reshape(-1, 3))
@@ -268,9 +264,8 @@ def _pairs(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
 
 
 def _evaluate(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:
-    values = torch.cat(
-        [reflectance.evaluate(a, b).to(torch.float64) for a, b in zip(wi.split(_BATCH), wo.split(_BATCH), strict=True)]
-    )
+    pairs = zip(wi.split(_BATCH), wo.split(_BATCH), strict=True)
+    values = torch.cat([reflectance.evaluate(a, b).to(torch.float64) for a, b in pairs])
     if not bool(torch.isfinite(values).all()):
         wanted = "finite values at all directions above the horizon"
         raise BadInput("a value is not finite", where="source", expected=wanted)

@@ -90,9 +90,8 @@ def scene_numbers(prepared: PreparedScene) -> dict[str, dict[str, str | int | fl
     for part in rank_errors(prepared):
         view = f"{part.view}: " if len(prepared.pixels) > 1 else ""
         rows = found.setdefault(f"{view}{part.material}", {"pixels": part.pixels})
-        rows[f"{part.term}, {' × '.join(map(str, part.bands))} bands"] = (
-            f"rank {part.rank}, error {error_words(part.error)}"
-        )
+        bands = " × ".join(map(str, part.bands))
+        rows[f"{part.term}, {bands} bands"] = f"rank {part.rank}, error {error_words(part.error)}"
     return found
 
 

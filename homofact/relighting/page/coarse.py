@@ -77,12 +77,9 @@ def _round(
             break
         for turn in range(2):
             v, u = order[e, turn], order[e, 1 - turn]
-            if (
-                held[v]
-                or touched[v]
-                or touched[u]
-                or not _fits(triangles, positions, normals, start, around, mark, v, u)
-            ):
+            if held[v] or touched[v] or touched[u]:
+                continue
+            if not _fits(triangles, positions, normals, start, around, mark, v, u):
                 continue
             target[v] = u
             for p in range(start[v], start[v + 1]):
