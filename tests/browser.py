@@ -25,6 +25,14 @@ def browser(folder: Path, *, webgl: bool = True) -> Iterator[Any]:
         started.__exit__(None, None, None)
 
 
+def skip_without_browser() -> None:
+    """Skip a test of what starts a browser itself where there is none; starts none."""
+    try:
+        headless.required()
+    except MissingDependency as error:
+        pytest.skip(f"{error}")
+
+
 def complaints(driver: Any) -> list[str]:
     """What the page has said on its console since the last call."""
     return [entry["message"] for entry in driver.get_log("browser")]

@@ -38,6 +38,19 @@ def found(names: Sequence[str]) -> str:
     raise MissingDependency(f"no {names[0]} on the PATH, expected Debian's chromium and chromium-driver, or the like")
 
 
+def required() -> tuple[Any, Any, str, str]:
+    """(selenium's webdriver, its Service, the browser, its driver); starts nothing.
+
+    Raises MissingDependency where one of them is not there.
+    """
+    try:
+        webdriver = import_module("selenium.webdriver")
+        service = import_module("selenium.webdriver.chrome.service").Service
+    except ImportError as error:
+        raise MissingDependency("no selenium, expected it to drive a browser: pip install selenium") from error
+    return webdriver, service, found(BROWSERS), found(DRIVERS)
+
+
 @contextmanager
 def chromium(profile: Path, *, webgl: bool = True, size: tuple[int, int] = (1440, 900)) -> Iterator[Any]:
     """A selenium driver with a window of `size` and a fresh `profile` folder; ends with the block.
@@ -45,18 +58,14 @@ def chromium(profile: Path, *, webgl: bool = True, size: tuple[int, int] = (1440
     Without `webgl` pages find no WebGL at all. Raises MissingDependency where selenium, a browser or its driver is not
     there.
     """
-    try:
-        webdriver = import_module("selenium.webdriver")
-        service = import_module("selenium.webdriver.chrome.service").Service
-    except ImportError as error:
-        raise MissingDependency("no selenium, expected it to drive a browser: pip install selenium") from error
+    webdriver, service, binary, driver_of = required()
     options = webdriver.ChromeOptions()
-    options.binary_location = found(BROWSERS)
+    options.binary_location = binary
     drawing = WEBGL if webgl else ("--disable-3d-apis",)
     for flag in (*QUIET, *drawing, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options, service(found(DRIVERS), log_output=subprocess.DEVNULL))
+    driver = webdriver.Chrome(options, service(driver_of, log_output=subprocess.DEVNULL))
     try:
         resize(driver, size)
         driver.set_script_timeout(120)

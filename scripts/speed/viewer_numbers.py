@@ -24,7 +24,7 @@ from homofact.web.page import write_view
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.shared.harness import figure, markdown, parser_of, print_measured
-from scripts.shared.headless import chromium, first_frame, open_page
+from scripts.shared.headless import chromium, first_frame, open_page, required
 
 LARGEST, LATEST = 300_000, 3.0
 # Kinds that are all of two dimensions, so that five textures are five of size × size.
@@ -67,7 +67,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def measured(chosen: Any) -> str:
-    """The text. Raises BadInput where a browser is missing."""
+    """The text. Raises MissingDependency where a browser is missing, before anything is fitted."""
+    required()
     size, count = (8, 2000) if chosen.short else (32, 45_000)
     loads, effort = (1, 1.0) if chosen.short else (chosen.loads, chosen.effort)
     source = open_source(f"material:{chosen.material}", count=count)

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from browser import browser
+from browser import skip_without_browser
 
 SCENE = """
 [[object]]
@@ -39,8 +39,7 @@ def numbers(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 def test_a_scene_s_page_is_made_and_measured(
     numbers: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with browser(tmp_path / "none"):
-        pass  # skips where there is none
+    skip_without_browser()
     scene, page, out = tmp_path / "ball.toml", tmp_path / "ball.html", tmp_path / "numbers.md"
     scene.write_text(SCENE)
     assert numbers.main(["--short", str(scene), "--page", str(page), "--out", str(out)]) == 0

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from browser import browser
+from browser import skip_without_browser
 from swept import make_sweep
 
 from homofact.sweeps.report.reading import read_results
@@ -20,8 +20,7 @@ def numbers(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 @pytest.mark.slow
 def test_size_and_load_are_measured(numbers: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with browser(tmp_path):
-        pass  # skips where there is none
+    skip_without_browser()
     sweep, out = make_sweep(tmp_path / "s"), tmp_path / "numbers.md"
     assert numbers.main([str(sweep), "--short", "--out", str(out)]) == 0
     text = out.read_text(encoding="utf-8")

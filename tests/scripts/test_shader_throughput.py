@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from browser import browser, headless, requests
+from browser import browser, headless, requests, skip_without_browser
 from shading_cases import CASES
 
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
@@ -170,8 +170,7 @@ def test_the_page_s_values_are_python_s_and_a_wrong_shader_shows(
 
 
 def test_what_does_not_compile_is_named(script: Script, ways: list[Any], tmp_path: Path) -> None:
-    with browser(tmp_path):
-        pass  # skips where there is none
+    skip_without_browser()
     module, page = script("speed.shader_throughput"), tmp_path / "page.html"
     keyword = Program((Let("flat", variable("wi", 3)),), variable("flat", 3), (), ("R", "G", "B"), ())
     broken = script("speed.shader_ways").Way("ggx", "the broken one", keyword, (), ways[0].reflectance, None, None)
@@ -194,8 +193,7 @@ def test_a_table_of_wrong_values_is_not_written(
 
 
 def test_the_table_has_all_ways(script: Script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with browser(tmp_path):
-        pass  # skips where there is none
+    skip_without_browser()
     module, out = script("speed.shader_throughput"), tmp_path / "table.md"
     assert module.main(["material:lafortune-clay", "--short", "--run", "--out", str(out)]) == 0
     text = out.read_text(encoding="utf-8")

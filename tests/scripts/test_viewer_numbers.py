@@ -5,15 +5,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from browser import browser
+from browser import skip_without_browser
 
 
 @pytest.mark.slow
 def test_the_file_s_size_and_its_first_picture_are_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with browser(tmp_path):
-        pass  # skips where there is none
+    skip_without_browser()
     monkeypatch.delitem(sys.modules, "viewer_numbers", raising=False)
     module = importlib.import_module("scripts.speed.viewer_numbers")
     page, out = tmp_path / "view.html", tmp_path / "numbers.md"
