@@ -27,7 +27,7 @@ def link(driver: Any) -> str:
 
 
 def test_a_link_brings_back_the_view(show: Open, tmp_path: Path) -> None:
-    driver = show(*LAYERS, link="", side=48)
+    driver = show(*LAYERS, side=48)
     change(
         driver, visible=["fit", "source"], surface="mesh", light="directional", zoom=1.5, stops=-1.3,
         difference="ratio", factor=16, camera={"azimuth": -20.25, "elevation": 12},
