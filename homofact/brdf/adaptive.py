@@ -16,6 +16,7 @@ highlight would get none. D, σ and the densities are of the channels' mean.
 """
 
 import math
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -65,25 +66,39 @@ def tabulated(
     sigma = _areas(ndf, isotropic)
     slices = [(f, t) for f in phi.tolist() for t in theta.tolist()]
     vndf = torch.stack([_visible(ndf, sigma, t, f, isotropic) for f, t in slices])
-    warp = MarginalConditional.of(vndf)
-    nodes = _grid(side, side)
-    table = []
+    shape = (len(phi), len(theta))
+    densities = (theta, phi, ndf, sigma, vndf.reshape(*shape, *vndf.shape[1:]))
+    empty = torch.zeros(*shape, side, side, len(reflectance.channels))
+    table = AdaptiveTable(*densities, empty, True, reflectance.channels)
+    filled = _filled(table, reflectance)
+    single = (tensor.float() for tensor in (*densities, filled))
+    return AdaptiveTable(*single, True, reflectance.channels)
+
+
+def refilled(table: AdaptiveTable, reflectance: Reflectance) -> AdaptiveTable:
+    """A table with the nodes, densities and channels of `table` that holds another reflectance.
+
+    Nodes whose viewer lies under the horizon keep what they hold: values next to the horizon are blended with it.
+    """
+    return replace(table, table=_filled(table, reflectance).to(table.table))
+
+
+def _filled(table: AdaptiveTable, reflectance: Reflectance) -> Tensor:
+    """M (F, T, R, C, channels) of a reflectance at the nodes of a table, float64."""
+    rows, columns = table.table.shape[2:4]
+    nodes = _grid(rows, columns)
+    warp = MarginalConditional.of(table.vndf.flatten(0, 1))
+    filled = []
+    slices = [(f, t) for f in table.phi_i.double().tolist() for t in table.theta_i.double().tolist()]
     for number, (f, t) in enumerate(slices):
         u = warp.sample(nodes, number)
-        wi, wo = _pairs(u, t, f, isotropic)
-        density = bilinear(ndf, u) / (4 * bilinear(sigma, _of_angles(t, f))[:1])
-        table.append(_with_cosine(reflectance, wi, wo) / density[:, None])
-    shape = (len(phi), len(theta))
-    return AdaptiveTable(
-        theta.float(),
-        phi.float(),
-        ndf.float(),
-        sigma.float(),
-        vndf.reshape(*shape, *vndf.shape[1:]).float(),
-        torch.stack(table).reshape(*shape, side, side, -1).float(),
-        True,
-        reflectance.channels,
-    )
+        wi, wo = _pairs(u, t, f, table.isotropic)
+        values = _with_cosine(reflectance, wi, wo)
+        if table.jacobian:
+            density = bilinear(table.ndf, u) / (4 * bilinear(table.sigma, _of_angles(t, f))[:1])
+            values = values / density[:, None]
+        filled.append(torch.where(wo[:, 2:] > 0, values, table.table[number // len(table.theta_i), number % len(table.theta_i)].reshape(len(u), -1)))
+    return torch.stack(filled).reshape(table.table.shape)
 
 
 def importance(table: AdaptiveTable) -> Tensor:

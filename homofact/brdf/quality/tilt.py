@@ -1,0 +1,266 @@
+"""The tilt of a measured sample, found from what every material obeys: reciprocity, and the mirror at the incidence plane.
+
+`brdf.tilt` derives the fault. For an angle δ the misfit is the relative RMS by which the straightened reflectance g
+misses its own reciprocal mean,
+
+    e(δ)² = Σ w (g(ωi, ωo) − g(ωo, ωi))² / Σ w (g(ωi, ωo) + g(ωo, ωi))²,    w = (cosθi cosθo)²/q,
+
+over pairs drawn along the lobe (`brdf.pair_density`, density q) with both angles under `LIMIT`, where instruments are
+steady and tables are dense. With δ = 0 it is the error that no reciprocal fit of the raw values can go below. For η the
+partner of a pair is its mirror image.
+
+What a table's own nodes do to δ. Between few slices over θi even a reciprocal material is interpolated unevenly, which
+looks like a tilt. Therefore the straightened reciprocal mean is put into the same nodes, and the angle found there is
+taken off; the misfit found there is the part of e that is the table's own.
+
+The interval is a bootstrap's. Pairs near each other share the errors of one slice of the table, so not pairs are drawn
+but blocks of them, by θd: an angle that one incidence wants and the next does not has a wide interval.
+
+A tilt is claimed where the odds are clear: the interval leaves out 0; the angle is at least `LEAST` and not at the edge
+of the search; e falls by `LEAST_GAIN`, and e² by more than the table's own part; and a gain over the angle with one
+number as well, g(ωi, ωo) exp(c (θi² − θo²)), which a wrong cosine or an uneven lamp brings, leaves more. In a wide lobe
+the two look much alike.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.brdf.adaptive import refilled
+from homofact.brdf.in_kind import answering_in_kind
+from homofact.brdf.pair_density import density, draw_lobe
+from homofact.brdf.reflectance import Derived, Reflectance
+from homofact.brdf.rgl import AdaptiveTable
+from homofact.brdf.tilt import Straightened, Tilt
+from homofact.geometry.coordinates import rusinkiewicz_angles
+from homofact.geometry.directions import to_spherical
+
+LIMIT = math.radians(70)
+PAIRS, BLOCKS, DRAWS = 7000, 14, 1000
+SEARCHED = 0.6  # degrees to both sides
+LEAST = 0.005  # degrees
+LEAST_GAIN = 0.1
+LEAST_MISFIT = 2e-3  # below it nothing is looked for: a clean table
+_COARSE, _FINE = 0.05, 0.02
+_Partner = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
+
+
+@dataclass(frozen=True)
+class TiltAngle:
+    """One angle in degrees with its 95% interval, and the relative misfit of the head without and with it undone.
+
+    `own` is the misfit that the table's nodes make of a reciprocal material, 0 where that is not known. `reason` says
+    why the angle is not claimed; it is empty where it is.
+    """
+
+    degrees: float
+    low: float
+    high: float
+    misfit: float
+    undone: float
+    own: float = 0.0
+    reason: str = ""
+
+    @property
+    def claimed(self) -> bool:
+        """Whether the odds are clear."""
+        return not self.reason
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        return {
+            "degrees": round(self.degrees, 4),
+            "interval": [round(self.low, 4), round(self.high, 4)],
+            "misfit": round(self.misfit, 5),
+            "misfit_undone": round(self.undone, 5),
+            "misfit_of_the_table": round(self.own, 5),
+            "claimed": self.claimed,
+            **({"reason": self.reason} if self.reason else {}),
+        }
+
+
+@dataclass(frozen=True)
+class TiltFinding:
+    """What was found of a measurement: the angle in the plane of incidence, from reciprocity, and out of it, by mirror."""
+
+    in_plane: TiltAngle
+    out_of_plane: TiltAngle
+
+    @property
+    def tilt(self) -> Tilt | None:
+        """What is to be undone; None where nothing is claimed."""
+        angles = [angle.degrees if angle.claimed else 0.0 for angle in (self.in_plane, self.out_of_plane)]
+        return Tilt(*(math.radians(angle) for angle in angles)) if any(angles) else None
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        angles = {"in_plane": self.in_plane.record(), "out_of_plane": self.out_of_plane.record()}
+        return angles | {"undone": self.tilt is not None, "words": self.line()}
+
+    def line(self) -> str:
+        """One line for people."""
+        parts = [
+            f"{angle.degrees:+.3f}° {where} (95% interval {angle.low:+.3f}° to {angle.high:+.3f}°), which lowers the "
+            f"{law} error from {angle.misfit:.1%} to {angle.undone:.1%}"
+            for where, law, angle in (
+                ("in the plane of incidence", "reciprocity", self.in_plane),
+                ("across the plane of incidence", "mirror", self.out_of_plane),
+            )
+            if angle.claimed
+        ]
+        if parts:
+            return f"the sample was tilted: undone {' and '.join(parts)}"
+        return f"no tilt of the sample undone: {self.in_plane.reason}"
+
+
+def find_tilt(reflectance: Reflectance, seed: int = 0) -> TiltFinding:
+    """The tilt of an isotropic measurement that can be evaluated anywhere; the same seed gives the same bits."""
+    pairs = _TiltPairs.drawn(seed)
+    in_plane = _doubted(_without_the_tables_own(pairs, reflectance, pairs.angle(reflectance, Tilt, _swapped)), "reciprocal")
+    if in_plane.claimed and (levelled := pairs.levelled(reflectance)) < in_plane.undone:
+        reason = (
+            f"a gain over the angle explains the lack of reciprocity better (of {in_plane.misfit:.1%} it leaves "
+            f"{levelled:.1%}, a tilt {in_plane.undone:.1%})"
+        )
+        in_plane = replace(in_plane, reason=reason)
+    held = math.radians(in_plane.degrees) if in_plane.claimed else 0.0
+    out_of_plane = _doubted(pairs.angle(reflectance, lambda angle: Tilt(held, angle), _mirrored), "mirrored")
+    return TiltFinding(in_plane, out_of_plane)
+
+
+def _without_the_tables_own(pairs: "_TiltPairs", reflectance: Reflectance, found: TiltAngle) -> TiltAngle:
+    """The angle less what the nodes of a table make of a reciprocal material."""
+    if not isinstance(reflectance, AdaptiveTable) or found.misfit <= LEAST_MISFIT:
+        return found
+    straight = Straightened(reflectance, Tilt(math.radians(found.degrees)))
+    own = pairs.angle(refilled(reflectance, _ReciprocalMean(straight)), Tilt, _swapped, coarse=0.1)
+    degrees = found.degrees - own.degrees
+    undone = pairs.misfit(Straightened(reflectance, Tilt(math.radians(degrees))), _swapped)
+    return TiltAngle(degrees, found.low - own.degrees, found.high - own.degrees, found.misfit, undone, own.misfit)
+
+
+def _doubted(angle: TiltAngle, law: str) -> TiltAngle:
+    """The angle with the reason why it is not claimed, if there is one."""
+    span = f"95% interval {angle.low:+.3f}° to {angle.high:+.3f}°"
+    if angle.misfit <= LEAST_MISFIT:
+        reason = f"the values are {law} within {angle.misfit:.1%}"
+    elif angle.low <= 0 <= angle.high:
+        reason = f"no angle is distinguishable from 0 ({span})"
+    elif abs(angle.degrees) > SEARCHED - _COARSE:
+        reason = f"no angle within {SEARCHED:g}° makes the values {law} (error {angle.misfit:.1%})"
+    elif abs(angle.degrees) < LEAST:
+        reason = f"the angle is below {LEAST:g}° ({span})"
+    elif angle.undone > (1 - LEAST_GAIN) * angle.misfit or angle.misfit**2 - angle.undone**2 < angle.own**2:
+        reason = f"a tilt explains too little: undone, the error falls from {angle.misfit:.1%} to {angle.undone:.1%}"
+    else:
+        reason = ""
+    return replace(angle, reason=reason)
+
+
+def _swapped(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
+    return wo, wi
+
+
+def _mirrored(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
+    image = wi.new_tensor([1, -1, 1])
+    return wi * image, wo * image
+
+
+class _ReciprocalMean(Derived):
+    """(f(ωi, ωo) + f(ωo, ωi))/2 of an isotropic reflectance."""
+
+    isotropic = True
+
+    @answering_in_kind
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Values (N, C) in sr⁻¹."""
+        return (self.base.evaluate(wi, wo) + self.base.evaluate(wo, wi)) / 2
+
+
+@dataclass(frozen=True)
+class _TiltPairs:
+    """Pairs (N, 3), their weights (N,) and the block of each."""
+
+    wi: Tensor
+    wo: Tensor
+    weight: Tensor
+    block: Tensor
+
+    @classmethod
+    def drawn(cls, seed: int) -> "_TiltPairs":
+        wi, wo = draw_lobe(2 * PAIRS, torch.Generator().manual_seed(seed))
+        within = torch.minimum(wi[:, 2], wo[:, 2]) > math.cos(LIMIT)
+        wi, wo = wi[within][:PAIRS], wo[within][:PAIRS]
+        weight = (wi[:, 2] * wo[:, 2]) ** 2 / density("lobe", wi, wo)
+        edges = torch.linspace(0, LIMIT, BLOCKS + 1, dtype=wi.dtype)[1:-1]
+        return cls(wi, wo, weight, torch.bucketize(rusinkiewicz_angles(wi, wo)[1].contiguous(), edges))
+
+    def angle(
+        self, reflectance: Reflectance, tilt: Callable[[float], Tilt], partner: _Partner, coarse: float = SEARCHED
+    ) -> TiltAngle:
+        """The angle within `coarse` degrees that makes pairs and their partners most alike."""
+
+        def blocks(degrees: float) -> np.ndarray:
+            return self._blocks(Straightened(reflectance, tilt(math.radians(degrees))), partner)
+
+        found = {0.0: blocks(0.0)}
+        misfit = _ratio(found[0.0])
+        if misfit <= LEAST_MISFIT:
+            return TiltAngle(0.0, 0.0, 0.0, misfit, misfit)
+        for step, reach in ((_COARSE, coarse), (_FINE, 2 * _COARSE)):
+            best = min(found, key=lambda degrees: _ratio(found[degrees]))
+            for degrees in (best + np.arange(-reach, reach + step / 2, step)).round(6).tolist():
+                if abs(degrees) <= SEARCHED and degrees not in found:
+                    found[degrees] = blocks(degrees)
+        at = np.array(sorted(found))
+        table = np.stack([found[degrees] for degrees in at.tolist()])
+        degrees = _lowest(at, table.sum(2))
+        draws = np.random.default_rng(0).integers(0, BLOCKS, (DRAWS, BLOCKS))
+        low, high = np.quantile([_lowest(at, table[:, :, draw].sum(2)) for draw in draws], (0.025, 0.975)).tolist()
+        return TiltAngle(degrees, low, high, misfit, _ratio(blocks(degrees)))
+
+    def misfit(self, reflectance: Reflectance, partner: _Partner) -> float:
+        """e of the module's head."""
+        return _ratio(self._blocks(reflectance, partner))
+
+    def levelled(self, reflectance: Reflectance) -> float:
+        """The misfit that the best gain exp(c θ²) leaves of pairs and swapped pairs, to first order in c."""
+        apart, both = self._parts(reflectance, _swapped)
+        theta_i, theta_o = (to_spherical(w)[0] for w in (self.wi, self.wo))
+        column = both * (theta_i**2 - theta_o**2)[:, None]
+        left = apart - column * ((column * apart).sum() / (column**2).sum().clamp_min(1e-300))
+        return float(left.norm() / both.norm())
+
+    def _parts(self, reflectance: Reflectance, partner: _Partner) -> tuple[Tensor, Tensor]:
+        """√w times difference and sum (N, C) of the values at pairs and partners."""
+        pairs = ((self.wi, self.wo), partner(self.wi, self.wo))
+        one, two = (self.weight.sqrt()[:, None] * reflectance.evaluate(*pair).double() for pair in pairs)
+        return one - two, one + two
+
+    def _blocks(self, reflectance: Reflectance, partner: _Partner) -> np.ndarray:
+        """Sums (2, BLOCKS) of the squared parts."""
+        sums = ((part**2).sum(1) for part in self._parts(reflectance, partner))
+        return np.stack([np.bincount(self.block, part, BLOCKS) for part in sums])
+
+
+def _ratio(sums: np.ndarray) -> float:
+    """e of sums (2, BLOCKS)."""
+    apart, both = sums.sum(1)
+    return math.sqrt(apart / both) if both > 0 else 0.0
+
+
+def _lowest(at: np.ndarray, sums: np.ndarray) -> float:
+    """The angle of the least ratio of sums (K, 2), by the parabola through the least of K and its neighbours."""
+    ratio = sums[:, 0] / np.maximum(sums[:, 1], 1e-300)
+    k = int(np.argmin(ratio))
+    if k in (0, len(at) - 1):
+        return float(at[k])
+    (below, above), (before, after) = at[[k - 1, k + 1]] - at[k], ratio[[k - 1, k + 1]] - ratio[k]
+    left, right = before / below, after / above
+    curve = (right - left) / (above - below)
+    return float(at[k] - (left - curve * below) / (2 * curve)) if curve > 0 else float(at[k])
