@@ -6,7 +6,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from homofact.brdf.source_names import CHANNELS, DEFAULT_COUNT, DEFAULT_SCHEME, GAINS, HELD_OUT, MOST_COUNT, SCHEMES
+from homofact.brdf.source_names import (
+    CALIBRATIONS,
+    CHANNELS,
+    DEFAULT_CALIBRATE,
+    DEFAULT_COUNT,
+    DEFAULT_SCHEME,
+    HELD_OUT,
+    MOST_COUNT,
+    SCHEMES,
+)
 from homofact.errors import BadInput
 from homofact.methods.search import Search
 from homofact.methods.table import METHODS, MODELS_BY_NAME, made, made_each
@@ -64,7 +73,8 @@ class SourceSettings(_Checked):
     count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, most=MOST_COUNT, panel=SOURCE)
     scheme: str = option(DEFAULT_SCHEME, "How they are drawn", choices=SCHEMES, panel=SOURCE)
     calibrate: tuple[str, ...] = option(
-        (), "Gains of the instrument to estimate and divide out", choices=GAINS, separators="+,", metavar="A+B",
+        DEFAULT_CALIBRATE, "Faults of the instrument to undo; auto undoes a tilt where the odds are clear",
+        choices=CALIBRATIONS, separators="+,", metavar="A+B",
         expected_instead=none_twice, panel=SOURCE,
     )  # fmt: skip
     clipped: float | str | None = option(

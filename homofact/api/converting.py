@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from homofact.api.places import check_file, check_result
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.subjects import Place, given_source, open_given
-from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME
+from homofact.brdf.source_names import DEFAULT_CALIBRATE, DEFAULT_COUNT, DEFAULT_SCHEME
 from homofact.errors import Advice, BadInput
 from homofact.files.atomic import replace_file
 from homofact.sections import SourceSettings
@@ -67,7 +67,7 @@ def convert(
     channels: str = "rgb",
     count: int = DEFAULT_COUNT,
     scheme: str = DEFAULT_SCHEME,
-    calibrate: Sequence[str] = (),
+    calibrate: Sequence[str] = DEFAULT_CALIBRATE,
     seed: int = 0,
     force: bool = False,
     progress: Progress | None = None,
@@ -87,7 +87,7 @@ def convert(
     count, scheme : int and str, optional
         How many pairs are drawn from a model or a fit, and how.
     calibrate : sequence of str, optional
-        Gains of the instrument to estimate and divide out.
+        Faults of the instrument to undo, as for `read`.
     seed : int, optional
         Of the pairs that are drawn.
     force : bool, optional
@@ -165,8 +165,8 @@ def _opened(source: Any, settings: SourceSettings, seed: int) -> "Source":
     fitted = _fitted(source)
     if fitted is None and not (isinstance(source, str) and is_fit(source)):
         return open_given(replace(settings, path=source) if isinstance(source, str) else source, seed)
-    if settings.channels != "rgb" or settings.calibrate:
-        name = "calibrate" if settings.calibrate else "channels"
+    if settings.channels != "rgb" or settings.calibrate != DEFAULT_CALIBRATE:
+        name = "channels" if settings.channels != "rgb" else "calibrate"
         raise BadInput(where=name, found="it with a fit", expected="it with a measurement or a material")
     if fitted is None:
         return fit_as_source(source, settings.count, settings.scheme, seed)

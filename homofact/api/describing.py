@@ -110,9 +110,9 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
         steps.stage("drawing")
         facts |= _draw(picture, subject)
     # A model's name and parameters read better as rows of their own.
-    apart = ("material", "suspected", "gains", "clipped")
+    apart = ("material", "suspected", "gains", "clipped", "tilt")
     rows = {name: value for name, value in facts.items() if name not in apart} | (facts.get("material") or {})
-    mended = tuple(mending_lines(subject.samples.provenance))
+    mended = tuple(mending_lines(subject.samples.provenance, looked_for=True))
     return InfoResult(subject.name, subject.kind, facts, rows, mended, tuple(suspected))
 
 

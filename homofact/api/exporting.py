@@ -293,7 +293,7 @@ class _Work:
     def _looks(self, made: "Exported", looks: "Mapping[str, Reflectance]") -> dict[str, Any]:
         """How each of an engine's look-alikes, and the fit beside them, compares with the source, else with the fit."""
         from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
-        from homofact.brdf.source import made_of_samples
+        from homofact.brdf.scattered import made_of_samples
         from homofact.evaluation.appearance import appearance
         from homofact.evaluation.metrics import measure
         from homofact.exporting.as_source import as_source

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from homofact.brdf.source import Source, source_of
-from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME
+from homofact.brdf.source_names import DEFAULT_CALIBRATE, DEFAULT_COUNT, DEFAULT_SCHEME
 
 
 def read(
@@ -14,7 +14,7 @@ def read(
     count: int = DEFAULT_COUNT,
     scheme: str = DEFAULT_SCHEME,
     seed: int = 0,
-    calibrate: Sequence[str] = (),
+    calibrate: Sequence[str] = DEFAULT_CALIBRATE,
     clipped: float | str | None = None,
 ) -> Source:
     """Read a measurement, or draw samples of a material, a reflectance or a function.
@@ -27,9 +27,10 @@ def read(
     channels : "rgb", "luminance", "spectral" or the name of one channel, of a file or a material.
     count, scheme, seed : how many pairs of directions are drawn of what can be evaluated anywhere, and how ("lobe",
         "discs", "cosine" or "grid").
-    calibrate : gains of the instrument to divide out, some of "rings" and "rows" (`brdf.quality.gains`).
+    calibrate : faults of the instrument to undo: the sample's "tilt" (`brdf.quality.tilt`), gains by "rings" and by
+        "rows" (`brdf.quality.gains`), "auto" for a tilt where the odds are clear, or "none".
     clipped : values of so many sr⁻¹ and more, or of the level that is "found", are taken as bounds
-        (`brdf.quality.clipping`). Both mend measured samples only.
+        (`brdf.quality.clipping`). Only measured samples have gains or clipped values.
 
     Returns
     -------

@@ -97,7 +97,13 @@ def _filled(table: AdaptiveTable, reflectance: Reflectance) -> Tensor:
         if table.jacobian:
             density = bilinear(table.ndf, u) / (4 * bilinear(table.sigma, _of_angles(t, f))[:1])
             values = values / density[:, None]
-        filled.append(torch.where(wo[:, 2:] > 0, values, table.table[number // len(table.theta_i), number % len(table.theta_i)].reshape(len(u), -1)))
+        filled.append(
+            torch.where(
+                wo[:, 2:] > 0,
+                values,
+                table.table[number // len(table.theta_i), number % len(table.theta_i)].reshape(len(u), -1),
+            )
+        )
     return torch.stack(filled).reshape(table.table.shape)
 
 

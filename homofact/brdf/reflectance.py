@@ -1,7 +1,7 @@
 """The one interface through which everything asks for reflectance."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from homofact.brdf.in_kind import answering_in_kind
 
@@ -75,3 +75,11 @@ class Exchanged(Derived):
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """The base's values (N, C) in sr⁻¹ without the cosine for light from ωo and a viewer at ωi."""
         return self.base.evaluate(wo, wi)
+
+
+def innermost(reflectance: Reflectance) -> Any:
+    """What a chain of `Derived` reflectances is made of."""
+    inner: Any = reflectance
+    while hasattr(inner, "base"):
+        inner = inner.base
+    return inner

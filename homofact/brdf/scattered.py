@@ -18,6 +18,7 @@ from torch import Tensor
 
 from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.reflectance import Reflectance, innermost
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import coordinate_system
@@ -137,3 +138,17 @@ class Scattered:
         except np.linalg.LinAlgError:
             # Samples (or the neighbours of a point) in one plane have no linear part of their own.
             return self._linear(place)
+
+
+def made_of_samples(reflectance: Reflectance) -> bool:
+    """Whether it interpolates scattered samples, looking through luminance and single channels.
+
+    What it says between and beyond them is then a guess of ours, not of the source.
+    """
+    return getattr(innermost(reflectance), "of_samples", False)
+
+
+def interpolated_samples(reflectance: Reflectance) -> Samples | None:
+    """The samples that it interpolates, looking through luminance and single channels; None where it does not."""
+    inner = innermost(reflectance)
+    return inner.samples if isinstance(inner, Scattered) else None

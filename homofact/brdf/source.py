@@ -16,13 +16,13 @@ from homofact.brdf.in_kind import Pairs
 from homofact.brdf.materials import material
 from homofact.brdf.quality.coverage import holes, spread
 from homofact.brdf.quality.faults import evaluated_faults
-from homofact.brdf.quality.mending import mended
+from homofact.brdf.quality.mending import mended, straightened, wanted
 from homofact.brdf.quality.scatter import local_scatter
 from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.brdf.scattered import Scattered
-from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME, MATERIAL_PREFIX
+from homofact.brdf.scattered import Scattered, made_of_samples
+from homofact.brdf.source_names import DEFAULT_CALIBRATE, DEFAULT_COUNT, DEFAULT_SCHEME, GAINS, MATERIAL_PREFIX
 from homofact.brdf.symmetry import find_symmetry
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
@@ -46,7 +46,7 @@ class Opening:
     scheme: str = DEFAULT_SCHEME
     seed: int = 0
     folder: str = ""
-    calibrate: tuple[str, ...] = ()
+    calibrate: tuple[str, ...] = DEFAULT_CALIBRATE
     clipped: float | str | None = None
 
     @property
@@ -59,8 +59,7 @@ class Opening:
         text = self.path if path is None else path
         kind, single = reading_of(self.channels)
         source = _opened(text, kind, self.count, self.scheme, self.seed)
-        if self.calibrate or self.clipped is not None:
-            source = _mended(source, text, self.calibrate, self.clipped)
+        source = _mended(source, text, self.calibrate, self.clipped)
         if single:
             reflectance = OneChannel(source.reflectance, single)
             source = replace(source, samples=source.samples.channel(single), reflectance=reflectance)
@@ -110,7 +109,7 @@ def source_of(
     count: int = DEFAULT_COUNT,
     scheme: str = DEFAULT_SCHEME,
     seed: int = 0,
-    calibrate: Sequence[str] = (),
+    calibrate: Sequence[str] = DEFAULT_CALIBRATE,
     clipped: float | str | None = None,
 ) -> Source:
     """The source that `given` is or names.
@@ -127,13 +126,11 @@ def source_of(
             where="channels", found=f"{channels!r} beside {_named(given)}", expected="them with a path or a material"
         )
     if isinstance(given, Source):
-        if calibrate or clipped is not None:
-            return _mended(given, given.name, calibrate, clipped)
-        return given
+        return _mended(given, given.name, calibrate, clipped)
     samples = given if isinstance(given, Samples) else samples_of(given)
     if samples is not None:
-        return _measured("samples", mended(samples, calibrate, clipped))
-    if calibrate or clipped is not None:
+        return _mended(_measured("samples", samples), "samples", calibrate, clipped)
+    if wanted(calibrate) or clipped is not None:
         raise BadInput(where="calibrate, clipped", found=_named(given), expected="a measurement's samples with them")
     begun = time.perf_counter()
     reflectance = reflectance_of(given)
@@ -193,7 +190,7 @@ def open_source(
     count: int = DEFAULT_COUNT,
     scheme: str = DEFAULT_SCHEME,
     seed: int = 0,
-    calibrate: Sequence[str] = (),
+    calibrate: Sequence[str] = DEFAULT_CALIBRATE,
     clipped: float | str | None = None,
 ) -> Source:
     """The source that `text` names: material:NAME, or the path of a file whose content is sniffed.
@@ -208,12 +205,18 @@ def open_source(
     return Opening(text, channels, count, scheme, seed, "", tuple(calibrate), clipped).open()
 
 
-def _mended(source: Source, text: str, calibrate: Sequence[str], clipped: float | str | None) -> Source:
-    """The source with mended samples, interpolated anew."""
+def _mended(source: Source, name: str, calibrate: Sequence[str], clipped: float | str | None) -> Source:
+    """The source with what is known of its instrument undone; samples are interpolated anew where they change."""
+    kinds = wanted(calibrate)
+    reflectance, samples = straightened(name, source.reflectance, source.samples, calibrate)
+    source = replace(source, reflectance=reflectance, samples=samples)
+    gains = [kind for kind in kinds if kind in GAINS]
+    if not gains and clipped is None:
+        return source
     if not made_of_samples(source.reflectance):
-        option = "calibrate" if calibrate else "clipped"
-        raise BadInput(f"{text} can be evaluated anywhere", where=option, expected="a measurement's samples with it")
-    samples = mended(source.samples, calibrate, clipped)
+        option = "calibrate" if gains else "clipped"
+        raise BadInput(f"{name} can be evaluated anywhere", where=option, expected="a measurement's samples with it")
+    samples = mended(source.samples, gains, clipped)
     return replace(source, samples=samples, reflectance=Scattered(samples, epsilon=source.default_epsilon))
 
 
@@ -259,26 +262,6 @@ def measured_epsilon(samples: Samples) -> float:
     return min(float(f"{scatter.floor:.1g}"), 0.2)
 
 
-def made_of_samples(reflectance: Reflectance) -> bool:
-    """Whether it interpolates scattered samples, looking through luminance and single channels.
-
-    What it says between and beyond them is then a guess of ours, not of the source.
-    """
-    return getattr(_inmost(reflectance), "of_samples", False)
-
-
-def interpolated_samples(reflectance: Reflectance) -> Samples | None:
-    """The samples that it interpolates, looking through luminance and single channels; None where it does not."""
-    inner = _inmost(reflectance)
-    return inner.samples if isinstance(inner, Scattered) else None
-
-
-def _inmost(reflectance: Any) -> Any:
-    while hasattr(reflectance, "base"):
-        reflectance = reflectance.base
-    return reflectance
-
-
 def describe(source: Source) -> dict[str, Any]:
     """What is in a source, JSON-able: format, units, comments, wavelengths, counts, angles, values, faults.
 
@@ -319,6 +302,7 @@ def describe(source: Source) -> dict[str, Any]:
         "colour": facts.get("colour"),
         "sampling": facts.get("sampling"),
         "gains": facts.get("gains"),
+        "tilt": facts.get("tilt"),
         "clipped": facts.get("clipped"),
         "material": {key: facts[key] for key in ("material", "model", "parameters") if key in facts} or None,
         "default_epsilon": source.default_epsilon,

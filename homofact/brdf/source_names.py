@@ -12,4 +12,8 @@ MATERIAL_NAMES = (
     "phong-10", "phong-30", "blinn-phong-50", "torrance-sparrow-20", "ward-brushed",
 )  # fmt: skip
 GAINS = ("rings", "rows")  # what `brdf.quality.gains` can divide out
+TILT, AUTOMATIC, NOTHING = "tilt", "auto", "none"
+# What is undone of the instrument: "auto" is the tilt where the odds are clear, "none" nothing.
+CALIBRATIONS = (AUTOMATIC, NOTHING, TILT, *GAINS)
+DEFAULT_CALIBRATE = (AUTOMATIC,)
 MOST = 80.0  # logarithms above it are cut: e⁸⁰ is the largest power that float32 holds

@@ -22,8 +22,8 @@ What of this the data can show:
   and that is undone.
 * g is mirrored at the plane of incidence: f at azimuths φ and −φ of the viewer differ by η alone. A file whose values
   were averaged over both sides says nothing of η.
-* A tilt that turns with the sample, as of a sample that lies askew on a turntable, is the same R for every pair. That is
-  another orientation of an anisotropic material and leaves reciprocity whole. Therefore only isotropic data are treated.
+* A tilt that turns with the sample, as of a sample that lies askew on a turntable, is the same R for every pair. That
+  is another orientation of an anisotropic material and leaves reciprocity whole, so only isotropic data are treated.
 
 Near the normal: for δ > 0 the smallest angle that was measured, t = 0, is δ of the surface. Pairs with less light angle
 take the values at t = 0 that have their half vector, since the highlight stays at the half vector. Viewers that the
@@ -31,14 +31,15 @@ instrument saw under its horizon take the value at its horizon, times the cosine
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from homofact.brdf.analytic.common import grazing
+from homofact.brdf.channels import OneChannel
 from homofact.brdf.in_kind import answering_in_kind
-from homofact.brdf.reflectance import Derived
+from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.geometry.directions import normalize, to_spherical
 
 
@@ -96,6 +97,16 @@ class Straightened(Derived):
         ratio = grazing(seen[:, 2:]) / grazing(wo[:, 2:].double())
         values = self.base.evaluate(lit, seen) * ratio
         return torch.where(above, values, 0.0).to(wi.dtype)
+
+
+def as_measured(reflectance: Reflectance) -> Reflectance | None:
+    """A reflectance with the tilt left in, in the same channels; None where none was undone."""
+    if isinstance(reflectance, Straightened):
+        return reflectance.base
+    if isinstance(reflectance, OneChannel):
+        inner = as_measured(reflectance.base)
+        return None if inner is None else replace(reflectance, base=inner)
+    return None
 
 
 def _about_x(w: Tensor, angle: float) -> Tensor:

@@ -28,7 +28,9 @@ from torch import Tensor
 from homofact.brdf.channels import display_of
 from homofact.brdf.pair_density import RIM
 from homofact.brdf.reflectance import Reflectance
-from homofact.brdf.source import Source, made_of_samples
+from homofact.brdf.scattered import made_of_samples
+from homofact.brdf.source import Source
+from homofact.brdf.tilt import as_measured
 from homofact.evaluation.energy import EnergyErrors, SourceLight
 from homofact.evaluation.image_metrics import psnr
 from homofact.evaluation.metric_table import LIGHT, METRICS
@@ -65,13 +67,25 @@ class Appearance:
     """`energy`, and the PSNR in dB of the sphere under a lamp and under the sky; infinite where nothing differs.
 
     `explained` is the share of the variance of the source's logarithms that the fit explains, of its worst channel;
-    None of a reflectance that has no transform to take logarithms by.
+    None of a reflectance that has no transform to take logarithms by. `measured` is the energy against the measurement
+    with the sample's tilt left in (`brdf.tilt`), None where none was undone.
     """
 
     energy: EnergyErrors
     psnr_light: float
     psnr_sky: float
     explained: float | None = None
+    measured: EnergyErrors | None = None
+
+    @property
+    def rms_measured(self) -> float:
+        """`EnergyErrors.rms_cosine` against the measurement as it was; NaN where no tilt was undone."""
+        return math.nan if self.measured is None else self.measured.rms_cosine
+
+    @property
+    def floor_measured(self) -> float:
+        """`EnergyErrors.floor_cosine` of the measurement as it was; NaN where no tilt was undone."""
+        return math.nan if self.measured is None else self.measured.floor_cosine
 
     @property
     def figures(self) -> dict[str, float | None]:
@@ -101,6 +115,8 @@ class _SourceAppearance:
     def __init__(self, source: Source) -> None:
         self.to_rgb = display_of(source.reflectance.channels)
         self.light = SourceLight.of(source.reflectance, source.samples.isotropic)
+        raw = as_measured(source.reflectance)
+        self.measured = None if raw is None else SourceLight.of(raw, source.samples.isotropic)
         self.pictures = self.draw(source.reflectance)
         self.pairs = draw_in_discs(PAIRS, torch.Generator().manual_seed(_SEED), RIM)
         self.values = source.reflectance.evaluate(*self.pairs).to(torch.float64)
@@ -116,7 +132,8 @@ class _SourceAppearance:
         (lamp, sky), (own_lamp, own_sky) = self.draw(fit), self.pictures
         by_lamp = _psnr(own_lamp, lamp, choose_exposure(own_lamp), "srgb")
         by_sky = _psnr(own_sky, sky, choose_middle(own_sky), "filmic")
-        return Appearance(energy, by_lamp, by_sky, self.explained(fit))
+        measured = None if self.measured is None else self.measured.errors(fit)
+        return Appearance(energy, by_lamp, by_sky, self.explained(fit), measured)
 
     def explained(self, fit: Reflectance) -> float | None:
         """What the fit explains of the logarithms of the source."""

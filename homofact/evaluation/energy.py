@@ -11,6 +11,8 @@ and at `LEVELS` Gauss nodes in sin²θi for what is integrated over both, ⟨g�
 * energy ⟨f̂⟩/⟨f⟩;
 * rms √(⟨(f̂ − f)²⟩/⟨f²⟩), and the floor, the same of the source's own reciprocal part (f(ωi, ωo) + f(ωo, ωi))/2
   against the source: no reciprocal fit has less;
+* rms_cosine and floor_cosine, the same of f cosθi cosθo, the measure of published tables: f alone grows towards grazing
+  angles, where a picture shows next to nothing of it;
 * highlight: of each incidence the nodes are sorted by the source's f (mean of the channels) and the brightest taken
   until they hold `HIGHLIGHT` of that incidence's flux Σ f cosθo ω, the last one by the part that is wanted; highlight
   is the fit's flux over the source's on these nodes, all incidences together. `BRIGHT_HALF` likewise. Each incidence
@@ -52,7 +54,7 @@ class EnergyErrors:
     degrees : θi of the albedos.
     source_albedo, fit_albedo : per angle, one number a channel.
     energy : fit over source, one number a channel; `energy_overall` of the sums over channels.
-    rms, floor : relative, over all channels.
+    rms, floor, rms_cosine, floor_cosine : relative, over all channels.
     highlight, bright_half : fit over source.
     half_width : of the source's highlight in radians of θh (`evaluation.peak`), None where it has none.
     asymmetry : ⟨|f(ωi, ωo) − f(ωo, ωi)|⟩ over ⟨f(ωi, ωo) + f(ωo, ωi)⟩ of the source, means over the channels.
@@ -67,6 +69,8 @@ class EnergyErrors:
     energy_overall: float
     rms: float
     floor: float
+    rms_cosine: float
+    floor_cosine: float
     highlight: float
     bright_half: float
     half_width: float | None
@@ -113,15 +117,17 @@ class SourceLight:
     """What is asked of a source, once for any number of fits.
 
     `azimuths` are those that it is lit from, `nodes` the (rings, spokes) of its directions. Over (azimuth, θi, node),
-    θi of `ALBEDO_DEGREES` first: `cosine` cosθo times solid angle, `values` (..., C) f. `floor`, `half_width` and
-    `asymmetry` as in `EnergyErrors`.
+    θi of `ALBEDO_DEGREES` first: `cosine` cosθo times solid angle, `both_cosines` cosθi cosθo, `values` (..., C) f.
+    `floor`, `floor_cosine`, `half_width` and `asymmetry` as in `EnergyErrors`.
     """
 
     azimuths: tuple[float, ...]
     nodes: tuple[int, int]
     cosine: Tensor
+    both_cosines: Tensor
     values: Tensor
     floor: float
+    floor_cosine: float
     half_width: float | None
     asymmetry: float
 
@@ -136,8 +142,10 @@ class SourceLight:
         swapped = _values(source, *back)
         miss = (swapped - own) / 2
         apart, both = (float((weight * part).sum()) for part in (2 * miss.mean(-1).abs(), (swapped + own).mean(-1)))
-        floor = math.sqrt(_ratio(_mean_square(weight, miss), _mean_square(weight, own), same=0.0))
-        return cls(azimuths, nodes, cosine, values, floor, half_width(source), _ratio(apart, both, same=0.0))
+        cosines = wi[..., 2] * wo[..., 2]
+        floors = [_relative(part, miss, own) for part in (weight, weight * cosines[:, _FIRST:])]
+        asymmetry = _ratio(apart, both, same=0.0)
+        return cls(azimuths, nodes, cosine, cosines, values, *floors, half_width(source), asymmetry)
 
     def errors(self, fit: Reflectance) -> EnergyErrors:
         """The figures of a fit. Raises BadInput where its channels differ in number."""
@@ -156,8 +164,10 @@ class SourceLight:
             fit_albedo=_rows(fit_albedo),
             energy=tuple(_ratio(a, b) for a, b in zip(*energy, strict=True)),
             energy_overall=_ratio(sum(energy[0]), sum(energy[1])),
-            rms=math.sqrt(_ratio(_mean_square(weight, mine - own), _mean_square(weight, own), same=0.0)),
+            rms=_relative(weight, mine - own, own),
             floor=self.floor,
+            rms_cosine=_relative(weight * self.both_cosines[:, _FIRST:], mine - own, own),
+            floor_cosine=self.floor_cosine,
             highlight=_brightest(weight, mine, own, HIGHLIGHT),
             bright_half=_brightest(weight, mine, own, BRIGHT_HALF),
             half_width=self.half_width,
@@ -195,8 +205,10 @@ def _values(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:
     return values.reshape(*wi.shape[:-1], -1)
 
 
-def _mean_square(weight: Tensor, values: Tensor) -> float:
-    return float((weight[..., None] * values.square()).sum())
+def _relative(weight: Tensor, miss: Tensor, own: Tensor) -> float:
+    """RMS of what is missed over that of the source's own values."""
+    missed, whole = (float((weight[..., None] * values.square()).sum()) for values in (miss, own))
+    return math.sqrt(_ratio(missed, whole, same=0.0))
 
 
 def _brightest(weight: Tensor, fit: Tensor, source: Tensor, share: float) -> float:

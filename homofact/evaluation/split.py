@@ -16,7 +16,7 @@ import torch
 
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Opening, Source
-from homofact.brdf.source_names import GAINS, MOST_COUNT
+from homofact.brdf.source_names import CALIBRATIONS, MOST_COUNT
 from homofact.brdf.stratified import stratified_subset
 from homofact.errors import BadInput
 from homofact.files.fields import Fields
@@ -117,7 +117,7 @@ class Split:
                 inner.text("scheme"),
                 inner.whole("seed", 0, _MOST),
                 inner.text("folder"),
-                tuple(inner.texts("calibrate", len(GAINS))) if inner.found.get("calibrate") else (),
+                tuple(inner.texts("calibrate", len(CALIBRATIONS))) if inner.found.get("calibrate") else (),
                 _clipped(inner),
             )
         held_out = fields.number("held_out")

@@ -24,7 +24,7 @@ from matplotlib.colors import Normalize
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
-from homofact.brdf.source import interpolated_samples
+from homofact.brdf.scattered import interpolated_samples
 from homofact.errors import BadInput
 from homofact.figures.measured_range import beyond_the_measurement
 from homofact.figures.page import LINE, PicturePage

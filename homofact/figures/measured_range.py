@@ -13,7 +13,7 @@ from torch import Tensor
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
-from homofact.brdf.source import interpolated_samples
+from homofact.brdf.scattered import interpolated_samples
 from homofact.rendering.filtered import FilteredMaterial, Surroundings
 from homofact.rendering.light import DirectionalLight
 from homofact.rendering.lobe_patches import DRAFT

@@ -24,7 +24,7 @@ import numpy as np
 import torch
 
 from homofact.brdf.reflectance import Reflectance
-from homofact.brdf.source import made_of_samples
+from homofact.brdf.scattered import made_of_samples
 from homofact.brdf.symmetry import find_symmetry
 from homofact.linear.kernels import kernel
 from homofact.rendering.light import EnvironmentMap, Light

@@ -15,7 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from homofact.brdf.source import Source, made_of_samples, open_source
+from homofact.brdf.scattered import made_of_samples
+from homofact.brdf.source import Source, open_source
 from homofact.evaluation.energy import SourceLight
 from homofact.evaluation.machine import machine
 from homofact.evaluation.metrics import measure

@@ -11,7 +11,8 @@ from refusals import refused
 
 from homofact.brdf.channels import display_of
 from homofact.brdf.quality.extrapolation import Extrapolation
-from homofact.brdf.source import interpolated_samples, open_source
+from homofact.brdf.scattered import interpolated_samples
+from homofact.brdf.source import open_source
 from homofact.errors import BadInput
 from homofact.figures.compare_picture import LIGHTS, _coloured, _reach, compare_picture, relative_difference
 from homofact.figures.sphere_picture import drawn_sphere

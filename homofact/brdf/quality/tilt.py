@@ -1,4 +1,4 @@
-"""The tilt of a measured sample, found from what every material obeys: reciprocity, and the mirror at the incidence plane.
+"""The tilt of a measured sample, found from what every material obeys: reciprocity, and mirror images.
 
 `brdf.tilt` derives the fault. For an angle δ the misfit is the relative RMS by which the straightened reflectance g
 misses its own reciprocal mean,
@@ -86,7 +86,7 @@ class TiltAngle:
 
 @dataclass(frozen=True)
 class TiltFinding:
-    """What was found of a measurement: the angle in the plane of incidence, from reciprocity, and out of it, by mirror."""
+    """What was found of a measurement: the angle in the plane of incidence (reciprocity) and across it (mirror)."""
 
     in_plane: TiltAngle
     out_of_plane: TiltAngle
@@ -121,7 +121,9 @@ class TiltFinding:
 def find_tilt(reflectance: Reflectance, seed: int = 0) -> TiltFinding:
     """The tilt of an isotropic measurement that can be evaluated anywhere; the same seed gives the same bits."""
     pairs = _TiltPairs.drawn(seed)
-    in_plane = _doubted(_without_the_tables_own(pairs, reflectance, pairs.angle(reflectance, Tilt, _swapped)), "reciprocal")
+    in_plane = _doubted(
+        _without_the_tables_own(pairs, reflectance, pairs.angle(reflectance, Tilt, _swapped)), "reciprocal"
+    )
     if in_plane.claimed and (levelled := pairs.levelled(reflectance)) < in_plane.undone:
         reason = (
             f"a gain over the angle explains the lack of reciprocity better (of {in_plane.misfit:.1%} it leaves "
