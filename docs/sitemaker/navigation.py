@@ -45,7 +45,10 @@ SECTIONS = (
         ),
     ),
     Section("Gallery", ("gallery", "editing_gallery")),
-    Section("Evidence", ("light", "measured", "thesis", "trials", "compression", "stability", "scripts")),
+    Section(
+        "Evidence",
+        ("light", "straightening", "measured", "thesis", "trials", "compression", "stability", "scripts"),
+    ),
     Section(
         "Contribute",
         (

@@ -181,7 +181,7 @@ def caption(record: dict[str, Any]) -> list[str]:
 def _report(subject: "Source", source: Any, records: dict[str, dict[str, Any]], folder: Path) -> dict[str, Any]:
     """What report.json says: the fit's record, how the source was mended and opened, McCool's record."""
     first, *others = records.values()
-    mended = {name: subject.samples.provenance.get(name) for name in ("gains", "clipped")}
+    mended = {name: subject.samples.provenance.get(name) for name in ("gains", "clipped", "tilt")}
     opened = source.path if isinstance(source, SourceSettings) else source if isinstance(source, str) else subject.name
     return {**first, **mended, "opened": opened, "out": str(folder)} | ({"mccool": others[0]} if others else {})
 

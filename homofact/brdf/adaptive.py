@@ -67,12 +67,19 @@ def tabulated(
     slices = [(f, t) for f in phi.tolist() for t in theta.tolist()]
     vndf = torch.stack([_visible(ndf, sigma, t, f, isotropic) for f, t in slices])
     shape = (len(phi), len(theta))
-    densities = (theta, phi, ndf, sigma, vndf.reshape(*shape, *vndf.shape[1:]))
     empty = torch.zeros(*shape, side, side, len(reflectance.channels))
-    table = AdaptiveTable(*densities, empty, True, reflectance.channels)
-    filled = _filled(table, reflectance)
-    single = (tensor.float() for tensor in (*densities, filled))
-    return AdaptiveTable(*single, True, reflectance.channels)
+    vndf = vndf.reshape(*shape, *vndf.shape[1:])
+    table = AdaptiveTable(theta, phi, ndf, sigma, vndf, empty, True, reflectance.channels)
+    # Filled at the nodes of full precision, then stored in single.
+    return replace(
+        table,
+        theta_i=theta.float(),
+        phi_i=phi.float(),
+        ndf=ndf.float(),
+        sigma=sigma.float(),
+        vndf=vndf.float(),
+        table=_filled(table, reflectance).float(),
+    )
 
 
 def refilled(table: AdaptiveTable, reflectance: Reflectance) -> AdaptiveTable:
@@ -88,7 +95,7 @@ def _filled(table: AdaptiveTable, reflectance: Reflectance) -> Tensor:
     rows, columns = table.table.shape[2:4]
     nodes = _grid(rows, columns)
     warp = MarginalConditional.of(table.vndf.flatten(0, 1))
-    filled = []
+    held, filled = table.table.flatten(0, 1), []
     slices = [(f, t) for f in table.phi_i.double().tolist() for t in table.theta_i.double().tolist()]
     for number, (f, t) in enumerate(slices):
         u = warp.sample(nodes, number)
@@ -97,13 +104,7 @@ def _filled(table: AdaptiveTable, reflectance: Reflectance) -> Tensor:
         if table.jacobian:
             density = bilinear(table.ndf, u) / (4 * bilinear(table.sigma, _of_angles(t, f))[:1])
             values = values / density[:, None]
-        filled.append(
-            torch.where(
-                wo[:, 2:] > 0,
-                values,
-                table.table[number // len(table.theta_i), number % len(table.theta_i)].reshape(len(u), -1),
-            )
-        )
+        filled.append(torch.where(wo[:, 2:] > 0, values, held[number].reshape(len(u), -1)))
     return torch.stack(filled).reshape(table.table.shape)
 
 

@@ -143,9 +143,9 @@ class SourceLight:
         miss = (swapped - own) / 2
         apart, both = (float((weight * part).sum()) for part in (2 * miss.mean(-1).abs(), (swapped + own).mean(-1)))
         cosines = wi[..., 2] * wo[..., 2]
-        floors = [_relative(part, miss, own) for part in (weight, weight * cosines[:, _FIRST:])]
+        floor, floor_cosine = (_relative(part, miss, own) for part in (weight, weight * cosines[:, _FIRST:]))
         asymmetry = _ratio(apart, both, same=0.0)
-        return cls(azimuths, nodes, cosine, cosines, values, *floors, half_width(source), asymmetry)
+        return cls(azimuths, nodes, cosine, cosines, values, floor, floor_cosine, half_width(source), asymmetry)
 
     def errors(self, fit: Reflectance) -> EnergyErrors:
         """The figures of a fit. Raises BadInput where its channels differ in number."""

@@ -40,7 +40,7 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "two of one label": (lambda source: homofact.compare(source, [FITTED, FITTED]), "methods"),
     "no methods": (lambda source: homofact.compare(source, []), "methods"),
     "a method's class alone": (lambda source: homofact.factorize(source, "out", cast(Any, homofact.McCool)), "method"),
-    "settings beside a method": (lambda source: homofact.factorize(source, "out", FITTED, size=3), "size"),
+    "settings beside a method": (lambda source: homofact.factorize(source, "out", FITTED, size=3), "method"),
     "an unknown format": (lambda source: homofact.export(homofact.fit(source, FITTED), "out", format="jpg"), "format"),
     "an unknown ending": (lambda source: homofact.convert(source, "a.jpg"), "a.jpg"),
     "a share of all": (lambda source: homofact.terms(source, share=1.0), "share"),

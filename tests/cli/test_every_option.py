@@ -50,7 +50,7 @@ def another(key: str, declared: Declared) -> tuple[str, str]:
     if kind is bool:
         return ("off", "false") if default else ("on", "true")
     if option.choices:
-        word = next(word for word in option.choices if word != default)
+        word = next(word for word in option.choices if word != default and (word,) != default)
         return word, f'"{word}"'
     if kind is int:
         number = default + 3 if default is not None else 3

@@ -38,3 +38,12 @@ def test_the_shared_basis_is_held_against_textures_of_ones_own(capsys: pytest.Ca
     sizes = [float(line[0]) for line in own]
     assert sizes == sorted(sizes, reverse=True)
     assert all(0 < float(line[1]) <= float(line[2]) for line in (*basis, *own))
+
+
+def test_a_straightened_measurement_has_a_lower_floor_and_a_nearer_fit(capsys: pytest.CaptureFixture[str]) -> None:
+    importlib.import_module("scripts.accuracy.straightening").main(["--short"])
+    tilt, fit = (line for line in rows(capsys.readouterr().out) if line[0] == "vch_golden_yellow")
+    assert tilt[3] == "yes"
+    assert float(tilt[8]) < 0.8 * float(tilt[7])
+    raw, against_straight, straight, floor = (float(cell) for cell in fit[2:6])
+    assert floor < straight < against_straight < raw

@@ -195,6 +195,7 @@ class _TiltPairs:
 
     @classmethod
     def drawn(cls, seed: int) -> "_TiltPairs":
+        """Pairs of the scheme lobe within the limit."""
         wi, wo = draw_lobe(2 * PAIRS, torch.Generator().manual_seed(seed))
         within = torch.minimum(wi[:, 2], wo[:, 2]) > math.cos(LIMIT)
         wi, wo = wi[within][:PAIRS], wo[within][:PAIRS]
