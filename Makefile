@@ -27,7 +27,7 @@ test: $(READY)
 
 # Properties on 2000 random problems each instead of 100; tests that are too slow for every run; 20,000 damaged files of
 # every kind that is read; a kill at every system call of a write (Debian's strace); everything 200 times in one process,
-# whose memory stays flat; 60 small faults that the tests have to notice.
+# whose memory stays flat; 70 small faults that the tests have to notice.
 nightly: $(READY)
 	HYPOTHESIS_PROFILE=nightly OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 tests/factor/test_properties.py
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -m slow
