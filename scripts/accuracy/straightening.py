@@ -54,9 +54,10 @@ interval in `homofact/brdf/quality/tilt.py`.
 - **The table's own error.** Between eight slices of incidence even a perfect material is interpolated unevenly.
   homofact puts the straightened, reciprocal material into the same nodes, repeats the search there, and subtracts
   what it finds.
-- **A tilt is undone only if** its interval excludes 0, it is at least 0.005°, it lowers the lack of reciprocity by a
-  tenth and by more than the table's own error, and explains it better than a gain over the angle with one number,
-  such as a forgotten cosine.
+- **A tilt is undone only if** its interval excludes 0, it is at least 0.005°, pairs near the plane of incidence want at
+  least half of it on their own (an anisotropic sample that was measured as isotropic does not), it lowers the lack of
+  reciprocity by a tenth and by more than the table's own error, and it explains that lack better than a gain over the
+  angle with one number, such as a forgotten cosine.
 
 ## Measured
 """

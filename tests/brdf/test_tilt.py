@@ -221,3 +221,38 @@ def test_a_tilt_of_what_shows_none_is_refused(calibrate: list[str]) -> None:
 def test_unknown_calibrations_are_refused(calibrate: list[str]) -> None:
     with refused(where="calibrate"):
         open_source("material:phong-30", count=10, calibrate=calibrate)
+
+
+def one_incidence() -> AdaptiveTable:
+    """A tilted table of which one slice is left."""
+    table = tilted(paint(0.05), 0.3)
+    return replace(table, theta_i=table.theta_i[:1], vndf=table.vndf[:, :1], table=table.table[:, :1])
+
+
+UNFIT = {
+    "one incidence": one_incidence,
+    "noise that hides reciprocity": lambda: measured(
+        paint(0.1), Leaning(paint(0.1), Tilt(math.radians(0.08))), noise=0.6
+    ),
+    "anisotropic, read as isotropic": lambda: measured(paint(0.1), Turning(material("ward-brushed").model)),
+}
+
+
+class Turning(Derived):
+    """An anisotropic material as a table that knows no azimuth of the light has it."""
+
+    isotropic = True
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """The values with the light at azimuth 0."""
+        theta, phi = to_spherical(wo)
+        lit = from_spherical(to_spherical(wi)[0], torch.zeros_like(phi))
+        return self.base.evaluate(lit, from_spherical(theta, phi - to_spherical(wi)[1]))
+
+
+@pytest.mark.parametrize("case", UNFIT)
+def test_nothing_is_undone_of_data_that_cannot_tell(case: str) -> None:
+    found = find_tilt(UNFIT[case]())
+    assert found.tilt is None
+    assert found.in_plane.reason
+    assert found.record()["undone"] is False

@@ -16,10 +16,14 @@ taken off; the misfit found there is the part of e that is the table's own.
 The interval is a bootstrap's. Pairs near each other share the errors of one slice of the table, so not pairs are drawn
 but blocks of them, by θd: an angle that one incidence wants and the next does not has a wide interval.
 
-A tilt is claimed where the odds are clear: the interval leaves out 0; the angle is at least `LEAST` and not at the edge
-of the search; e falls by `LEAST_GAIN`, and e² by more than the table's own part; and a gain over the angle with one
-number as well, g(ωi, ωo) exp(c (θi² − θo²)), which a wrong cosine or an uneven lamp brings, leaves more. In a wide lobe
-the two look much alike.
+A tilt is claimed where the odds are clear:
+
+* the interval leaves out 0, and the angle is at least `LEAST` and not at the edge of the search;
+* pairs whose half vector lies near the plane of incidence want half of the angle on their own: a tilt shows there most,
+  while an anisotropic material that was read as isotropic lacks reciprocity out of that plane;
+* e falls by `LEAST_GAIN`, and e² by more than the table's own part;
+* a gain over the angle with one number as well, g(ωi, ωo) exp(c (θi² − θo²)), which a wrong cosine or an uneven lamp
+  brings, leaves more. In a wide lobe the two look much alike.
 """
 
 import math
@@ -36,15 +40,17 @@ from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.pair_density import density, draw_lobe
 from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.rgl import AdaptiveTable
+from homofact.brdf.table import AngleTable
 from homofact.brdf.tilt import Straightened, Tilt
 from homofact.geometry.coordinates import rusinkiewicz_angles
-from homofact.geometry.directions import to_spherical
+from homofact.geometry.directions import normalize, to_spherical
 
 LIMIT = math.radians(70)
 PAIRS, BLOCKS, DRAWS = 7000, 14, 1000
 SEARCHED = 0.6  # degrees to both sides
 LEAST = 0.005  # degrees
 LEAST_GAIN = 0.1
+LEAST_NEAR_PLANE = 0.5
 LEAST_MISFIT = 2e-3  # below it nothing is looked for: a clean table
 _COARSE, _FINE = 0.05, 0.02
 _Partner = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
@@ -54,8 +60,9 @@ _Partner = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 class TiltAngle:
     """One angle in degrees with its 95% interval, and the relative misfit of the head without and with it undone.
 
-    `own` is the misfit that the table's nodes make of a reciprocal material, 0 where that is not known. `reason` says
-    why the angle is not claimed; it is empty where it is.
+    `near_plane` is the angle that pairs near the plane of incidence alone want, `own` the misfit that the table's nodes
+    make of a reciprocal material, 0 where that is not known. `reason` says why the angle is not claimed; it is empty
+    where it is.
     """
 
     degrees: float
@@ -63,6 +70,7 @@ class TiltAngle:
     high: float
     misfit: float
     undone: float
+    near_plane: float
     own: float = 0.0
     reason: str = ""
 
@@ -79,6 +87,7 @@ class TiltAngle:
             "misfit": round(self.misfit, 5),
             "misfit_undone": round(self.undone, 5),
             "misfit_of_the_table": round(self.own, 5),
+            "near_the_plane_of_incidence": round(self.near_plane, 4),
             "claimed": self.claimed,
             **({"reason": self.reason} if self.reason else {}),
         }
@@ -121,6 +130,9 @@ class TiltFinding:
 def find_tilt(reflectance: Reflectance, seed: int = 0) -> TiltFinding:
     """The tilt of an isotropic measurement that can be evaluated anywhere; the same seed gives the same bits."""
     pairs = _TiltPairs.drawn(seed)
+    if _incidences(reflectance) < 2:
+        unknown = TiltAngle(0.0, -SEARCHED, SEARCHED, 0.0, 0.0, 0.0, reason="light from one angle shows no reciprocity")
+        return TiltFinding(unknown, unknown)
     in_plane = _doubted(
         _without_the_tables_own(pairs, reflectance, pairs.angle(reflectance, Tilt, _swapped)), "reciprocal"
     )
@@ -143,7 +155,15 @@ def _without_the_tables_own(pairs: "_TiltPairs", reflectance: Reflectance, found
     own = pairs.angle(refilled(reflectance, _ReciprocalMean(straight)), Tilt, _swapped, coarse=0.1)
     degrees = found.degrees - own.degrees
     undone = pairs.misfit(Straightened(reflectance, Tilt(math.radians(degrees))), _swapped)
-    return TiltAngle(degrees, found.low - own.degrees, found.high - own.degrees, found.misfit, undone, own.misfit)
+    low, high, near = (angle - own.degrees for angle in (found.low, found.high, found.near_plane))
+    return TiltAngle(degrees, low, high, found.misfit, undone, near, own.misfit)
+
+
+def _incidences(reflectance: Reflectance) -> int:
+    """How many angles of the light a table holds; 2 of what is no table."""
+    if isinstance(reflectance, AdaptiveTable):
+        return len(reflectance.theta_i)
+    return len(reflectance.axes[0].nodes) if isinstance(reflectance, AngleTable) else 2
 
 
 def _doubted(angle: TiltAngle, law: str) -> TiltAngle:
@@ -157,6 +177,11 @@ def _doubted(angle: TiltAngle, law: str) -> TiltAngle:
         reason = f"no angle within {SEARCHED:g}° makes the values {law} (error {angle.misfit:.1%})"
     elif abs(angle.degrees) < LEAST:
         reason = f"the angle is below {LEAST:g}° ({span})"
+    elif law == "reciprocal" and angle.near_plane / angle.degrees < LEAST_NEAR_PLANE:
+        reason = (
+            f"pairs near the plane of incidence want {angle.near_plane:+.3f}° and all pairs {angle.degrees:+.3f}°,"
+            " which no tilt explains"
+        )
     elif angle.undone > (1 - LEAST_GAIN) * angle.misfit or angle.misfit**2 - angle.undone**2 < angle.own**2:
         reason = f"a tilt explains too little: undone, the error falls from {angle.misfit:.1%} to {angle.undone:.1%}"
     else:
@@ -186,7 +211,7 @@ class _ReciprocalMean(Derived):
 
 @dataclass(frozen=True)
 class _TiltPairs:
-    """Pairs (N, 3), their weights (N,) and the block of each."""
+    """Pairs (N, 3), weights (N,) and the block of each: by θd, those near the plane of incidence before the others."""
 
     wi: Tensor
     wo: Tensor
@@ -201,7 +226,9 @@ class _TiltPairs:
         wi, wo = wi[within][:PAIRS], wo[within][:PAIRS]
         weight = (wi[:, 2] * wo[:, 2]) ** 2 / density("lobe", wi, wo)
         edges = torch.linspace(0, LIMIT, BLOCKS + 1, dtype=wi.dtype)[1:-1]
-        return cls(wi, wo, weight, torch.bucketize(rusinkiewicz_angles(wi, wo)[1].contiguous(), edges))
+        block = torch.bucketize(rusinkiewicz_angles(wi, wo)[1].contiguous(), edges)
+        (_, phi_h), (_, phi_i) = to_spherical(normalize(wi + wo)), to_spherical(wi)
+        return cls(wi, wo, weight, block + BLOCKS * (torch.sin(phi_h - phi_i).abs() > 0.5))
 
     def angle(
         self, reflectance: Reflectance, tilt: Callable[[float], Tilt], partner: _Partner, coarse: float = SEARCHED
@@ -214,7 +241,7 @@ class _TiltPairs:
         found = {0.0: blocks(0.0)}
         misfit = _ratio(found[0.0])
         if misfit <= LEAST_MISFIT:
-            return TiltAngle(0.0, 0.0, 0.0, misfit, misfit)
+            return TiltAngle(0.0, 0.0, 0.0, misfit, misfit, 0.0)
         for step, reach in ((_COARSE, coarse), (_FINE, 2 * _COARSE)):
             best = min(found, key=lambda degrees: _ratio(found[degrees]))
             for degrees in (best + np.arange(-reach, reach + step / 2, step)).round(6).tolist():
@@ -224,8 +251,10 @@ class _TiltPairs:
         table = np.stack([found[degrees] for degrees in at.tolist()])
         degrees = _lowest(at, table.sum(2))
         draws = np.random.default_rng(0).integers(0, BLOCKS, (DRAWS, BLOCKS))
-        low, high = np.quantile([_lowest(at, table[:, :, draw].sum(2)) for draw in draws], (0.025, 0.975)).tolist()
-        return TiltAngle(degrees, low, high, misfit, _ratio(blocks(degrees)))
+        near, others = table[:, :, :BLOCKS], table[:, :, BLOCKS:]
+        spread = [_lowest(at, (near + others)[:, :, draw].sum(2)) for draw in draws]
+        low, high = np.quantile(spread, (0.025, 0.975)).tolist()
+        return TiltAngle(degrees, low, high, misfit, _ratio(blocks(degrees)), _lowest(at, near.sum(2)))
 
     def misfit(self, reflectance: Reflectance, partner: _Partner) -> float:
         """e of the module's head."""
@@ -246,13 +275,13 @@ class _TiltPairs:
         return one - two, one + two
 
     def _blocks(self, reflectance: Reflectance, partner: _Partner) -> np.ndarray:
-        """Sums (2, BLOCKS) of the squared parts."""
+        """Sums (2, 2 BLOCKS) of the squared parts."""
         sums = ((part**2).sum(1) for part in self._parts(reflectance, partner))
-        return np.stack([np.bincount(self.block, part, BLOCKS) for part in sums])
+        return np.stack([np.bincount(self.block, part, 2 * BLOCKS) for part in sums])
 
 
 def _ratio(sums: np.ndarray) -> float:
-    """e of sums (2, BLOCKS)."""
+    """e of sums (2, 2 BLOCKS)."""
     apart, both = sums.sum(1)
     return math.sqrt(apart / both) if both > 0 else 0.0
 
