@@ -80,6 +80,18 @@ def measured(samples: Samples) -> Samples:
 def seen(albedo: float = 1.0, highlight: float = 1.0, floor: float = 0.0, asymmetry: float = 0.0) -> Appearance:
     """An appearance of one angle and two channels, the second of them reflecting `albedo` of the source's light."""
     light = EnergyErrors(
-        (5.0,), ((0.5, 0.5),), ((0.5, 0.5 * albedo),), (1.0, 1.0), 1.0, 0.1, floor, highlight, 1.0, None, asymmetry
+        (5.0,),
+        ((0.5, 0.5),),
+        ((0.5, 0.5 * albedo),),
+        (1.0, 1.0),
+        1.0,
+        0.1,
+        floor,
+        0.1,
+        floor,
+        highlight,
+        1.0,
+        None,
+        asymmetry,
     )
     return Appearance(light, 30.0, 30.0)

@@ -39,7 +39,7 @@ CASES = {
     ),
     "gains of another kind": (
         [*FIT, "--calibrate", "ring", *OUT],
-        r"calibrate: found 'ring', expected one of rings, r",
+        r"calibrate: found 'ring', expected one of auto, none, tilt, rings, rows",
     ),
     "gains twice": ([*FIT, "--calibrate", "rows+rows", *OUT], r"calibrate: found rows, rows, expected none twice"),
     "gains of a model": (

@@ -263,7 +263,8 @@ def test_what_an_eye_would_say_stands_in_the_csv(source: Source, tmp_path: Path)
     assert row.record()["appearance"]["floor"] == 0
     header, line = csv.reader(path.read_text().splitlines())
     cells = dict(zip(header, line, strict=True))
-    assert {name: float(cells[name]) for name in LIGHT} == row.appearance
+    assert {name: float(cells[name]) if cells[name] else None for name in LIGHT} == row.appearance
+    assert [name for name in LIGHT if not cells[name]] == ["rms_measured", "floor_measured"]
     # A source of samples alone has empty cells, which come back as they were.
     alone = replace(source, reflectance=Scattered(source.samples))
     (other,) = run_chart(alone, plan(methods("mccool"), (1,), (3,), ("gradient",)), ChartLedger(tmp_path / "b.csv"))
@@ -278,7 +279,7 @@ def test_what_an_eye_would_say_stands_in_the_csv(source: Source, tmp_path: Path)
         ("version", r"line 2: found a result of homofact 0\.0\.7, expected a new folder, or `force=True`"),
         ("columns", r"found other columns than those of homofact .*expected a new folder, or `force=True`"),
         ("cell", r"line 2: textures_asked is '.*', expected a new folder"),
-        ("short", r"line 2: found \d+ cells of 44, expected a new folder"),
+        ("short", r"line 2: found \d+ cells of 48, expected a new folder"),
         ("empty", r"found other columns"),
     ],
 )

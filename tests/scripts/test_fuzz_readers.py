@@ -35,19 +35,19 @@ def test_undamaged_files_are_read(fuzzer: ModuleType, tmp_path: Path) -> None:
         assert len(read_by(reader, tmp_path / "file").samples) > 0, name
 
 
-def outcome(fuzzer: ModuleType, tmp_path: Path, read: Callable[[Path], Samples]) -> list[str]:
+def outcome(fuzzer: ModuleType, tmp_path: Path, read: Callable[..., Samples]) -> list[str]:
     tally = fuzzer.fuzz(SimpleNamespace(NAME="fake", read=read), b"0123456789" * 20, 4, 0, tmp_path)
     return [what for what, _ in tally.wrong]
 
 
 def test_it_sees_other_errors_long_messages_and_missing_names(fuzzer: ModuleType, tmp_path: Path) -> None:
-    def other(path: Path) -> Samples:
+    def other(path: Path, *_: str) -> Samples:
         raise ZeroDivisionError("by nought")
 
-    def long(path: Path) -> Samples:
+    def long(path: Path, *_: str) -> Samples:
         raise BadInput(f"{path}: two\nlines")
 
-    def nameless(path: Path) -> Samples:
+    def nameless(path: Path, *_: str) -> Samples:
         raise BadInput("a file is wrong")
 
     assert outcome(fuzzer, tmp_path, other)[0] == "ZeroDivisionError: by nought"
@@ -59,13 +59,13 @@ def test_it_sees_slow_and_greedy_readers(fuzzer: ModuleType, tmp_path: Path, mon
     monkeypatch.setattr(fuzzer, "SECONDS", 0.01)
     monkeypatch.setattr(fuzzer, "SLACK", 10 * 2**20)
 
-    def slow(path: Path) -> Samples:
+    def slow(path: Path, *_: str) -> Samples:
         begun = time.process_time()
         while time.process_time() - begun < 0.02:
             pass
         raise BadInput(f"{path}: slow")
 
-    def greedy(path: Path) -> Samples:
+    def greedy(path: Path, *_: str) -> Samples:
         np.zeros(4 * 2**20)
         raise BadInput(f"{path}: greedy")
 
