@@ -18,7 +18,7 @@ from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.channels import LuminanceOf, OneChannel
 from homofact.brdf.materials import material
 from homofact.brdf.quality import tilt as finding
-from homofact.brdf.quality.tilt import find_tilt
+from homofact.brdf.quality.tilt import TiltAngle, find_tilt
 from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.source import open_source
@@ -175,6 +175,19 @@ def test_gains_over_the_angle_are_no_tilt(gain: Callable[[Tensor, Tensor], Tenso
     found = find_tilt(measured(model, Gained(model, gain))).in_plane
     assert not found.claimed
     assert found.reason
+
+
+def test_a_forgotten_cosine_that_a_tilt_explains_in_part_is_no_tilt() -> None:
+    model = material("phong-30").model
+    found = find_tilt(measured(model, Gained(model, lambda _, o: o))).in_plane
+    assert found.undone < 0.8 * found.misfit
+    assert not found.claimed
+
+
+@pytest.mark.parametrize(("own", "claimed"), [(0.01, True), (0.02, False)])
+def test_a_tilt_has_to_explain_more_than_the_nodes_of_the_table_do(own: float, claimed: bool) -> None:
+    angle = TiltAngle(0.1, 0.05, 0.15, 0.03, 0.025, 0.1, own)
+    assert finding._doubted(angle, "reciprocal").claimed == claimed
 
 
 def test_a_reciprocal_table_is_left_alone_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

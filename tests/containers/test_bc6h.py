@@ -51,6 +51,8 @@ def test_whole_endpoints_are_where_the_specification_has_them():
     assert texels[0, 2].tolist() == [6432 * 31 >> 5 | 0x8000, 96 * 31 >> 5, 0xFBFF]
     # Index 8 takes 34/64 of the second end: (6432 * 30 - 6432 * 34 + 32) >> 6 = -402.
     assert texels[0, 3, 0] == 402 * 31 >> 5 | 0x8000
+    # Index 3 takes 13/64 of it, rounded to the nearest: (32767 * 51 + 96 * 13 + 32) >> 6 = 26131.
+    assert texels[1, 0, 1] == 26131 * 31 >> 5
 
 
 @pytest.mark.parametrize(("number", "bits", "delta"), [(7, 11, 9), (11, 12, 8), (15, 16, 4)])

@@ -185,6 +185,10 @@ def test_bytes_on_the_gpu(name, channels, expected):
     assert FORMATS[name].bytes_of(16, 32, channels) == 16 * 32 * expected
 
 
+def test_a_block_that_is_not_full_takes_its_bytes():
+    assert FORMATS["bc6h"].bytes_of(5, 9, 3) == 2 * 3 * 16
+
+
 def test_key_values_reach_the_ktx2(tmp_path):
     stored = texture("ktx2", 4, 4, 3)
     FORMATS["ktx2"].write(tmp_path / "t.ktx2", stored, key_values={"KTXorientation": "rd"})

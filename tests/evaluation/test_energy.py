@@ -197,3 +197,11 @@ def test_a_measured_gloss_is_resolved(real_data: Path, monkeypatch: pytest.Monke
         assert one == pytest.approx(two, rel=3e-3)
     assert usual.energy_overall == pytest.approx(finer.energy_overall, rel=3e-3)
     assert usual.rms == pytest.approx(finer.rms, rel=1e-2)
+
+
+def test_of_the_last_bright_node_only_the_part_that_is_wanted_counts() -> None:
+    weight, own = torch.ones(1, 1, 4, dtype=torch.float64), torch.tensor([[[4.0, 3.0, 2.0, 1.0]]], dtype=torch.float64)
+    fit = own.clone()
+    fit[..., 1] = 0
+    # Half of the flux is 5: the first node and a third of the second.
+    assert energy._brightest(weight, fit[..., None], own[..., None], 0.5) == pytest.approx(4 / 5)

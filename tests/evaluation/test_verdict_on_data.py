@@ -12,7 +12,7 @@ from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import Advice
-from homofact.evaluation.verdict import flux
+from homofact.evaluation.verdict import flux, of_data
 from homofact.evaluation.verdict.finding import About, Grade
 from homofact.evaluation.verdict.flux import asymmetry_of_samples, flux_of
 from homofact.geometry.coordinates import rusinkiewicz_angles
@@ -219,3 +219,25 @@ def test_levels_matter_by_the_light_that_they_miss(levels: int, matters: bool) -
     assert found.light == pytest.approx(float(step / 4 * weights.sum() / light), rel=1e-3)
     assert found.matters is matters
     assert flux.rounded_light(many, weights) == 0
+
+
+def test_what_chance_does_to_a_band_is_taken_off() -> None:
+    generator = torch.Generator().manual_seed(3)
+    noise = 0.5 * torch.randn(TRAIN.values.shape, generator=generator, dtype=TRAIN.values.dtype)
+    band = flux.worst_band(TRAIN, flux_of(TRAIN), TRAIN.values * (1 + noise))
+    assert band is not None
+    # Without that 0.41 would be off, in another band.
+    assert band[0] == pytest.approx(1, abs=0.1)
+    steady = flux.worst_band(TRAIN, flux_of(TRAIN), 0.7 * TRAIN.values)
+    assert steady is not None
+    assert steady[0] == pytest.approx(0.7, abs=0.06)
+
+
+def test_directions_of_one_plane_have_one_azimuth() -> None:
+    theta = torch.linspace(0.3, 1.2, 20, dtype=torch.float64)
+    half = torch.arange(20) < 10
+    plane = from_spherical(theta, torch.where(half, 0.0, torch.pi).to(theta))
+    around = from_spherical(theta, torch.linspace(0, 2 * torch.pi, 21, dtype=torch.float64)[:-1])
+    for directions, spread in ((plane, 0.0), (around, 1.0)):
+        samples = Samples(directions, directions, torch.ones(20, 3, dtype=torch.float64))
+        assert of_data._azimuths(samples) == pytest.approx(spread, abs=1e-9)

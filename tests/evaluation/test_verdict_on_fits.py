@@ -11,6 +11,7 @@ from torch import Tensor
 
 from homofact.brdf.sampling import sample_model
 from homofact.errors import Advice, Status
+from homofact.evaluation.verdict import of_fit
 from homofact.evaluation.verdict.finding import About, Finding, Grade, ordered
 from homofact.evaluation.verdict.flux import flux_of
 from homofact.methods.search import Search
@@ -246,3 +247,9 @@ def test_what_is_explained_of_a_source_is_asked_of_it() -> None:
     (found,) = (each for each in one.findings if each.name == "explained")
     assert "80% of the variation of the source's logarithms" in found.found
     assert verdict(seen=replace(seen(), explained=None)).errors.explained > 0.99
+
+
+def test_a_narrow_highlight_asks_for_as_many_texels_as_hold_it() -> None:
+    light = replace(verdict().light, texels_across=of_fit.LEAST_ACROSS / 3)
+    (found,) = (each for each in of_fit._light(light, Search(size=10)) if each.name == "narrow")
+    assert found.advice == Advice("size", 30)

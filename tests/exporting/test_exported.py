@@ -12,6 +12,7 @@ import torch
 from shading_cases import CASES, SEPARABLE, factorization, searched, separable
 
 import homofact
+from homofact.brdf.reflectance import Derived
 from homofact.containers.exr import exr_channel_names, write_channels
 from homofact.containers.formats import FORMATS, format_named
 from homofact.errors import BadInput
@@ -260,3 +261,15 @@ def test_a_signalling_nan_is_a_texel_that_is_not_finite(tmp_path: Path) -> None:
     write_channels(texture, texels, exr_channel_names(CASES["fixed h"].channels))
     with pytest.raises(BadInput, match=r"texture_0\.exr: a texel is not finite"):
         open_exported(folder)
+
+
+def test_the_difference_of_logarithms_is_a_root_mean_square() -> None:
+    fitted = CASES["fixed h"]
+
+    class Brighter(Derived):
+        """Brighter in light from one side alone."""
+
+        def evaluate(self, wi: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
+            return fitted.transform.inverse(fitted.transform.forward(fitted.evaluate(wi, wo)) + (wi[:, :1] > 0) * 0.2)
+
+    assert log_difference(fitted, Brighter(fitted)) == pytest.approx(0.2 / 2**0.5, rel=0.02)

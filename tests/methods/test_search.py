@@ -18,6 +18,7 @@ from homofact.factor.fixed_projections import FIXED_PROJECTIONS, KINDS
 from homofact.factor.projection import Projection, Warp, fixed_projection
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import draw_in_discs
+from homofact.methods import structure_search
 from homofact.methods.fitting import FitProgress
 from homofact.methods.kinds import is_isotropic, is_searched, loosened, make
 from homofact.methods.search import Search
@@ -156,6 +157,14 @@ def test_reciprocity_is_given_up_where_the_data_are_not_reciprocal_and_kept_wher
     assert not any(term.projection.reciprocal for term in free.factorization.terms)
     assert any("the fit is not reciprocal, f(ωi, ωo) is not f(ωo, ωi)" in note for note in free.report.notes)
     assert free.report.details["validation_error"] < 0.5 * forced.report.details["validation_error"]
+
+
+def test_reciprocity_is_kept_where_giving_it_up_brings_too_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    samples = sample_model(Ward((0.1,), (0.2,), alpha_x=0.3, alpha_y=0.3, channels=("R",)), 2000, "lobe", seed=2)
+    one_way = replace(samples, values=samples.values * (0.2 + samples.wi[:, 2:]))
+    monkeypatch.setattr(structure_search, "FREE_WORTH", 1e-6)
+    fit = fit_search(one_way, Search(textures=2, effort=40.0, size=6))
+    assert all(term.projection.reciprocal for term in fit.factorization.terms)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -239,3 +239,9 @@ def test_memory_on_disk_does_not_grow_with_what_is_kept() -> None:
     few, many = (cost(1_000_000, 4, TransportSettings(64, kept=kept), on_disk=True) for kept in (96, 960))
     assert many.most_bytes > 9 * few.most_bytes
     assert many.peak_bytes < 1.1 * few.peak_bytes
+
+
+@pytest.mark.parametrize("rays", [1, 2])
+def test_a_ray_goes_through_half_of_the_texels_of_every_vertex(rays: int) -> None:
+    # The other half lies under the vertex's horizon.
+    assert cost(10, 1, TransportSettings(16, rays=rays)).rays == 10 * 6 * 16**2 // 2 * rays**2

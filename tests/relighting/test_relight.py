@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from homofact.brdf.analytic import Lambert
 from homofact.errors import BadInput
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import sphere
-from homofact.relighting.clusters import clustered
+from homofact.relighting.clusters import Clustered, clustered
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import STAGES, measured_errors, relative
 from homofact.relighting.factoring import factor
@@ -275,3 +276,12 @@ def test_what_cannot_be_judged_is_refused() -> None:
     around = Occluder(mesh.positions, mesh.triangles)
     with pytest.raises(BadInput, match=r"no vertex is seen from \(0\.0, 0\.0, 0\.0\)"):
         seen_vertices(mesh, SHINY, around, (0, 0, 0), 5)
+
+
+def test_each_cluster_has_steps_of_its_own() -> None:
+    lit = np.zeros((4, 1, 3))
+    lit[:, 0, 0] = (10, 1, 20, 1)  # two clusters: a mean and a component each
+    parts = {"cluster": np.array([0, 1, 1]), "weights": np.array([[3], [3], [-2]]), "steps": np.array([[0.5], [2.0]])}
+    unused: Any = None
+    found = Clustered(unused, unused, unused, unused, **parts).mixed(lit)
+    assert found[:, 0, 0].tolist() == [10 + 1.5, 20 + 6, 20 - 4]

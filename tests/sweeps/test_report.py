@@ -5,6 +5,7 @@ import html
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -21,7 +22,7 @@ from homofact.sweeps.report.index_page import index_data, index_html
 from homofact.sweeps.report.material_page import FitFiles
 from homofact.sweeps.report.reading import read_results
 from homofact.sweeps.report.site import write_site
-from homofact.sweeps.summary import rows_of
+from homofact.sweeps.summary import middle, rows_of
 
 BY_NAME = {metric.name: metric for metric in REPORTED}
 NOTHING = FitFiles(None, (), None, "")
@@ -39,6 +40,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 def data_of(page: Path) -> dict[str, Any]:
     text = page.read_text(encoding="utf-8")
     return json.loads(text.partition('<script type="application/json" id="data">')[2].partition("</script>")[0])
+
+
+def test_the_middle_of_rows_is_their_median_without_those_that_have_none() -> None:
+    rows: Any = [SimpleNamespace(metrics={"mae": value}) for value in (5.0, None, 1.0, 2.0)]
+    assert middle(rows, "mae") == 2.0
+    assert middle(rows[1:2], "mae") is None
 
 
 def links(page: Path) -> list[Path]:
