@@ -231,3 +231,8 @@ def test_a_paint_needs_fewer_terms_for_less_of_its_energy(real_data) -> None:
 def test_what_cannot_be_meant_is_refused(call, expected: str) -> None:
     with refused(expected):
         call()
+
+
+@pytest.mark.parametrize(("hemisphere", "count"), [(True, 1 + 2 + 3), (False, 1 + 3 + 5)])
+def test_a_degree_counts_as_often_as_it_has_orders(hemisphere: bool, count: int) -> None:
+    assert mirror_terms(torch.ones(3, dtype=torch.float64), share=0.999, hemisphere=hemisphere) == count
