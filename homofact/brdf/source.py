@@ -126,7 +126,8 @@ def source_of(
             where="channels", found=f"{channels!r} beside {_named(given)}", expected="them with a path or a material"
         )
     if isinstance(given, Source):
-        return _mended(given, given.name, calibrate, clipped)
+        # Whoever opened it decided about "auto".
+        return _mended(given, given.name, wanted(calibrate), clipped)
     samples = given if isinstance(given, Samples) else samples_of(given)
     if samples is not None:
         return _mended(_measured("samples", samples), "samples", calibrate, clipped)

@@ -21,7 +21,7 @@ from homofact.brdf.quality import tilt as finding
 from homofact.brdf.quality.tilt import TiltAngle, find_tilt
 from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.rgl import AdaptiveTable
-from homofact.brdf.source import open_source
+from homofact.brdf.source import open_source, source_of
 from homofact.brdf.tilt import Straightened, Tilt, as_measured
 from homofact.geometry.directions import draw_cosine_weighted, from_spherical, to_spherical
 
@@ -220,6 +220,14 @@ def test_real_measurements_are_straightened(real_data: Path, name: str, degrees:
     assert torch.equal(source.samples.values, source.reflectance.evaluate(source.samples.wi, source.samples.wo))
     untouched = open_source(path, count=2000, calibrate=["none"])
     assert torch.equal(untouched.samples.values, raw.evaluate(source.samples.wi, source.samples.wo))
+
+
+def test_a_source_that_was_opened_as_measured_stays_so_unless_a_tilt_is_asked_for() -> None:
+    table = tilted(paint(0.05), 0.3)
+    source = replace(open_source("material:phong-30", count=50), samples=table.sample(50), reflectance=table)
+    assert source_of(source).reflectance is table
+    assert source_of(source, calibrate=["none"]).reflectance is table
+    assert isinstance(source_of(source, calibrate=["tilt"]).reflectance, Straightened)
 
 
 @pytest.mark.parametrize("calibrate", [["tilt"], ["tilt", "rings"]])

@@ -56,6 +56,15 @@ def test_a_subset_leaves_the_held_out_samples(source: Source) -> None:
     assert torch.equal(whole[1].values, some[1].values)
 
 
+def test_a_split_that_names_no_calibration_is_of_the_measurement_as_it_was(source: Source) -> None:
+    record = Split.of(source, 0.2, 0).record()
+    assert Split._read(record).opening == source.opening
+    del record["opening"]["calibrate"]
+    older = Split._read(record).opening
+    assert older is not None
+    assert older.calibrate == ()
+
+
 def test_what_a_fit_saved_gives_the_same_samples(source: Source, tmp_path: Path) -> None:
     row = fit_and_measure(source, SMALL, 0.3, subset=120)
     row.factorization.save(tmp_path / "a.npz")

@@ -40,7 +40,7 @@ def straightened(
     measured = isinstance(table, AdaptiveTable | AngleTable)
     if not measured or not samples.isotropic:
         if TILT in calibrate:
-            what = "which no tilt can be found of" if not measured else "which is anisotropic"
+            what = "which is no measured table" if not measured else "which is anisotropic"
             expected = "a measured table of an isotropic material with it"
             raise BadInput(where="calibrate", found=f"{TILT!r} for {name}, {what}", expected=expected)
         return reflectance, samples
