@@ -12,7 +12,7 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.pair_density import solid_angles
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.factor.energy import Flux, _Light, keep_light
+from homofact.factor.energy import SQUARES_SHARE, Flux, _Light, keep_light
 from homofact.factor.factorization import Term, sum_of_terms
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms
@@ -73,6 +73,29 @@ def test_logs_hold_more_of_a_measurement(solved) -> None:
     assert Flux.of(measured, transform, "energy").log_share == Flux.of(samples, transform, "energy").log_share
 
 
+def test_squares_are_those_of_the_rms_with_cosines_and_none_of_a_measurement(solved) -> None:
+    samples, _, flux, _ = solved
+    transform = LogTransform.of(samples, 1e-2)
+    values = samples.values / transform.mean_like(samples.values)
+    assert torch.allclose((flux.squares * values**2).sum(0), flux.squares.new_full((2,), SQUARES_SHARE * 3000.0))
+    cosines = (samples.wi[:, 2] * samples.wo[:, 2]) ** 2 * solid_angles(samples)
+    share = flux.squares[:, 0] / cosines
+    assert torch.allclose(share, share[:1].expand(3000))
+    assert not Flux.of(replace(samples, provenance={}), transform, "both").squares.any()
+    assert flux.with_none(2).squares.shape == (3002, 2)
+
+
+def test_squares_lower_the_rms_with_cosines(solved) -> None:
+    samples, logs, flux, terms = solved
+    without = replace(flux, squares=torch.zeros_like(flux.squares))
+
+    def missed(flux_: Flux) -> float:
+        found = torch.exp(sum_of_terms(keep_light(logs, terms, 1e-3, flux_)[0], samples.wi, samples.wo))
+        return float((flux.squares * (found - torch.exp(logs.logs)) ** 2).sum())
+
+    assert missed(flux) < 0.95 * missed(without)
+
+
 def test_the_slope_is_that_of_the_value(solved) -> None:
     _, logs, flux, terms = solved
     light = _Light(logs, terms, 1e-3, flux)
@@ -86,7 +109,10 @@ def test_the_light_that_logs_lose_comes_back(solved) -> None:
     kept, account = keep_light(logs, terms, 1e-3, flux)
     assert account["after"] < 0.8 * account["before"]
     assert np.abs(light_of(logs, flux, terms)).max() > 0.05
-    assert np.abs(light_of(logs, flux, kept)).max() < 0.01
+    assert np.abs(light_of(logs, flux, kept)).max() < 0.05
+    # The divergence alone keeps all of it; squares trade some of it for the shape of a highlight narrower than a texel.
+    alone, _ = keep_light(logs, terms, 1e-3, replace(flux, squares=torch.zeros_like(flux.squares)))
+    assert np.abs(light_of(logs, flux, alone)).max() < 0.01
     # At the minimum neither a step further nor a step back is better.
     light = _Light(logs, kept, 1e-3, flux)
     value, slope = light.evaluate(light.start())
@@ -127,7 +153,7 @@ def test_blocks_of_textures_lead_to_the_same_minimum(solved, monkeypatch: pytest
     monkeypatch.setattr(size, "MOST_DENSE", 0)
     _, blocks = keep_light(logs, terms, 1e-3, flux)
     assert blocks["before"] == dense["before"]
-    assert blocks["after"] == pytest.approx(dense["after"], rel=1e-2)
+    assert blocks["after"] == pytest.approx(dense["after"], rel=2e-2)
     light = _Light(logs, terms, 1e-3, flux)
     start = light.start() + 0.1 * np.random.default_rng(0).normal(size=len(light.start()))
     error = check_grad(lambda z: light.evaluate(z)[0], lambda z: light.evaluate(z)[1], start, epsilon=1e-6)
