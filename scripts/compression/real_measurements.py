@@ -1,6 +1,6 @@
 """The first table on real measurements: ours at four budgets beside what others published and what is fitted here.
 
-    python scripts/compression/real_measurements.py --done FILE.jsonl [--hybrid FOLDER] [--methods "A;B"]
+    python scripts/compression/real_measurements.py --done FILE.jsonl [--hybrid FOLDER] [--methods A,B]
         [--materials A,B] [--kept] [--out docs/real.md] [--plot docs/pictures/real.png]
 
 Ten RGL files, a car paint, three Cornell paints and a retroreflective tape (`real_fits`), judged by `real_judging`.
@@ -44,7 +44,7 @@ from scripts.compression.real_fits import (
 from scripts.compression.real_judging import PIXELS, Asked, judged_at
 from scripts.compression.real_page import page
 from scripts.compression.real_tables import Row
-from scripts.shared.harness import Finished, data_folder, finish, parser_of, progress
+from scripts.shared.harness import Finished, data_folder, finish, listed, parser_of, progress
 
 COUNT, SHORT_COUNT, SHORT_PIXELS, SHORT_EFFORT = 45_000, 3000, 32, 5.0
 SHORT_METHODS, SHORT_MATERIALS = (PUBLISHED[0], "GGX × 1", "ours 1 KiB"), ("vch_golden_yellow", "garnet_red")
@@ -53,17 +53,6 @@ SHORT_METHODS, SHORT_MATERIALS = (PUBLISHED[0], "GGX × 1", "ours 1 KiB"), ("vch
 def key(subject: Subject, way: str, label: str) -> str:
     """What the file of finished fits calls one."""
     return f"{subject.name} | {way} | {label}"
-
-
-def named(text: str | None, known: Sequence[str], separator: str, where: str) -> list[str]:
-    """Those of `known` that a text lists; all where there is none. Raises BadInput for another."""
-    if text is None:
-        return list(known)
-    chosen = [name.strip() for name in text.split(separator) if name.strip()]
-    unknown = [name for name in chosen if name not in known]
-    if unknown:
-        raise BadInput(where=where, found=repr(unknown[0]), expected=f"some of {f'{separator} '.join(known)}")
-    return chosen
 
 
 class Run:
@@ -144,7 +133,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--done", type=Path, help="keep what is done in this file, and leave it out the next time")
     parser.add_argument("--kept", action="store_true", help="fit nothing: the page of what --done has")
     parser.add_argument("--hybrid", type=Path, help="a folder with the hybrid's published shaders of RGL")
-    parser.add_argument("--methods", help=f"separated by semicolons, of {'; '.join(LABELS)}")
+    parser.add_argument("--methods", help=f"separated by commas without spaces, of {'; '.join(LABELS)}")
     parser.add_argument("--materials", help="separated by commas (default: all)")
     parser.add_argument("--plot", type=Path, help="a PNG of error against bytes")
     options = parser.parse_args(arguments)
@@ -155,8 +144,8 @@ def main(arguments: list[str] | None = None) -> int:
             raise BadInput(
                 where="data", found=f"no measurements in {folder}", expected="--data FOLDER or HOMOFACT_DATA"
             )
-        labels = named(options.methods, LABELS, ";", "methods")
-        names = named(options.materials, [subject.name for subject in there], ",", "materials")
+        labels = listed(options.methods, LABELS, "methods")
+        names = listed(options.materials, [subject.name for subject in there], "materials")
         if options.short:
             labels = [label for label in labels if label in SHORT_METHODS]
             names = [name for name in names if name in SHORT_MATERIALS]

@@ -35,9 +35,10 @@ The methods:
 - **{HYBRID}**: a GGX lobe with a small network, as De Oliveira et al. 2026 trained and published it. Its 6472
   bytes are 48 of the material and 6424 of the network, which all RGL materials share. The published shaders state the
   weights with three decimals.
-- **NBRDF, trained here**, **NPF, fitted here** (Bagher et al. 2016), **GGX** with one and two lobes over a diffuse base,
-  **McCool**'s projections, and **SVD**, a sum of products: fitted here to the same training samples as ours. SVD is the
-  better one, at its bytes, of in-out and half-difference matrices.
+- **NBRDF, trained here**, **NPF, fitted here** (Bagher et al. 2016), **GGX** with one and two lobes over a diffuse
+  base, **McCool**'s projections, and **SVD**, a sum of products: fitted here to the same training samples as ours. SVD
+  is the better one, at its bytes, of in-out and half-difference matrices, and is given the measurement's own values
+  where it can be asked anywhere.
 
 Bytes are those of float32 numbers: RGB texels, weights, parameters."""
 READING = """\
@@ -49,9 +50,10 @@ READING = """\
   both angles under 80°.
 - **RMS**: relative RMS of f cosθi cosθo over both hemispheres. "Over floor" divides it by the RMS of the measurement's
   own reciprocal mean; no reciprocal fit is below 1.
-- **albedo**: total reflected light of the fit over that of the measurement, of the worst channel and angle of incidence
-  (0, 10 … 80°). **energy**: the same of all angles together, worst channel. **highlight**: light of the fit over that of
-  the measurement where the measurement's brightest 1% is. The tables show how far the ratios are from 1: median (worst).
+- **albedo**: total reflected light of the fit over that of the measurement, of the worst channel and angle of
+  incidence (0, 10 … 80°). **energy**: the same of all angles together, worst channel. **highlight**: light of the fit
+  over that of the measurement where the measurement's brightest 1% is. The tables show how far the ratios are from 1:
+  median (worst).
 - **PSNR** in dB, **SSIM** and **FLIP** compare spheres of 128² pixels under three skies (studio, St Peter's, Grace) and
   under a small lamp, each at one exposure chosen from the measurement, sRGB.
 - **operations** of one evaluation count an operator on a vector once; **scalar** counts its components; **fetches** are

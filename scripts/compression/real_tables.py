@@ -241,6 +241,8 @@ def missing(table: Table) -> list[str]:
             names = reasons.setdefault((row.label, row.found["skipped"]), [])
             if row.material not in names:
                 names.append(row.material)
+    absent = [label for label in LABELS if label not in {row.label for row in table.rows.values()}]
+    reasons |= {(", ".join(absent), "not fitted yet"): ["all materials"]} if absent else {}
     return [f"- {label}, {', '.join(names)}: {why}." for (label, why), names in reasons.items()]
 
 

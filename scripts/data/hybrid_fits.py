@@ -123,7 +123,7 @@ def _layers(text: str) -> list[tuple[Tensor, Tensor]]:
         own = torch.tensor([float(x) for x in bias[1].split(",")], dtype=torch.float64)
         parts.setdefault(int(layer), {})[int(part)] = weight, own
     if len(parts) != len(LAYERS):
-        raise ValueError(f"{len(parts)} layers in place of {len(LAYERS)}")
+        raise ValueError(f"{len(parts)} of {len(LAYERS)} layers")
     made = []
     for layer in sorted(parts):
         own = [parts[layer][k] for k in sorted(parts[layer])]
