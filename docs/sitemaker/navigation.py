@@ -47,7 +47,7 @@ SECTIONS = (
     Section("Gallery", ("gallery", "editing_gallery")),
     Section(
         "Evidence",
-        ("light", "straightening", "measured", "thesis", "trials", "compression", "stability", "scripts"),
+        ("light", "straightening", "measured", "thesis", "trials", "compression", "real", "stability", "scripts"),
     ),
     Section(
         "Contribute",

@@ -20,6 +20,7 @@ from torch import Tensor
 
 from homofact.brdf.analytic.common import RGB, AnalyticModel
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME
 from homofact.errors import HomofactError
@@ -99,7 +100,11 @@ def fitted(
     reading: AnalyticModel | Mean, method: Method, shared: SharedSearch, seed: int = 0
 ) -> tuple[Reflectance, float]:
     """(the fit of a reading by a method, seconds, those of a shared search included)."""
-    samples = sample_model(reading, DEFAULT_COUNT, DEFAULT_SCHEME, seed)
+    return fitted_to(sample_model(reading, DEFAULT_COUNT, DEFAULT_SCHEME, seed), method, shared, seed)
+
+
+def fitted_to(samples: Samples, method: Method, shared: SharedSearch, seed: int = 0) -> tuple[Reflectance, float]:
+    """(the fit of samples by a method, seconds, those of a shared search included)."""
     began = time.perf_counter()
     with shared.during():
         found = replace(method, seed=seed).fit(samples)

@@ -100,6 +100,12 @@ def place_of(cache_folder: Path, material: str, label: str) -> Path:
     return cache_folder / plain(material) / f"{plain(label)}.npz"
 
 
+def male(expected: Tensor, found: Tensor, wi: Tensor) -> float:
+    """MALE of values (N, C) in sr⁻¹, as the module's head says, at light directions (N, 3)."""
+    cosine = wi[:, 2:]
+    return float((torch.log1p(found * cosine) - torch.log1p(expected * cosine)).abs().mean())
+
+
 def scores(truth: Shown, found: Shown, coverage: Tensor) -> dict[str, float]:
     """`SCORES` of one method on one material."""
     wi, wo = pairs()
@@ -118,7 +124,7 @@ def scores(truth: Shown, found: Shown, coverage: Tensor) -> dict[str, float]:
         pictures.append((float(off.abs().mean()), rmse, ssim(p, q, inside), min(psnr(p, q, inside), 100.0)))
     means = [statistics.fmean(column) for column in zip(*pictures, strict=True)]
     return {
-        "MALE": float((torch.log1p(b * cosine) - torch.log1p(a * cosine)).abs().mean()),
+        "MALE": male(a, b, wi),
         "Cole": float((logs[1] - logs[0]).square().mean()),
         "energy": float((light[1] / light[0].clamp_min(1e-12) - 1).abs().max()),
     } | dict(zip(SCORES[3:], means, strict=True))

@@ -4,9 +4,8 @@
 
 Everything goes from unit ωi and ωo to f in three channels on the same cosine-weighted directions; a round times every
 way once, each at its best batch size, and the best of the rounds counts. All are shading programs in vector
-instructions by one compiler (`homofact.shading.compiled`): published fits by `published_programs` and
-`network_program`, GGX by `ggx_program`, textures by their own. Only the Neural Processes' decoder, a million numbers,
-is run by torch in float32. What is fitted is fitted to the networks' reading.
+instructions by one compiler (`homofact.shading.compiled`), as `published_programs` has them. Only the Neural Processes'
+decoder, a million numbers, is run by torch in float32. What is fitted is fitted to the networks' reading.
 
 Rows are written to speeds.csv in the cache folder, from which `compression_table.py` makes its table and its chart.
 """
@@ -15,47 +14,30 @@ import csv
 import os
 import statistics
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import torch
 
-from homofact.brdf.analytic.ggx import GgxBrdf
 from homofact.brdf.reflectance import Reflectance
 from homofact.linear.normal import warm_up
-from homofact.parametric.model_fit import ModelFit
-from homofact.shading.compiled import Compiled, compiled, compiled_program
+from homofact.shading.compiled import Compiled, compiled_program
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.compression.compression_fits import DEFAULT_METHODS, METHODS, SharedSearch, fitted
-from scripts.compression.published_programs import abc_program, npf_program, sgd_program
+from scripts.compression.published_programs import program_of_any
 from scripts.data.published_fits import PUBLISHED, names, published
 from scripts.shared.harness import data_folder, parser_of, write_csv
-from scripts.speed.ggx_program import ggx_program
-from scripts.speed.network_program import network_program
 from scripts.speed.throughput import Way, of_compiled, of_torch, rates
 
 FILE, COLUMNS = "speeds.csv", ("material", "method", "compiler", "bytes", "millions a second", "threads")
-OURS, TORCH = "ours", "torch, float32"
-_MAKE: dict[str, Callable] = {
-    "nbrdf": lambda model: compiled_program(network_program(model), []),
-    "npf": lambda model: compiled_program(*npf_program(model)),
-    "abc": lambda model: compiled_program(abc_program(model), []),
-    "sgd": lambda model: compiled_program(sgd_program(model), []),
-}
-
-
-def compiled_published(kind: str, model: Reflectance) -> Compiled | None:
-    """A published fit by our compiler; None for what has no program."""
-    return _MAKE[kind](model) if kind in _MAKE else None
+TORCH = "torch, float32"
+# What has no program: a decoder of a million numbers is no statement a neuron.
+BY_TORCH = ("nps",)
 
 
 def compiled_fit(fit: Reflectance) -> Compiled:
-    """A fit made here by our compiler."""
-    if isinstance(fit, ModelFit):
-        assert isinstance(fit.model, GgxBrdf)
-        return compiled_program(ggx_program(fit.model), [])
-    return compiled(fit)  # type: ignore[arg-type]
+    """A fit, published or made here, by our compiler."""
+    return compiled_program(*program_of_any(fit))
 
 
 def ways_of(material: str, labels: tuple[str, ...], folder: Path) -> list[Way]:
@@ -63,8 +45,8 @@ def ways_of(material: str, labels: tuple[str, ...], folder: Path) -> list[Way]:
     ways = []
     for kind in PUBLISHED:
         model = published(kind, material, folder)
-        fast = compiled_published(kind, model)
-        ways.append(Way(kind, of_torch(model) if fast is None else of_compiled(fast), None, model.nbytes))
+        run = of_torch(model) if kind in BY_TORCH else of_compiled(compiled_fit(model))
+        ways.append(Way(kind, run, None, model.nbytes))
     shared, reading = SharedSearch(), published("nbrdf", material, folder)
     for label in labels:
         fit, _ = fitted(reading, METHODS[label], shared)
@@ -105,7 +87,7 @@ def main(arguments: list[str] | None = None) -> int:
         ways = ways_of(material, labels, folder)
         best = rates(ways, batches, rounds, least)
         for way in ways:
-            by = "ours" if way.name in _MAKE or way.name not in PUBLISHED else TORCH
+            by = TORCH if way.name in BY_TORCH else "ours"
             rows.append((material, way.name, by, way.nbytes, f"{best[way.name][0]:.4g}", threads))
             print(f"{material}, {way.name}: {best[way.name][0]:.4g} M/s at {best[way.name][1]}", file=sys.stderr)
     print(write_csv(options.cache / FILE, COLUMNS, rows), end="")

@@ -14,14 +14,12 @@ so on, so that the first of them are a fair sample; what is done is kept in the 
 """
 
 import csv
-import re
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from homofact.brdf.source_names import DEFAULT_COUNT, DEFAULT_SCHEME
-from homofact.errors import BadInput
 from homofact.evaluation.machine import machine
 from homofact.linear.normal import warm_up
 
@@ -34,7 +32,7 @@ from scripts.compression.compression_seeds import FILE as SEEDS
 from scripts.compression.compression_speed import read
 from scripts.compression.compression_tables import added, ahead, materials, order, seeds, speeds, table, zones
 from scripts.data.published_fits import PUBLISHED, names
-from scripts.shared.harness import data_folder, finish, markdown, parser_of, progress
+from scripts.shared.harness import data_folder, finish, listed, markdown, parser_of, progress
 
 STARTS = (0, 5, 2, 7, 4, 9, 1, 6, 3, 8)
 INTRODUCTION = """\
@@ -104,7 +102,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     folder = data_folder(options.data)
     warm_up()
-    labels, means = (chosen(each) for each in (options.methods, options.means))
+    labels, means = (listed(each, list(METHODS), "methods") for each in (options.methods, options.means))
     every = names(folder)
     some = spread(every)[: options.count]
     if options.short:
@@ -124,16 +122,6 @@ def main(arguments: list[str] | None = None) -> int:
     if options.plot:
         draw(options.plot, found, read(options.cache))
     return 0
-
-
-def chosen(text: str) -> list[str]:
-    """The methods of a list. Raises BadInput for one that there is not."""
-    # A comma with a space after it is part of a name.
-    labels = [name.strip() for name in re.split(r",(?! )", text) if name.strip()]
-    unknown = [name for name in labels if name not in METHODS]
-    if unknown:
-        raise BadInput(where="methods", found=repr(unknown[0]), expected=f"some of {', '.join(METHODS)}")
-    return labels
 
 
 def parts(found: Sequence[Entry], every: Sequence[str], cache: Path, short: bool) -> list[str]:

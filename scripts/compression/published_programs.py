@@ -1,32 +1,55 @@
-"""Published fits (`published_fits`) as shading programs, to be timed by the compiler that ours is timed with.
+"""Fits of any kind as shading programs, to be counted and timed by the compiler that ours is timed with.
 
 With s = ωi + ωo, for which |s| = 2 cosθd and cosθh = s.z/|s|:
 
     abc   the model's formula; 1 − cosθh = |s.xy|²/(|s|² (1 + cosθh)), without a difference of numbers near 1; powers by
           exp and log
     sgd   the same; tan²θh = |s.xy|²/s.z², c βᵏ = exp(log c + k log β), so that no factor leaves float32
+    hybrid  as its page's shader; what the network's first layer makes of the material's own numbers is a constant
     npf   D, F and G are textures of one row, read at √(θh/90°), θd/90°, θi/90° and θo/90°: bins' centres are texels'
 
-Processes (nps) have a decoder of a million numbers, which is no statement a neuron: torch runs it.
+Networks, GGX and textures have programs elsewhere, which `program_of_any` finds. Processes (nps) have a decoder of a
+million numbers, which is no statement a neuron: torch runs it.
 """
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from homofact.brdf.analytic.common import MIN_COSINE
+from homofact.brdf.analytic.ggx import GgxBrdf
 from homofact.brdf.factored import BINS, FactoredBrdf
+from homofact.brdf.neural import NeuralBrdf
+from homofact.brdf.reflectance import Reflectance
 from homofact.geometry.expression import Expression, Let, call, constant, fetch, variable, vector
-from homofact.shading.program import Program
+from homofact.parametric.model_fit import ModelFit
+from homofact.shading.encoding import as_floats
+from homofact.shading.program import Program, program_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from scripts.data.hybrid_fits import HybridBrdf
 from scripts.data.published_fits import Abc, Sgd
+from scripts.speed.ggx_program import ggx_program
+from scripts.speed.network_program import dense, network_program
 
 _TINY = 1e-20
+
+
+def program_of_any(fit: Reflectance) -> tuple[Program, list[np.ndarray]]:
+    """(the program, its textures' texels) of a published fit, of a model that was fitted here, or of textures."""
+    model: Any = fit.model if isinstance(fit, ModelFit) else fit
+    made = _PROGRAMS.get(type(model))
+    if made is not None:
+        return made(model), []
+    if isinstance(model, FactoredBrdf):
+        return npf_program(model)
+    plain = [as_floats(texture.texels) for texture in model.textures]
+    return program_of(model, plain), [texture.stored for texture in plain]
 
 
 def abc_program(model: Abc) -> Program:
@@ -90,6 +113,52 @@ def sgd_program(model: Sgd) -> Program:
     return _program(statements, vector(*(call("max", part, 0.0) for part in parts)), "SGD")
 
 
+def hybrid_program(model: HybridBrdf) -> Program:
+    """The statements of `HybridBrdf.formula`."""
+    wi, wo, s = variable("wi", 3), variable("wo", 3), variable("s", 3)
+    ax, ay = model.roughness
+    cosine, spread = variable("cosine", 1), variable("spread", 1)
+    h = [part / variable("length", 1) for part in (s.x, s.y)]
+    statements = [
+        *_geometry(),
+        Let("spread", _squared(h[0] * (1 / ax)) + _squared(h[1] * (1 / ay)) + _squared(variable("peak", 1))),
+        *(
+            Let(f"masked_{name}", call("sqrt", 1 + (_squared(w.x * ax) + _squared(w.y * ay)) / _squared(z)) + 1)
+            for name, w, z in (("wi", wi, variable("ni", 1)), ("wo", wo, variable("no", 1)))
+        ),
+        # D 2 2/(4 cosθi cosθo) without the 1/(π αx αy) that stands with the colours.
+        Let("lobe", 1 / (spread * spread * variable("masked_wi", 1) * variable("masked_wo", 1)
+                         * variable("ni", 1) * variable("no", 1))),
+    ]  # fmt: skip
+    values: list[Expression] = [wi.x, wi.y, wi.z, wo.x, wo.y, wo.z]
+    own = torch.tensor(model.latent, dtype=torch.float64)
+    last = len(model.weights) - 1
+    for layer, (weight, bias) in enumerate(zip(model.weights, model.biases, strict=True)):
+        if layer == 0:
+            weight, bias = weight[:6], bias + own @ weight[6:]
+        sums = dense(values, weight, bias, f"sum_{layer}")
+        statements += sums
+        values = [variable(let.name, 1) for let in sums]
+        if layer < last:
+            bent = [x * call("min", call("max", x + 1.5, 0.0), 3.0) * (1 / 3) for x in values]
+            statements += [Let(f"layer_{layer}_{j}", x) for j, x in enumerate(bent)]
+            values = [variable(f"layer_{layer}_{j}", 1) for j in range(len(bent))]
+    parts = []
+    for k in range(3):
+        g, ratio = variable(f"g_{k}", 1), variable(f"ratio_{k}", 1)
+        parallel = (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+        statements += [
+            Let(f"g_{k}", call("sqrt", cosine * cosine + (model.index[k] ** 2 - 1))),
+            Let(f"ratio_{k}", (g - cosine) / (g + cosine)),
+            Let(f"parallel_{k}", parallel),
+            Let(f"fresnel_{k}", ratio * ratio * (_squared(variable(f"parallel_{k}", 1)) + 1)),
+        ]
+        base = variable(f"fresnel_{k}", 1) * variable("lobe", 1) * (0.5 / (math.pi * ax * ay))
+        gate = 1 / (call("exp", 0.0 - values[3 + k]) + 1)
+        parts.append(call("max", call("exp", values[k]) + gate * (base + model.diffuse[k] / math.pi), 0.0))
+    return _program(statements, vector(*parts), "the hybrid")
+
+
 def npf_program(model: FactoredBrdf) -> tuple[Program, list[np.ndarray]]:
     """(the statements of `FactoredBrdf.formula`, its tables D, F and G as textures)."""
     base, scale, peak, masking, fresnel = torch.as_tensor(model.table).double().split((1, 1, BINS, BINS, BINS))
@@ -130,6 +199,10 @@ def _geometry() -> list[Let]:
     ]
 
 
+def _squared(x: Expression) -> Expression:
+    return x * x
+
+
 def _angle(name: str) -> Expression:
     w = variable(name, 3)
     return call("atan2", call("sqrt", call("dot", w.xy, w.xy)), w.z)
@@ -140,3 +213,12 @@ def _program(statements: list[Let], total: Expression, words: str, shapes: Seque
     statements.append(Let("f", total))
     result = variable("f", 3) * above
     return Program(tuple(statements), result, tuple(shapes), ("R", "G", "B"), (words,))
+
+
+_PROGRAMS: dict[type, Callable[[Any], Program]] = {
+    Abc: abc_program,
+    Sgd: sgd_program,
+    HybridBrdf: hybrid_program,
+    NeuralBrdf: network_program,
+    GgxBrdf: ggx_program,
+}

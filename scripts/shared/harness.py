@@ -5,6 +5,7 @@ import csv
 import io
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -56,6 +57,20 @@ def spread(values: Sequence[float]) -> str:
         return figure(mean)
     deviation = (sum((value - mean) ** 2 for value in values) / (len(values) - 1)) ** 0.5
     return f"{figure(mean)} ± {deviation:.2g}"
+
+
+def listed(text: str | None, known: Sequence[str], where: str) -> list[str]:
+    """The names of a list with commas, all known ones where there is none. Raises BadInput for another name.
+
+    A comma with a space after it is part of a name.
+    """
+    if text is None:
+        return list(known)
+    chosen = [name.strip() for name in re.split(r",(?! )", text) if name.strip()]
+    unknown = [name for name in chosen if name not in known]
+    if unknown:
+        raise BadInput(where=where, found=repr(unknown[0]), expected=f"some of {', '.join(known)}")
+    return chosen
 
 
 def write(path: Path, text: str) -> None:

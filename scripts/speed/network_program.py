@@ -9,6 +9,9 @@ the sign that of s.x e.y − s.y e.x, for the network takes φd modulo π. Compi
 (`homofact.shading.compiled`), it is as fast as this processor runs the network.
 """
 
+from collections.abc import Sequence
+
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -19,6 +22,7 @@ from homofact.geometry.expression import Expression, Let, call, constant, variab
 from homofact.parametric.network import train as trained
 from homofact.shading.program import Program
 
+Weights = Tensor | np.ndarray
 LOSSES = ("cole", "log1p")
 
 
@@ -40,26 +44,31 @@ def network_program(network: NeuralBrdf) -> Program:
         Let("x_4", call("abs", across) / (in_plane * 2)),
         Let("x_5", size * 0.5),
     ]
-    values: list[Expression | None] = [
-        variable("x_0", 1), None, variable("x_2", 1), variable("along", 1), variable("x_4", 1), variable("x_5", 1)
-    ]  # fmt: skip
+    names = ("x_0", None, "x_2", "along", "x_4", "x_5")
+    used = [k for k, name in enumerate(names) if name is not None]
+    values: list[Expression] = [variable(name, 1) for name in names if name is not None]
     for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-        last = layer == len(LAYERS) - 1
-        new: list[Expression | None] = []
-        for j in range(weight.shape[1]):
-            total = constant(float(bias[j]))
-            for value, factor in zip(values, weight[:, j].tolist(), strict=True):
-                # hy is always 0.
-                if value is not None:
-                    total = total + value * factor
-            name = f"layer_{layer}_{j}"
-            statements.append(Let(name, total if last else call("max", total, 0.0)))
-            new.append(variable(name, 1))
-        values = new
+        # hy is always 0.
+        neurons = dense(values, weight[used] if layer == 0 else weight, bias, f"layer_{layer}")
+        if layer < len(LAYERS) - 1:
+            neurons = [Let(let.name, call("max", let.expression, 0.0)) for let in neurons]
+        statements += neurons
+        values = [variable(let.name, 1) for let in neurons]
     above = call("step", 0.0, call("min", wi.z, wo.z))
-    parts = [call("max", call("exp", value) - 1.0, 0.0) * above for value in values if value is not None]
+    parts = [call("max", call("exp", value) - 1.0, 0.0) * above for value in values]
     result = Expression("vector", 3, tuple(parts))
     return Program(tuple(statements), result, (), ("R", "G", "B"), ("the network",))
+
+
+def dense(values: Sequence[Expression], weight: Weights, bias: Weights, name: str) -> list[Let]:
+    """A layer without its activation: a statement NAME_J for each of the neurons of `weight` (inputs, neurons)."""
+    statements = []
+    for j in range(weight.shape[1]):
+        total = constant(float(bias[j]))
+        for value, factor in zip(values, weight[:, j].tolist(), strict=True):
+            total = total + value * factor
+        statements.append(Let(f"{name}_{j}", total))
+    return statements
 
 
 def train(samples: Samples, transform: LogTransform, loss: str, steps: int, seed: int = 0) -> NeuralBrdf:

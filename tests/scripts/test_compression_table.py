@@ -24,6 +24,7 @@ from homofact.methods.models import Ggx as GgxMethod
 from homofact.methods.structure_search import StructureSearch
 from homofact.methods.trials import StructureSettings
 from homofact.methods.validation import Partition, random_folds
+from scripts.data.hybrid_fits import HybridBrdf
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("HOMOFACT_DATA", ROOT.parent / "shared" / "data"))
@@ -196,18 +197,25 @@ def published_models(fits: ModuleType) -> dict[str, Any]:
         "c": (1.1e-7, 1.1e-7, 1e38), "k": (47.8, 36.3, 170.0), "theta0": (0.21, -0.07, 1.195),
     }  # fmt: skip
     table = torch.rand((272, 3), generator=torch.Generator().manual_seed(0), dtype=torch.float64).float()
+    drawn = torch.Generator().manual_seed(1)
+    sizes = ((10, 32), (32, 32), (32, 6))
+    layers = [
+        (torch.randn(size, generator=drawn, dtype=torch.float64) * 0.3, torch.full(size[1:], 0.2)) for size in sizes
+    ]
     return {
+        "hybrid": HybridBrdf(
+            (0.1, 0.2, 0.3), (1.4, 1.6, 2.5), (0.1, 0.15), (0.2, -0.5, 0.7, 0.1), *map(tuple, zip(*layers, strict=True))
+        ),
         "abc": fits.Abc((0.02, 0.02, 0.01), (50.0, 40.0, 30.0), 10000.0, 0.8, 2.2),
         "sgd": fits.Sgd(sgd),
         "npf": FactoredBrdf(table),
     }
 
 
-@pytest.mark.parametrize("kind", ["abc", "sgd", "npf"])
+@pytest.mark.parametrize("kind", ["abc", "sgd", "npf", "hybrid"])
 def test_programs_are_the_published_models(script: Callable[[str], ModuleType], kind: str) -> None:
     programs, model = script("compression.published_programs"), published_models(script("data.published_fits"))[kind]
-    made = getattr(programs, f"{kind}_program")(model)
-    program, textures = made if kind == "npf" else (made, [])
+    program, textures = programs.program_of_any(model)
     wi, wo = draw_uniform(3000, torch.Generator().manual_seed(2))
     near = torch.nn.functional.normalize(wi * torch.tensor([-1.0, -1, 1], dtype=torch.float64) + 0.02 * wo, dim=1)
     for seen in (wo, near):
