@@ -3,7 +3,7 @@
 Made by `scripts/verdict/calibrate.py` from simulated fits, whose number, seed and hash it states. Every model is
 linear in features (`bar.features`), each clipped to the range that was seen. A bar is exp of a model of the log error,
 plus a model of how far that misses times the `RATE` quantile of this ratio on fits that neither had seen (conformal
-prediction with normalised residuals, Vovk et al. 2005); the warning is a logistic.
+prediction with normalised residuals); the warning is a logistic.
 """
 
 import json
