@@ -87,7 +87,7 @@ def _page(fit: Fit) -> str:
         "",
         f"**{'Trusted' if verdict['trusted'] else 'Not trusted'}**: {verdict['summary']}.",
         "",
-        *(f"- {each['grade']}, `{each['name']}`: {each['found']}: {each['remedy']}" for each in verdict["findings"]),
+        *(f"- `{each['name']}`: {each['found']}: {each['remedy']}" for each in verdict["findings"]),
         "",
         "| | |",
         "| --- | ---: |",

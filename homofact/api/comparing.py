@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.api.places import check_file
 from homofact.api.progress import Progress, ProgressSteps
-from homofact.api.refusing import checked_findings, refuse_findings
+from homofact.api.refusing import Refusal
 from homofact.api.subjects import Place, given_source, open_given, subset_of
 from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, Status
@@ -153,7 +153,7 @@ def compare(
     plot: Place | None = None,
     csv: Place | None = None,
     latex: Place | None = None,
-    strict: bool = False,
+    strict: bool | float = False,
     refuse: Sequence[str] = (),
     progress: Progress | None = None,
     **settings: Any,
@@ -177,8 +177,8 @@ def compare(
         "six", "all", or names of metrics.
     plot, csv, latex : path, optional
         Files to write: a figure of the errors (.png, .pdf, .svg; one source only), and the means (.csv, .tex).
-    strict : bool, optional
-        Refuse a fit with a visible error.
+    strict : bool or float, optional
+        Refuse a fit that is warned of; a number is the probability of a bad fit above which it is refused.
     refuse : sequence of str, optional
         Refuse a fit with any of these findings.
     progress : callable, optional
@@ -202,7 +202,7 @@ def compare(
     >>> list(found.rows), found.rows["mccool"].held_out["log_mse"].mean < 1
     (['mccool', 'svd'], True)
     """
-    refused = checked_findings(refuse)
+    refusal = Refusal.of(strict, refuse)
     several = isinstance(source, list | tuple) and not _is_samples(source)
     sources = [given_source(one) for one in (source if several else [source])]
     files = _files(plot, csv, latex, len(sources))
@@ -216,7 +216,7 @@ def compare(
         listed = asked_seeds(seed, seeds)
     else:
         listed = seeds_from(seed, seeds) if isinstance(seeds, int) else tuple(seeds)
-    work = _Comparison(fits, listed, held_out, seed, names, strict, refused, ProgressSteps(progress))
+    work = _Comparison(fits, listed, held_out, seed, names, refusal, ProgressSteps(progress))
     work.steps.stage("reading")
     opened = [open_given(one, seed) for one in sources]
     work.steps.warm_up()
@@ -255,15 +255,14 @@ def named_methods(
 
 @dataclass(frozen=True)
 class _Comparison:
-    """A comparison under way: what is fitted by which seeds, how it is measured, and which findings are refused."""
+    """A comparison under way: what is fitted by which seeds, how it is measured, and which fits are refused."""
 
     fits: "dict[str, Method]"
     seeds: tuple[int, ...]
     held_out: float
     split_seed: int
     metrics: tuple[str, ...]
-    strict: bool
-    refused: tuple[str, ...]
+    refusal: Refusal
     steps: ProgressSteps
 
     def run(self, sources: "Sequence[Source]", subsets: Sequence[int]) -> tuple[list[SourceComparison], bool]:
@@ -315,7 +314,7 @@ class _Comparison:
                 return True
             for row in rows[label].rows:
                 estimate.finish(estimate.done, row.seconds_total - row.seconds_read)
-                refuse_findings(row.verdict, label, self.strict, self.refused)
+                self.refusal.check(row.verdict, label)
             # The fit may have kept its best: a row, but the last one.
             if rows[label].rows[-1].report.status is Status.INTERRUPTED:
                 return True

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.api.places import check_folder
 from homofact.api.progress import Progress, ProgressSteps
-from homofact.api.refusing import checked_findings, refuse_findings
+from homofact.api.refusing import Refusal
 from homofact.api.subjects import Place, given_method, given_source, open_given, subset_of
 from homofact.brdf.source_names import HELD_OUT
 from homofact.evaluation.wording import counted, figure
@@ -77,7 +77,7 @@ def factorize(
     *,
     held_out: float = HELD_OUT,
     seed: int = 0,
-    strict: bool = False,
+    strict: bool | float = False,
     refuse: tuple[str, ...] = (),
     force: bool = False,
     progress: Progress | None = None,
@@ -97,8 +97,8 @@ def factorize(
         The part of the samples that is held out of the fit.
     seed : int, optional
         Of the samples of a model, and of a method that is given by name.
-    strict : bool, optional
-        Refuse a fit with a visible error.
+    strict : bool or float, optional
+        Refuse a fit that is warned of; a number is the probability of a bad fit above which it is refused.
     refuse : tuple of str, optional
         Refuse a fit with any of these findings.
     force : bool, optional
@@ -124,7 +124,7 @@ def factorize(
     >>> found.row.held_out.log_mse < 1, homofact.load("phong").nbytes == found.fit.nbytes
     (True, True)
     """
-    refused = checked_findings(refuse)
+    refusal = Refusal.of(strict, refuse)
     source = given_source(source)
     if method is None or isinstance(method, str):
         chosen = made(method or Search.name, settings | {"seed": seed})
@@ -145,7 +145,7 @@ def factorize(
         steps.warm_up()
         steps.stage(chosen.name)
         rows = {chosen.name: fit_and_measure(subject, chosen, held_out, steps, subset)}
-        refuse_findings(rows[chosen.name].verdict, chosen.name, strict, refused)
+        refusal.check(rows[chosen.name].verdict, chosen.name)
         baseline = mccool_like(chosen)
         if baseline != chosen:
             steps.stage("McCool's projections")

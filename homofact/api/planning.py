@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.api.places import check_file, check_place
 from homofact.api.progress import Progress, ProgressSteps
-from homofact.api.refusing import checked_findings, refuse_findings
+from homofact.api.refusing import Refusal
 from homofact.api.subjects import Place
 from homofact.errors import BadInput
 from homofact.files.lock import claimed
@@ -111,7 +111,7 @@ def plan(
     effort: str | float = USUAL.effort,
     budget: float | None = None,
     count: int = USUAL.count,
-    strict: bool = False,
+    strict: bool | float = False,
     refuse: Sequence[str] = (),
     force: bool = False,
     progress: Progress | None = None,
@@ -134,8 +134,9 @@ def plan(
         A guard in seconds: ends each search, and the plan is then not reproducible.
     count : int, optional
         Pairs drawn from an analytic model.
-    strict : bool, optional
-        Refuse a missed tolerance, and a fit with a visible error.
+    strict : bool or float, optional
+        Refuse a missed tolerance, and a fit that is warned of; a number is the probability of a bad fit above which
+        one is refused.
     refuse : sequence of str, optional
         Refuse a fit with any of these findings.
     force : bool, optional
@@ -171,8 +172,8 @@ def plan(
             "plot": plot, "to": to, "against": against, "effort": effort != USUAL.effort, "budget": budget,
             "count": count != USUAL.count, "force": force, "refuse": refuse,
         }  # fmt: skip
-        return _plan_transport(Path(scene), given, strict, steps)
-    refused = checked_findings(refuse)
+        return _plan_transport(Path(scene), given, strict is not False, steps)
+    refusal = Refusal.of(strict, refuse)
     figure = None if plot is None else Path(plot)
     if figure is not None:
         check_file(figure, ".png", ".pdf", ".svg")
@@ -198,13 +199,13 @@ def plan(
         other = None
         if other_lighting is not None:
             other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, steps.stage)
-        if strict and found.warnings:
+        if refusal.strict and found.warnings:
             raise BadInput(found.warnings[0])
         steps.stage("judging the choices")
         verdicts = _verdicts(found)
         for label, verdict in verdicts.items():
             if verdict is not None:
-                refuse_findings(verdict, label, strict, refused)
+                refusal.check(verdict, label)
         steps.stage("writing")
         if figure is not None:
             _draw(figure, found)

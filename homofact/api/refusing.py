@@ -1,6 +1,7 @@
-"""What `strict` and `refuse` make of a verdict: a fit with certain findings is refused."""
+"""What `strict` and `refuse` make of a verdict: a fit that is warned of, or has certain findings, is refused."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from homofact.errors import BadInput
@@ -9,34 +10,47 @@ if TYPE_CHECKING:
     from homofact.evaluation.verdict.verdict import Verdict
 
 
-def checked_findings(names: Sequence[str]) -> tuple[str, ...]:
-    """The findings to refuse. Raises BadInput that lists them for one that there is not."""
-    if not names:
-        return ()
-    from homofact.brdf.quality.suspicion.suspects import NAMES as SUSPECTED
-    from homofact.evaluation.verdict.finding import NAMES
+@dataclass(frozen=True)
+class Refusal:
+    """Which fits are refused: those whose score is above a threshold, if `strict`, and those with findings of `names`.
 
-    known = tuple(dict.fromkeys((*NAMES, *SUSPECTED)))
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        raise BadInput(where="refuse", found=repr(unknown[0]), expected=f"some of {', '.join(known)}")
-    return tuple(names)
-
-
-def refuse_findings(verdict: "Verdict", label: str, strict: bool, names: Sequence[str] = ()) -> None:
-    """Raise BadInput with the first finding that is refused, and the others' names.
-
-    `strict` refuses what is wrong with the fit and shows in a picture, `names` these findings whatever they are about.
+    `threshold` None is the usual one of the warning.
     """
-    from homofact.evaluation.verdict.finding import About
 
-    refused = [
-        finding
-        for finding in verdict.findings
-        if (strict and finding.about is About.FIT and finding.matters) or finding.name in names
-    ]
-    if refused:
-        first, *more = refused
-        others = f" (and {', '.join(finding.name for finding in more)})" if more else ""
-        by = "refuse" if first.name in names else "strict"
-        raise BadInput(f"refused by {by}, {first.line()}{others}", where=label)
+    strict: bool
+    threshold: float | None
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, strict: bool | float, names: Sequence[str]) -> "Refusal":
+        """The refusal of options; a number of `strict` is the threshold.
+
+        Raises BadInput for one that is no probability, and for a finding that there is not, listing all.
+        """
+        if not isinstance(strict, bool) and not 0 <= strict <= 1:
+            raise BadInput(where="strict", found=f"{strict:g}", expected="a probability from 0 to 1")
+        if names:
+            from homofact.brdf.quality.suspicion.suspects import NAMES as SUSPECTED
+            from homofact.evaluation.verdict.finding import NAMES
+
+            known = tuple(dict.fromkeys((*NAMES, *SUSPECTED)))
+            unknown = [name for name in names if name not in known]
+            if unknown:
+                raise BadInput(where="refuse", found=repr(unknown[0]), expected=f"some of {', '.join(known)}")
+        return cls(strict is not False, None if isinstance(strict, bool) else float(strict), tuple(names))
+
+    def check(self, verdict: "Verdict", label: str) -> None:
+        """Raise BadInput for a fit that is refused, with why."""
+        alarm = verdict.alarm
+        if self.strict and alarm.above(self.threshold):
+            most = alarm.threshold if self.threshold is None else self.threshold
+            said = "; ".join(finding.line() for finding in verdict.findings[:2]) or verdict.bars.sentence()
+            raise BadInput(
+                f"refused by strict, {alarm.score:.2g} probable to be bad, expected at most {most:.2g}: {said}",
+                where=label,
+            )
+        refused = [finding for finding in verdict.findings if finding.name in self.names]
+        if refused:
+            first, *more = refused
+            others = f" (and {', '.join(finding.name for finding in more)})" if more else ""
+            raise BadInput(f"refused by refuse, {first.line()}{others}", where=label)

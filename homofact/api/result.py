@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from homofact.brdf.in_kind import Pairs
-from homofact.errors import Report, Status
+from homofact.errors import BadInput, Report, Status
+from homofact.evaluation.bar.error_bar import ErrorBar, ErrorBars
 from homofact.factor.evaluation import Evaluation
 from homofact.shading.encoded import plain
 from homofact.shading.on_arrays import ModelOnArrays, OnArrays, TexturesOnArrays
@@ -31,12 +32,17 @@ class Judgement(Protocol):
 
     @property
     def trusted(self) -> bool:
-        """Whether nothing that a picture shows is wrong with it."""
+        """Whether it is not warned of."""
+        ...
+
+    @property
+    def bars(self) -> "ErrorBars | None":
+        """How far it may be off; None where a report of an early version does not say."""
         ...
 
     @property
     def findings(self) -> Sequence[Any]:
-        """What was, the worst first."""
+        """What was noted of it."""
         ...
 
     @property
@@ -53,7 +59,7 @@ class Fit:
     ----------
     factorization : what is evaluated and saved: a `Factorization`, a `Separable` or a `ModelFit`.
     report : how the fit was reached; None where nobody noted it.
-    verdict : what was found against it (`trusted`, `findings`, `summary`); None where it was not judged.
+    verdict : how far it may be off (`bars`, `trusted`, `findings`, `summary`); None where it was not judged.
     """
 
     factorization: "Fitted"
@@ -173,6 +179,38 @@ class Fit:
             return pairs.answer(self.factorization.evaluate(pairs.wi, pairs.wo))
         return pairs.answer(self.on_arrays.evaluate(pairs.wi, pairs.wo))
 
+    def interval(self, quantity: str = "albedo", theta: float | None = None) -> "ErrorBar":
+        """Return how far the fit may be off in a quantity.
+
+        Parameters
+        ----------
+        quantity : "albedo" (total reflected light, the worst channel), "highlight" (light of the brightest hundredth),
+            "sky" (a sphere's picture under it); of a source that can be asked "lamp" too.
+        theta : an angle of incidence in degrees: the albedo's error there alone.
+
+        Returns
+        -------
+        The bar: `error` as a share (None where nothing can be promised: `reason` says why), `low` and `high` that the
+        source has over what the fit has, the `rate` of fits for which it holds, `degrees` where it holds, its `kind`.
+
+        Raises
+        ------
+        BadInput : for a fit that was not judged, an unknown quantity, an angle of another one than the albedo, and one
+            that is not from 0 to 90.
+
+        Examples
+        --------
+        >>> import homofact
+        >>> fit = homofact.fit("material:phong-10", homofact.McCool(size=8))
+        >>> bar = fit.interval("albedo", 45)
+        >>> bar.kind.value, bar.low < 1 < bar.high
+        ('measured', True)
+        """
+        bars = None if self.verdict is None else self.verdict.bars
+        if bars is None:
+            raise BadInput(where="interval", found="a fit without a verdict", expected="one that fit or load made")
+        return bars.interval(quantity, theta)
+
     def with_textures(
         self,
         texels: Sequence[Any],
@@ -250,6 +288,7 @@ class RecordedVerdict:
     summary: str
     findings: tuple[dict[str, Any], ...]
     facts: Mapping[str, Any]
+    bars: "ErrorBars | None" = None
 
     def record(self) -> dict[str, Any]:
         """What the report says, JSON-able."""
@@ -263,7 +302,9 @@ class RecordedVerdict:
         findings = record.get("findings")
         kept = [finding for finding in findings if isinstance(finding, dict)] if isinstance(findings, list) else []
         summary = record.get("summary")
-        return cls(record["trusted"], summary if isinstance(summary, str) else "", tuple(kept), record)
+        words = summary if isinstance(summary, str) else ""
+        bars = ErrorBars.of_record(record["bars"]) if "bars" in record else None
+        return cls(record["trusted"], words, tuple(kept), record, bars)
 
 
 def with_record(fit: Fit, record: Mapping[str, Any]) -> Fit:

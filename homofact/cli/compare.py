@@ -9,7 +9,7 @@ from homofact.cli import options as o
 from homofact.cli.screen import Screen, say_ending, say_subset
 from homofact.cli.subject import sources_of
 from homofact.cli.tables import appearance_tables, cost_table, error_table, mean_table, metric_tables
-from homofact.cli.verdicts import brief_lines, names_of
+from homofact.cli.verdicts import brief_lines, names_of, strictness
 from homofact.sections import FIT
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ Seeds = Annotated[
 def compare(
     settings: "Config",
     seeds: Seeds = "1",
-    strict: o.Strict = False,
+    strict: o.Strict = "",
     refuse: o.Refuse = "",
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
@@ -55,7 +55,7 @@ def compare(
         found = compare(
             sources if len(sources) > 1 else sources[0], fits, held_out=settings.evaluate.held_out,
             seeds=seeds, seed=settings.seed, metrics=asked.metrics, plot=asked.plot,
-            csv=asked.csv, latex=asked.latex, strict=strict, refuse=names_of(refuse), progress=progress,
+            csv=asked.csv, latex=asked.latex, strict=strictness(strict), refuse=names_of(refuse), progress=progress,
         )  # fmt: skip
     for source in found.sources:
         _show(source, screen, found.several)

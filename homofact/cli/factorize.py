@@ -8,7 +8,7 @@ from homofact.cli import options as o
 from homofact.cli.screen import Screen, say_ending, say_subset
 from homofact.cli.subject import source_of
 from homofact.cli.tables import appearance_tables, cost_table, error_table
-from homofact.cli.verdicts import names_of, verdict_lines
+from homofact.cli.verdicts import names_of, strictness, verdict_lines
 from homofact.errors import BadInput
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @o.configured("source.path", "output", "source", "evaluate", "fit", "seed")
 def factorize(
     settings: "Config",
-    strict: o.Strict = False,
+    strict: o.Strict = "",
     refuse: o.Refuse = "",
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
@@ -40,7 +40,7 @@ def factorize(
     with screen.progress() as progress:
         found = factorize(
             source, settings.output.folder, method, held_out=settings.evaluate.held_out, seed=settings.seed,
-            strict=strict, refuse=names_of(refuse), force=settings.output.force, progress=progress,
+            strict=strictness(strict), refuse=names_of(refuse), force=settings.output.force, progress=progress,
         )  # fmt: skip
     if found.left_out:
         screen.note(f"homofact: {found.left_out}")

@@ -19,6 +19,7 @@ from typer.main import get_command
 
 from homofact.cli.flags import with_options
 from homofact.cli.greeting import GREETING
+from homofact.cli.verdicts import USUAL
 from homofact.errors import BadInput, SolverFailure
 from homofact.files import extras
 from homofact.files.embedded import embedded
@@ -154,7 +155,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if not arguments:
             sys.stdout.write(GREETING)
             return 0
-        with command.make_context("homofact", _with_embedded(arguments)) as context:
+        with command.make_context("homofact", _with_embedded(_whole(arguments))) as context:
             command.invoke(context)
         sys.stdout.flush()
         return 0
@@ -185,6 +186,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 1
+
+
+def _whole(arguments: list[str]) -> list[str]:
+    """The command line with --strict, which may be followed by =P, as one word with its usual value."""
+    return [f"{word}={USUAL}" if word == "--strict" else word for word in arguments]
 
 
 def _with_embedded(arguments: list[str]) -> list[str]:

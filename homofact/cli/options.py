@@ -37,7 +37,15 @@ Seeds = Annotated[
         rich_help_panel=FIT,
     ),
 ]
-Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 2 if the fit has a visible error.")]
+Strict = Annotated[
+    str,
+    typer.Option(
+        "--strict",
+        metavar="[=P]",
+        help="Exit with code 2 if the verdict warns of the fit; --strict=0.05 if it is bad with a probability above.",
+        show_default=False,
+    ),
+]
 Refuse = Annotated[
     str,
     typer.Option(

@@ -12,7 +12,7 @@ from homofact.cli import options as o
 from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.plan_relight import choice_table as transport_table
 from homofact.cli.screen import Screen
-from homofact.cli.verdicts import brief_lines, names_of
+from homofact.cli.verdicts import brief_lines, names_of, noted, strictness
 from homofact.evaluation.wording import figure
 from homofact.planning.settings import PlanSettings
 from homofact.settings.options import options_of
@@ -39,8 +39,14 @@ def plan(
     count: Annotated[int, typer.Option(help=f"{_SETTINGS['count'].option.help}.")] = _SETTINGS["count"].default,
     force: Annotated[bool, typer.Option("--force", help="Replace a plan that is in the folder.")] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with code 2 if a tolerance is missed or a fit has a visible error.")
-    ] = False,
+        str,
+        typer.Option(
+            "--strict",
+            metavar="[=P]",
+            help="Exit with code 2 if a tolerance is missed or a fit is warned of; --strict=0.05 moves the threshold.",
+            show_default=False,
+        ),
+    ] = "",
     refuse: o.Refuse = "",
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
@@ -59,7 +65,8 @@ def plan(
     with screen.progress() as progress:
         found = plan(
             scene, write, plot=plot, against=against, effort=_SETTINGS["effort"].from_text(effort),
-            budget=budget, count=count, strict=strict, refuse=names_of(refuse), force=force, progress=progress,
+            budget=budget, count=count, strict=strictness(strict), refuse=names_of(refuse), force=force,
+            progress=progress,
         )  # fmt: skip
     if isinstance(found, TransportPlan):
         _show_transport(found, screen)
@@ -133,7 +140,7 @@ def evidence_table(found: "ScenePlan") -> Table:
 
 
 def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
-    """A line on each choice, and in full what is odd in its data or was not measured, where a picture shows it."""
+    """A line on each choice, and what is noted of its data, or was not measured, where that widens an error bar."""
     from homofact.evaluation.verdict.finding import About
 
     lines = []
@@ -142,8 +149,8 @@ def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
             continue
         lines += brief_lines({label: verdict})
         for each in verdict.findings:
-            if each.matters and each.about is not About.FIT:
-                lines.append(f"  - {each.about.title.lower()}, {each.grade.value}: {each.line()}")
+            if each.costs and each.about is not About.FIT:
+                lines.append(f"  - {each.about.title.lower()}: {noted(each)}")
     return lines
 
 

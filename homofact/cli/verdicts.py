@@ -4,39 +4,43 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from homofact.cli.flags import option
+from homofact.errors import BadInput
 from homofact.evaluation.wording import figure, findings_named
 
 if TYPE_CHECKING:
     from homofact.evaluation.verdict.finding import Finding
     from homofact.evaluation.verdict.verdict import Verdict
 
+USUAL = "usual"  # of --strict without a number
+
 
 def verdict_lines(verdict: "Verdict") -> list[str]:
-    """The verdict in a sentence with its figures, then its findings by whose fault they are, then what to try."""
+    """The error bars in a sentence, a warning, the figures, then what was noted, and what to try where it is bad."""
     from homofact.evaluation.verdict.finding import About
 
-    figures = [f"explains {max(verdict.errors.explained, 0):.1%}", f"held out / training {figure(verdict.errors.gap)}"]
-    if verdict.system.determined is not None:
-        figures.append(f"{verdict.system.determined:.0%} of the texels determined by samples")
-    if verdict.system.condition is not None:
-        figures.append(f"condition {verdict.system.condition:.0e}")
-    figures += [f"albedo up to {figure(verdict.light.albedo)}", f"misplaced light {verdict.errors.misplaced:.1%}"]
+    errors, system = verdict.figures.errors, verdict.figures.system
+    figures = [f"explains {max(errors.explained, 0):.1%}", f"held out / training {figure(errors.gap)}"]
+    if system.determined is not None:
+        figures.append(f"{system.determined:.0%} of the texels determined by samples")
+    if system.condition is not None:
+        figures.append(f"condition {system.condition:.0e}")
+    figures += [f"albedo up to {figure(verdict.figures.light.albedo)}", f"misplaced light {errors.misplaced:.1%}"]
     lines = [f"Verdict: {verdict.summary}", f"  ({', '.join(figures)})"]
     for whose in About:
         found = verdict.about(whose)
         if found:
-            lines += [f"{whose.title}:", *(f"  - {_graded(each)}" for each in found)]
+            lines += [f"{whose.title}:", *(f"  - {noted(each)}" for each in found)]
     if verdict.recommended:
         lines.append(f"Try next: the same command with {option(verdict.recommended)}")
     return lines
 
 
 def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
-    """A line a fit: its label, what it is good for, and the findings that a picture shows, by name."""
+    """A line a fit: its label, how far it may be off, and what widens its error bars, by name."""
     width = max(map(len, verdicts))
     return [
         f"Verdict on {label:{width}}  {verdict.summary}"
-        + findings_named([each.name for each in verdict.findings if each.matters])
+        + findings_named([each.name for each in verdict.findings if each.costs])
         for label, verdict in verdicts.items()
     ]
 
@@ -46,5 +50,17 @@ def names_of(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split("+")) if text else ()
 
 
-def _graded(finding: "Finding") -> str:
-    return f"{finding.grade.value}: {finding.line()}" + (f" ({finding.advice})" if finding.advice else "")
+def strictness(text: str) -> bool | float:
+    """What --strict says: nothing, the usual threshold, or a probability. Raises BadInput for what is no number."""
+    if text in ("", USUAL):
+        return bool(text)
+    try:
+        return float(text)
+    except ValueError:
+        raise BadInput(where="strict", found=repr(text), expected="a probability from 0 to 1") from None
+
+
+def noted(finding: "Finding") -> str:
+    """A finding by name in a line, with the setting to try and what it costs."""
+    advice = f" ({finding.advice})" if finding.advice else ""
+    return f"{finding.name}: {finding.line()}{advice}" + (f"; {finding.costs}" if finding.costs else "")

@@ -68,7 +68,8 @@ class Appearance:
 
     `explained` is the share of the variance of the source's logarithms that the fit explains, of its worst channel;
     None of a reflectance that has no transform to take logarithms by. `measured` is the energy against the measurement
-    with the sample's tilt left in (`brdf.tilt`), None where none was undone.
+    with the sample's tilt left in (`brdf.tilt`), None where none was undone. `off_light` and `off_sky` are of the same
+    pictures before any curve: Σ|fit − source| over Σ source of the radiance.
     """
 
     energy: EnergyErrors
@@ -76,6 +77,8 @@ class Appearance:
     psnr_sky: float
     explained: float | None = None
     measured: EnergyErrors | None = None
+    off_light: float = math.nan
+    off_sky: float = math.nan
 
     @property
     def rms_measured(self) -> float:
@@ -95,7 +98,8 @@ class Appearance:
 
     def record(self) -> dict[str, Any]:
         """A JSON-able dictionary; what is infinite is None."""
-        return self.energy.record() | self.figures
+        off = {"off_light": self.off_light, "off_sky": self.off_sky}
+        return self.energy.record() | self.figures | {name: x if math.isfinite(x) else None for name, x in off.items()}
 
 
 def appearance(fit: Reflectance, source: Source) -> Appearance | None:
@@ -133,7 +137,8 @@ class _SourceAppearance:
         by_lamp = _psnr(own_lamp, lamp, choose_exposure(own_lamp), "srgb")
         by_sky = _psnr(own_sky, sky, choose_middle(own_sky), "filmic")
         measured = None if self.measured is None else self.measured.errors(fit)
-        return Appearance(energy, by_lamp, by_sky, self.explained(fit), measured)
+        off = [_off(*pair) for pair in ((own_lamp, lamp), (own_sky, sky))]
+        return Appearance(energy, by_lamp, by_sky, self.explained(fit), measured, *off)
 
     def explained(self, fit: Reflectance) -> float | None:
         """What the fit explains of the logarithms of the source."""
@@ -174,6 +179,13 @@ def _under_the_sky(reflectance: Reflectance, to_rgb: Any) -> SphereImage:
     elif to_rgb is not None:
         radiance = to_rgb(radiance)
     return SphereImage(radiance[None], torch.ones(1, PLACES, dtype=torch.float64))
+
+
+def _off(source: SphereImage, fit: SphereImage) -> float:
+    """Σ|fit − source| over Σ|source| of the radiance of all pixels and channels; 0 where both are dark."""
+    theirs, mine = (image.radiance.to(torch.float64) * image.coverage[..., None] for image in (source, fit))
+    missed, there = float((mine - theirs).abs().sum()), float(theirs.abs().sum())
+    return 0.0 if missed == 0 else missed / max(there, 1e-300)
 
 
 def _psnr(source: SphereImage, fit: SphereImage, exposure: float, curve: str) -> float:

@@ -26,8 +26,8 @@ def figure(value: float | None) -> str:
 
 
 def findings_named(names: Sequence[str]) -> str:
-    """Findings by name, as they follow a verdict's sentence: " (findings: coverage, light)"; "" where there is none."""
-    return f" (findings: {', '.join(names)})" if names else ""
+    """Findings by name, as they follow a verdict's sentence: " (noted: coverage, light)"; "" where there is none."""
+    return f" (noted: {', '.join(names)})" if names else ""
 
 
 def counted(number: int, noun: str) -> str:

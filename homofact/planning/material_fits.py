@@ -1,7 +1,7 @@
 """The fits of one material: its source, every fit of it so far in either storage, and the verdict on a choice."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import torch
@@ -123,7 +123,7 @@ class MaterialFits:
         verdict = judge(fit, report, method, self.training, test, errors, seen)
         if colour is None:
             return verdict
-        return replace(verdict, findings=tuple(each for each in verdict.findings if each.about is not About.FIT))
+        return verdict.without(About.FIT)
 
 
 def as_texture(colour: Lambert, training: Samples, epsilon: float) -> Factorization:

@@ -5,8 +5,8 @@ status and verdict. Then it is judged on clean samples that no stress has touche
 its error is set against that of the same method without stress. By the light, as a picture has it, the fit is bad where
 it is off by `BAD_LIGHT` in a band of angles or explains less than `LEAST_EXPLAINED` of the clean logarithms.
 
-Notes ("the time was up") and slight findings do not count as a warning, and a finding that the unstressed fit has as
-well degrades no cell; but a fit that has any finding that a picture shows is not silent.
+Notes ("the time was up") and findings do not count as a warning, and a warning that the unstressed fit has as well
+degrades no cell; but a fit that is warned of is not silent.
 """
 
 import math
@@ -103,11 +103,11 @@ def fit_row(source: Source, settings: Method) -> ComparisonRow:
 
 
 def said_of(row: ComparisonRow) -> dict[str, str]:
-    """What a fit says of itself, a line by the name of each: its verdict's findings, and a status that is a warning.
+    """What a fit says of itself, a line by the name of each: its verdict's warning, and a status that is one.
 
     A spent effort is none: every search of a small one ends so.
     """
-    said = {finding.name: finding.line() for finding in row.verdict.findings if finding.matters}
+    said = {} if row.verdict.trusted else {"warning": row.verdict.summary}
     if row.report.status in (Status.FALLBACK, Status.INTERRUPTED):
         said.setdefault("status", row.report.status.remedy)
     return said
@@ -187,8 +187,8 @@ def run_cell(empty: Cell, make: Callable[[], Problem], references: "References",
         said=tuple(judged.said.values()),
         new=new,
         message="" if math.isfinite(factor) else f"the error is {judged.error}",
-        condition=verdict.system.condition,
-        determined=verdict.system.determined,
+        condition=verdict.figures.system.condition,
+        determined=verdict.figures.system.determined,
         train=judged.row.train.log_mse,
         held_out=judged.row.held_out.log_mse,
         seconds=judged.row.seconds_total,

@@ -4,11 +4,12 @@ import math
 from dataclasses import replace
 
 import torch
-from torch import Tensor
 
 from homofact.brdf.analytic import BlinnPhong, Ward
 from homofact.brdf.samples import Samples
-from homofact.geometry.directions import draw_in_discs, from_cosine, from_spherical, normalize, to_spherical
+from homofact.geometry.directions import draw_in_discs, from_cosine, from_spherical, to_spherical
+from homofact.stability.fault import generator_of, joined, uniform
+from homofact.stability.faults import FAULTS
 from homofact.stability.problem import (
     BASE,
     CHANNELS,
@@ -16,39 +17,13 @@ from homofact.stability.problem import (
     Scale,
     Stressor,
     drawn_from,
-    generator_of,
-    joined,
+    faulted,
     pairs_about_half_vectors,
     samples_at,
-    uniform,
     unstressed,
 )
 
 GRAZING = Ward((0.35, 0.15), (0.3, 0.3), alpha_x=0.3, alpha_y=0.3, channels=CHANNELS)
-
-
-def _degrees(direction: Tensor) -> Tensor:
-    return to_spherical(direction)[0] * (180 / math.pi)
-
-
-def _few_samples(strength: float, seed: int, scale: Scale) -> Problem:
-    """`strength` samples in all."""
-    problem = unstressed(seed, scale)
-    return problem.measuring(problem.samples.subset(int(strength), seed))
-
-
-def hole(strength: float, seed: int, scale: Scale) -> Problem:
-    """No viewer between 45° − s and 45° + s from the normal."""
-    problem = unstressed(seed, scale)
-    degrees = _degrees(problem.samples.wo)
-    return problem.measuring(problem.samples.select((degrees - 45).abs() >= strength))
-
-
-def _no_highlight(strength: float, seed: int, scale: Scale) -> Problem:
-    """No sample whose half vector is within s degrees of the normal."""
-    problem = unstressed(seed, scale)
-    degrees = _degrees(normalize(problem.samples.wi + problem.samples.wo))
-    return problem.measuring(problem.samples.select(degrees >= strength))
 
 
 def _untouched_texels(strength: float, seed: int, scale: Scale) -> Problem:
@@ -154,7 +129,7 @@ STRESSORS = (
         " textures over angles alone gather the same samples in fewer texels.",
         "Smaller textures (`size`), fewer of them, fixed projections, or more samples; believe the held-out error"
         " only when a few dozen samples are held out.",
-        "samples", (1500, 600, 205, 60, 20), _few_samples,
+        "samples", (1500, 600, 205, 60, 20), faulted(FAULTS["few"]),
     ),
     Stressor(
         "hole", "a hole in the hemisphere",
@@ -163,7 +138,7 @@ STRESSORS = (
         " material survives that; a highlight that passes through the hole is cut off.",
         "Measure there, or index by half and difference angles: the ring is then seen from other pairs, and no texel"
         " is left dark.",
-        "degrees, half width", (2, 10, 25, 40), hole,
+        "degrees, half width", (2, 10, 25, 40), faulted(FAULTS["hole"]),
     ),
     Stressor(
         "no-highlight", "the highlight was not measured",
@@ -172,7 +147,7 @@ STRESSORS = (
         " which keeps ramps straight, and where the peak ends up is chance. No held-out sample can show it, since those"
         " lack the highlight as well: only the texels that no sample holds tell.",
         "Measure near the mirror direction; else treat the fit as one of the diffuse part.",
-        "degrees", (2, 10, 25, 45), _no_highlight,
+        "degrees", (2, 10, 25, 45), faulted(FAULTS["no-highlight"]),
     ),
     Stressor(
         "untouched-texels", "texels no sample touches, smoothing off",

@@ -17,6 +17,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.geometry.directions import from_cosine, from_half_difference, from_spherical
+from homofact.stability.fault import Fault, uniform
 
 CHANNELS = ("R", "G")
 # Broad enough that a fit of any method with textures of 8² is worth stressing.
@@ -107,25 +108,19 @@ def drawn_from(model: Any, seed: int, scale: Scale, key: str = "base") -> Proble
     )
 
 
-def generator_of(seed: int) -> torch.Generator:
-    """The generator of a stressor's own chance."""
-    return torch.Generator().manual_seed(seed + 1000)
+def faulted(fault: Fault) -> Stress:
+    """The stress that plants a fault of the catalogue (`stability.faults`) on the unstressed problem."""
 
+    def stress(strength: float, seed: int, scale: Scale) -> Problem:
+        problem = unstressed(seed, scale)
+        return problem.measuring(fault.plant(problem.samples, strength, seed))
 
-def uniform(count: int, generator: torch.Generator) -> Tensor:
-    """(count,) numbers in [0, 1)."""
-    return torch.rand(count, dtype=torch.float64, generator=generator)
+    return stress
 
 
 def samples_at(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Samples:
     """Samples of an isotropic reflectance at given pairs of directions."""
     return Samples(wi, wo, reflectance.evaluate(wi, wo), channels=reflectance.channels, isotropic=True)
-
-
-def joined(one: Samples, two: Samples) -> Samples:
-    """The samples of both, one after the other."""
-    parts = {name: torch.cat((getattr(one, name), getattr(two, name))) for name in ("wi", "wo", "values", "weights")}
-    return replace(one, **parts)
 
 
 def pairs_about_half_vectors(

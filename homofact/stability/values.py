@@ -4,48 +4,16 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import torch
-from torch import Tensor
 
 from homofact.brdf.samples import Samples
-from homofact.geometry.directions import normalize
-from homofact.stability.problem import Problem, Scale, Stress, Stressor, generator_of, joined, uniform, unstressed
-
-
-def _normal(like: Tensor, seed: int) -> Tensor:
-    return torch.randn(like.shape, dtype=torch.float64, generator=generator_of(seed))
-
-
-def zeros(strength: float, seed: int, scale: Scale) -> Problem:
-    """A share of the samples is exactly zero, in all channels."""
-    problem = unstressed(seed, scale)
-    dead = uniform(scale.samples, generator_of(seed)) < strength
-    return problem.with_values(problem.samples.values * ~dead[:, None])
+from homofact.stability.fault import generator_of, uniform
+from homofact.stability.faults import FAULTS
+from homofact.stability.problem import Problem, Scale, Stress, Stressor, faulted, unstressed
 
 
 def epsilon(strength: float, seed: int, scale: Scale) -> Problem:
     """ε of the log transform, where one sample in fifty is exactly zero."""
-    return replace(zeros(0.02, seed, scale), settings=({"epsilon": strength},))
-
-
-def _multiplicative_noise(strength: float, seed: int, scale: Scale) -> Problem:
-    """Every value times exp(strength · normal)."""
-    problem = unstressed(seed, scale)
-    values = problem.samples.values
-    return problem.with_values(values * torch.exp(strength * _normal(values, seed)))
-
-
-def additive_noise(strength: float, seed: int, scale: Scale) -> Problem:
-    """Every value plus strength · mean · normal, negative ones cut."""
-    problem = unstressed(seed, scale)
-    values = problem.samples.values
-    return problem.with_values(values + strength * values.mean(0) * _normal(values, seed))
-
-
-def outliers(strength: float, seed: int, scale: Scale) -> Problem:
-    """A share of the samples a thousand times too bright."""
-    problem = unstressed(seed, scale)
-    struck = uniform(scale.samples, generator_of(seed)) < strength
-    return problem.with_values(problem.samples.values * torch.where(struck, 1000.0, 1.0)[:, None])
+    return replace(faulted(FAULTS["zeros"])(0.02, seed, scale), settings=({"epsilon": strength},))
 
 
 def _out_of_gamut(strength: float, seed: int, scale: Scale) -> Problem:
@@ -67,23 +35,6 @@ def _uncut_negative(strength: float, seed: int, scale: Scale) -> Problem:
     return problem.measuring(replace(problem.samples, values=values))
 
 
-def precision(strength: float, seed: int, scale: Scale) -> Problem:
-    """Directions and values kept to `strength` bits of mantissa (52: float64, 23: float32, 10: float16).
-
-    The directions are normalised again, as a careful reader does.
-    """
-    problem = unstressed(seed, scale)
-    samples = problem.samples
-
-    def rounded(x: Tensor) -> Tensor:
-        fraction, exponent = torch.frexp(x)
-        steps = 2.0 ** (int(strength) + 1)
-        return torch.ldexp(torch.round(fraction * steps) / steps, exponent)
-
-    wi, wo = (normalize(rounded(directions)) for directions in (samples.wi, samples.wo))
-    return problem.measuring(replace(samples, wi=wi, wo=wo, values=rounded(samples.values)))
-
-
 def _scaled(factors: Callable[[float], tuple[float, float]]) -> Stress:
     """The channels times their factors, measured and clean."""
 
@@ -92,15 +43,6 @@ def _scaled(factors: Callable[[float], tuple[float, float]]) -> Stress:
         return unstressed(seed, scale).both(lambda samples: replace(samples, values=samples.values * scales))
 
     return stress
-
-
-def contradiction(strength: float, seed: int, scale: Scale) -> Problem:
-    """Half of the samples a second time, with values `strength` times as large or as small, by chance."""
-    problem = unstressed(seed, scale)
-    again = problem.samples.subset(scale.samples // 2, seed)
-    up = uniform(len(again), generator_of(seed)) < 0.5
-    again = replace(again, values=again.values * torch.where(up, strength, 1 / strength)[:, None])
-    return problem.measuring(joined(problem.samples, again))
 
 
 def _non_reciprocal(strength: float, seed: int, scale: Scale) -> Problem:
@@ -125,21 +67,6 @@ def retroreflection(strength: float, seed: int, scale: Scale) -> Problem:
     return problem.both(lit)
 
 
-def _wrong_frame(strength: float, seed: int, scale: Scale) -> Problem:
-    """Directions in a frame whose normal is `strength` degrees off the surface's."""
-    problem = unstressed(seed, scale)
-    angle = torch.deg2rad(torch.tensor(strength, dtype=torch.float64))
-    cos, sin = torch.cos(angle), torch.sin(angle)
-
-    def tilted(w: Tensor) -> Tensor:
-        return normalize(torch.stack((cos * w[:, 0] + sin * w[:, 2], w[:, 1], cos * w[:, 2] - sin * w[:, 0]), 1))
-
-    wi, wo = tilted(problem.samples.wi), tilted(problem.samples.wo)
-    above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-    chosen = problem.samples.select(above)
-    return problem.measuring(replace(chosen, wi=wi[above], wo=wo[above]))
-
-
 STRESSORS = (
     Stressor(
         "zeros", "exact zeros",
@@ -147,7 +74,7 @@ STRESSORS = (
         "The logarithm of zero is log ε, far under everything else, and least squares weighs such a distance by its"
         " square: a few zeros pull whole neighbourhoods down.",
         "Take zeros out as missing, use `robust=True`, or an ε of the order of the noise (1e-2).",
-        "share", (0.001, 0.01, 0.1, 0.5, 0.9), zeros,
+        "share", (0.001, 0.01, 0.1, 0.5, 0.9), faulted(FAULTS["zeros"]),
     ),
     Stressor(
         "epsilon", "the choice of ε",
@@ -163,7 +90,7 @@ STRESSORS = (
         "In log space this is ordinary noise, and least squares averages it: the error grows as σ²·texels/samples."
         " Strong noise also lifts the mean A by exp(σ²/2), and εA with it buries what is dark.",
         "More samples a texel, more smoothing, fewer textures.",
-        "σ of the logarithm", (0.01, 0.1, 0.3, 1, 3), _multiplicative_noise,
+        "σ of the logarithm", (0.01, 0.1, 0.3, 1, 3), faulted(FAULTS["noise"]),
     ),
     Stressor(
         "additive-noise", "additive noise",
@@ -171,7 +98,7 @@ STRESSORS = (
         "Dark samples drown first. In log space their noise is huge and lopsided, the more so the smaller ε is, and"
         " the cut at zero leaves a heap of exact zeros.",
         "ε at the noise floor (σ over the mean), so that what is under it does not count.",
-        "σ over the mean", (0.001, 0.01, 0.1, 0.5, 2), additive_noise,
+        "σ over the mean", (0.001, 0.01, 0.1, 0.5, 2), faulted(FAULTS["additive-noise"]),
     ),
     Stressor(
         "outliers", "outliers",
@@ -179,7 +106,7 @@ STRESSORS = (
         "Least squares has no limit to what one sample may pull, and a factor of 1000 is 7 natural units. They lift"
         " the mean A as well, and with it the floor εA under which nothing counts.",
         "`robust=True` gives them little weight; mending the measurement is better.",
-        "share", (0.001, 0.01, 0.05, 0.2, 0.5), outliers,
+        "share", (0.001, 0.01, 0.05, 0.2, 0.5), faulted(FAULTS["outliers"]),
     ),
     Stressor(
         "out-of-gamut", "negative and out-of-gamut values, cut",
@@ -206,7 +133,7 @@ STRESSORS = (
         " texel.",
         "Solves are in float64 whatever was stored. Directions that are off unit length by more than 1e-6 are refused:"
         " normalise them when reading.",
-        "bits", (52, 23, 10, 5, 3), precision,
+        "bits", (52, 23, 10, 5, 3), faulted(FAULTS["precision"]),
     ),
     Stressor(
         "channel-scale", "badly scaled channels",
@@ -230,7 +157,7 @@ STRESSORS = (
         "The fit returns the mean in log space of what contradicts. Duplicates alone are harmless; duplicates on both"
         " sides of a split make held-out samples known and the gap between the errors meaningless.",
         "Merge repeated measurements before the fit, or give each its share of the weight.",
-        "factor between the two", (1, 2, 10, 100, 1e4), contradiction,
+        "factor between the two", (1, 2, 10, 100, 1e4), faulted(FAULTS["contradiction"]),
     ),
     Stressor(
         "non-reciprocal", "non-reciprocal data in a reciprocal fit",
@@ -254,6 +181,6 @@ STRESSORS = (
         "The highlight is then not at the normal and the material is isotropic no longer; textures over angles from"
         " the normal blur it, and every sample near the horizon is on the wrong side.",
         "Align the measurement: the half vector of the brightest samples is the normal.",
-        "degrees", (0.1, 1, 5, 20), _wrong_frame,
+        "degrees", (0.1, 1, 5, 20), faulted(FAULTS["tilted"]),
     ),
 )  # fmt: skip

@@ -175,8 +175,8 @@ def _verdict(report: Mapping[str, Any]) -> "Facts":
         return ()
     found = verdict.get("findings")
     listed = [each for each in found if isinstance(each, dict)] if isinstance(found, list) else []
-    # Reports of earlier versions have neither a sentence nor a grade.
-    names = [str(each.get("name")) for each in listed if each.get("grade") != "slight"]
+    # Reports of earlier versions have no sentence.
+    names = [str(each.get("name")) for each in listed]
     said = verdict.get("summary")
     words = said if isinstance(said, str) else "no fault found" if verdict["trusted"] else "not to be trusted"
     return (("Verdict", words + findings_named(names)),)

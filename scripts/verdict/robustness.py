@@ -21,18 +21,11 @@ from homofact.brdf.quality.gains import calibrated
 from homofact.brdf.symmetry import RING_WIDTH
 from homofact.evaluation.machine import machine
 from homofact.geometry.directions import from_spherical, to_spherical
-from homofact.stability import values
 from homofact.stability.atlas import BASE_SETTINGS, FULL, SHORT, SHORT_SETTINGS
 from homofact.stability.cells import BAD_LIGHT, LEAST_EXPLAINED, fit_row, judge_fit, method_for
-from homofact.stability.problem import (
-    BASE,
-    Problem,
-    Scale,
-    generator_of,
-    samples_at,
-    uniform,
-    unstressed,
-)
+from homofact.stability.fault import generator_of, uniform
+from homofact.stability.faults import FAULTS
+from homofact.stability.problem import BASE, Problem, Scale, faulted, samples_at, unstressed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.shared.harness import markdown, parser_of, progress, write
@@ -142,14 +135,14 @@ KINDS = (
     Kind("clean", "nothing wrong, a goniometer", "--calibrate rows", (0,), goniometer, by_rows),
     Kind("clean", "nothing wrong", "--epsilon floor", (0,), clean, _setting("epsilon", "floor")),
     Kind("outliers", "share × 300", "--robust", (0.02, 0.05, 0.2), bright_outliers, robust),
-    Kind("outliers", "share × 1000", "--robust", (0.005, 0.02, 0.05), values.outliers, robust),
-    Kind("zeros", "share × 0", "--robust", (0.05, 0.1, 0.2, 0.5), values.zeros, robust),
+    Kind("outliers", "share × 1000", "--robust", (0.005, 0.02, 0.05), faulted(FAULTS["outliers"]), robust),
+    Kind("zeros", "share × 0", "--robust", (0.05, 0.1, 0.2, 0.5), faulted(FAULTS["zeros"]), robust),
     Kind("rings", "σ of the log gain, rings of θi", "--calibrate rings", (0.2, 0.4, 0.8), rings, by_rings),
     Kind("rings", "σ of the log gain, of θi and θo", "--calibrate rings", (0.4,), both_rings, by_rings),
     Kind("lamp", "fall of the gain over θi", "--calibrate rings", (0.5, 0.8), lamp, by_rings),
     Kind("drift", "fall of the gain along the rows", "--calibrate rows", (0.5, 0.8), drift, by_rows),
     Kind("clipped", "share of the values clipped", "--clipped found", (0.05, 0.1, 0.15, 0.2, 0.3), clipped, _marked),
-    Kind("noise", "σ over the mean, added", "--epsilon floor", (0.5, 0.7, 1, 2), values.additive_noise,
+    Kind("noise", "σ over the mean, added", "--epsilon floor", (0.5, 0.7, 1, 2), faulted(FAULTS["additive-noise"]),
          _setting("epsilon", "floor")),
 )  # fmt: skip
 NAMES = tuple(dict.fromkeys(kind.name for kind in KINDS))

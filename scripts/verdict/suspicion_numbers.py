@@ -32,7 +32,7 @@ from scripts.verdict.planting import FAULTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.shared.harness import data_folder, finish, markdown, parser_of, progress
-from scripts.verdict.verdict_cases import NETWORKS
+from scripts.verdict.drawn_cases import NETWORKS
 
 LAYOUTS = ("discs", "lobe", "rings", "noisy rings", "shuffled rings")
 ODDS = (50, 200, 1000, 1e5, math.inf)

@@ -176,7 +176,7 @@ def test_light_stands_in_report_table_and_verdict(run: Callable[..., Ran], tmp_p
     found, verdict = report["appearance"], report["verdict"]
     assert (verdict["off"], verdict["highlight"]) == (found["albedo_worst"], found["highlight"])
     assert "highlight" in {each["name"] for each in verdict["findings"]}
-    assert "Wrong in the fit:" in ran.out
+    assert "Of the fit:" in ran.out
     assert f"Verdict: {verdict['summary']}" in " ".join(ran.out.split())
     advice = verdict["recommended"]
     option = f"--{advice['setting']} {advice['value']}"

@@ -1,23 +1,32 @@
-"""A verdict in one line: findings are called findings, in the terminal as on the viewer's page."""
+"""A verdict in one line: how far a fit may be off, and what widens that, in the terminal; all findings on the page."""
 
-from judged import Altered, names, verdict
+import pytest
+from judged import Altered, names, seen, verdict
+from refusals import refused
 
-from homofact.cli.verdicts import brief_lines
+from homofact.cli.verdicts import USUAL, brief_lines, strictness
 from homofact.evaluation.wording import findings_named
 from homofact.web import page
 
 
 def test_findings_follow_the_sentence_as_such() -> None:
     tilted = verdict(Altered(lambda values, wi, wo: values * (0.3 + wi[:, :1])))
-    shown = [each.name for each in tilted.findings if each.matters]
-    assert len(shown) >= 2
-    assert set(shown) <= names(tilted)
-    told = f"{tilted.summary} (findings: {', '.join(shown)})"
-    sound = verdict()
-    assert [each for each in sound.findings if each.matters] == []
+    costly = [each.name for each in tilted.findings if each.costs]
+    assert len(costly) >= 2
+    assert set(costly) <= names(tilted)
+    sound = verdict(seen=seen())
     assert brief_lines({"a": tilted, "longer": sound}) == [
-        f"Verdict on a       {told}", f"Verdict on longer  {sound.summary}",
+        f"Verdict on a       {tilted.summary} (noted: {', '.join(costly)})", f"Verdict on longer  {sound.summary}",
     ]  # fmt: skip
-    assert page._verdict({"verdict": tilted.record()}) == (("Verdict", told),)
+    every = ", ".join(each.name for each in tilted.findings)
+    assert page._verdict({"verdict": tilted.record()}) == (("Verdict", f"{tilted.summary} (noted: {every})"),)
     assert page._verdict({"verdict": sound.record()}) == (("Verdict", sound.summary),)
     assert findings_named([]) == ""
+
+
+@pytest.mark.parametrize(("text", "meant"), [("", False), (USUAL, True), ("0.05", 0.05), ("0", 0.0)])
+def test_strict_is_a_word_or_a_probability(text: str, meant: bool | float) -> None:
+    found = strictness(text)
+    assert (found, type(found)) == (meant, type(meant))
+    with refused(where="strict", found="'often'"):
+        strictness("often")

@@ -10,6 +10,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
 from homofact.errors import Status
+from homofact.evaluation.bar.error_bar import BarKind
 from homofact.evaluation.compare import fit_and_measure
 from homofact.evaluation.verdict.verdict import Verdict
 from homofact.methods.mccool import McCool
@@ -46,22 +47,24 @@ def noise_like(samples: Samples, seed: int = 1) -> torch.Tensor:
 def test_a_good_fit_has_nothing_found_against_it_and_all_its_figures() -> None:
     verdict = verdict_on(drawn("blinn-phong-50"), name="blinn-phong-50")
     assert verdict.trusted
-    assert verdict.light.highlight == pytest.approx(1, abs=0.1)
-    assert verdict.light.off == pytest.approx(1, abs=0.1)
-    assert verdict.light.floor == 0
-    assert verdict.errors.explained > 0.98
-    assert verdict.errors.misplaced < 0.1
-    assert verdict.light.source_albedo is not None
-    assert verdict.light.source_albedo < 1
-    assert verdict.system.condition is not None
-    assert 1 < verdict.system.condition < 1e9
-    assert verdict.system.determined is not None
-    assert verdict.system.determined > 0.9
-    assert verdict.light.albedo < 1
-    assert verdict.light.reciprocity < 1e-6
+    assert verdict.figures.light.highlight == pytest.approx(1, abs=0.1)
+    assert verdict.figures.light.off is not None
+    assert verdict.figures.light.off == pytest.approx(1, abs=0.1)
+    assert verdict.figures.light.floor == 0
+    assert verdict.figures.errors.explained > 0.98
+    assert verdict.figures.errors.misplaced < 0.1
+    assert verdict.figures.light.source_albedo is not None
+    assert verdict.figures.light.source_albedo < 1
+    assert verdict.figures.system.condition is not None
+    assert 1 < verdict.figures.system.condition < 1e9
+    assert verdict.figures.system.determined is not None
+    assert verdict.figures.system.determined > 0.9
+    assert verdict.figures.light.albedo < 1
+    assert verdict.figures.light.reciprocity < 1e-6
     record = verdict.record()
     assert record["trusted"] is True
-    assert not any(each.matters for each in verdict.findings)
+    assert verdict.bars.kind is BarKind.MEASURED
+    assert verdict.bars.of("albedo").error == pytest.approx(abs(verdict.figures.light.off - 1), rel=0.1)
     assert record["recommended"] is None
     assert record["status"] == "direct"
 
@@ -93,12 +96,12 @@ def test_data_that_are_not_reciprocal_are_not_for_a_reciprocal_fit() -> None:
     follows = replace(GOOD, projections=("theta_h-theta_d", "wo"), reciprocal=False)
     verdict = measured_verdict(tilted, follows)
     assert "reciprocity" not in names(verdict)
-    assert verdict.light.reciprocity > 0.1
+    assert verdict.figures.light.reciprocity > 0.1
     # The same freedom is a fault where the data are reciprocal.
     crooked = verdict_on(
         replace(samples, isotropic=True), replace(follows, smoothing=1e-4, projections=("theta_h", "wo"))
     )
-    assert ("reciprocity" in names(crooked)) == (crooked.light.reciprocity > 0.05)
+    assert ("reciprocity" in names(crooked)) == (crooked.figures.light.reciprocity > 0.05)
 
 
 def test_outliers_noise_floor_and_cut_values_are_found() -> None:
@@ -126,6 +129,6 @@ def test_one_azimuth_of_an_anisotropic_material_is_found() -> None:
 
 def test_svd_has_no_linear_system_to_judge() -> None:
     verdict = verdict_on(drawn(count=3000), Svd(textures=2, size=8))
-    assert verdict.system.condition is None
-    assert verdict.system.determined is None
+    assert verdict.figures.system.condition is None
+    assert verdict.figures.system.determined is None
     assert verdict.status is Status.DIRECT

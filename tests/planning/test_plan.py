@@ -308,5 +308,5 @@ def test_a_choice_has_a_verdict_and_a_colour_none_on_what_it_lacks() -> None:
     assert [each for each in found.verdict.findings if each.about.value == "fit"] == []
     textured = planned(fits, "sun", 0.3)
     assert textured.verdict is not None
-    assert textured.verdict.system.determined is None or 0 <= textured.verdict.system.determined <= 1
+    assert textured.verdict.figures.system.determined is None or 0 <= textured.verdict.figures.system.determined <= 1
     assert textured.verdict.summary

@@ -10,7 +10,6 @@ itself among the darkest quarter of the samples, in units of A: below it a value
 log transform should know of.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +46,8 @@ def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
     chosen = torch.randperm(len(some), generator=torch.Generator().manual_seed(seed))[:_QUERIES].numpy()
     _, near = KDTree(place).query(place[chosen], k=NEIGHBOURS)
     both = np.hstack([logs, linear])
-    residuals = np.stack([_left_out(place[at], both[at]) for at in np.asarray(near)])
+    near = np.asarray(near)
+    residuals = _left_out(place[near], both[near])
     channels = logs.shape[1]
     relative = _NORMAL_MAD * np.median(np.abs(residuals[:, :channels]), 0)
     brightness = linear[chosen].mean(1)
@@ -68,10 +68,11 @@ def places_of(samples: Samples) -> torch.Tensor:
 
 
 def _left_out(place: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """What a plane through all neighbours leaves of the first, over the square root of its freedom."""
-    design = np.hstack([np.ones((len(place), 1)), place - place[0]])
+    """What a plane through all neighbours (Q, K, 3) leaves of the first (Q, C), over the square root of its freedom."""
+    design = np.concatenate([np.ones((*place.shape[:2], 1)), place - place[:, :1]], 2)
     basis, sizes, _ = np.linalg.svd(design, full_matrices=False)
-    basis = basis[:, sizes > 1e-9 * sizes[0]]
-    left = values[0] - basis[0] @ (basis.T @ values)
-    freedom = 1 - float(basis[0] @ basis[0])
-    return left / math.sqrt(freedom) if freedom > 1e-6 else np.zeros_like(left)
+    basis = basis * (sizes > 1e-9 * sizes[:, :1])[:, None]
+    first = basis[:, 0]
+    left = values[:, 0] - np.einsum("qk,qnk,qnc->qc", first, basis, values)
+    freedom = 1 - (first**2).sum(1)
+    return np.where(freedom > 1e-6, 1 / np.sqrt(freedom.clip(1e-300)), 0.0)[:, None] * left

@@ -1,9 +1,8 @@
-"""What a verdict is made of: one finding, what it is about, and how much of the light it concerns.
+"""One thing that is noted of a fit or of its samples: a true statement, and what it costs in the error bar.
 
 A finding is about the *fit*, which other settings can mend; about the *data*, which only another measurement or another
-reading of the file can; or about what is *unknown*, since nobody measured it. Its size is the share of the reflected
-light that is wrong or in doubt, so that findings of different checks can be compared, and graded by what a picture
-shows of them.
+reading of the file can; or about what is *unknown*, since nobody measured it. None is an alarm by itself: whether a fit
+is to be trusted is said by one score of all figures (`verdict.Alarm`).
 """
 
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ NAMES = (
     "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring", "coverage", "sampling",
     "determined", "azimuth",
 )  # fmt: skip
-VISIBLE, SEVERE = 0.1, 0.15  # of the light: from here on a picture shows it, or is another material's
+WORTH_SAYING = 1.1  # of a cost: less is not said
 
 
 class About(Enum):
@@ -30,66 +29,47 @@ class About(Enum):
     @property
     def title(self) -> str:
         """The heading of such findings."""
-        return {About.FIT: "Wrong in the fit", About.DATA: "Odd in the data", About.UNKNOWN: "Not measured"}[self]
-
-
-class Grade(Enum):
-    """What a finding does to a picture. The value is the word in tables."""
-
-    SLIGHT = "slight"
-    VISIBLE = "visible"
-    SEVERE = "severe"
-
-
-_ORDER = tuple(Grade)
+        return {About.FIT: "Of the fit", About.DATA: "Of the data", About.UNKNOWN: "Not measured"}[self]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something off.
+    """Something noted.
 
     Attributes
     ----------
     name : of the check.
     about : whose fault it is.
-    light : the share of the reflected light that is wrong or in doubt; None where that cannot be told.
     found : what was found, with what is expected.
     remedy : what to do, in one line.
     advice : the setting to try, None where no setting helps.
-    least : the grade where the light alone would make it a lesser one.
+    feature : the feature of the error bars (`bar.features`) that it shows in; "" where none does.
+    cost : by what factor the widest of the bars is wider for it than in a usual case; None where that is not known.
     """
 
     name: str
     about: About
-    light: float | None
     found: str
     remedy: str
     advice: Advice | None = None
-    least: Grade = Grade.SLIGHT
-
-    @property
-    def grade(self) -> Grade:
-        """By the light that it concerns."""
-        light = self.light or 0.0
-        by_light = Grade.SEVERE if light >= SEVERE else Grade.VISIBLE if light >= VISIBLE else Grade.SLIGHT
-        return max(by_light, self.least, key=_ORDER.index)
-
-    @property
-    def matters(self) -> bool:
-        """Whether a picture shows it."""
-        return self.grade is not Grade.SLIGHT
+    feature: str = ""
+    cost: float | None = None
 
     def line(self) -> str:
         """The finding in one line."""
         return f"{self.found}: {self.remedy}"
+
+    @property
+    def costs(self) -> str:
+        """What it costs, in words; "" where that is next to nothing."""
+        return "" if self.cost is None or self.cost < WORTH_SAYING else f"widens the error bar {self.cost:.2g} times"
 
     def record(self) -> dict[str, Any]:
         """A JSON-able dictionary."""
         return {
             "name": self.name,
             "about": self.about.value,
-            "grade": self.grade.value,
-            "light": self.light,
+            "cost": self.cost,
             "found": self.found,
             "remedy": self.remedy,
             "advice": None if self.advice is None else self.advice.record(),
@@ -97,17 +77,5 @@ class Finding:
 
 
 def ordered(findings: list[Finding]) -> tuple[Finding, ...]:
-    """By what they do to the picture, the worst first; of one grade the fit's before the data's, then by light."""
-    return tuple(
-        sorted(
-            findings,
-            key=lambda finding: (
-                -_ORDER.index(finding.grade),
-                tuple(About).index(finding.about),
-                -(finding.light or 0.0),
-            ),
-        )
-    )
-
-
-# NOIMPORT
+    """The fit's before the data's before what is unknown; of one kind by what they cost."""
+    return tuple(sorted(findings, key=lambda finding: (tuple(About).index(finding.about), -(finding.cost or 0.0))))

@@ -30,6 +30,7 @@ SURE = 2.0  # standard errors by which a band has to be off
 BRIGHTEST = 0.1  # of the samples' light: what is called their highlight
 BESIDE = 6
 INNERMOST, LEAST_GRAZING = 8, 70.0
+BASE_DEGREES = 20.0, 30.0
 LEAST_HIDDEN, STEEPEST = 0.005, 1.9
 _LEAST_ANGLE = 1e-4
 LEAST_TIED = 3
@@ -148,6 +149,22 @@ def rising(samples: Samples, flux: Tensor) -> float:
     # ∫ θ^(1 − p) dθ over that of a constant: what a power of θh under 2 holds up to the edge.
     hidden = float(light[:INNERMOST].sum() / light.sum()) * 2 / (2 - min(exponent, STEEPEST))
     return exponent - chance if hidden > LEAST_HIDDEN else 0.0
+
+
+def towards_the_mirror(samples: Samples) -> tuple[float, float]:
+    """(θh in degrees within which `INNERMOST` samples lie, their mean over that at θh in `BASE_DEGREES`).
+
+    Of samples with θd under `LEAST_GRAZING`. The second is 1 where either is empty or dark: no highlight was seen.
+    """
+    theta_h, theta_d, _ = (torch.rad2deg(angle) for angle in rusinkiewicz_angles(samples.wi, samples.wo))
+    upright = theta_d < LEAST_GRAZING
+    angle, values = theta_h[upright], samples.values.mean(1)[upright]
+    if len(angle) < INNERMOST:
+        return 90.0, 1.0
+    order = angle.argsort(stable=True)[:INNERMOST]
+    base = values[(angle >= BASE_DEGREES[0]) & (angle < BASE_DEGREES[1])]
+    inner, outer = float(values[order].mean()), float(base.mean()) if len(base) else 0.0
+    return float(angle[order[-1]]), inner / outer if min(inner, outer) > 0 else 1.0
 
 
 def cut_light(flux: Tensor, expected: Tensor, is_cut: Tensor) -> float:
@@ -285,12 +302,11 @@ def largest_step(found: Tensor) -> tuple[float, str]:
     return worst
 
 
-def light_of(fit: Reflectance, train: Samples) -> tuple[float, float]:
+def light_of(fit: Reflectance, isotropic: bool, extrapolation: Extrapolation) -> tuple[float, float]:
     """(asymmetry Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, share beyond the measurement) of the fit's light."""
     theta, weight = disc_nodes(_LEVELS)
-    extrapolation = Extrapolation(train)
     apart = both = outside = whole = 0.0
-    for azimuth in light_azimuths(train.isotropic):
+    for azimuth in light_azimuths(isotropic):
         lit = from_spherical(theta, torch.full_like(theta, azimuth))
         views, solid = hemisphere_nodes(lit, _RINGS, _SPOKES)
         wo = views.reshape(-1, 3)

@@ -1,39 +1,33 @@
-"""Whether a fit is to be trusted, and why not: every fit ends with a verdict that its user sees.
+"""Every fit ends with a verdict that its user sees: how far it may be off, whether it is warned of, what was noted.
 
-The verdict needs the fit, what it was made from and the held-out samples, and where there is a source to be asked, the
-fit's appearance beside it. What is measured is measured here and in `flux`; `of_fit` and `of_data` say what is off.
+Of a source that can be asked everywhere the error is measured. Of samples it is judged from their figures
+(`measuring`) by the models of `bar.table`: as if the samples were right, or, where a suspicion speaks or the fit is
+warned of, whatever is wrong with them.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
-import torch
-from torch import Tensor
-
-from homofact.brdf.pair_density import over_discs, scheme_of
-from homofact.brdf.quality.scatter import local_scatter
+from homofact.brdf.pair_density import scheme_of
 from homofact.brdf.quality.suspicion.suspects import suspicions
 from homofact.brdf.samples import Samples
 from homofact.errors import Report
 from homofact.evaluation.appearance import Appearance
-from homofact.evaluation.metrics import SixErrors, explained_variance
-from homofact.evaluation.peak import texels_per_radian
-from homofact.evaluation.verdict import flux
-from homofact.evaluation.verdict.finding import ordered
-from homofact.evaluation.verdict.of_data import oddities_of_the_data, suspected, unknowns
-from homofact.evaluation.verdict.of_fit import faults_of_the_fit
-from homofact.evaluation.verdict.verdict import (
-    CoverageFigures,
-    DataFigures,
-    HeldOutFigures,
-    LightFigures,
-    SystemFigures,
-    Verdict,
-)
+from homofact.evaluation.bar.features import features_of
+from homofact.evaluation.bar.stating import measured_bars, stated_bars, withdrawn_bars
+from homofact.evaluation.bar.table import QUANTITIES, Table, table
+from homofact.evaluation.metrics import SixErrors
+from homofact.evaluation.verdict.figures import Figures
+from homofact.evaluation.verdict.finding import Finding, ordered
+from homofact.evaluation.verdict.measuring import measured_figures
+from homofact.evaluation.verdict.noting import NOTERS, Noted
+from homofact.evaluation.verdict.verdict import Alarm, Verdict
 from homofact.factor.fitted import Fitted
 from homofact.methods.method import Method
 
-_MOST_SAMPLES = 40_000
+OFF, LEAST_EXPLAINED = 0.15, 0.9  # what makes a fit a bad one
+_ANISOTROPIC = "no fit of an anisotropic measurement was among those that error bars were counted on"
 
 
 def judge(
@@ -50,111 +44,49 @@ def judge(
     `seen` is its appearance beside its source, None where that cannot be asked. `train` are the training samples as
     measured: azimuth copies agree with each other perfectly and would hide it.
     """
-    drawn = train.subset(_MOST_SAMPLES, settings.seed)
-    values = fitted.evaluate(drawn.wi, drawn.wo).to(torch.float64)
-    light, unmeasured = _light(fitted, train, drawn, values, settings.seed, seen)
-    verdict = Verdict(
-        status=report.status,
-        system=SystemFigures(report.details.get("condition"), report.details.get("determined")),
-        errors=_held_out(fitted, test, errors, seen),
-        light=light,
-        data=_data(fitted, train, drawn, values, settings.seed),
-        coverage=CoverageFigures(
-            unmeasured,
-            flux.between_samples(drawn, flux.flux_of(drawn)) if seen is None else 0.0,
-            flux.rising(drawn, flux.flux_of(drawn)) if seen is None and scheme_of(train) is None else 0.0,
-        ),
-        findings=(),
-    )
-    held_out = errors[1].log_mse
-    findings = [
-        *faults_of_the_fit(verdict, settings),
-        *oddities_of_the_data(verdict, fitted.transform.epsilon, held_out),
-        *(suspected(suspicions(train, settings.seed), verdict.data.rounded) if scheme_of(train) is None else ()),
-        *unknowns(verdict, train),
-    ]
-    return replace(verdict, findings=ordered(findings))
-
-
-def _held_out(
-    fitted: Fitted, test: Samples, errors: tuple[SixErrors, SixErrors], seen: Appearance | None
-) -> HeldOutFigures:
-    """How well the fit meets `test`; `errors` are of the training samples and of these."""
-    transform = fitted.transform
-    values, light = fitted.evaluate(test.wi, test.wo).to(torch.float64), flux.flux_of(test)
-    expected, fit_logs = (transform.forward(both) for both in (test.values, values))
-    zero = transform.forward(torch.zeros(1, len(test.channels), dtype=torch.float64))
-    is_cut = (fit_logs <= zero + 1e-9) & (expected > zero + math.log(2))
-    explained = None if seen is None else seen.explained
-    return HeldOutFigures(
-        gap=errors[1].log_mse / max(errors[0].log_mse, 1e-300),
-        explained=explained_variance(expected, fit_logs, over_discs(test)) if explained is None else explained,
-        misplaced=flux.misplaced(light, test.values, values),
-        cut=flux.cut_light(light, test.values, is_cut),
-    )
-
-
-def _light(
-    fitted: Fitted, train: Samples, drawn: Samples, values: Tensor, seed: int, seen: Appearance | None
-) -> tuple[LightFigures, float]:
-    """The light of the fit, and how much of it was not measured; `values` are the fit's at the samples `drawn`."""
-    light = flux.flux_of(drawn)
-    albedos = flux.albedos(fitted, train.isotropic)
-    step, step_where = flux.largest_step(albedos)
-    asymmetry, unmeasured = flux.light_of(fitted, train)
-    off, off_where = _off(seen, drawn, light, values)
-    width = None if seen is None else seen.energy.half_width
-    figures = LightFigures(
-        off=off,
-        off_where=off_where,
-        highlight=flux.brightest(drawn, light, values) if seen is None else seen.energy.highlight,
-        texels_across=None if width is None or not fitted.textures else width * texels_per_radian(fitted),
-        albedo=float(albedos.max()),
-        step=step,
-        step_where=step_where,
-        source_albedo=None if seen is None else max(max(row) for row in seen.energy.source_albedo),
-        reciprocity=asymmetry,
-        data_reciprocity=flux.asymmetry_of_samples(drawn, light, seed) if seen is None else seen.energy.asymmetry,
-        floor=None if seen is None else seen.energy.floor,
-    )
-    return figures, unmeasured
-
-
-def _data(fitted: Fitted, train: Samples, drawn: Samples, values: Tensor, seed: int) -> DataFigures:
-    """What the samples themselves show; `values` are the fit's at the samples `drawn` of `train`."""
-    transform, light = fitted.transform, flux.flux_of(drawn)
-    misses = (transform.forward(values) - transform.forward(drawn.values)).square().mean(1).sqrt()
-    scatter = local_scatter(drawn, seed)
-    zeros, dark, black = flux.dark_light(drawn, light)
-    ring, share, ring_where = flux.worst_ring(drawn, light, values)
-    return DataFigures(
-        scatter=None if scatter is None else scatter.relative,
-        noise=None if scatter is None else scatter.floor,
-        outliers=flux.standing_out(drawn, light, values, misses),
-        zeros=zeros,
-        dark=dark,
-        black=black,
-        gamut=_cut_by_the_gamut(train),
-        clipped=flux.clipped_light(train, flux.flux_of(train)),
-        rounded=flux.rounded_light(train, flux.flux_of(train)),
-        repeated=flux.differing_light(drawn, light),
-        ring=ring,
-        ring_where=ring_where if share > flux.LEAST_OF_THE_LIGHT else "",
-    )
-
-
-def _cut_by_the_gamut(samples: Samples) -> float:
-    """The share of samples that their reader cut at zero in a channel, since their colour lies outside sRGB."""
-    clipped = (samples.provenance.get("colour") or {}).get("clipped", {})
-    shares = (samples.values == 0).double().mean(0).tolist()
-    cut = [share for name, share in zip(samples.channels, shares, strict=True) if clipped.get(name)]
-    return max(cut, default=0.0)
-
-
-def _off(seen: Appearance | None, samples: Samples, light: Tensor, values: Tensor) -> tuple[float | None, str]:
-    """(light of the fit over that of the source or, where it cannot be asked, of the samples; where)."""
+    figures = measured_figures(fitted, report, train, test, errors, settings.seed, seen)
+    suspected = tuple(suspicions(train, settings.seed)) if scheme_of(train) is None else ()
+    odds = {each.name: each.odds for each in suspected}
+    noted = Noted(fitted, figures, settings, train, report.status, suspected)
+    findings = [finding for noter in NOTERS for finding in noter(noted)]
     if seen is not None:
-        ratio, degrees, channel = seen.energy.worst_albedo
-        return ratio, f"{samples.channels[channel]} at θi = {degrees:g}°"
-    worst = flux.worst_band(samples, light, values)
-    return (None, "") if worst is None else worst
+        return Verdict(report.status, measured_bars(seen), measured_alarm(seen), figures, ordered(findings))
+    constants = table()
+    alarm = Alarm(constants.score(features_of(figures, odds, "albedo")), constants.threshold)
+    doubt = doubt_of(odds, alarm)
+    bars = stated_bars(figures, odds, constants, doubt) if train.isotropic else withdrawn_bars(figures, _ANISOTROPIC)
+    costed = [_costed(each, figures, odds, constants, bool(doubt)) for each in findings]
+    return Verdict(report.status, bars, alarm, figures, ordered(costed))
+
+
+def measured_alarm(seen: Appearance) -> Alarm:
+    """Of a source that was asked: whether the fit is bad."""
+    ratio = seen.energy.albedo_worst
+    off = abs(math.log(ratio)) if ratio > 0 and math.isfinite(ratio) else math.inf
+    explained = 1.0 if seen.explained is None else seen.explained
+    return Alarm(0.0 if is_good(off, explained) else 1.0, 0.5)
+
+
+def is_good(off: float, explained: float) -> bool:
+    """Whether a fit is a good one: |log| of its worst albedo over the source's, what it explains of logarithms."""
+    return off <= math.log1p(OFF) and explained >= LEAST_EXPLAINED
+
+
+def doubt_of(odds: Mapping[str, float], alarm: Alarm) -> str:
+    """Why the samples may be wrong, in words: "" where nothing speaks against them."""
+    if odds:
+        return ", ".join(odds)
+    return "the fit is like bad ones" if alarm.given else ""
+
+
+def _costed(finding: Finding, figures: Figures, odds: Mapping[str, float], constants: Table, doubted: bool) -> Finding:
+    """The finding with what it costs: the factor of the widest bar against one whose feature is a usual one."""
+    costs = []
+    for name in QUANTITIES:
+        model = constants.bars["fault" if doubted else "right"][name].model
+        if finding.feature in model.columns:
+            usual = model.columns[finding.feature][1]
+            features = features_of(figures, odds, name)
+            changed = features | {finding.feature: usual}
+            costs.append(math.exp(model.value(features) - model.value(changed)))
+    return replace(finding, cost=max(costs)) if costs else finding

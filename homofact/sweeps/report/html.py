@@ -37,4 +37,4 @@ def safe(text: object) -> str:
 def finding_words(finding: ReportedFinding) -> str:
     """A finding as an item of a list."""
     remedy = f" <span class='quiet'>{safe(finding.remedy)}</span>" if finding.remedy else ""
-    return f"<li><b>{safe(finding.name)}</b>, {safe(finding.grade)}: {safe(finding.found)}.{remedy}</li>"
+    return f"<li><b>{safe(finding.name)}</b>, {safe(finding.about)}: {safe(finding.found)}.{remedy}</li>"

@@ -23,10 +23,10 @@ _MOST = 2**53
 
 @dataclass(frozen=True)
 class ReportedFinding:
-    """One thing that the verdict says of a fit: its grade, what was found, and what to do about it."""
+    """One thing that the verdict notes of a fit: what it is about, what was found, and what to do about it."""
 
     name: str
-    grade: str
+    about: str
     found: str
     remedy: str
 
@@ -129,7 +129,7 @@ def _fit(result: Result) -> ReportedFit:
     verdict.flag("trusted")
     records = verdict.inners("findings", _MOST) if verdict.found.get("findings") else []
     findings = tuple(
-        ReportedFinding(*(record.text(name) for name in ("name", "grade", "found", "remedy"))) for record in records
+        ReportedFinding(*(record.text(name) for name in ("name", "about", "found", "remedy"))) for record in records
     )
     return ReportedFit(result.task, row_of(result), verdict.text("summary"), findings, result.folder)
 

@@ -1,0 +1,202 @@
+"""How far a fit may be off: a bar a quantity, of which kind it is, and where it holds.
+
+A bar says that the source has between `low` and `high` of what the fit has. Of a source that can be asked everywhere it
+is what was measured. Of samples it holds in nine of ten cases like those of the calibration (docs/verdict.md): if the
+samples are right, or whatever is wrong with them. A bar of more than
+a factor of ten says nothing: it is withdrawn.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from homofact.errors import BadInput
+
+MOST = 9.0  # an error of nine times the value: a factor of ten
+WORDS = {
+    "albedo": "total reflected light",
+    "highlight": "highlight",
+    "sky": "under a sky",
+    "lamp": "under a lamp",
+}
+_EDGE = 75.0  # θ in degrees up to which albedos are stated
+
+
+class BarKind(Enum):
+    """What a bar rests on. The value is the word in records."""
+
+    MEASURED = "measured"
+    RIGHT = "if the data are right"
+    FAULT = "whatever is wrong with the data"
+    WITHDRAWN = "withdrawn"
+
+
+@dataclass(frozen=True)
+class ErrorBar:
+    """How far a fit may be off in one quantity.
+
+    Attributes
+    ----------
+    quantity : "albedo" (light reflected in all, the worst channel and angle), "highlight" (light of the brightest
+        hundredth), "sky" or "lamp" (the picture of a sphere under either, Σ|difference| over Σ).
+    kind : what it rests on.
+    error : the bound of the error as a share; None where it is withdrawn.
+    rate : the share of fits that the bound holds for; 1 for what was measured.
+    degrees : the range of θ in degrees for which it holds.
+    reason : why it is withdrawn or wide, in words; "" otherwise.
+    """
+
+    quantity: str
+    kind: BarKind
+    error: float | None
+    rate: float
+    degrees: tuple[float, float]
+    reason: str = ""
+
+    @classmethod
+    def stated(
+        cls, quantity: str, kind: BarKind, bound: float, rate: float, degrees: tuple[float, float], reason: str = ""
+    ) -> "ErrorBar":
+        """A bar of a bound; withdrawn where that is more than `MOST`."""
+        if not bound <= MOST:
+            why = reason or f"it may be off by more than a factor of {1 + MOST:g}"
+            return cls(quantity, BarKind.WITHDRAWN, None, rate, degrees, why)
+        return cls(quantity, kind, bound, rate, degrees, reason)
+
+    @property
+    def low(self) -> float | None:
+        """The least that the source may have, over what the fit has."""
+        return None if self.error is None else 1 / (1 + self.error)
+
+    @property
+    def high(self) -> float | None:
+        """The most that the source may have, over what the fit has."""
+        return None if self.error is None else 1 + self.error
+
+    def words(self) -> str:
+        """As in "highlight within 9%"; of a withdrawn one "highlight unknown"."""
+        name = WORDS[self.quantity]
+        if self.error is None:
+            return f"{name} unknown"
+        return f"{name} within {percent(self.error)}"
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        return {
+            "quantity": self.quantity,
+            "kind": self.kind.value,
+            "error": self.error,
+            "low": self.low,
+            "high": self.high,
+            "rate": self.rate,
+            "degrees": list(self.degrees),
+            "reason": self.reason,
+        }
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> "ErrorBar":
+        """The bar of a record. Raises KeyError, TypeError or ValueError for what is none."""
+        low, high = map(float, record["degrees"])
+        error = record["error"]
+        return cls(
+            str(record["quantity"]),
+            BarKind(record["kind"]),
+            None if error is None else float(error),
+            float(record["rate"]),
+            (low, high),
+            str(record["reason"]),
+        )
+
+
+@dataclass(frozen=True)
+class ErrorBars:
+    """The bars of a fit: of all quantities, and of the albedo at single angles in order of θ."""
+
+    bars: tuple[ErrorBar, ...]
+    by_angle: tuple[ErrorBar, ...] = ()
+
+    def of(self, quantity: str) -> ErrorBar:
+        """The bar of a quantity. Raises BadInput for one that has none, naming those that have."""
+        for bar in self.bars:
+            if bar.quantity == quantity:
+                return bar
+        raise BadInput(
+            where="quantity", found=repr(quantity), expected=f"one of {', '.join(bar.quantity for bar in self.bars)}"
+        )
+
+    def interval(self, quantity: str, theta: float | None = None) -> ErrorBar:
+        """The bar of a quantity, of the albedo at an angle of incidence `theta` in degrees alone where it is given.
+
+        Between the angles of the table the errors are drawn straight, outside them the nearest is taken; beyond the
+        measured range there is none. Raises BadInput for an unknown quantity, an angle of another one than the albedo,
+        and one that is not from 0 to 90.
+        """
+        bar = self.of(quantity)
+        if theta is None:
+            return bar
+        if quantity != "albedo" or not self.by_angle:
+            raise BadInput(where="theta", found=f"{theta:g} of {quantity}", expected="an angle of the albedo alone")
+        if not 0 <= theta <= 90:
+            raise BadInput(where="theta", found=f"{theta:g}", expected="from 0 to 90 degrees")
+        if not bar.degrees[0] <= theta <= bar.degrees[1]:
+            reason = f"measured {bar.degrees[0]:.0f}–{bar.degrees[1]:.0f}°; beyond is extrapolation"
+            return ErrorBar(quantity, BarKind.WITHDRAWN, None, bar.rate, (theta, theta), reason)
+        below = [each for each in self.by_angle if each.degrees[0] <= theta] or [self.by_angle[0]]
+        above = [each for each in self.by_angle if each.degrees[0] >= theta] or [self.by_angle[-1]]
+        one, two = below[-1], above[0]
+        if one.error is None or two.error is None:
+            worse = one if one.error is None else two
+            return ErrorBar(quantity, worse.kind, None, worse.rate, (theta, theta), worse.reason)
+        apart = two.degrees[0] - one.degrees[0]
+        share = (theta - one.degrees[0]) / apart if apart > 0 else 0.0
+        error = (1 - share) * one.error + share * two.error
+        return ErrorBar(quantity, one.kind, error, one.rate, (theta, theta), one.reason)
+
+    @property
+    def kind(self) -> BarKind:
+        """What the bars that are stated rest on; withdrawn where none is."""
+        return next((bar.kind for bar in self.bars if bar.error is not None), BarKind.WITHDRAWN)
+
+    def sentence(self) -> str:
+        """All bars in one sentence."""
+        stated = [bar for bar in self.bars if bar.error is not None]
+        albedo = self.bars[0]
+        if not stated:
+            return f"no error can be promised: {albedo.reason}"
+        low, high = albedo.degrees
+        said = ", ".join(
+            bar.words() + (f" ({low:.0f}–{high:.0f}°)" if bar.quantity == "albedo" else "") for bar in self.bars
+        )
+        if self.kind is BarKind.MEASURED:
+            return f"measured everywhere: {said}"
+        beyond = f"; measured {low:.0f}–{high:.0f}°, beyond is extrapolation" if high < _EDGE else ""
+        given = "if the samples are right"
+        if self.kind is BarKind.FAULT:
+            given = f"whatever is wrong ({stated[0].reason})"
+        return f"{given}: {said}; {_often(stated[0].rate)} such fits were{beyond}"
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        return {"all": [bar.record() for bar in self.bars], "by_angle": [bar.record() for bar in self.by_angle]}
+
+    @classmethod
+    def of_record(cls, record: Any) -> "ErrorBars | None":
+        """The bars of a record; None for what is none."""
+        try:
+            bars, by_angle = (tuple(map(ErrorBar.of, record[part])) for part in ("all", "by_angle"))
+        except (KeyError, TypeError, ValueError):
+            return None
+        return cls(bars, by_angle) if bars else None
+
+
+def percent(error: float) -> str:
+    """An error as a share in words, with two digits at most: 0.4%, 5%, 12%; a factor where it is over 100%."""
+    if error > 1:
+        return f"a factor of {1 + error:.2g}"
+    return f"{error:.1%}" if error < 0.00995 else f"{math.ceil(100 * error - 0.5):.0f}%"
+
+
+def _often(rate: float) -> str:
+    return "nine of ten" if abs(rate - 0.9) < 1e-9 else f"{rate:.0%} of"

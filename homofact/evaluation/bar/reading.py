@@ -1,0 +1,212 @@
+"""What the samples say by themselves, without a model: a reading of the nearest ones, and a fit held against it.
+
+The reading at a pair of directions is the mean, over its nearest samples in (√θh, θd, φd), of the logarithms
+log(f/A + 0.01). A second one, the *mended* fit, adds to the fit's own logarithm the mean of what it misses at these
+samples: where values are steep the plain reading is off and the mended one is not, where the fit stands between samples
+it is the other way round. Both are made from each half of the samples as well, so that a half judges places of the
+other, and what the two halves differ by is chance.
+
+The fit's light is then integrated beside theirs at the angles of `energy.ALBEDO_DEGREES`: the total, and the brightest
+`energy.HIGHLIGHT` of it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.spatial import KDTree
+from torch import Tensor
+
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.quality.extrapolation import Extrapolation
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.evaluation.energy import ALBEDO_DEGREES, HIGHLIGHT
+from homofact.evaluation.verdict.flux import flux_of
+from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.directions import from_spherical
+from homofact.geometry.quadrature import hemisphere_nodes
+
+NEIGHBOURS = 6
+MOST_SAMPLES = 12_000
+_EPSILON = 0.01
+_RINGS, _SPOKES = 24, 20
+_TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class SampleReading:
+    """A fit beside a reading of its samples.
+
+    Attributes
+    ----------
+    apart : RMS of log fit less reading, each half of the samples at the places of the other, weighted by light.
+    mended : the same of what the mended fit adds.
+    bias : of what the fit misses, the part on which both halves agree: noise is not in it.
+    albedo : per angle, log of the mended fit's total light over the fit's, of the channel that is farthest off.
+    read_albedo : the same of the plain reading.
+    chance : per angle, by how much the logs of the two halves' readings of the total light differ.
+    highlight, read_highlight, highlight_chance : the same of the brightest light, all angles together.
+    unmeasured : per angle, share of the fit's light at pairs that lie beyond the measurement.
+    gap : per angle, how far the fit's light is from the nearest sample, in (√θh, θd, φd) from 0 to 1 each, on average.
+    highlight_gap : the same of the brightest light.
+    effective : how many samples hold the light, (Σ f)²/Σ f² of it.
+    """
+
+    apart: float
+    mended: float
+    bias: float
+    albedo: tuple[float, ...]
+    read_albedo: tuple[float, ...]
+    chance: tuple[float, ...]
+    highlight: float
+    read_highlight: float
+    highlight_chance: float
+    unmeasured: tuple[float, ...]
+    gap: tuple[float, ...]
+    highlight_gap: float
+    effective: float
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Samples to be read: where they stand, and (N, C) their logarithms and what a fit misses of them."""
+
+    tree: KDTree
+    logs: Tensor
+    missed: Tensor
+
+    def read(self, place: np.ndarray) -> tuple[Tensor, Tensor]:
+        """The mean logarithm and the mean miss of the nearest samples, (M, C) each."""
+        count = min(NEIGHBOURS, self.tree.n)
+        near = torch.from_numpy(np.reshape(self.tree.query(place, k=count)[1], (len(place), count)))
+        return self.logs[near].mean(1), self.missed[near].mean(1)
+
+
+def reading_of(fit: Reflectance, samples: Samples, extrapolation: Extrapolation, seed: int = 0) -> SampleReading:
+    """Hold a fit against the reading of the samples that it was made from; `extrapolation` is of these."""
+    drawn = samples.subset(MOST_SAMPLES, seed)
+    transform = LogTransform.of_values(drawn.values, _EPSILON)
+    place = place_of(drawn.wi, drawn.wo, drawn.isotropic)
+    logs = transform.forward(drawn.values)
+    missed = logs - transform.forward(fit.evaluate(drawn.wi, drawn.wo).to(logs))
+    first = torch.rand(len(drawn), generator=torch.Generator().manual_seed(seed)) < 0.5
+    halves = [_known(place, logs, missed, each) for each in (first, ~first)]
+    light = flux_of(drawn) * drawn.values.mean(1)
+    apart, mended, bias = _between_halves(halves, (~first, first), place, logs - missed, light)
+    whole = _known(place, logs, missed, torch.ones_like(first))
+    nodes = _Nodes.of(fit, drawn, transform)
+    plain, better = nodes.lights(whole)
+    one, two = (nodes.lights(half)[0] for half in halves)
+    own = nodes.light(nodes.values)
+    return SampleReading(
+        apart,
+        mended,
+        bias,
+        _farthest(better[0], own[0]),
+        _farthest(plain[0], own[0]),
+        tuple(map(abs, _farthest(one[0], two[0]))),
+        _log_ratio(better[1], own[1]),
+        _log_ratio(plain[1], own[1]),
+        abs(_log_ratio(one[1], two[1])),
+        nodes.beyond(extrapolation),
+        *nodes.gaps(whole.tree),
+        float(light.sum() ** 2 / light.square().sum().clamp_min(_TINY)),
+    )
+
+
+def place_of(wi: Tensor, wo: Tensor, isotropic: bool) -> np.ndarray:
+    """Where pairs of directions (N, 3) are to be neighbours: (√θh, θd, φd), of anisotropic materials in both discs."""
+    if not isotropic:
+        return coordinate_system("in-out").evaluate(wi, wo).cpu().numpy()
+    place = (coordinate_system("isotropic-half-diff").evaluate(wi, wo).cpu().numpy() + 1) / 2
+    place[:, 0] = np.sqrt(place[:, 0].clip(0))
+    # An azimuth that means nothing at θh = 0 and at θd = 0 keeps nothing apart there.
+    place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
+    return place
+
+
+def _known(place: np.ndarray, logs: Tensor, missed: Tensor, chosen: Tensor) -> _Known:
+    return _Known(KDTree(place[chosen.numpy()]), logs[chosen], missed[chosen])
+
+
+def _between_halves(
+    halves: list[_Known], others: tuple[Tensor, Tensor], place: np.ndarray, fitted: Tensor, light: Tensor
+) -> tuple[float, float, float]:
+    """(apart, mended, bias) of `SampleReading`; `others` says which samples each half is read at."""
+    sums = torch.zeros(3, dtype=torch.float64)
+    for half, other, own in zip(halves, others, reversed(halves), strict=True):
+        at = place[other.numpy()]
+        read, missed = half.read(at)
+        weight = light[other][:, None] / light.sum().clamp_min(_TINY) / read.shape[1]
+        sums[0] += (weight * (read - fitted[other]).square()).sum()
+        sums[1] += (weight * missed.square()).sum()
+        sums[2] += (weight * missed * own.read(at)[1]).sum()
+    return tuple(float(each.clamp_min(0).sqrt()) for each in sums)  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """Where light is integrated: pairs (angles × nodes, 3), the weight of each, and the fit's values there (…, C)."""
+
+    wi: Tensor
+    wo: Tensor
+    place: np.ndarray
+    weight: Tensor
+    values: Tensor
+    brightest: Tensor
+    transform: LogTransform
+
+    @classmethod
+    def of(cls, fit: Reflectance, samples: Samples, transform: LogTransform) -> "_Nodes":
+        """The nodes of a fit at `energy.ALBEDO_DEGREES`, lit from one azimuth."""
+        theta = torch.tensor(ALBEDO_DEGREES, dtype=torch.float64).deg2rad()
+        lit = from_spherical(theta, torch.zeros_like(theta))
+        wo, solid = hemisphere_nodes(lit, _RINGS, _SPOKES)
+        wi, weight = lit[:, None].expand_as(wo).reshape(-1, 3), solid * wo[..., 2]
+        values = fit.evaluate(wi, wo.reshape(-1, 3)).to(torch.float64)
+        values = values.reshape(*weight.shape, -1)
+        flux = weight * values.mean(-1)
+        order = values.mean(-1).argsort(dim=1, descending=True, stable=True)
+        before = flux.gather(1, order).cumsum(1) - flux.gather(1, order)
+        inside = before < HIGHLIGHT * flux.sum(1, keepdim=True)
+        brightest = torch.zeros_like(flux).scatter(1, order, inside.to(flux))
+        place = place_of(wi, wo.reshape(-1, 3), samples.isotropic)
+        return cls(wi, wo.reshape(-1, 3), place, weight, values, brightest, transform)
+
+    def lights(self, known: _Known) -> tuple[tuple[Tensor, float], tuple[Tensor, float]]:
+        """`light` of the plain reading and of the mended fit."""
+        read, missed = known.read(self.place)
+        own = self.transform.forward(self.values.reshape(len(read), -1))
+        plain, better = (self.transform.inverse(logs).reshape(self.values.shape) for logs in (read, own + missed))
+        return self.light(plain), self.light(better)
+
+    def light(self, values: Tensor) -> tuple[Tensor, float]:
+        """(total light (angles, C), light where the fit is brightest) of values at the nodes."""
+        flux = self.weight[..., None] * values
+        return flux.sum(1), float((flux * self.brightest[..., None]).sum())
+
+    def gaps(self, tree: KDTree) -> tuple[tuple[float, ...], float]:
+        """`gap` and `highlight_gap` of `SampleReading`."""
+        flux = self.weight * self.values.mean(-1)
+        far = torch.from_numpy(np.asarray(tree.query(self.place)[0])).reshape(flux.shape)
+        bright = flux * self.brightest
+        mean = (flux * far).sum(1) / flux.sum(1).clamp_min(_TINY)
+        return tuple(mean.tolist()), float((bright * far).sum() / bright.sum().clamp_min(_TINY))
+
+    def beyond(self, extrapolation: Extrapolation) -> tuple[float, ...]:
+        """`unmeasured` of `SampleReading`."""
+        flux = self.weight * self.values.mean(-1)
+        outside = ~extrapolation.measured(self.wi, self.wo).reshape(flux.shape)
+        return tuple(((flux * outside).sum(1) / flux.sum(1).clamp_min(_TINY)).tolist())
+
+
+def _farthest(light: Tensor, own: Tensor) -> tuple[float, ...]:
+    """Per angle the log of the ratio (angles, C) of the channel that is farthest from 0."""
+    logs = (light.clamp_min(_TINY) / own.clamp_min(_TINY)).log()
+    return tuple(logs.gather(1, logs.abs().argmax(1, keepdim=True))[:, 0].tolist())
+
+
+def _log_ratio(light: float, own: float) -> float:
+    return math.log(max(light, _TINY) / max(own, _TINY))

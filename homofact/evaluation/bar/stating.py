@@ -1,0 +1,88 @@
+"""Which bars a fit is given: measured ones of a source that can be asked, else those of the table for its figures."""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from homofact.evaluation.appearance import Appearance
+from homofact.evaluation.bar.error_bar import BarKind, ErrorBar, ErrorBars
+from homofact.evaluation.bar.features import angles_in_range, features_of
+from homofact.evaluation.bar.table import QUANTITIES, RATE, BarModel, Table
+from homofact.evaluation.energy import ALBEDO_DEGREES
+
+if TYPE_CHECKING:
+    from homofact.evaluation.verdict.figures import Figures
+
+_HIGHEST = ALBEDO_DEGREES[-1]
+_WHOLE = 15.0  # degrees: what was measured from nearer to the normal than this is stated from 0
+_HUGE = 1e6
+
+
+def measured_bars(seen: Appearance) -> ErrorBars:
+    """The errors of a fit against its source, which was asked everywhere: nothing is judged."""
+    whole = (0.0, _HIGHEST)
+    rows = [max(_error(ratio) for ratio in row) for row in seen.energy.albedo_ratio]
+    errors = {
+        "albedo": max(rows),
+        "highlight": _error(seen.energy.highlight),
+        "sky": seen.off_sky,
+        "lamp": seen.off_light,
+    }
+    bars = tuple(
+        ErrorBar(name, BarKind.MEASURED, error, 1.0, whole) for name, error in errors.items() if not math.isnan(error)
+    )
+    by_angle = tuple(
+        ErrorBar("albedo", BarKind.MEASURED, error, 1.0, (degrees, degrees))
+        for degrees, error in zip(seen.energy.degrees, rows, strict=True)
+    )
+    return ErrorBars(bars, by_angle)
+
+
+def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table, doubt: str) -> ErrorBars:
+    """The bars of a fit to samples: if they are right, or, where there is a `doubt` in words, whatever is wrong.
+
+    `odds` are those of the suspicions.
+    """
+    kind = BarKind.FAULT if doubt else BarKind.RIGHT
+    models = "fault" if doubt else "right"
+    degrees = stated_range(figures)
+    bars = tuple(
+        ErrorBar.stated(
+            name, kind, _bound(constants.bars[models][name], features_of(figures, odds, name), name), RATE, degrees,
+            doubt,
+        )
+        for name in QUANTITIES
+    )  # fmt: skip
+    inside = angles_in_range(figures.coverage.lowest, figures.coverage.highest)
+    by_angle = []
+    for k in inside:
+        bound = _bound(constants.angles[models][k], features_of(figures, odds, "albedo", k), "albedo")
+        at = ALBEDO_DEGREES[k]
+        by_angle.append(ErrorBar.stated("albedo", kind, bound, RATE, (at, at), doubt))
+    return ErrorBars(bars, tuple(by_angle))
+
+
+def withdrawn_bars(figures: "Figures", reason: str) -> ErrorBars:
+    """No bar for any quantity."""
+    degrees = stated_range(figures)
+    return ErrorBars(tuple(ErrorBar(name, BarKind.WITHDRAWN, None, RATE, degrees, reason) for name in QUANTITIES))
+
+
+def stated_range(figures: "Figures") -> tuple[float, float]:
+    """The θ in degrees for which bars are stated: as far as was measured, and as albedos were calibrated."""
+    coverage = figures.coverage
+    lowest = 0.0 if coverage.lowest < _WHOLE else coverage.lowest
+    return lowest, min(coverage.highest, _HIGHEST)
+
+
+def _bound(model: BarModel, features: Mapping[str, float], quantity: str) -> float:
+    """The bound as a share: of light that of a logarithm, of a picture itself."""
+    bound = model.bound(features)
+    return bound if quantity == "sky" else math.expm1(min(bound, math.log(_HUGE)))
+
+
+def _error(ratio: float) -> float:
+    """How far a ratio is from 1, as a share of the smaller side."""
+    if not ratio > 0 or math.isinf(ratio):
+        return _HUGE
+    return math.expm1(min(abs(math.log(ratio)), math.log(_HUGE)))

@@ -1,0 +1,172 @@
+"""The figures that a verdict is made of, in groups: all are measured in `measuring`."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from homofact.evaluation.bar.reading import SampleReading
+
+
+@dataclass(frozen=True)
+class SystemFigures:
+    """The linear system that was solved; None where none was.
+
+    Attributes
+    ----------
+    condition : 1-norm condition number of the normal matrix.
+    determined : share of texels that samples hold rather than smoothing.
+    """
+
+    condition: float | None
+    determined: float | None
+
+
+@dataclass(frozen=True)
+class HeldOutFigures:
+    """How well the fit meets the samples that were held out of it.
+
+    Attributes
+    ----------
+    gap : held-out over training log MSE.
+    explained : share of the variance of the logs, over the discs, that the fit explains, of its worst channel: of the
+        source's at pairs drawn anew where it can be asked, else of the held-out ones.
+    misplaced : Σ|f̂ − f| over Σ f of the held-out light.
+    cut : share of the held-out light that is cut at zero.
+    """
+
+    gap: float
+    explained: float
+    misplaced: float
+    cut: float
+
+
+@dataclass(frozen=True)
+class LightFigures:
+    """The light of the fit, beside that of its source where this can be asked.
+
+    Attributes
+    ----------
+    off : the fit's light over the source's, farthest from 1: of a channel at an angle of incidence where the source can
+        be asked everywhere, else of the samples in a band of θi or θh; None where too few samples tell.
+    off_where : where that is, in words.
+    highlight : the same of the brightest part of the light.
+    texels_across : half width of the source's highlight in texels of the finest texture; None where there is none.
+    albedo : largest ∫ f cosθo dωo of the fit over channels and angles up to 88°.
+    step, step_where : its albedo at an angle up to 45° over that at the next, farthest from 1; which.
+    source_albedo : that of the source at up to 75°, None where it cannot be asked.
+    reciprocity : Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, of the fit's light.
+    data_reciprocity : of the source's light, or of samples and their swapped neighbours beyond what neighbours differ
+        by anyway; None where too few have one.
+    floor : relative RMS by which the source's own reciprocal part misses it, None where it cannot be asked.
+    """
+
+    off: float | None
+    off_where: str
+    highlight: float | None
+    texels_across: float | None
+    albedo: float
+    step: float
+    step_where: str
+    source_albedo: float | None
+    reciprocity: float
+    data_reciprocity: float | None
+    floor: float | None
+
+
+@dataclass(frozen=True)
+class DataFigures:
+    """The samples themselves.
+
+    Attributes
+    ----------
+    scatter : disagreement of neighbouring training samples in log units, None for too few.
+    noise : scatter of the darkest samples over the mean, None likewise.
+    outliers : light by which a few samples stand out.
+    zeros, dark : share of the samples that are exactly zero in a channel, and of the light that their neighbours
+        say is missing there.
+    black : share of the light of a white surface that falls where they are zero in all channels.
+    gamut : share of the samples that their reader cut at zero in a channel, their colour being outside sRGB.
+    clipped : share of the light at samples that share their channel's largest value.
+    rounded : share of the light of a channel that rounding to equal steps misses, on average.
+    repeated : light by which samples of the same directions differ from each other.
+    ring, ring_where : light of a ring of θi or θo over that of its neighbours under the fit, farthest from 1; which.
+    """
+
+    scatter: float | None
+    noise: float | None
+    outliers: float
+    zeros: float
+    dark: float
+    black: float
+    gamut: float
+    clipped: float
+    rounded: float
+    repeated: float
+    ring: float
+    ring_where: str
+
+
+@dataclass(frozen=True)
+class CoverageFigures:
+    """What was not measured.
+
+    Attributes
+    ----------
+    unmeasured : share of the fit's light at pairs of directions that lie beyond the measurement.
+    unresolved : share of the brightest part of a measurement's light that stands between samples, as `flux` says.
+    rising : exponent at which a measurement still rises towards the mirror direction where its samples end, as `flux`
+        says; 0 where the source can be asked.
+    lowest, highest : θ in degrees of the directions that were measured, a thousandth left out at either end; 0 and 90
+        where the source can be asked.
+    samples : how many the fit was made from.
+    innermost : θh in degrees within which a handful of samples lie; 0 where the source can be asked.
+    contrast : how much brighter these are than those at 20 to 30°.
+    """
+
+    unmeasured: float
+    unresolved: float
+    rising: float
+    lowest: float
+    highest: float
+    samples: int
+    innermost: float
+    contrast: float
+
+
+@dataclass(frozen=True)
+class Figures:
+    """All groups; `reading` is None where the source can be asked.
+
+    "Of the light" means weighted by the flux f cosθi cosθo that a pair of directions stands for.
+    """
+
+    system: SystemFigures
+    errors: HeldOutFigures
+    light: LightFigures
+    data: DataFigures
+    coverage: CoverageFigures
+    reading: SampleReading | None = None
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> "Figures":
+        """The figures of a record, as `record` makes it. Raises KeyError for what is none."""
+
+        def own(group: type[Any], found: Mapping[str, Any]) -> Any:
+            values = {each.name: found[each.name] for each in fields(group)}
+            return group(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})
+
+        reading = record["reading"]
+        return cls(
+            own(SystemFigures, record),
+            own(HeldOutFigures, record),
+            own(LightFigures, record),
+            own(DataFigures, record),
+            own(CoverageFigures, record),
+            None if reading is None else own(SampleReading, reading),
+        )
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary, the figures of all groups but the reading side by side."""
+        parts = (self.system, self.errors, self.light, self.data, self.coverage)
+        own = {name: value for part in parts for name, value in asdict(part).items()}
+        return own | {"reading": None if self.reading is None else asdict(self.reading)}

@@ -1,0 +1,83 @@
+"""Make the error bars' table, and report how often its bars hold.
+
+    python scripts/verdict/calibrate.py [--cases 100] [--seed 0] --store FITS.jsonl
+    python scripts/verdict/calibrate.py --report 105 --store FITS.jsonl --out docs/verdict.md
+
+Cases are drawn (`drawn_cases.py`), fitted and measured (`simulating.py`) into a store, so that an interrupted run goes
+on where it stopped; of fits of its first two parts the table is made (`calibrating.py`) and written to
+`homofact/evaluation/bar/table.json`. With --report the table stays as it is, and its bars and its warning are counted
+on the third part, which no weight and no threshold has seen (`coverage.py`). A case has three fits and takes
+some seconds on a core of its own.
+"""
+
+import hashlib
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from homofact.evaluation.bar.table import Table, table
+from homofact.evaluation.machine import machine
+from homofact.linear.normal import warm_up
+from homofact.stability.fault import Part
+from homofact.version import __version__
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from scripts.shared.harness import ROOT, data_folder, finish, parser_of, write
+from scripts.verdict.calibrating import calibrated, fits_of
+from scripts.verdict.coverage import report
+from scripts.verdict.drawn_cases import in_turn
+from scripts.verdict.simulating import simulate
+
+TABLE = ROOT / "homofact" / "evaluation" / "bar" / "table.json"
+_SHORT = 2
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Simulate what is lacking, then write the table, or the report on it."""
+    parser = parser_of(__doc__, "data", "out")
+    parser.add_argument("--cases", type=int, default=100, help="cases of each of the two parts (%(default)s)")
+    parser.add_argument("--report", type=int, default=0, help="cases to report on, instead of making the table")
+    parser.add_argument("--store", type=Path, required=True, help="the simulated fits, a JSON line each")
+    parser.add_argument("--table", type=Path, default=TABLE, help="where the table is written (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the draw of cases")
+    options = parser.parse_args(arguments)
+    warm_up()
+    folder = data_folder(options.data)
+    if options.report:
+        asked = {Part.REPORT: _SHORT if options.short else options.report}
+        fits = fits_of(simulate(in_turn(asked), folder, options.store, options.seed))
+        used = Table.of(json.loads(options.table.read_text(encoding="utf-8"))) if options.table != TABLE else table()
+        return finish([*report(fits, used), machine()], options)
+    count = _SHORT if options.short else options.cases
+    wanted: dict[Part, int] = {Part.FIRST: count, Part.SECOND: count}
+    records = simulate(in_turn(wanted), folder, options.store, options.seed)
+    made = made_of(records, wanted, options.seed)
+    constants = calibrated(fits_of(records), made)
+    write(options.table, written(constants))
+    return finish([f"{made['fits']} fits of {made['cases']} cases; the table is {options.table}."], options)
+
+
+def written(constants: dict[str, Any]) -> str:
+    """A table as JSON, each column of a model on a line."""
+    text = json.dumps(constants, indent=1, ensure_ascii=False)
+    return re.sub(r"\[\s+([^\[\]{}]+?)\s+\]", lambda found: f"[{' '.join(found[1].split())}]", text) + "\n"
+
+
+def made_of(records: list[dict[str, Any]], wanted: dict[Part, int], seed: int) -> dict[str, Any]:
+    """By what a table is made: the script, how much of what, and a hash of the fits' records."""
+    text = "\n".join(json.dumps(record, sort_keys=True) for record in records)
+    return {
+        "script": "scripts/verdict/calibrate.py",
+        "seed": seed,
+        "cases": sum(wanted.values()),
+        "fits": len(fits_of(records)),
+        "searched": sum(fit.searched for fit in fits_of(records)),
+        "hash": hashlib.sha256(text.encode()).hexdigest()[:16],
+        "version": __version__,
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,217 @@
+"""How often error bars hold and how often the warning is right, as tables: by kind of fault, layout, material, method.
+
+A bar covers a fit where the true error is within it. "Stated" is the bar that a user sees, for right data or widened
+or withdrawn as the verdict has it; a withdrawn bar promises nothing, and is counted apart. Intervals are of 95%:
+bootstrapped over cases where fits are counted, since the fits of a case are alike, else Wilson's.
+"""
+
+import math
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from statistics import median
+
+from homofact.evaluation.bar.error_bar import BarKind, ErrorBar
+from homofact.evaluation.bar.stating import stated_bars
+from homofact.evaluation.bar.table import QUANTITIES, Table
+from homofact.evaluation.verdict.judge import doubt_of
+from homofact.evaluation.verdict.verdict import Alarm
+from scripts.shared.harness import markdown
+from scripts.verdict.calibrating import SimulatedFit
+from scripts.verdict.regression import wilson
+
+_DRAWS = 400
+HEAD = Path(__file__).with_name("verdict_head.md")
+_MANY = 1e9
+
+
+@dataclass(frozen=True)
+class JudgedFit:
+    """A simulated fit with the bars and the score that a table gives it."""
+
+    fit: SimulatedFit
+    table: Table
+
+    @cached_property
+    def alarm(self) -> Alarm:
+        """The warning."""
+        return Alarm(self.table.score(self.fit.features("albedo")), self.table.threshold)
+
+    @cached_property
+    def doubt(self) -> str:
+        """Why the samples may be wrong."""
+        return doubt_of(self.fit.odds, self.alarm)
+
+    @property
+    def warned(self) -> bool:
+        """Whether the verdict warns."""
+        return self.alarm.given
+
+    def bar(self, quantity: str, doubt: str | None = None) -> ErrorBar:
+        """The bar that is stated, or that of another doubt ("" for right data)."""
+        return stated_bars(self.fit.figures, self.fit.odds, self.table, self.doubt if doubt is None else doubt).of(
+            quantity
+        )
+
+    def true(self, quantity: str) -> float:
+        """The true error as a share."""
+        error = self.fit.error(quantity)
+        return error if quantity == "sky" else math.expm1(min(error, 20.0))
+
+    def covered(self, quantity: str, doubt: str | None = None) -> bool | None:
+        """Whether the true error is within the bar; None where it is withdrawn."""
+        bar = self.bar(quantity, doubt)
+        return None if bar.error is None else self.true(quantity) <= bar.error
+
+
+Fits = Sequence[JudgedFit]
+
+
+def report(fits: Sequence[SimulatedFit], constants: Table) -> list[str]:
+    """The paragraphs of a report on fits that the table has not seen."""
+    judged = [JudgedFit(fit, constants) for fit in fits]
+    known = [each for each in judged if each.fit.knowable]
+    right = [each for each in judged if each.fit.right]
+    good = [each for each in known if each.fit.good]
+    by_fault = _groups(judged, lambda each: each.fit.record["fault"] or "clean")
+    return [
+        HEAD.read_text(encoding="utf-8").strip(),
+        "## The part that was reported on",
+        f"{len(judged)} fits of {len({each.fit.record['number'] for each in judged})} cases, {len(good)} of those that"
+        f" can be known good, {sum(each.fit.searched for each in judged)} searched; the table is of"
+        f" {constants.made['fits']} other fits (hash {constants.made['hash']}).",
+        "### Coverage of the stated bars",
+        _coverage_table(
+            {
+                "all that can be known": known,
+                "right data": right,
+                "wrong data, can be known": [each for each in known if not each.fit.right],
+                "cannot be known": [each for each in judged if not each.fit.knowable],
+                "searched, can be known": [each for each in known if each.fit.searched],
+            }
+        ),
+        "### Bounds on good fits",
+        _bounds_table({"right data": [each for each in right if each.fit.good], "all that can be known": good}),
+        "### Silent and alarms",
+        _alarm_table(
+            {
+                "all": judged,
+                "can be known": known,
+                "searched, can be known": [each for each in known if each.fit.searched],
+                "not searched, can be known": [each for each in known if not each.fit.searched],
+            }
+        ),
+        "### By kind of fault",
+        _coverage_table(by_fault),
+        "### By layout",
+        _coverage_table(_groups(known, lambda each: each.fit.record["layout"])),
+        "### By material",
+        _coverage_table(_groups(known, lambda each: kind_of_material(each.fit.record["material"]))),
+        "### By method",
+        _coverage_table(_groups(known, lambda each: each.fit.record["settings"])),
+        "### Bad fits that are not warned of",
+        _listed([each for each in known if not each.fit.good and not each.warned]),
+        "### Good fits that are warned of",
+        _listed([each for each in good if each.warned]),
+    ]
+
+
+def kind_of_material(name: str) -> str:
+    """An analytic model, a mixture or a surrogate."""
+    if name.startswith(("blinn-phong ", "ward ", "cook-torrance ")):
+        return "analytic"
+    return "mixture" if " + " in name else "surrogate"
+
+
+def _groups(fits: Fits, key: Callable[[JudgedFit], str]) -> dict[str, Fits]:
+    names = sorted({key(each) for each in fits})
+    return {name: [each for each in fits if key(each) == name] for name in names}
+
+
+def _coverage_table(groups: dict[str, Fits]) -> str:
+    lines = []
+    for name, fits in groups.items():
+        cells: list[object] = [name, len(fits)]
+        for quantity in QUANTITIES:
+            found = [(each.fit.record["number"], each.covered(quantity)) for each in fits]
+            stated = [(number, hit) for number, hit in found if hit is not None]
+            cells.append(_rate(stated) if stated else "–")
+        withdrawn = sum(each.bar("albedo").error is None for each in fits)
+        widened = sum(each.bar("albedo").kind is BarKind.FAULT for each in fits)
+        lines.append((*cells, widened, withdrawn))
+    return markdown(("fits", "number", *QUANTITIES, "widened", "withdrawn"), lines)
+
+
+def _bounds_table(groups: dict[str, Fits]) -> str:
+    lines = []
+    for name, fits in groups.items():
+        cells: list[object] = [name, len(fits)]
+        for quantity in QUANTITIES:
+            stated, if_right, fault = (
+                _median([_error(each.bar(quantity, doubt)) for each in fits]) for doubt in (None, "", "any")
+            )
+            true = _median([each.true(quantity) for each in fits])
+            cells.append(f"{stated} ({if_right} if right, {fault} whatever is wrong; true {true})")
+        lines.append(tuple(cells))
+    return markdown(("good fits", "number", *(f"{quantity}, median bound" for quantity in QUANTITIES)), lines)
+
+
+def _alarm_table(groups: dict[str, Fits]) -> str:
+    lines = []
+    for name, fits in groups.items():
+        bad, good = ([each for each in fits if each.fit.good is which] for which in (False, True))
+        silent = [(each.fit.record["number"], not each.warned) for each in bad]
+        alarms = [(each.fit.record["number"], each.warned) for each in good]
+        lines.append((name, len(bad), _rate(silent), len(good), _rate(alarms)))
+    return markdown(("fits", "bad", "silent on bad", "good", "alarms on good"), lines)
+
+
+def _listed(fits: Fits) -> str:
+    lines = [
+        (
+            each.fit.record["material"],
+            f"{each.fit.record['fault'] or 'clean'} {each.fit.record['strength']:g}, {each.fit.record['layout']}",
+            each.fit.record["settings"],
+            f"{each.true('albedo'):.0%}",
+            f"{each.fit.record['truth']['explained']:.2f}",
+            f"{each.alarm.score:.2f}",
+            ", ".join(each.fit.odds) or "–",
+        )
+        for each in fits
+    ]
+    if not lines:
+        return "None."
+    head = ("material", "samples", "method", "albedo off", "explained", "score", "suspected")
+    return markdown(head, lines, 3)
+
+
+def _rate(hits: Sequence[tuple[int, bool]]) -> str:
+    """ "91% [87–94]": the share of hits with its interval, cases (numbered) drawn again and again."""
+    if not hits:
+        return "–"
+    cases: dict[int, list[bool]] = {}
+    for number, hit in hits:
+        cases.setdefault(number, []).append(hit)
+    chance, groups = random.Random(0), list(cases.values())
+    shares = []
+    for _ in range(_DRAWS):
+        drawn = [hit for _ in groups for hit in chance.choice(groups)]
+        shares.append(sum(drawn) / len(drawn))
+    shares.sort()
+    low, high = shares[int(0.025 * _DRAWS)], shares[int(0.975 * _DRAWS) - 1]
+    if low == high:
+        low, high = wilson(round(low * len(groups)), len(groups))
+    return f"{sum(hit for _, hit in hits) / len(hits):.0%} [{100 * low:.0f}–{100 * high:.0f}]"
+
+
+def _error(bar: ErrorBar) -> float:
+    return _MANY if bar.error is None else bar.error
+
+
+def _median(values: Sequence[float]) -> str:
+    if not values:
+        return "–"
+    middle = median(values)
+    return "none" if middle >= _MANY else f"{middle:.1%}"

@@ -1,0 +1,161 @@
+"""Error bars: what they say, where they end, what widens them, and a reading that sees what a fit misses."""
+
+import math
+import time
+from dataclasses import replace
+
+import pytest
+import torch
+from judged import MODEL, TRAIN, Altered, measured, noisy, verdict
+from refusals import refused
+
+import homofact
+from homofact.api.result import RecordedVerdict
+from homofact.brdf.quality.extrapolation import Extrapolation
+from homofact.brdf.samples import Samples
+from homofact.brdf.sampling import sample_model
+from homofact.evaluation.bar.error_bar import MOST, BarKind, ErrorBar, ErrorBars, percent
+from homofact.evaluation.bar.features import FEATURES, OF_QUANTITY, features_of
+from homofact.evaluation.bar.reading import reading_of
+from homofact.evaluation.bar.table import QUANTITIES, RATE, table
+from homofact.evaluation.energy import ALBEDO_DEGREES
+from homofact.evaluation.verdict.figures import Figures
+
+MANY = measured(sample_model(MODEL, 5000, "lobe", seed=8))
+
+
+def read(change: float = 1.0, samples: Samples = MANY) -> "object":
+    fit = Altered(lambda values, wi, wo: change * values)
+    return reading_of(fit, samples, Extrapolation(samples))
+
+
+def bars(*errors: float | None, degrees: tuple[float, float] = (0.0, 75.0)) -> ErrorBars:
+    by_angle = tuple(
+        ErrorBar("albedo", BarKind.RIGHT, error, 0.9, (at, at)) for error, at in zip(errors, (20.0, 40.0), strict=False)
+    )
+    return ErrorBars(tuple(ErrorBar.stated(name, BarKind.RIGHT, 0.05, 0.9, degrees) for name in QUANTITIES), by_angle)
+
+
+def test_the_samples_own_model_is_read_as_right_and_a_scaled_one_as_off() -> None:
+    right, off = read(), read(1.3)
+    assert right.mended < 0.01  # type: ignore[attr-defined]
+    assert max(map(abs, right.albedo)) < 0.01  # type: ignore[attr-defined]
+    # ε of the logarithms takes a little of it.
+    for mended in off.albedo:  # type: ignore[attr-defined]
+        assert mended == pytest.approx(-math.log(1.3), abs=0.02)
+    assert off.highlight == pytest.approx(-math.log(1.3), abs=0.01)  # type: ignore[attr-defined]
+    assert off.bias == pytest.approx(math.log(1.3), abs=0.02)  # type: ignore[attr-defined]
+
+
+def test_noise_is_mended_and_is_no_bias() -> None:
+    noise = torch.randn(MANY.values.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
+    noisy_ones = replace(MANY, values=MANY.values * torch.exp(0.2 * noise))
+    found = read(samples=noisy_ones)
+    assert found.mended > 0.05  # type: ignore[attr-defined]
+    assert found.bias < 0.6 * found.mended  # type: ignore[attr-defined]
+
+
+def test_the_table_has_what_is_stated_and_says_by_what_it_was_made() -> None:
+    found = table()
+    known = {*FEATURES, *OF_QUANTITY}
+    for kind in ("right", "fault"):
+        assert set(found.bars[kind]) == set(QUANTITIES)
+        assert len(found.angles[kind]) == len(ALBEDO_DEGREES)
+        for model in (*found.bars[kind].values(), *found.angles[kind]):
+            assert {*model.model.columns, *model.spread.columns} <= known
+            assert model.quantile > 0
+    assert 0 < found.threshold < 1
+    assert set(found.made) >= {"script", "seed", "cases", "fits", "searched", "hash", "version"}
+
+
+def test_features_are_documented_and_come_back_from_a_record() -> None:
+    figures = verdict(train=MANY).figures
+    for quantity in QUANTITIES:
+        found = features_of(figures, {}, quantity)
+        assert set(found) == {*FEATURES, *OF_QUANTITY}
+        assert all(math.isfinite(value) for value in found.values())
+        again = Figures.of(verdict(train=MANY).record())
+        assert features_of(again, {}, quantity) == found
+    one = features_of(figures, {"pi": 1000.0}, "albedo")
+    assert one["odds"] > features_of(figures, {}, "albedo")["odds"]
+
+
+def test_a_worse_fit_has_wider_bars_and_a_higher_score() -> None:
+    good = verdict(train=MANY)
+    worse = verdict(Altered(lambda values, wi, wo: values * (0.3 + wi[:, :1].abs())), train=MANY)
+    assert good.bars.kind is BarKind.RIGHT
+    assert good.bars.of("albedo").rate == RATE
+    for name in ("albedo", "sky"):
+        wide, narrow = worse.bars.of(name).error, good.bars.of(name).error
+        assert narrow is not None
+        assert wide is None or wide > 2 * narrow
+    assert worse.alarm.score > good.alarm.score
+    assert not worse.trusted
+
+
+def test_bars_end_where_the_measurement_ends() -> None:
+    near = MANY.select((MANY.wi[:, 2] > 0.5) & (MANY.wo[:, 2] > 0.5))
+    found = verdict(train=near).bars
+    assert found.of("albedo").degrees == (0.0, pytest.approx(60, abs=1))
+    assert found.interval("albedo", 45).error is not None
+    beyond = found.interval("albedo", 70)
+    assert (beyond.kind, beyond.error) == (BarKind.WITHDRAWN, None)
+    assert "beyond is extrapolation" in beyond.reason
+    assert "beyond is extrapolation" in found.sentence()
+
+
+def test_anisotropic_samples_are_promised_nothing() -> None:
+    found = verdict(train=replace(measured(TRAIN), isotropic=False)).bars
+    assert found.kind is BarKind.WITHDRAWN
+    assert "anisotropic" in found.of("sky").reason
+
+
+def test_an_angle_between_two_has_an_error_between_theirs() -> None:
+    found = bars(0.1, 0.3)
+    assert found.interval("albedo", 30).error == pytest.approx(0.2)
+    assert found.interval("albedo", 5).error == 0.1
+    assert found.interval("albedo", 75).error == 0.3
+    assert found.interval("albedo").error == 0.05
+    assert bars(0.1, None).interval("albedo", 30).error is None
+    with refused(where="quantity", found="'gloss'"):
+        found.interval("gloss")
+    with refused(where="theta", found="30 of sky"):
+        found.interval("sky", 30)
+    with refused(where="theta", found="-1"):
+        found.interval("albedo", -1)
+
+
+def test_a_bar_that_says_nothing_is_withdrawn() -> None:
+    assert ErrorBar.stated("sky", BarKind.RIGHT, 1.01 * MOST, 0.9, (0, 75)).kind is BarKind.WITHDRAWN
+    assert ErrorBar.stated("sky", BarKind.RIGHT, math.nan, 0.9, (0, 75)).error is None
+    bar = ErrorBar.stated("sky", BarKind.RIGHT, 0.25, 0.9, (0, 75))
+    assert (bar.low, bar.high) == (0.8, 1.25)
+    assert ErrorBar.of(bar.record()) == bar
+
+
+@pytest.mark.parametrize(("error", "words"), [(0.004, "0.4%"), (0.052, "5%"), (0.4, "40%"), (2.0, "a factor of 3")])
+def test_an_error_in_words(error: float, words: str) -> None:
+    assert percent(error) == words
+
+
+def test_a_fit_states_its_interval_and_so_does_its_report() -> None:
+    fit = homofact.fit("material:phong-10", homofact.McCool(size=8))
+    bar = fit.interval("albedo", 40)
+    assert bar.kind is BarKind.MEASURED
+    assert fit.verdict is not None
+    recorded = RecordedVerdict.of(fit.verdict.record())  # type: ignore[attr-defined]
+    assert recorded is not None
+    assert replace(fit, verdict=recorded).interval("albedo", 40) == bar
+    with refused(where="interval"):
+        homofact.Fit(fit.factorization).interval()
+    broken = RecordedVerdict.of({"trusted": True, "bars": {"all": [{"kind": "sure"}]}})
+    assert broken is not None
+    assert broken.bars is None
+
+
+def test_judging_takes_no_longer_than_it_may() -> None:
+    """Half a second; four times as much for a machine that does other things."""
+    verdict(train=MANY)
+    began = time.process_time()
+    verdict(train=measured(noisy(0.05)))
+    assert time.process_time() - began < 2.0
