@@ -1,0 +1,197 @@
+"""Look for artefacts: needles, rings, rims, holes and spots that pictures of a fit show and pictures of its source do not.
+
+    look = look_for_artefacts(fit, source)
+    look.artefacts        # the worst first; empty where nothing was found
+
+Each picture of `views` is shown at two exposures, chosen from the source: by its highlight and by its median (the
+close-up by its peak and its highlight). `structure` compares them, `artefact` names what it finds. The pictures of a
+source are kept for its next fit as long as the source object lives.
+
+Where a source is known at its samples alone, its pictures are of their interpolation (`brdf.neighbours`), in several
+readings. Pixels whose light comes from pairs of directions far from any sample are left out.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from scipy import ndimage
+from torch import Tensor
+
+from homofact.brdf.channels import display_of
+from homofact.brdf.neighbours import NearestSamples
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.brdf.scattered import made_of_samples
+from homofact.brdf.source import Source, measured_epsilon
+from homofact.evaluation.artefacts.artefact import Artefact, artefact_of
+from homofact.evaluation.artefacts.structure import LUMA, SourceRange
+from homofact.evaluation.artefacts.views import View, views
+from homofact.evaluation.kept import Kept
+from homofact.rendering.sphere import SphereImage
+from homofact.rendering.surface import shader
+from homofact.rendering.tonemap import TARGET, choose_exposure, choose_middle, displayed
+
+# Of the encoded difference from what the source shows: a pixel counts from here on.
+LEAST = 0.015
+# The sum of it over a piece, in parts of all pixels of the picture.
+LEAST_SUM = 6e-5
+# By how much the pictures differ in a piece, in parts of white.
+LEAST_SIZE = 0.03
+# A piece beside a stronger one of the other sign is the shadow that the bands throw.
+_SHADOW = 0.7
+MOST_LEFT_OUT = 0.1  # of a pixel's light
+FEWEST = 100  # samples that an interpolation needs
+
+
+@dataclass(frozen=True)
+class Look:
+    """What was found.
+
+    Attributes
+    ----------
+    artefacts : the worst of each kind, the worst first.
+    left_out : the part of the pictures' pixels that no sample of the source says anything about.
+    """
+
+    artefacts: tuple[Artefact, ...]
+    left_out: float
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        return {"artefacts": [each.record() for each in self.artefacts], "left_out": self.left_out}
+
+
+def look_for_artefacts(fit: Reflectance, source: Source | Samples) -> Look | None:
+    """What pictures of a fit show that those of its source, or of its samples, do not.
+
+    None where their channels cannot be shown in a picture. Raises BadInput where the fit is not finite.
+    """
+    pictures = _KEPT.of(source)
+    return None if pictures is None else pictures.look(fit)
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A view at one exposure: what the source shows there."""
+
+    view: View
+    exposure: float
+    curve: str
+    picture: np.ndarray
+    known: np.ndarray
+    range: SourceRange
+
+    def pieces(self, radiance: Tensor) -> Iterator[tuple[float, Artefact]]:
+        """(sum of the excess, artefact) of each piece that the fit's radiance shows, one artefact a place."""
+        picture = _encoded(radiance, self.view, self.exposure, self.curve)
+        excess = self.range.excess(picture)
+        differs = np.sqrt(((picture - self.picture) ** 2) @ LUMA)
+        count = self.view.inside.sum()
+        found = []
+        for sign in (1, -1):
+            labels, number = ndimage.label(sign * excess >= LEAST, np.ones((3, 3)))
+            for piece in (labels == 1 + k for k in range(number)):
+                strength = float(np.abs(excess[piece]).sum()) / count
+                size = float(np.percentile(differs[piece], 90))
+                if strength >= LEAST_SUM and size >= LEAST_SIZE:
+                    found.append((strength, sign, piece, size))
+        for strength, sign, piece, size in found:
+            near = ndimage.binary_dilation(piece, iterations=3)
+            if any(one != sign and strength < _SHADOW * other and (near & at).any() for other, one, at, _ in found):
+                continue
+            yield strength, artefact_of(self.view, piece, sign > 0, size)
+
+
+class _SourcePictures:
+    """All that is shown of one source."""
+
+    def __init__(self, source: Source | Samples) -> None:
+        readings = _readings(source)
+        self.to_rgb = display_of(readings[0].channels)
+        drawn = [self.draw(each) for each in readings]
+        self.shown: list[_Shown] = []
+        left_out = []
+        for number, view in enumerate(views()):
+            several = [each[number] for each in drawn]
+            known = view.inside & ~_left_out(view, readings[0], several[0])
+            left_out.append(1 - known.sum() / view.inside.sum())
+            image = SphereImage(several[0], torch.from_numpy(known).to(torch.float64))
+            for choose, curve in _EXPOSURES[view.name]:
+                exposure = choose(image)
+                pictures = [_encoded(each, view, exposure, curve) for each in several]
+                bounds = SourceRange.of(pictures, known)
+                self.shown.append(_Shown(view, exposure, curve, pictures[0], known, bounds))
+        self.left_out = float(np.mean(left_out))
+
+    def draw(self, reflectance: Reflectance) -> list[Tensor]:
+        """The radiance of every view."""
+        shade = shader(reflectance, self.to_rgb)
+        wi, wo = (torch.cat([getattr(view, name) for view in views()]) for name in ("wi", "wo"))
+        values = shade(wi, wo).split([len(view.wi) for view in views()])
+        return [view.radiance(part) for view, part in zip(views(), values, strict=True)]
+
+    def look(self, fit: Reflectance) -> Look:
+        """What a fit shows."""
+        drawn = dict(zip((view.name for view in views()), self.draw(fit), strict=True))
+        found = [piece for each in self.shown for piece in each.pieces(drawn[each.view.name])]
+        worst: dict[Any, tuple[float, Artefact]] = {}
+        for strength, artefact in found:
+            if artefact.kind not in worst or worst[artefact.kind][0] < strength:
+                worst[artefact.kind] = strength, artefact
+        ordered = sorted(worst.values(), key=lambda each: -each[0])
+        return Look(tuple(artefact for _, artefact in ordered), self.left_out)
+
+
+_KEPT = Kept(lambda source: _SourcePictures(source) if _can_be_shown(source) else None)
+
+
+def _can_be_shown(source: Source | Samples) -> bool:
+    """Whether its channels are those of a picture, and its samples enough for an interpolation."""
+    samples = source if isinstance(source, Samples) else source.samples
+    shown = len(samples.channels) in (1, 3) or display_of(samples.channels) is not None
+    return shown and (_can_be_asked(source) or len(samples) >= FEWEST)
+
+
+def _can_be_asked(source: Source | Samples) -> bool:
+    return isinstance(source, Source) and not made_of_samples(source.reflectance)
+
+
+def _readings(source: Source | Samples) -> tuple[Reflectance, ...]:
+    """The source itself, or the interpolations of its samples, the best first."""
+    if isinstance(source, Source) and _can_be_asked(source):
+        return (source.reflectance,)
+    samples = source if isinstance(source, Samples) else source.samples
+    epsilon = measured_epsilon(source) if isinstance(source, Samples) else source.default_epsilon
+    best = NearestSamples(samples, epsilon)
+    return (best, *best.spread())
+
+
+def _left_out(view: View, reading: Reflectance, radiance: Tensor) -> np.ndarray:
+    """The pixels (H, W) too much of whose light comes from beyond the samples; none of a source that can be asked."""
+    if not isinstance(reading, NearestSamples):
+        return np.zeros_like(view.inside)
+    values = reading.evaluate(view.wi, view.wo)
+    lost = view.radiance(values * reading.beyond(view.wi, view.wo)[:, None])
+    return (lost.sum(2) > MOST_LEFT_OUT * radiance.sum(2)).numpy()
+
+
+def _encoded(radiance: Tensor, view: View, exposure: float, curve: str) -> np.ndarray:
+    """The picture (H, W, 3) as a screen shows it, in [0, 1]."""
+    image = SphereImage(radiance, torch.from_numpy(view.inside).to(torch.float64))
+    return displayed(image, exposure, curve=curve).numpy()
+
+
+def _by_peak(image: SphereImage) -> float:
+    """The exposure that takes the brightest value of all to `TARGET`; 1 if all is black."""
+    peak = float((image.radiance.max(2).values * image.coverage).max())
+    return TARGET / peak if peak > 0 else 1.0
+
+
+_EXPOSURES: dict[str, tuple[tuple[Callable[[SphereImage], float], str], ...]] = {
+    "lamp": ((choose_exposure, "srgb"), (choose_middle, "filmic")),
+    "highlight": ((_by_peak, "srgb"), (choose_exposure, "srgb")),
+    "sky": ((choose_exposure, "srgb"), (choose_middle, "filmic")),
+}
