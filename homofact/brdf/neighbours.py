@@ -1,127 +1,141 @@
 """A quick smooth interpolation of scattered samples from the nearest of them, for pictures of many thousand pairs.
 
 `brdf.scattered` solves a system for every pair of directions. Here a plane meets the logarithms log((f + εA)/A) of the
-`NEIGHBOURS` nearest samples by weighted least squares. A sample counts (1 − r²)², r its distance over that of the
-farthest neighbour, so that the surface has no steps. A slight ridge holds the plane, since neighbours may lie on one
-line, and the result stays within the values of the neighbours.
+`NEAREST` samples by weighted least squares. A sample counts (1 − r²)², r its distance over that of the farthest of
+them, so that the surface has no steps. A slight ridge holds the plane, since neighbours may lie on one line, and the
+result stays within the values of the neighbours.
 
 Isotropic samples stand at (√θh cos 2φd, √θh sin 2φd, θd), scaled to 1: the root spreads the highlight, φd is folded to
 [0, π/2], and all of it meets at θh = 0, where φd is undefined. Anisotropic ones stand at the parabolic coordinates of
 both directions.
 
-`spread` gives other readings of the same samples, which tell how sure an interpolation is. A pair is `beyond` the
-samples where the nearest one is farther off than samples are from each other.
+Three further readings of the same samples tell how sure the first one is: by each half of the samples, and by `MORE` of
+them. A pair is beyond the samples where the nearest one is farther off than samples are from each other.
 """
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from scipy.spatial import KDTree
 from torch import Tensor
 
-from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
+from homofact.linear.kernels import kernel
 
-NEIGHBOURS, MORE = 12, 32
+NEAREST, MORE = 12, 24
 # A pair's nearest sample may be so many times as far as all but a tenth of the samples are from their neighbours.
-FARTHEST, OF_SAMPLES = 2.0, 0.9
+FARTHEST, MOST_SAMPLES, THEIR_NEIGHBOURS = 1.0, 0.9, 4
 _RIDGE = 1e-2
-_CHUNK = 1 << 15
+_SEED = 20261124
 
 
 @dataclass(frozen=True)
-class NearestSamples:
-    """A `Reflectance` of the samples nearest to a pair of directions.
+class Interpolated:
+    """Values of scattered samples between them.
 
-    `epsilon` > 0 is the ε of the logarithm, `neighbours` how many samples are read.
+    Attributes
+    ----------
+    readings : (N, C) BRDF values in sr⁻¹ each, the best first; 0 where a direction is under the horizon.
+    beyond : (N,) whether no sample is near.
     """
 
-    samples: Samples
-    epsilon: float
-    neighbours: int = NEIGHBOURS
+    readings: tuple[Tensor, ...]
+    beyond: Tensor
 
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Those of the samples."""
-        return self.samples.channels
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of coordinates and logs of all samples in float64."""
-        return self._tree.data.nbytes + self._logs.nbytes
+def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> Interpolated:
+    """The values of `samples` at pairs of directions (N, 3), by the ε of the logarithm."""
+    transform = LogTransform.of_values(samples.values.cpu(), epsilon)
+    logs = transform.forward(samples.values.cpu()).numpy()
+    tree = KDTree(_places(samples.wi.cpu(), samples.wo.cpu(), samples.isotropic))
+    spacing = np.asarray(tree.query(tree.data, k=min(1 + THEIR_NEIGHBOURS, len(samples)))[0])[:, -1]
+    above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
+    place = _places(wi.double(), wo.double(), samples.isotropic)
+    distance, near = (
+        each.reshape(len(place), -1) for each in map(np.asarray, tree.query(place, k=min(MORE, len(samples))))
+    )
+    half = torch.rand(len(samples), generator=torch.Generator().manual_seed(_SEED)).numpy() < 0.5
+    everything = np.ones(len(samples), dtype=bool)
+    readings = [
+        _planes(place, np.ascontiguousarray(tree.data), logs, distance, near, kept, number, _RIDGE)
+        for kept, number in ((everything, NEAREST), (half, NEAREST), (~half, NEAREST), (everything, MORE))
+    ]
+    values = (transform.inverse(torch.from_numpy(each)) for each in readings)
+    beyond = distance[:, 0] > FARTHEST * np.quantile(spacing, MOST_SAMPLES)
+    return Interpolated(tuple(torch.where(above, each, 0.0) for each in values), torch.from_numpy(beyond))
 
-    @property
-    def fetches(self) -> int:
-        """Samples read for one value."""
-        return self._read
 
-    @answering_in_kind
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
-        above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
-        place = _places(wi[above].double(), wo[above].double(), self.samples.isotropic)
-        parts = [self._plane(place[start : start + _CHUNK]) for start in range(0, len(place), _CHUNK)]
-        values = torch.zeros(wi.shape[0], len(self.channels), dtype=wi.dtype)
-        if parts:
-            values[above] = self._transform.inverse(torch.from_numpy(np.concatenate(parts))).to(values)
-        return values
-
-    def beyond(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Whether pairs (N,) are farther from any sample than samples are from each other."""
-        place = _places(wi.double(), wo.double(), self.samples.isotropic)
-        return torch.from_numpy(self._tree.query(place)[0] > FARTHEST * self._spacing)
-
-    def spread(self, seed: int = 0) -> "tuple[NearestSamples, ...]":
-        """Other readings of the same samples: of each half of them, drawn by `seed`, and of more neighbours."""
-        first, second = self.samples.split(0.5, seed)
-        return (
-            *(replace(self, samples=half) for half in (first, second)),
-            replace(self, neighbours=MORE),
-        )
-
-    def _plane(self, place: np.ndarray) -> np.ndarray:
-        """The logs (N, C) at places (N, D)."""
-        distance, near = (np.reshape(each, (len(place), -1)) for each in self._tree.query(place, k=self._read))
-        r = distance / np.maximum(distance[:, -1:] * 1.0001, 1e-12)
-        weight = (1 - r**2) ** 2
-        weight /= weight.sum(1, keepdims=True)
-        logs = self._logs[near]
-        mean = np.einsum("nk,nkc->nc", weight, logs)
-        offset = self._tree.data[near] - place[:, None]
-        middle = np.einsum("nk,nkd->nd", weight, offset)
-        offset = offset - middle[:, None]
-        moment = np.einsum("nk,nkd,nke->nde", weight, offset, offset)
-        size = np.trace(moment, axis1=1, axis2=2)[:, None, None] / moment.shape[1]
-        moment = moment + (_RIDGE * size + 1e-15) * np.eye(moment.shape[1])
-        slope = np.linalg.solve(moment, np.einsum("nk,nkd,nkc->ndc", weight, offset, logs))
-        found = mean - np.einsum("nd,ndc->nc", middle, slope)
-        return found.clip(logs.min(1), logs.max(1))
-
-    @property
-    def _read(self) -> int:
-        return min(self.neighbours, len(self.samples))
-
-    @cached_property
-    def _tree(self) -> KDTree:
-        return KDTree(_places(self.samples.wi.cpu(), self.samples.wo.cpu(), self.samples.isotropic))
-
-    @cached_property
-    def _spacing(self) -> float:
-        distance = self._tree.query(self._tree.data, k=min(5, len(self.samples)))[0]
-        return float(np.quantile(distance[:, -1], OF_SAMPLES))
-
-    @cached_property
-    def _transform(self) -> LogTransform:
-        return LogTransform.of_values(self.samples.values.cpu(), self.epsilon)
-
-    @cached_property
-    def _logs(self) -> np.ndarray:
-        return self._transform.forward(self.samples.values.cpu()).numpy()
+@kernel()
+def _planes(place, points, logs, distance, near, kept, number, ridge):
+    """The logs (N, C) at places (N, D) by the first `number` of the neighbours (N, K) that are `kept` (samples,)."""
+    count, dimension, channels = place.shape[0], place.shape[1], logs.shape[1]
+    found = np.empty((count, channels))
+    chosen, weight = np.empty(number, dtype=np.int64), np.empty(number)
+    offset, middle = np.empty((number, dimension)), np.empty(dimension)
+    moment, against = np.empty((dimension, dimension)), np.empty((dimension, channels))
+    for n in range(count):
+        used = 0
+        reach = 0.0
+        for k in range(near.shape[1]):
+            if used < number and (kept[near[n, k]] or (used == 0 and k == near.shape[1] - 1)):
+                chosen[used] = near[n, k]
+                weight[used] = distance[n, k]
+                reach = distance[n, k]
+                used += 1
+        reach = max(reach * 1.0001, 1e-12)
+        total = 0.0
+        middle[:] = 0.0
+        for k in range(used):
+            weight[k] = (1 - (weight[k] / reach) ** 2) ** 2
+            total += weight[k]
+            for d in range(dimension):
+                offset[k, d] = points[chosen[k], d] - place[n, d]
+                middle[d] += weight[k] * offset[k, d]
+        middle /= total
+        moment[:] = 0.0
+        against[:] = 0.0
+        mean = np.zeros(channels)
+        low, high = logs[chosen[0]].copy(), logs[chosen[0]].copy()
+        for k in range(used):
+            share = weight[k] / total
+            for c in range(channels):
+                value = logs[chosen[k], c]
+                mean[c] += share * value
+                low[c], high[c] = min(low[c], value), max(high[c], value)
+            for d in range(dimension):
+                off = share * (offset[k, d] - middle[d])
+                for e in range(dimension):
+                    moment[d, e] += off * (offset[k, e] - middle[e])
+                for c in range(channels):
+                    against[d, c] += off * logs[chosen[k], c]
+        held = 1e-15
+        for d in range(dimension):
+            held += ridge * moment[d, d] / dimension
+        for d in range(dimension):
+            moment[d, d] += held
+        # Gauss's elimination without pivots: the matrix is positive definite.
+        for d in range(dimension):
+            for e in range(d + 1, dimension):
+                factor = moment[e, d] / moment[d, d]
+                for g in range(d, dimension):
+                    moment[e, g] -= factor * moment[d, g]
+                for c in range(channels):
+                    against[e, c] -= factor * against[d, c]
+        for d in range(dimension - 1, -1, -1):
+            for c in range(channels):
+                for e in range(d + 1, dimension):
+                    against[d, c] -= moment[d, e] * against[e, c]
+                against[d, c] /= moment[d, d]
+        for c in range(channels):
+            value = mean[c]
+            for d in range(dimension):
+                value -= middle[d] * against[d, c]
+            found[n, c] = min(max(value, low[c]), high[c])
+    return found
 
 
 def _places(wi: Tensor, wo: Tensor, isotropic: bool) -> np.ndarray:

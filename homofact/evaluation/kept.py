@@ -8,7 +8,7 @@ Made = TypeVar("Made")
 
 
 class Kept(Generic[Made]):
-    """The results of `make(source)`, one for each source object; an entry goes with its source, and keeps none alive."""
+    """The results of `make(source)`, one for each source object; an entry goes with its source, keeping none alive."""
 
     def __init__(self, make: Callable[[Any], Made]) -> None:
         self._make = make

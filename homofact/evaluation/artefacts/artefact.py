@@ -62,8 +62,8 @@ class Artefact:
         """The artefact in a clause."""
         light = "bright" if self.bright else "dark"
         return (
-            f"a {light} {self.kind.value} {self.where}, {self.size:.0%} of white over {self.area:.1%} of"
-            f" {_PICTURES[self.view]}"
+            f"a {light} {self.kind.value} {self.where} ({self.size:.0%} of white over {self.area:.1%} of"
+            f" {_PICTURES[self.view]})"
         )
 
     def record(self) -> dict[str, Any]:
@@ -106,7 +106,6 @@ class _Place:
     off: np.ndarray
     x: np.ndarray
     y: np.ndarray
-    behind: bool
 
     @classmethod
     def of(cls, view: View, inside: np.ndarray) -> "_Place":
@@ -114,7 +113,7 @@ class _Place:
         seen = normal[:, 2]
         highlights = view.lights + np.array([0.0, 0.0, 1.0])
         highlights /= np.linalg.norm(highlights, axis=1, keepdims=True)
-        nearest = int(np.argmax((highlights @ normal.T).max(1))) if len(highlights) == 1 else _nearest(highlights, normal)
+        nearest = int(np.argmax(highlights @ normal.mean(0)))
         light = view.lights[nearest]
         mirrored = 2 * seen[:, None] * normal - np.array([0.0, 0.0, 1.0])
         return cls(
@@ -123,13 +122,7 @@ class _Place:
             _degrees(mirrored @ light),
             normal[:, 0] - highlights[nearest, 0],
             normal[:, 1] - highlights[nearest, 1],
-            False,
         )
-
-
-def _nearest(highlights: np.ndarray, normal: np.ndarray) -> int:
-    """The highlight that is nearest to the middle of normals (n, 3)."""
-    return int(np.argmax(highlights @ normal.mean(0)))
 
 
 def _kind(place: _Place, bright: bool) -> Kind:

@@ -1,4 +1,4 @@
-"""Look for artefacts: needles, rings, rims, holes and spots that pictures of a fit show and pictures of its source do not.
+"""Look for artefacts: needles, rings, rims, holes and spots in pictures of a fit that its source does not show.
 
     look = look_for_artefacts(fit, source)
     look.artefacts        # the worst first; empty where nothing was found
@@ -13,6 +13,7 @@ readings. Pixels whose light comes from pairs of directions far from any sample 
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from scipy import ndimage
 from torch import Tensor
 
 from homofact.brdf.channels import display_of
-from homofact.brdf.neighbours import NearestSamples
+from homofact.brdf.neighbours import interpolated
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.scattered import made_of_samples
@@ -35,9 +36,9 @@ from homofact.rendering.surface import shader
 from homofact.rendering.tonemap import TARGET, choose_exposure, choose_middle, displayed
 
 # Of the encoded difference from what the source shows: a pixel counts from here on.
-LEAST = 0.015
+LEAST = 0.01
 # The sum of it over a piece, in parts of all pixels of the picture.
-LEAST_SUM = 6e-5
+LEAST_SUM = 8e-5
 # By how much the pictures differ in a piece, in parts of white.
 LEAST_SIZE = 0.03
 # A piece beside a stronger one of the other sign is the shadow that the bands throw.
@@ -81,7 +82,6 @@ class _Shown:
     exposure: float
     curve: str
     picture: np.ndarray
-    known: np.ndarray
     range: SourceRange
 
     def pieces(self, radiance: Tensor) -> Iterator[tuple[float, Artefact]]:
@@ -92,8 +92,8 @@ class _Shown:
         count = self.view.inside.sum()
         found = []
         for sign in (1, -1):
-            labels, number = ndimage.label(sign * excess >= LEAST, np.ones((3, 3)))
-            for piece in (labels == 1 + k for k in range(number)):
+            labels: Any = ndimage.label(sign * excess >= LEAST, np.ones((3, 3)))
+            for piece in (labels[0] == 1 + k for k in range(labels[1])):
                 strength = float(np.abs(excess[piece]).sum()) / count
                 size = float(np.percentile(differs[piece], 90))
                 if strength >= LEAST_SUM and size >= LEAST_SIZE:
@@ -109,33 +109,43 @@ class _SourcePictures:
     """All that is shown of one source."""
 
     def __init__(self, source: Source | Samples) -> None:
-        readings = _readings(source)
-        self.to_rgb = display_of(readings[0].channels)
-        drawn = [self.draw(each) for each in readings]
+        samples = source if isinstance(source, Samples) else source.samples
+        self.to_rgb = display_of(samples.channels)
+        if isinstance(source, Source) and not made_of_samples(source.reflectance):
+            readings, beyond = [self.draw(source.reflectance)], None
+        else:
+            epsilon = measured_epsilon(samples) if isinstance(source, Samples) else source.default_epsilon
+            found = interpolated(samples, epsilon, *_pairs())
+            readings = [self.in_colour(values) for values in found.readings]
+            beyond = found.beyond.to(torch.float64)[:, None]
         self.shown: list[_Shown] = []
         left_out = []
-        for number, view in enumerate(views()):
-            several = [each[number] for each in drawn]
-            known = view.inside & ~_left_out(view, readings[0], several[0])
+        for view, part in _parts():
+            several = [view.radiance(values[part]) for values in readings]
+            known = view.inside
+            if beyond is not None:
+                lost = view.radiance(readings[0][part] * beyond[part]).sum(2)
+                known = known & (lost <= MOST_LEFT_OUT * several[0].sum(2)).numpy()
             left_out.append(1 - known.sum() / view.inside.sum())
             image = SphereImage(several[0], torch.from_numpy(known).to(torch.float64))
             for choose, curve in _EXPOSURES[view.name]:
                 exposure = choose(image)
                 pictures = [_encoded(each, view, exposure, curve) for each in several]
-                bounds = SourceRange.of(pictures, known)
-                self.shown.append(_Shown(view, exposure, curve, pictures[0], known, bounds))
+                self.shown.append(_Shown(view, exposure, curve, pictures[0], SourceRange.of(pictures, known)))
         self.left_out = float(np.mean(left_out))
 
-    def draw(self, reflectance: Reflectance) -> list[Tensor]:
-        """The radiance of every view."""
-        shade = shader(reflectance, self.to_rgb)
-        wi, wo = (torch.cat([getattr(view, name) for view in views()]) for name in ("wi", "wo"))
-        values = shade(wi, wo).split([len(view.wi) for view in views()])
-        return [view.radiance(part) for view, part in zip(views(), values, strict=True)]
+    def draw(self, reflectance: Reflectance) -> Tensor:
+        """The values (N, 1 or 3) of a reflectance at the pairs of all views. Raises BadInput for one not finite."""
+        return shader(reflectance, self.to_rgb)(*_pairs())
+
+    def in_colour(self, values: Tensor) -> Tensor:
+        """Values (N, C) of the source's channels in those of a picture."""
+        return values if self.to_rgb is None else self.to_rgb(values)
 
     def look(self, fit: Reflectance) -> Look:
         """What a fit shows."""
-        drawn = dict(zip((view.name for view in views()), self.draw(fit), strict=True))
+        values = self.draw(fit)
+        drawn = {view.name: view.radiance(values[part]) for view, part in _parts()}
         found = [piece for each in self.shown for piece in each.pieces(drawn[each.view.name])]
         worst: dict[Any, tuple[float, Artefact]] = {}
         for strength, artefact in found:
@@ -151,31 +161,21 @@ _KEPT = Kept(lambda source: _SourcePictures(source) if _can_be_shown(source) els
 def _can_be_shown(source: Source | Samples) -> bool:
     """Whether its channels are those of a picture, and its samples enough for an interpolation."""
     samples = source if isinstance(source, Samples) else source.samples
-    shown = len(samples.channels) in (1, 3) or display_of(samples.channels) is not None
-    return shown and (_can_be_asked(source) or len(samples) >= FEWEST)
+    return len(samples) >= FEWEST and (len(samples.channels) in (1, 3) or display_of(samples.channels) is not None)
 
 
-def _can_be_asked(source: Source | Samples) -> bool:
-    return isinstance(source, Source) and not made_of_samples(source.reflectance)
+@lru_cache(maxsize=1)
+def _pairs() -> tuple[Tensor, Tensor]:
+    """(ωi, ωo) (N, 3) of all views, one after the other."""
+    return torch.cat([view.wi for view in views()]), torch.cat([view.wo for view in views()])
 
 
-def _readings(source: Source | Samples) -> tuple[Reflectance, ...]:
-    """The source itself, or the interpolations of its samples, the best first."""
-    if isinstance(source, Source) and _can_be_asked(source):
-        return (source.reflectance,)
-    samples = source if isinstance(source, Samples) else source.samples
-    epsilon = measured_epsilon(source) if isinstance(source, Samples) else source.default_epsilon
-    best = NearestSamples(samples, epsilon)
-    return (best, *best.spread())
-
-
-def _left_out(view: View, reading: Reflectance, radiance: Tensor) -> np.ndarray:
-    """The pixels (H, W) too much of whose light comes from beyond the samples; none of a source that can be asked."""
-    if not isinstance(reading, NearestSamples):
-        return np.zeros_like(view.inside)
-    values = reading.evaluate(view.wi, view.wo)
-    lost = view.radiance(values * reading.beyond(view.wi, view.wo)[:, None])
-    return (lost.sum(2) > MOST_LEFT_OUT * radiance.sum(2)).numpy()
+def _parts() -> Iterator[tuple[View, slice]]:
+    """Each view, and where its pairs stand among all."""
+    start = 0
+    for view in views():
+        yield view, slice(start, start + len(view.wi))
+        start += len(view.wi)
 
 
 def _encoded(radiance: Tensor, view: View, exposure: float, curve: str) -> np.ndarray:

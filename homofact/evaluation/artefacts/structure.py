@@ -11,15 +11,15 @@ Where the source is known at samples alone several readings of it are given, and
 widened by what the readings differ.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 
-BANDS = ((0.7, 2.5), (1.5, 5.0), (3.0, 10.0))
+BANDS = ((0.0, 1.0), (0.7, 2.5), (1.5, 5.0), (3.0, 10.0))
 REACH = 2.0
-STRETCH = 0.5
+STRETCH = 0.25
 # Of a channel in what is seen: the luminance of linear sRGB (IEC 61966-2-1).
 LUMA = np.array([0.2126, 0.7152, 0.0722])
 _CUT = 3.0  # a Gaussian's reach in widths
@@ -38,7 +38,7 @@ class SourceRange:
         banded = [bands(reading, inside) for reading in readings]
         bounds = []
         for (inner, _), *parts in zip(BANDS, *banded, strict=True):
-            size = 2 * round(REACH * inner) + 1
+            size = 2 * max(1, round(REACH * inner)) + 1
             low = np.min([_filtered(ndimage.minimum_filter, part, inside, size, np.inf) for part in parts], 0)
             high = np.max([_filtered(ndimage.maximum_filter, part, inside, size, -np.inf) for part in parts], 0)
             apart = np.max(parts, 0) - np.min(parts, 0)
@@ -80,7 +80,9 @@ def _blur(picture: np.ndarray, inside: np.ndarray, width: float) -> np.ndarray:
     return found / np.maximum(share, 1e-12)[..., None]
 
 
-def _filtered(which, band: np.ndarray, inside: np.ndarray, size: int, outside: float) -> np.ndarray:
+def _filtered(
+    which: Callable[..., np.ndarray], band: np.ndarray, inside: np.ndarray, size: int, outside: float
+) -> np.ndarray:
     """The least or largest value of each pixel's surroundings, channel by channel."""
     filled = np.where(inside[..., None], band, outside)
     found = which(filled, size=(size, size, 1), mode="nearest")

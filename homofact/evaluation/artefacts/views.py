@@ -80,7 +80,9 @@ def sky_lamps() -> list[DirectionalLight]:
         azimuth = number * (math.pi * (3 - math.sqrt(5))) + 0.7
         across = math.sqrt(1 - height**2)
         level = 2.0 ** -(number * 5 % _SCATTERED * _DOUBLINGS / _SCATTERED)
-        lamps.append(DirectionalLight((across * math.cos(azimuth), across * math.sin(azimuth), height), math.pi * level))
+        lamps.append(
+            DirectionalLight((across * math.cos(azimuth), across * math.sin(azimuth), height), math.pi * level)
+        )
     for number in range(_IN_A_ROW):
         along = -0.15 + 0.06 * number
         lamps.append(DirectionalLight((along, -0.75, 0.65), math.pi / 4))

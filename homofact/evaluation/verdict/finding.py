@@ -13,9 +13,9 @@ from typing import Any
 from homofact.errors import Advice
 
 NAMES = (
-    "status", "condition", "light", "highlight", "narrow", "explained", "positivity", "energy", "step", "reciprocity",
-    "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring", "coverage", "sampling",
-    "determined", "azimuth",
+    "status", "condition", "artefact", "light", "highlight", "narrow", "explained", "positivity", "energy", "step",
+    "reciprocity", "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring", "coverage",
+    "sampling", "determined", "azimuth",
 )  # fmt: skip
 VISIBLE, SEVERE = 0.1, 0.15  # of the light: from here on a picture shows it, or is another material's
 

@@ -16,6 +16,7 @@ from homofact.brdf.quality.suspicion.suspects import suspicions
 from homofact.brdf.samples import Samples
 from homofact.errors import Report
 from homofact.evaluation.appearance import Appearance
+from homofact.evaluation.artefacts.look import Look
 from homofact.evaluation.metrics import SixErrors, explained_variance
 from homofact.evaluation.peak import texels_per_radian
 from homofact.evaluation.verdict import flux
@@ -44,10 +45,12 @@ def judge(
     test: Samples,
     errors: tuple[SixErrors, SixErrors],
     seen: Appearance | None = None,
+    look: Look | None = None,
 ) -> Verdict:
     """The verdict on a fit of `train`, whose `errors` on (what it was given, `test`) are known.
 
-    `seen` is its appearance beside its source, None where that cannot be asked. `train` are the training samples as
+    `seen` is its appearance beside its source, None where that cannot be asked, `look` what pictures of it show
+    (`artefacts.look`). `train` are the training samples as
     measured: azimuth copies agree with each other perfectly and would hide it.
     """
     drawn = train.subset(_MOST_SAMPLES, settings.seed)
@@ -65,6 +68,7 @@ def judge(
             flux.rising(drawn, flux.flux_of(drawn)) if seen is None and scheme_of(train) is None else 0.0,
         ),
         findings=(),
+        look=look,
     )
     held_out = errors[1].log_mse
     findings = [

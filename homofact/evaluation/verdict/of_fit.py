@@ -23,6 +23,7 @@ WORTH_NAMING = 0.01  # a source's own floor, relative RMS
 def faults_of_the_fit(verdict: Verdict, settings: Method) -> Iterator[Finding]:
     """The findings about a fit by `settings`, from its figures."""
     yield from _solver(verdict)
+    yield from _artefacts(verdict, settings)
     yield from _light(verdict.light, settings)
     yield from _explained(verdict, settings)
     yield from _energy(verdict.light)
@@ -42,6 +43,19 @@ def _solver(verdict: Verdict) -> Iterator[Finding]:
             f"the system's condition number is {condition:.1e}, expected at most {LARGEST_CONDITION:.0e}",
             "more smoothing, fewer textures or more samples",
             Advice("smoothing", 1e-3),
+            Grade.VISIBLE,
+        )
+
+
+def _artefacts(verdict: Verdict, settings: Method) -> Iterator[Finding]:
+    """Structure that pictures of the fit show and those of its source do not."""
+    for artefact in () if verdict.look is None else verdict.look.artefacts:
+        yield _finding(
+            "artefact",
+            None,
+            f"{artefact.words}, which the source does not have",
+            "larger textures or more of them, other projections",
+            _larger(settings),
             Grade.VISIBLE,
         )
 

@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from homofact.errors import Advice, Status
+from homofact.evaluation.artefacts.look import Look
 from homofact.evaluation.verdict.finding import About, Finding
 
 CLOSE = 0.03  # of the light: nearer is called right
@@ -130,6 +131,8 @@ class CoverageFigures:
 class Verdict:
     """The figures of every check, and the findings among them, the worst first; `status` is how the fit ended.
 
+    `look` is what pictures of the fit show beside those of its source, None where nothing could be drawn.
+
     "Of the light" means weighted by the flux f cosθi cosθo that a pair of directions stands for.
     """
 
@@ -140,6 +143,7 @@ class Verdict:
     data: DataFigures
     coverage: CoverageFigures
     findings: tuple[Finding, ...]
+    look: Look | None = None
 
     @property
     def trusted(self) -> bool:
@@ -155,7 +159,9 @@ class Verdict:
         """What the fit is good for, in one sentence."""
         misses = abs(self.light.off - 1) if self.light.off is not None else self.errors.misplaced
         said = []
-        if misses <= CLOSE:
+        shown = () if self.look is None else self.look.artefacts
+        # Light that is right as a whole is not called right where a picture shows a ring.
+        if misses <= CLOSE and not shown:
             known = "wherever it was measured" if self.coverage.unmeasured > CLOSE else "at every angle"
             said.append(f"its light is right to 3% {known}")
         elif misses <= DIFFUSE:
@@ -163,6 +169,8 @@ class Verdict:
         else:
             where = f" ({self.light.off_where})" if self.light.off is not None else ""
             said.append(f"its light is off by {misses:.0%}{where}")
+        if shown:
+            said.append(f"visible artefacts: {', '.join(each.kind.value for each in shown)}")
         if self.light.highlight is not None and abs(self.light.highlight - 1) > CLOSE:
             direction = "dark" if self.light.highlight < 1 else "bright"
             said.append(f"highlight {abs(self.light.highlight - 1):.0%} too {direction}")
@@ -185,4 +193,5 @@ class Verdict:
             "summary": self.summary,
             "recommended": None if self.recommended is None else self.recommended.record(),
             "findings": [finding.record() for finding in self.findings],
+            "look": None if self.look is None else self.look.record(),
         }
