@@ -28,7 +28,7 @@ from homofact.linear.kernels import kernel
 
 NEAREST, MORE = 12, 24
 # A pair's nearest sample may be so many times as far as all but a tenth of the samples are from their neighbours.
-FARTHEST, MOST_SAMPLES, THEIR_NEIGHBOURS = 1.0, 0.9, 4
+FARTHEST, MOST_SAMPLES, THEIR_NEIGHBOURS = 1.5, 0.9, 4
 _RIDGE = 1e-2
 _SEED = 20261124
 

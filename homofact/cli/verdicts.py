@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from homofact.evaluation.verdict.finding import Finding
     from homofact.evaluation.verdict.verdict import Verdict
 
+LEAST_LEFT_OUT = 0.01  # of the pictures: from here on it is said
+
 
 def verdict_lines(verdict: "Verdict") -> list[str]:
     """The verdict in a sentence with its figures, then its findings by whose fault they are, then what to try."""
@@ -20,6 +22,8 @@ def verdict_lines(verdict: "Verdict") -> list[str]:
         figures.append(f"{verdict.system.determined:.0%} of the texels determined by samples")
     if verdict.system.condition is not None:
         figures.append(f"condition {verdict.system.condition:.0e}")
+    if verdict.look is not None and verdict.look.left_out >= LEAST_LEFT_OUT:
+        figures.append(f"{verdict.look.left_out:.0%} of the pictures without samples, not searched for artefacts")
     figures += [f"albedo up to {figure(verdict.light.albedo)}", f"misplaced light {verdict.errors.misplaced:.1%}"]
     lines = [f"Verdict: {verdict.summary}", f"  ({', '.join(figures)})"]
     for whose in About:

@@ -35,10 +35,9 @@ from homofact.rendering.sphere import SphereImage
 from homofact.rendering.surface import shader
 from homofact.rendering.tonemap import TARGET, choose_exposure, choose_middle, displayed
 
-# Of the encoded difference from what the source shows: a pixel counts from here on.
-LEAST = 0.01
-# The sum of it over a piece, in parts of all pixels of the picture.
-LEAST_SUM = 8e-5
+# Of each view: the encoded excess from which on a pixel counts, and the sum of it over a piece, in parts of all pixels
+# of the picture, from which on the piece does. A close-up is smooth, and a needle in it is thin.
+LEAST = {"lamp": (0.01, 8e-5), "highlight": (0.004, 5.5e-5), "sky": (0.01, 8e-5)}
 # By how much the pictures differ in a piece, in parts of white.
 LEAST_SIZE = 0.03
 # A piece beside a stronger one of the other sign is the shadow that the bands throw.
@@ -75,7 +74,7 @@ def look_for_artefacts(fit: Reflectance, source: Source | Samples) -> Look | Non
 
 
 @dataclass(frozen=True)
-class _Shown:
+class Shown:
     """A view at one exposure: what the source shows there."""
 
     view: View
@@ -84,19 +83,19 @@ class _Shown:
     picture: np.ndarray
     range: SourceRange
 
-    def pieces(self, radiance: Tensor) -> Iterator[tuple[float, Artefact]]:
-        """(sum of the excess, artefact) of each piece that the fit's radiance shows, one artefact a place."""
-        picture = _encoded(radiance, self.view, self.exposure, self.curve)
+    def pieces(self, picture: np.ndarray) -> Iterator[tuple[float, Artefact]]:
+        """(sum of the excess, artefact) of each piece that the fit's picture shows, one artefact a place."""
         excess = self.range.excess(picture)
         differs = np.sqrt(((picture - self.picture) ** 2) @ LUMA)
         count = self.view.inside.sum()
+        least, least_sum = LEAST[self.view.name]
         found = []
         for sign in (1, -1):
-            labels: Any = ndimage.label(sign * excess >= LEAST, np.ones((3, 3)))
+            labels: Any = ndimage.label(sign * excess >= least, np.ones((3, 3)))
             for piece in (labels[0] == 1 + k for k in range(labels[1])):
                 strength = float(np.abs(excess[piece]).sum()) / count
                 size = float(np.percentile(differs[piece], 90))
-                if strength >= LEAST_SUM and size >= LEAST_SIZE:
+                if strength >= least_sum and size >= LEAST_SIZE:
                     found.append((strength, sign, piece, size))
         for strength, sign, piece, size in found:
             near = ndimage.binary_dilation(piece, iterations=3)
@@ -105,7 +104,7 @@ class _Shown:
             yield strength, artefact_of(self.view, piece, sign > 0, size)
 
 
-class _SourcePictures:
+class SourcePictures:
     """All that is shown of one source."""
 
     def __init__(self, source: Source | Samples) -> None:
@@ -118,7 +117,7 @@ class _SourcePictures:
             found = interpolated(samples, epsilon, *_pairs())
             readings = [self.in_colour(values) for values in found.readings]
             beyond = found.beyond.to(torch.float64)[:, None]
-        self.shown: list[_Shown] = []
+        self.shown: list[Shown] = []
         left_out = []
         for view, part in _parts():
             several = [view.radiance(values[part]) for values in readings]
@@ -131,7 +130,7 @@ class _SourcePictures:
             for choose, curve in _EXPOSURES[view.name]:
                 exposure = choose(image)
                 pictures = [_encoded(each, view, exposure, curve) for each in several]
-                self.shown.append(_Shown(view, exposure, curve, pictures[0], SourceRange.of(pictures, known)))
+                self.shown.append(Shown(view, exposure, curve, pictures[0], SourceRange.of(pictures, known)))
         self.left_out = float(np.mean(left_out))
 
     def draw(self, reflectance: Reflectance) -> Tensor:
@@ -142,11 +141,16 @@ class _SourcePictures:
         """Values (N, C) of the source's channels in those of a picture."""
         return values if self.to_rgb is None else self.to_rgb(values)
 
-    def look(self, fit: Reflectance) -> Look:
-        """What a fit shows."""
+    def pictures(self, fit: Reflectance) -> list[np.ndarray]:
+        """The encoded pictures (H, W, 3) of a fit, one for each of `shown`."""
         values = self.draw(fit)
         drawn = {view.name: view.radiance(values[part]) for view, part in _parts()}
-        found = [piece for each in self.shown for piece in each.pieces(drawn[each.view.name])]
+        return [_encoded(drawn[each.view.name], each.view, each.exposure, each.curve) for each in self.shown]
+
+    def look(self, fit: Reflectance) -> Look:
+        """What a fit shows."""
+        pairs = zip(self.shown, self.pictures(fit), strict=True)
+        found = [piece for shown, picture in pairs for piece in shown.pieces(picture)]
         worst: dict[Any, tuple[float, Artefact]] = {}
         for strength, artefact in found:
             if artefact.kind not in worst or worst[artefact.kind][0] < strength:
@@ -155,7 +159,7 @@ class _SourcePictures:
         return Look(tuple(artefact for _, artefact in ordered), self.left_out)
 
 
-_KEPT = Kept(lambda source: _SourcePictures(source) if _can_be_shown(source) else None)
+_KEPT = Kept(lambda source: SourcePictures(source) if _can_be_shown(source) else None)
 
 
 def _can_be_shown(source: Source | Samples) -> bool:

@@ -17,6 +17,7 @@ from homofact.brdf.samples import Samples
 from homofact.errors import Report
 from homofact.evaluation.appearance import Appearance
 from homofact.evaluation.artefacts.look import Look
+from homofact.evaluation.energy import HIGHLIGHT
 from homofact.evaluation.metrics import SixErrors, explained_variance
 from homofact.evaluation.peak import texels_per_radian
 from homofact.evaluation.verdict import flux
@@ -112,6 +113,7 @@ def _light(
         off=off,
         off_where=off_where,
         highlight=flux.brightest(drawn, light, values) if seen is None else seen.energy.highlight,
+        highlight_share=flux.BRIGHTEST if seen is None else HIGHLIGHT,
         texels_across=None if width is None or not fitted.textures else width * texels_per_radian(fitted),
         albedo=float(albedos.max()),
         step=step,
@@ -119,7 +121,7 @@ def _light(
         source_albedo=None if seen is None else max(max(row) for row in seen.energy.source_albedo),
         reciprocity=asymmetry,
         data_reciprocity=flux.asymmetry_of_samples(drawn, light, seed) if seen is None else seen.energy.asymmetry,
-        floor=None if seen is None else seen.energy.floor,
+        floor=None if seen is None else seen.energy.floor_cosine,
     )
     return figures, unmeasured
 

@@ -136,7 +136,8 @@ def _light(light: LightFigures, settings: Method) -> Iterator[Finding]:
         yield _finding(
             "highlight",
             abs(light.highlight - 1),
-            f"the brightest directions hold {light.highlight:.3g} of the source's light, expected 1 within {OFF:.0%}",
+            f"the directions that hold the brightest {light.highlight_share:.0%} of the source's light reflect"
+            f" {light.highlight:.3g} of it, expected 1 within {OFF:.0%}",
             "larger textures, samples within the highlight, less smoothing",
             _larger(settings),
         )
@@ -161,7 +162,7 @@ def floor_of(light: LightFigures) -> str:
     """What the source's own lack of reciprocity leaves to a reciprocal fit, where it is worth a word."""
     if light.floor is None or not light.floor >= WORTH_NAMING:
         return ""
-    return f" (no reciprocal fit comes nearer to this source than {light.floor:.0%} RMS)"
+    return f" (no reciprocal fit comes nearer to this source than {light.floor:.0%} RMS of f cosθi cosθo)"
 
 
 def _more_textures(settings: Method) -> Advice | None:

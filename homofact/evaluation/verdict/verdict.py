@@ -53,7 +53,8 @@ class LightFigures:
     off : the fit's light over the source's, farthest from 1: of a channel at an angle of incidence where the source can
         be asked everywhere, else of the samples in a band of θi or θh; None where too few samples tell.
     off_where : where that is, in words.
-    highlight : the same of the brightest part of the light.
+    highlight : the same of the directions that hold the brightest part of the source's light.
+    highlight_share : that part, of each incidence where the source can be asked, else of all samples.
     texels_across : half width of the source's highlight in texels of the finest texture; None where there is none.
     albedo : largest ∫ f cosθo dωo of the fit over channels and angles up to 88°.
     step, step_where : its albedo at an angle up to 45° over that at the next, farthest from 1; which.
@@ -61,12 +62,14 @@ class LightFigures:
     reciprocity : Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, of the fit's light.
     data_reciprocity : of the source's light, or of samples and their swapped neighbours beyond what neighbours differ
         by anyway; None where too few have one.
-    floor : relative RMS by which the source's own reciprocal part misses it, None where it cannot be asked.
+    floor : relative RMS of f cosθi cosθo by which the source's own reciprocal part misses it, None where it cannot be
+        asked.
     """
 
     off: float | None
     off_where: str
     highlight: float | None
+    highlight_share: float
     texels_across: float | None
     albedo: float
     step: float
@@ -173,7 +176,8 @@ class Verdict:
             said.append(f"visible artefacts: {', '.join(each.kind.value for each in shown)}")
         if self.light.highlight is not None and abs(self.light.highlight - 1) > CLOSE:
             direction = "dark" if self.light.highlight < 1 else "bright"
-            said.append(f"highlight {abs(self.light.highlight - 1):.0%} too {direction}")
+            share = f"the brightest {self.light.highlight_share:.0%} of its light"
+            said.append(f"highlight ({share}) {abs(self.light.highlight - 1):.0%} too {direction}")
         if self.coverage.unmeasured > CLOSE:
             said.append(f"{self.coverage.unmeasured:.0%} of its light is where nothing was measured")
         return "; ".join(said)
