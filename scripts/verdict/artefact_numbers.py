@@ -78,7 +78,7 @@ def materials(data: Path, short: bool) -> dict[str, list[Material]]:
             *_networks(merl, material_names(merl)[2::6]),
             *((name, str(file), (FEW, MANY)) for name, file in files.items()),
         ],
-        "test": [*_networks(merl, material_names(merl)[5::6]), *_networks(others, unseen[3::6]), *models],
+        "test": [*_networks(merl, material_names(merl)[5::12]), *_networks(others, unseen[3::12]), *models],
     }
 
 

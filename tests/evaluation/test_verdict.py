@@ -48,7 +48,7 @@ def test_a_good_fit_has_nothing_found_against_it_and_all_its_figures() -> None:
     assert verdict.trusted
     assert verdict.light.highlight == pytest.approx(1, abs=0.1)
     assert verdict.light.off == pytest.approx(1, abs=0.1)
-    assert verdict.light.floor == 0
+    assert verdict.light.floor == pytest.approx(0, abs=1e-9)
     assert verdict.errors.explained > 0.98
     assert verdict.errors.misplaced < 0.1
     assert verdict.light.source_albedo is not None

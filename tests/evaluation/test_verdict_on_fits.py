@@ -136,7 +136,7 @@ def test_a_verdict_is_summed_up_in_a_sentence() -> None:
         "its light is right to 3% wherever it was measured; 13% of its light is where nothing was measured"
     )
     assert verdict(seen=seen(albedo=0.92, highlight=0.8)).summary == (
-        "good for diffuse light, off by at most 8%; highlight 20% too dark"
+        "good for diffuse light, off by at most 8%; highlight (the brightest 1% of its light) 20% too dark"
     )
     assert verdict(seen=seen(albedo=1.5)).summary == f"its light is off by 50% ({MODEL.channels[1]} at θi = 5°)"
 
@@ -179,7 +179,7 @@ def test_data_that_are_not_reciprocal_are_the_datas_and_a_fit_that_is_not_is_the
     flat = Altered(lambda values, *_: values.mean(0).expand_as(values))
     for floor, said in ((0.12, True), (0.005, False)):
         one = next(each for each in verdict(flat, seen=seen(floor=floor)).findings if each.name == "explained")
-        assert (" RMS)" in one.found) is said
+        assert ("RMS of f cosθi cosθo)" in one.found) is said
 
 
 @pytest.mark.parametrize(("power", "found"), [(0.05, False), (0.5, True)])

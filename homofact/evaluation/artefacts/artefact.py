@@ -5,7 +5,7 @@ in this order:
 
 * rim: most of it lies where light or viewer graze (`GRAZING`);
 * ring: it has one distance from the highlight, within `THIN` of it, over at least a quarter of the turn about it;
-* needle: it is at least `LONG` times as long as wide, and its axis passes the highlight;
+* needle: it is at least `LONG` times as long as wide, its axis passes the highlight, and it is not far from it;
 * else a spot where it is bright, a hole where it is dark.
 
 Distances are angles between the mirrored view and the light; under several lamps those of the lamp whose highlight is
@@ -23,6 +23,7 @@ from homofact.evaluation.artefacts.views import View
 GRAZING = 60.0  # degrees
 MOSTLY = 0.6
 THIN, LONG = 0.3, 3.0
+ARM = 6.0  # a needle's arms start outside the highlight: their middle lies within so many times their spread
 _BINS = 24  # of the turn about a highlight
 
 
@@ -150,7 +151,7 @@ def _is_needle(place: _Place) -> bool:
         return False
     across = abs(float(axes[:, 0] @ middle))
     along = abs(float(axes[:, 1] @ middle))
-    return across <= max(length / 2, 2 * width) and along <= 4 * length
+    return across <= max(length / 2, 2 * width) and along <= ARM * length
 
 
 def _where(view: View, place: _Place, kind: Kind) -> str:

@@ -136,8 +136,8 @@ def _light(light: LightFigures, settings: Method) -> Iterator[Finding]:
         yield _finding(
             "highlight",
             abs(light.highlight - 1),
-            f"the directions that hold the brightest {light.highlight_share:.0%} of the source's light reflect"
-            f" {light.highlight:.3g} of it, expected 1 within {OFF:.0%}",
+            f"the brightest directions hold {light.highlight:.3g} of the source's light, expected 1 within {OFF:.0%}"
+            f" (those of the brightest {light.highlight_share:.0%} of it)",
             "larger textures, samples within the highlight, less smoothing",
             _larger(settings),
         )
