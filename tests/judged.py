@@ -13,6 +13,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.errors import Report, Status
 from homofact.evaluation.appearance import Appearance
+from homofact.evaluation.artefacts.look import Look
 from homofact.evaluation.energy import EnergyErrors
 from homofact.evaluation.metrics import SixErrors
 from homofact.evaluation.verdict.judge import judge
@@ -54,13 +55,14 @@ def verdict(
     log_mse: tuple[float, float] = (1e-4, 1e-4),
     status: Status = Status.DIRECT,
     seen: Appearance | None = None,
+    look: Look | None = None,
     settings: Search = Search(reciprocal=False),  # noqa: B008
     **details: Any,
 ) -> Verdict:
     report = Report(status, 0, 0, 0.0, 0.0, 0, details=details)
     pair = (errors(log_mse[0]), errors(log_mse[1]))
     whole: Any = fitted or Altered()
-    return judge(whole, report, settings, train, test, pair, seen)
+    return judge(whole, report, settings, train, test, pair, seen, look)
 
 
 def names(found: Verdict) -> set[str]:

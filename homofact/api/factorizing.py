@@ -179,11 +179,19 @@ def caption(record: dict[str, Any]) -> list[str]:
 
 
 def _report(subject: "Source", source: Any, records: dict[str, dict[str, Any]], folder: Path) -> dict[str, Any]:
-    """What report.json says: the fit's record, how the source was mended and opened, McCool's record."""
+    """What report.json says: the fit's record, how the source was mended and opened, McCool's record.
+
+    "measures" names in words what each figure of the errors and of the appearance is.
+    """
+    from homofact.evaluation.metric_table import LIGHT, METRICS, SIX
+
     first, *others = records.values()
     mended = {name: subject.samples.provenance.get(name) for name in ("gains", "clipped", "tilt")}
     opened = source.path if isinstance(source, SourceSettings) else source if isinstance(source, str) else subject.name
-    return {**first, **mended, "opened": opened, "out": str(folder)} | ({"mccool": others[0]} if others else {})
+    measures = {metric.name: metric.words for metric in METRICS.values() if metric.name in (*SIX, *LIGHT)}
+    return {**first, **mended, "measures": measures, "opened": opened, "out": str(folder)} | (
+        {"mccool": others[0]} if others else {}
+    )
 
 
 def _draw(

@@ -15,6 +15,7 @@ from homofact.api.subjects import given_method
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import samples_of, source_of
 from homofact.evaluation.appearance import appearance
+from homofact.evaluation.artefacts.look import look_for_artefacts
 from homofact.evaluation.metrics import measure
 from homofact.evaluation.split import Split
 from homofact.evaluation.verdict.judge import judge
@@ -65,5 +66,6 @@ def fit(source: Any, method: Method | None = None, *, progress: ProgressCallback
     fitted = made.factorization
     errors = measure(fitted, turned, fitted.transform)
     seen = None if given is None else appearance(fitted, given)
-    verdict = judge(fitted, made.report, method, samples, turned, (errors, errors), seen)
+    look = look_for_artefacts(fitted, samples if given is None else given)
+    verdict = judge(fitted, made.report, method, samples, turned, (errors, errors), seen, look)
     return Fit(fitted, made.report, verdict)

@@ -49,11 +49,12 @@ def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     if not found:
         return []
     table = plain_table(
-        "Light, fit over source (albedo of the worst angle; rms relative, of f cosθi cosθo; floor of a reciprocal fit)"
+        "Light, fit over source (albedo of the worst angle; highlight: directions with the brightest 1% of the light;"
+        " rms: relative RMS of f cosθi cosθo; floor: its least value of any reciprocal fit)"
     )
     add_names(table)
-    add_figures(table, "albedo", "energy", "highlight", "rms", "floor", "lamp dB", "sky dB")
-    names = ("albedo_worst", "energy_overall", "highlight", "rms_cosine", "floor_cosine", "psnr_light", "psnr_sky")
+    add_figures(table, "rms", "floor", "albedo", "energy", "highlight", "lamp dB", "sky dB")
+    names = ("rms_cosine", "floor_cosine", "albedo_worst", "energy_overall", "highlight", "psnr_light", "psnr_sky")
     for label, each in found.items():
         table.add_row(Text(label), *(figure(each[name]) for name in names))
     return [table]

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from homofact.evaluation.verdict.verdict import Verdict
 
 USUAL = "usual"  # of --strict without a number
+LEAST_LEFT_OUT = 0.01  # of the pictures: from here on it is said
 
 
 def verdict_lines(verdict: "Verdict") -> list[str]:
@@ -24,6 +25,8 @@ def verdict_lines(verdict: "Verdict") -> list[str]:
         figures.append(f"{system.determined:.0%} of the texels determined by samples")
     if system.condition is not None:
         figures.append(f"condition {system.condition:.0e}")
+    if verdict.look is not None and verdict.look.left_out >= LEAST_LEFT_OUT:
+        figures.append(f"{verdict.look.left_out:.0%} of the pictures without samples, not searched for artefacts")
     figures += [f"albedo up to {figure(verdict.figures.light.albedo)}", f"misplaced light {errors.misplaced:.1%}"]
     lines = [f"Verdict: {verdict.summary}", f"  ({', '.join(figures)})"]
     for whose in About:

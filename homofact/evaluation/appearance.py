@@ -16,7 +16,6 @@ compared: there is no answer then.
 """
 
 import math
-import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
@@ -33,6 +32,7 @@ from homofact.brdf.source import Source
 from homofact.brdf.tilt import as_measured
 from homofact.evaluation.energy import EnergyErrors, SourceLight
 from homofact.evaluation.image_metrics import psnr
+from homofact.evaluation.kept import Kept
 from homofact.evaluation.metric_table import LIGHT, METRICS
 from homofact.evaluation.metrics import explained_variance
 from homofact.geometry.directions import draw_in_discs, from_cosine
@@ -110,7 +110,7 @@ def appearance(fit: Reflectance, source: Source) -> Appearance | None:
     """
     if made_of_samples(source.reflectance):
         return None
-    return _source_appearance(source).against(fit)
+    return _KEPT.of(source).against(fit)
 
 
 class _SourceAppearance:
@@ -150,16 +150,7 @@ class _SourceAppearance:
         return explained_variance(expected, logs, torch.ones(PAIRS, dtype=torch.float64))
 
 
-# By the id of a source that lives: an entry goes with its source, and keeps none of it alive.
-_KEPT: dict[int, _SourceAppearance] = {}
-
-
-def _source_appearance(source: Source) -> _SourceAppearance:
-    """What is computed of a source, once for each source object."""
-    if id(source) not in _KEPT:
-        _KEPT[id(source)] = _SourceAppearance(source)
-        weakref.finalize(source, _KEPT.pop, id(source), None)
-    return _KEPT[id(source)]
+_KEPT = Kept(_SourceAppearance)
 
 
 def _under_the_sky(reflectance: Reflectance, to_rgb: Any) -> SphereImage:

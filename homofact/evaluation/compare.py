@@ -14,6 +14,7 @@ from homofact.brdf.source import Source
 from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, Report
 from homofact.evaluation.appearance import Appearance, appearance
+from homofact.evaluation.artefacts.look import look_for_artefacts
 from homofact.evaluation.metrics import SixErrors, measure
 from homofact.evaluation.split import Split
 from homofact.evaluation.verdict.judge import judge
@@ -122,7 +123,8 @@ def fit_split(
     errors = tuple(measure(factorization, samples, factorization.transform) for samples in (turned, test))
     total = source.seconds_read + time.perf_counter() - began
     seen = appearance(factorization, source)
-    verdict = judge(factorization, fitted.report, settings, train, test, (errors[0], errors[1]), seen)
+    look = look_for_artefacts(factorization, source)
+    verdict = judge(factorization, fitted.report, settings, train, test, (errors[0], errors[1]), seen, look)
     return ComparisonRow(
         source.name,
         split,

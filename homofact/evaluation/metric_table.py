@@ -76,6 +76,9 @@ def _bands() -> list[Metric]:
     ]
 
 
+_COSINES = "f cosθi cosθo"
+_FLOOR = "least relative RMS of any reciprocal fit, of"
+_LIGHT = "of the light, fit over source"
 _TABLE = (
     Metric("log_mse", "pairs", attrgetter("six.log_mse"), "log MSE", domain="log"),
     Metric("log_mae", "pairs", attrgetter("six.log_mae"), "log MAE", domain="log"),
@@ -95,14 +98,14 @@ _TABLE = (
     *_bands(),
     Metric("albedo_worst", "light", attrgetter("energy.albedo_worst"), "albedo, worst, fit over source", good="one"),
     Metric("energy_overall", "light", attrgetter("energy.energy_overall"), "energy, fit over source", good="one"),
-    Metric("rms", "light", attrgetter("energy.rms"), "relative RMS"),
-    Metric("floor", "light", attrgetter("energy.floor"), "relative RMS of the source's reciprocal part"),
-    Metric("rms_cosine", "light", attrgetter("energy.rms_cosine"), "relative RMS of f cosθi cosθo"),
-    Metric("floor_cosine", "light", attrgetter("energy.floor_cosine"), "the same of the source's reciprocal part"),
-    Metric("rms_measured", "light", attrgetter("rms_measured"), "rms_cosine against the tilted measurement"),
-    Metric("floor_measured", "light", attrgetter("floor_measured"), "floor_cosine of the tilted measurement"),
-    Metric("highlight", "light", attrgetter("energy.highlight"), "highlight, fit over source", good="one"),
-    Metric("bright_half", "light", attrgetter("energy.bright_half"), "brighter half, fit over source", good="one"),
+    Metric("rms_cosine", "light", attrgetter("energy.rms_cosine"), f"relative RMS of {_COSINES}"),
+    Metric("floor_cosine", "light", attrgetter("energy.floor_cosine"), f"{_FLOOR} {_COSINES}"),
+    Metric("rms_measured", "light", attrgetter("rms_measured"), f"relative RMS of {_COSINES}, tilt left in"),
+    Metric("floor_measured", "light", attrgetter("floor_measured"), f"{_FLOOR} {_COSINES}, tilt left in"),
+    Metric("rms", "light", attrgetter("energy.rms"), "relative RMS of f without cosines"),
+    Metric("floor", "light", attrgetter("energy.floor"), f"{_FLOOR} f without cosines"),
+    Metric("highlight", "light", attrgetter("energy.highlight"), f"highlight, brightest 1% {_LIGHT}", good="one"),
+    Metric("bright_half", "light", attrgetter("energy.bright_half"), f"brighter half {_LIGHT}", good="one"),
     Metric("psnr_light", "light", attrgetter("psnr_light"), "PSNR under a lamp", "dB", good="high"),
     Metric("psnr_sky", "light", attrgetter("psnr_sky"), "PSNR under a sky", "dB", good="high"),
     Metric("psnr", "picture", image_metrics.psnr, "PSNR", "dB", "", "high"),
@@ -117,5 +120,7 @@ LIGHT: tuple[str, ...] = tuple(name for name, metric in METRICS.items() if metri
 # The figures of a fit that a sweep's tables and its report show.
 REPORTED: tuple[Metric, ...] = tuple(
     METRICS[name]
-    for name in ("log_mse", "mae", "albedo_worst", "energy_overall", "highlight", "rms", "psnr_light", "psnr_sky")
-)
+    for name in (
+        "log_mse", "mae", "albedo_worst", "energy_overall", "highlight", "rms_cosine", "psnr_light", "psnr_sky",
+    )
+)  # fmt: skip

@@ -12,6 +12,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput, Report, Status
 from homofact.evaluation.appearance import appearance
+from homofact.evaluation.artefacts.look import look_for_artefacts
 from homofact.evaluation.metrics import measure
 from homofact.evaluation.peak import half_width
 from homofact.evaluation.split import Split
@@ -120,7 +121,8 @@ class MaterialFits:
         turned = self.training.rotated_at_random(self.options.seed)
         errors = measure(fit, turned, fit.transform), measure(fit, test, fit.transform)
         seen = appearance(fit, self.source)
-        verdict = judge(fit, report, method, self.training, test, errors, seen)
+        look = look_for_artefacts(fit, self.source)
+        verdict = judge(fit, report, method, self.training, test, errors, seen, look)
         if colour is None:
             return verdict
         return verdict.without(About.FIT)

@@ -50,7 +50,7 @@ def test_a_good_fit_has_nothing_found_against_it_and_all_its_figures() -> None:
     assert verdict.figures.light.highlight == pytest.approx(1, abs=0.1)
     assert verdict.figures.light.off is not None
     assert verdict.figures.light.off == pytest.approx(1, abs=0.1)
-    assert verdict.figures.light.floor == 0
+    assert verdict.figures.light.floor == pytest.approx(0, abs=1e-9)
     assert verdict.figures.errors.explained > 0.98
     assert verdict.figures.errors.misplaced < 0.1
     assert verdict.figures.light.source_albedo is not None

@@ -173,7 +173,7 @@ def test_data_that_are_not_reciprocal_are_the_datas_and_a_fit_that_is_not_is_the
     flat = Altered(lambda values, *_: values.mean(0).expand_as(values))
     for floor, said in ((0.12, True), (0.005, False)):
         one = next(each for each in verdict(flat, seen=seen(floor=floor)).findings if each.name == "explained")
-        assert (" RMS)" in one.found) is said
+        assert ("RMS of f cosθi cosθo)" in one.found) is said
 
 
 @pytest.mark.parametrize(("power", "found"), [(0.05, False), (0.5, True)])

@@ -164,7 +164,7 @@ def test_the_worst_are_the_worst_by_what_is_good_for_each_metric() -> None:
     assert order["log_mse"] == [1, 2, 0]
     assert order["highlight"] == [1, 3, 0, 2]
     assert order["psnr_sky"] == [1, 2, 0]
-    assert order["rms"] == []
+    assert order["rms_cosine"] == []
     many = read_of([{"log_mse": k / 7} for k in range(30)]).fits
     assert [fit.row.seed for fit in worst(many, BY_NAME["log_mse"])] == list(range(29, 19, -1))
 

@@ -57,7 +57,8 @@ class LightFigures:
     reciprocity : Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, of the fit's light.
     data_reciprocity : of the source's light, or of samples and their swapped neighbours beyond what neighbours differ
         by anyway; None where too few have one.
-    floor : relative RMS by which the source's own reciprocal part misses it, None where it cannot be asked.
+    floor : relative RMS of f cosθi cosθo by which the source's own reciprocal part misses it, None where it cannot be
+        asked.
     """
 
     off: float | None

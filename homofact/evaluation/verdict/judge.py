@@ -14,6 +14,7 @@ from homofact.brdf.quality.suspicion.suspects import suspicions
 from homofact.brdf.samples import Samples
 from homofact.errors import Report
 from homofact.evaluation.appearance import Appearance
+from homofact.evaluation.artefacts.look import Look
 from homofact.evaluation.bar.features import features_of
 from homofact.evaluation.bar.stating import measured_bars, stated_bars, withdrawn_bars
 from homofact.evaluation.bar.table import QUANTITIES, Table, table
@@ -38,25 +39,27 @@ def judge(
     test: Samples,
     errors: tuple[SixErrors, SixErrors],
     seen: Appearance | None = None,
+    look: Look | None = None,
 ) -> Verdict:
     """The verdict on a fit of `train`, whose `errors` on (what it was given, `test`) are known.
 
-    `seen` is its appearance beside its source, None where that cannot be asked. `train` are the training samples as
-    measured: azimuth copies agree with each other perfectly and would hide it.
+    `seen` is its appearance beside its source, None where that cannot be asked, `look` what pictures of it show
+    (`artefacts.look`). `train` are the training samples as measured: azimuth copies agree with each other perfectly and
+    would hide it.
     """
     figures = measured_figures(fitted, report, train, test, errors, settings.seed, seen)
     suspected = tuple(suspicions(train, settings.seed)) if scheme_of(train) is None else ()
     odds = {each.name: each.odds for each in suspected}
-    noted = Noted(fitted, figures, settings, train, report.status, suspected)
+    noted = Noted(fitted, figures, settings, train, report.status, suspected, look)
     findings = [finding for noter in NOTERS for finding in noter(noted)]
     if seen is not None:
-        return Verdict(report.status, measured_bars(seen), measured_alarm(seen), figures, ordered(findings))
+        return Verdict(report.status, measured_bars(seen), measured_alarm(seen), figures, ordered(findings), look)
     constants = table()
     alarm = Alarm(constants.score(features_of(figures, odds, "albedo")), constants.threshold)
     doubt = doubt_of(odds, alarm)
     bars = stated_bars(figures, odds, constants, doubt) if train.isotropic else withdrawn_bars(figures, _ANISOTROPIC)
     costed = [_costed(each, figures, odds, constants, bool(doubt)) for each in findings]
-    return Verdict(report.status, bars, alarm, figures, ordered(costed))
+    return Verdict(report.status, bars, alarm, figures, ordered(costed), look)
 
 
 def measured_alarm(seen: Appearance) -> Alarm:

@@ -121,7 +121,7 @@ def _light(
         source_albedo=None if seen is None else max(max(row) for row in seen.energy.source_albedo),
         reciprocity=asymmetry,
         data_reciprocity=flux.asymmetry_of_samples(drawn, light, seed) if seen is None else seen.energy.asymmetry,
-        floor=None if seen is None else seen.energy.floor,
+        floor=None if seen is None else seen.energy.floor_cosine,
     )
     return figures, unmeasured
 

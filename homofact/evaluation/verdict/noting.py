@@ -10,6 +10,7 @@ from homofact.brdf.quality.coverage import holes
 from homofact.brdf.quality.suspicion.check import Suspicion
 from homofact.brdf.samples import Samples
 from homofact.errors import Advice, Status
+from homofact.evaluation.artefacts.look import Look
 from homofact.evaluation.verdict.figures import Figures
 from homofact.evaluation.verdict.finding import About, Finding
 from homofact.factor.fitted import Fitted
@@ -37,6 +38,7 @@ class Noted:
     train: Samples
     status: Status
     suspicions: tuple[Suspicion, ...] = ()
+    look: Look | None = None
 
     @property
     def epsilon(self) -> float:
@@ -54,7 +56,7 @@ class Noted:
         floor = self.figures.light.floor
         if floor is None or not floor >= _WORTH_NAMING:
             return ""
-        return f" (no reciprocal fit comes nearer to this source than {floor:.0%} RMS)"
+        return f" (no reciprocal fit comes nearer to this source than {floor:.0%} RMS of f cosθi cosθo)"
 
 
 @dataclass(frozen=True)
@@ -251,8 +253,20 @@ def of_the_suspicions(noted: Noted) -> Iterator[Finding]:
             yield Finding(each.name, About.DATA, words, f"{each.remedy} if that is so", feature="odds")
 
 
+def of_the_pictures(noted: Noted) -> Iterator[Finding]:
+    """Structure that pictures of the fit show and those of its source do not."""
+    for artefact in () if noted.look is None else noted.look.artefacts:
+        yield Finding(
+            "artefact",
+            About.FIT,
+            f"{artefact.words}, which the source does not have",
+            "larger textures or more of them, other projections",
+            _larger(noted, 0.0),
+        )
+
+
 # Everything that notes something of a fit: what finds more things is added here.
-NOTERS: tuple[Callable[[Noted], Iterable[Finding]], ...] = (of_the_figures, of_the_suspicions)
+NOTERS: tuple[Callable[[Noted], Iterable[Finding]], ...] = (of_the_pictures, of_the_figures, of_the_suspicions)
 
 
 def _azimuths(samples: Samples) -> float:

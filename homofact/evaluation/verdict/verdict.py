@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from homofact.errors import Advice, Status
+from homofact.evaluation.artefacts.look import Look
 from homofact.evaluation.bar.error_bar import ErrorBars
 from homofact.evaluation.verdict.figures import Figures
 from homofact.evaluation.verdict.finding import About, Finding
@@ -35,18 +36,22 @@ class Alarm:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a fit ends with: `status` is how it ended, `findings` those of the fit first."""
+    """What a fit ends with: `status` is how it ended, `findings` those of the fit first.
+
+    `look` is what pictures of the fit show beside those of its source, None where nothing could be drawn.
+    """
 
     status: Status
     bars: ErrorBars
     alarm: Alarm
     figures: Figures
     findings: tuple[Finding, ...]
+    look: Look | None = None
 
     @property
     def trusted(self) -> bool:
-        """Whether the fit is not warned of."""
-        return not self.alarm.given
+        """Whether the fit is not warned of and no picture of it shows an artefact."""
+        return not self.alarm.given and not self._artefacts
 
     def about(self, whose: About) -> tuple[Finding, ...]:
         """The findings about the fit, the data, or what is unknown."""
@@ -59,8 +64,13 @@ class Verdict:
     @property
     def summary(self) -> str:
         """How far the fit may be off, and whether it is warned of, in one sentence."""
-        warned = "" if self.trusted else f"; warning: {self.alarm.score:.0%} that it is bad"
-        return self.bars.sentence() + warned
+        warned = f"; warning: {self.alarm.score:.0%} that it is bad" if self.alarm.given else ""
+        shown = f"; visible artefacts: {', '.join(self._artefacts)}" if self._artefacts else ""
+        return self.bars.sentence() + shown + warned
+
+    @property
+    def _artefacts(self) -> list[str]:
+        return [] if self.look is None else [each.kind.value for each in self.look.artefacts]
 
     @property
     def recommended(self) -> Advice | None:
@@ -79,4 +89,5 @@ class Verdict:
             "bars": self.bars.record(),
             "recommended": None if self.recommended is None else self.recommended.record(),
             "findings": [finding.record() for finding in self.findings],
+            "look": None if self.look is None else self.look.record(),
         }

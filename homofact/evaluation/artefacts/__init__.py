@@ -1,0 +1,1 @@
+"""Artefacts: structure that a picture of a fit shows and one of its source does not."""

@@ -1,0 +1,174 @@
+"""What an artefact is, and which one a piece of structure is: a needle, a ring, a rim, a hole or a spot.
+
+A piece is a connected set of pixels that are all too bright or all too dark. Its kind follows from its place and shape,
+in this order:
+
+* rim: most of it lies where light or viewer graze (`GRAZING`);
+* ring: it has one distance from the highlight, within `THIN` of it, over at least a quarter of the turn about it;
+* needle: it is at least `LONG` times as long as wide, its axis passes the highlight, and it is not far from it;
+* else a spot where it is bright, a hole where it is dark.
+
+Distances are angles between the mirrored view and the light; under several lamps those of the lamp whose highlight is
+nearest.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from homofact.evaluation.artefacts.views import View
+
+GRAZING = 60.0  # degrees
+MOSTLY = 0.6
+THIN, LONG = 0.3, 3.0
+ARM = 6.0  # a needle's arms start outside the highlight: their middle lies within so many times their spread
+_BINS = 24  # of the turn about a highlight
+
+
+class Kind(Enum):
+    """What an artefact looks like. The value is the word in records."""
+
+    NEEDLE = "needle"
+    RING = "ring"
+    RIM = "rim"
+    HOLE = "hole"
+    SPOT = "spot"
+
+
+@dataclass(frozen=True)
+class Artefact:
+    """Structure that a picture of the fit shows and none of the source.
+
+    Attributes
+    ----------
+    kind : what it looks like.
+    bright : whether it is too bright, else too dark.
+    where : its place, in words.
+    size : by how much the pictures differ there, in parts of what the screen shows between black and white.
+    area : the part of the picture's pixels that it takes.
+    view : the picture that shows it best, as `views.View.name` has it.
+    """
+
+    kind: Kind
+    bright: bool
+    where: str
+    size: float
+    area: float
+    view: str
+
+    @property
+    def words(self) -> str:
+        """The artefact in a clause."""
+        light = "bright" if self.bright else "dark"
+        return (
+            f"a {light} {self.kind.value} {self.where} ({self.size:.0%} of white over {self.area:.1%} of"
+            f" {_PICTURES[self.view]})"
+        )
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        return {
+            "kind": self.kind.value,
+            "bright": self.bright,
+            "where": self.where,
+            "size": self.size,
+            "area": self.area,
+            "view": self.view,
+        }
+
+
+_PICTURES = {
+    "lamp": "a sphere under a point light",
+    "highlight": "a close-up of the highlight",
+    "sky": "a sphere under small lamps",
+}
+
+
+def artefact_of(view: View, piece: np.ndarray, bright: bool, size: float) -> Artefact:
+    """The artefact that a piece (H, W) bool of a picture is; `size` is how much it differs there."""
+    inside = piece[view.inside]
+    place = _Place.of(view, inside)
+    kind = _kind(place, bright)
+    return Artefact(kind, bright, _where(view, place, kind), size, float(inside.mean()), view.name)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where the n pixels of a piece are.
+
+    `light` and `seen` are θi and θo, `off` the angle off the mirror direction, in degrees; `x` and `y` count from the
+    highlight in the picture's plane, in units of the sphere's radius.
+    """
+
+    light: np.ndarray
+    seen: np.ndarray
+    off: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+
+    @classmethod
+    def of(cls, view: View, inside: np.ndarray) -> "_Place":
+        normal = view.normal[inside]
+        seen = normal[:, 2]
+        highlights = view.lights + np.array([0.0, 0.0, 1.0])
+        highlights /= np.linalg.norm(highlights, axis=1, keepdims=True)
+        nearest = int(np.argmax(highlights @ normal.mean(0)))
+        light = view.lights[nearest]
+        mirrored = 2 * seen[:, None] * normal - np.array([0.0, 0.0, 1.0])
+        return cls(
+            _degrees(normal @ light),
+            _degrees(seen),
+            _degrees(mirrored @ light),
+            normal[:, 0] - highlights[nearest, 0],
+            normal[:, 1] - highlights[nearest, 1],
+        )
+
+
+def _kind(place: _Place, bright: bool) -> Kind:
+    if np.mean(np.maximum(place.light, place.seen) >= GRAZING) >= MOSTLY:
+        return Kind.RIM
+    if place.off.std() <= THIN * place.off.mean() and _turn(place) >= 0.25:
+        return Kind.RING
+    if _is_needle(place):
+        return Kind.NEEDLE
+    return Kind.SPOT if bright else Kind.HOLE
+
+
+def _turn(place: _Place) -> float:
+    """The part of the turn about the highlight that holds pixels."""
+    angle = np.arctan2(place.y, place.x)
+    return len(np.unique(np.floor((angle / (2 * np.pi) + 0.5) * _BINS).astype(int) % _BINS)) / _BINS
+
+
+def _is_needle(place: _Place) -> bool:
+    points = np.stack((place.x, place.y), 1)
+    middle = points.mean(0)
+    spread, axes = np.linalg.eigh(np.cov((points - middle).T) if len(points) > 1 else np.eye(2))
+    width, length = np.sqrt(np.maximum(spread, 1e-12))
+    if length < LONG * width:
+        return False
+    across = abs(float(axes[:, 0] @ middle))
+    along = abs(float(axes[:, 1] @ middle))
+    return across <= max(length / 2, 2 * width) and along <= ARM * length
+
+
+def _where(view: View, place: _Place, kind: Kind) -> str:
+    if kind is Kind.RIM:
+        at_silhouette = np.median(place.seen) >= np.median(place.light)
+        least = float(np.percentile(place.seen if at_silhouette else place.light, 10))
+        if at_silhouette:
+            return f"at the silhouette, seen from beyond {least:.0f}°"
+        return f"at the shadow's edge, lit from beyond {least:.0f}°"
+    which = "the highlight" if len(view.lights) == 1 else "a lamp's highlight"
+    off = float(np.mean(place.off))
+    if kind is Kind.RING:
+        return f"around {which}, {off:.0f}° off the mirror direction"
+    if kind is Kind.NEEDLE:
+        return f"through {which}, up to {float(place.off.max()):.0f}° off the mirror direction"
+    return f"{off:.0f}° off the mirror direction of {which}, seen from {float(np.median(place.seen)):.0f}°"
+
+
+def _degrees(cosine: np.ndarray) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
