@@ -11,6 +11,8 @@ the top. A scanline is
   repeats in a row shift n by 8 more bits each).
 
 A pixel is mantissa · 2^(e − 136), 0 where e = 0, divided by the product of the EXPOSURE lines.
+
+What the header claims is held against the bytes before anything is allocated: `web/hdr.js` has the same limits.
 """
 
 import re
@@ -18,10 +20,14 @@ import re
 import numpy as np
 
 from homofact.errors import BadInput
+from homofact.files.text import short
 
-# A damaged size must not ask for all the memory there is.
-_MOST_PIXELS = 1 << 27
-_SIZE = re.compile(rb"-Y +(\d+) +\+X +(\d+)\s*")
+# A damaged size must not ask for all the memory there is: beyond so many pixels each byte has to stand for no more than
+# run lengths can say, 127 pixels in 8 bytes.
+_MOST_PIXELS, _FREE_PIXELS, _PIXELS_A_BYTE = 1 << 27, 1 << 22, 16
+_SIZE = re.compile(rb"-Y {1,9}(\d{1,9}) {1,9}\+X {1,9}(\d{1,9})\s{0,9}")
+# Bits that a repeat's count is shifted by: more would repeat a pixel more often than there are pixels.
+_MOST_SHIFT = 24
 
 
 def decode_hdr(data: bytes, name: str) -> np.ndarray:
@@ -31,8 +37,10 @@ def decode_hdr(data: bytes, name: str) -> np.ndarray:
     truncated or left-over scanline data, and run lengths that leave their scanline.
     """
     rows, columns, exposure, at = _header(data, name)
-    if rows * columns > _MOST_PIXELS:
-        raise BadInput(f"the picture is {rows} x {columns}", where=name, expected=f"at most {_MOST_PIXELS} pixels")
+    most = min(_MOST_PIXELS, max(_FREE_PIXELS, _PIXELS_A_BYTE * (len(data) - at)))
+    if rows * columns > most:
+        found = f"the picture is {rows} x {columns} in {len(data) - at} bytes"
+        raise BadInput(found, where=name, expected=f"at most {most} pixels")
     pixels = np.empty((rows, columns, 4), np.uint8)
     for row in range(rows):
         marker = data[at : at + 4]
@@ -44,8 +52,10 @@ def decode_hdr(data: bytes, name: str) -> np.ndarray:
     if at != len(data):
         raise BadInput(f"{len(data) - at} bytes after the last scanline", where=name, expected="the end of file")
     exponent = pixels[..., 3].astype(np.int32)
-    scale = np.where(exponent > 0, np.ldexp(1.0, exponent - 136), 0.0) / exposure
-    return pixels[..., :3] * scale[..., None]
+    # What the exposure takes beyond any number is infinite or none, which no light is.
+    with np.errstate(over="ignore", invalid="ignore"):
+        scale = np.where(exponent > 0, np.ldexp(1.0, exponent - 136), 0.0) / exposure
+        return pixels[..., :3] * scale[..., None]
 
 
 def _header(data: bytes, name: str) -> tuple[int, int, float, int]:
@@ -60,28 +70,32 @@ def _header(data: bytes, name: str) -> tuple[int, int, float, int]:
     for line in data[:end].split(b"\n")[1:]:
         key, _, value = line.partition(b"=")
         if key == b"FORMAT" and value.strip() != b"32-bit_rle_rgbe":
-            found = value.strip().decode(errors="replace")
-            raise BadInput(f"FORMAT is {found!r}", where=name, expected="32-bit_rle_rgbe")
+            raise BadInput(f"FORMAT is {_said(value)}", where=name, expected="32-bit_rle_rgbe")
         if key == b"EXPOSURE":
-            exposure *= _exposure(value, name)
+            exposure = _exposure(exposure, value, name)
     size = _SIZE.fullmatch(data[end + 2 : size_end])
     if size is None:
-        found = data[end + 2 : size_end][:40].decode(errors="replace")
-        raise BadInput(f"size line is {found!r}", where=name, expected="'-Y rows +X columns'")
+        raise BadInput(f"size line is {_said(data[end + 2 : size_end])}", where=name, expected="'-Y rows +X columns'")
     rows, columns = int(size[1]), int(size[2])
     if rows < 1 or columns < 1:
         raise BadInput(f"the picture is {rows} x {columns}", where=name, expected="at least one pixel")
     return rows, columns, exposure, size_end + 1
 
 
-def _exposure(value: bytes, name: str) -> float:
+def _exposure(before: float, value: bytes, name: str) -> float:
+    """The product of the EXPOSURE lines up to this one."""
     try:
-        exposure = float(value)
+        exposure = before * float(value)
     except ValueError:
         exposure = float("nan")
     if not 0 < exposure < float("inf"):
-        raise BadInput(f"EXPOSURE is {value.strip().decode(errors='replace')!r}", where=name, expected="above 0")
+        raise BadInput(f"EXPOSURE is {_said(value)}", where=name, expected="above 0")
     return exposure
+
+
+def _said(value: bytes) -> str:
+    """What a header says, in quotes and cut where it is long."""
+    return short(value.strip().decode(errors="replace"))
 
 
 def _new_runs(data: bytes, at: int, scanline: np.ndarray, name: str, row: int) -> int:
@@ -122,6 +136,8 @@ def _flat(data: bytes, at: int, scanlines: np.ndarray, name: str) -> int:
         if k >= len(stored):
             raise BadInput(f"{filled} of {total} pixels are there", where=name, expected="all: truncated")
         if repeats[k]:
+            if shift > _MOST_SHIFT:
+                raise BadInput(f"repeats without end at pixel {filled}", where=name, expected=f"{total} pixels")
             count = int(stored[k, 3]) << shift
             if filled == 0 or filled + count > total:
                 raise BadInput(f"pixel {filled} repeated {count} times", where=name, expected=f"{total} pixels")

@@ -126,7 +126,18 @@ def read_report(place: Path) -> tuple[EditSceneFile, dict[str, Any]]:
     fields.text("format", (FORMAT,))
     fields.version("format_version", FORMAT_VERSION)
     scene = scene_of_record(fields.inner("scene").found, fields.text("name"), folder, f"{file}: scene.")
-    return scene, fields.inner("report").found
+    return scene, _report(fields.inner("report"))
+
+
+def _report(fields: Fields) -> dict[str, Any]:
+    """The report, its errors as the page shows them. Raises BadInput."""
+    if "error" in fields.found:
+        errors = fields.inner("error")
+        if "lights_and_bands" in errors.found:
+            views = errors.inner("lights_and_bands")
+            for name in views.found:
+                views.number(name)
+    return fields.found
 
 
 def is_edit(place: Path) -> bool:

@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from homofact.editing.block_floats import BlockFloats
+from homofact.editing.block_floats import LARGEST, BlockFloats
 from homofact.editing.lights import triangle_lights
 from homofact.editing.lowrank import LowRank
 from homofact.editing.scene import EditScene, PreparedScene, PreparedTerm
 from homofact.editing.transport import FullTransport
 from homofact.errors import BadInput
 from homofact.files.archive import write_archive
+from homofact.files.arrays import ANY, Arrays
 from homofact.files.fields import Fields
 from homofact.geometry.directions import draw_in_discs
 from homofact.rendering.light import EnvironmentMap
@@ -28,6 +29,8 @@ from homofact.scene.visibility import PIXEL_ARRAYS, VisiblePixels
 
 FORMAT, FORMAT_VERSION = "homofact prepared scene", 2
 _WHAT, _PAIRS = "a prepared scene", 200
+# Places, scales and sums of a scene; unit vectors.
+_MOST, _UNIT = 1e15, 1.0 + 1e-3
 
 
 def digest_of(scene: EditScene, triangles: int) -> str:
@@ -118,35 +121,47 @@ def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> PreparedSce
     if fields.text("digest") != digest_of(scene, triangles):
         what = "made of another scene, or of another state of it"
         raise BadInput(what, where=path, expected="this one", hint="prepare it again")
-    try:
-        pixels = tuple(
-            VisiblePixels(*(arrays[f"view_{number}_{name}"] for name in PIXEL_ARRAYS))
-            for number in range(len(scene.cameras))
-        )
-        parts = tuple(_part(scene, pixels, arrays, k, entry) for k, entry in enumerate(fields.inners("parts", 100_000)))
-    except BadInput:
-        raise
-    except (KeyError, IndexError, ValueError) as error:
-        raise BadInput(f"damaged ({error})", where=path, expected=_WHAT, hint="prepare it again") from error
+    found = Arrays(str(path), arrays)
+    pixels = tuple(_pixels(found, scene, number) for number in range(len(scene.cameras)))
+    parts = tuple(_part(scene, pixels, found, k, entry) for k, entry in enumerate(fields.inners("parts", 100_000)))
     return PreparedScene(scene, triangle_lights(scene.lighting, triangles, len(scene.channels)), pixels, parts)
 
 
+def _pixels(arrays: Arrays, scene: EditScene, number: int) -> VisiblePixels:
+    """What a view sees: pixels in their order, each of an object that is there. Raises BadInput."""
+    own, (width, height) = f"view_{number}_", scene.cameras[number].pixels
+    numbers = arrays.stored(f"{own}numbers", np.int64, (ANY,), 0, width * height - 1)
+    if (np.diff(numbers) <= 0).any():
+        raise BadInput(f"{own}numbers holds a pixel twice", where=arrays.path, expected="pixels in their order")
+    count = len(numbers)
+    objects = arrays.stored(f"{own}objects", np.int64, (count,), 0, len(scene.objects) - 1)
+    points = arrays.stored(f"{own}points", np.float64, (count, 3), -_MOST, _MOST)
+    frames = arrays.rotations(f"{own}frames", np.float64, count)
+    wo = arrays.stored(f"{own}wo", np.float64, (count, 3), -_UNIT, _UNIT)
+    if not (wo[:, 2] > 0).all():
+        raise BadInput(f"{own}wo holds one below the surface", where=arrays.path, expected="viewers above it")
+    return VisiblePixels(numbers, objects, points, frames, wo)
+
+
 def _part(
-    scene: EditScene, pixels: tuple[VisiblePixels, ...], arrays: dict[str, np.ndarray], number: int, entry: Fields
+    scene: EditScene, pixels: tuple[VisiblePixels, ...], arrays: Arrays, number: int, entry: Fields
 ) -> PreparedTerm:
     view = entry.whole("view", 0, len(pixels) - 1)
     which = entry.whole("thing", 0, len(scene.objects) - 1)
-    edited, own = scene.objects[which], f"part_{number}_"
-    term = edited.material.term(entry.text("term"))
-    rows = arrays[f"{own}rows"]
+    material, own = scene.objects[which].material, f"part_{number}_"
+    term = material.term(entry.text("term", [each.name for each in material.terms]))
+    rows = arrays.stored(f"{own}rows", np.int64, (None,), 0, len(pixels[view]) - 1)
+    if (np.diff(rows) <= 0).any() or (pixels[view].objects[rows] != which).any():
+        raise BadInput(f"{own}rows holds other objects' pixels", where=arrays.path, expected="each of its own once")
     sizes = tuple(slot.bands for slot in term.summed)
-    scale, probes, channels, columns = arrays[f"{own}scale"], arrays[f"{own}probes"], len(scene.channels), prod(sizes)
-    rank = len(arrays[f"{own}outward_codes"])
-    coefficients = _read(arrays, f"{own}coefficients", (len(rows), channels, rank))
-    outward = _read(arrays, f"{own}outward", (rank, 1, columns))
-    if scale.shape != (channels, columns):
-        raise ValueError(f"{own}scale has the shape {scale.shape}, not {(channels, columns)}")
-    kept = LowRank(coefficients, outward, scale, sizes, arrays[f"{own}probe_rows"], FullTransport(probes, len(sizes)))
+    channels, columns = len(scene.channels), prod(sizes)
+    outward = _read(arrays, f"{own}outward", (None, 1, columns))
+    coefficients = _read(arrays, f"{own}coefficients", (len(rows), channels, len(outward.codes)))
+    scale = arrays.stored(f"{own}scale", np.float64, (channels, columns), -_MOST, _MOST)
+    probed = arrays.stored(f"{own}probe_rows", np.int64, (ANY,), 0, len(rows) - 1)
+    table = (len(probed), channels, *sizes, *((1,) * (2 - len(sizes))))
+    probes = arrays.stored(f"{own}probes", np.float32, table, -_MOST, _MOST)
+    kept = LowRank(coefficients, outward, scale, sizes, probed, FullTransport(probes, len(sizes)))
     return PreparedTerm.of(scene, pixels[view], view, which, term.name, rows, kept)
 
 
@@ -154,10 +169,7 @@ def _written(name: str, found: BlockFloats) -> dict[str, np.ndarray]:
     return {f"{name}_codes": found.codes, f"{name}_rows": found.rows, f"{name}_columns": found.columns}
 
 
-def _read(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, int, int]) -> BlockFloats:
-    found = BlockFloats(*(arrays[f"{name}_{part}"] for part in ("codes", "rows", "columns")))
-    if found.codes.shape != shape or found.rows.shape != shape[:2] or found.columns.shape != shape[2:]:
-        raise ValueError(f"{name} has the shape {found.codes.shape}, not {shape}")
-    if found.codes.dtype != np.int16:
-        raise ValueError(f"{name} is of {found.codes.dtype}, not int16")
-    return found
+def _read(arrays: Arrays, name: str, shape: tuple[int | None, int, int]) -> BlockFloats:
+    codes = arrays.stored(f"{name}_codes", np.int16, shape, -LARGEST, LARGEST)
+    rows = arrays.stored(f"{name}_rows", np.float32, codes.shape[:2], 0, _MOST)
+    return BlockFloats(codes, rows, arrays.stored(f"{name}_columns", np.float32, codes.shape[2:], 0, _MOST))

@@ -15,8 +15,8 @@ from homofact.containers.formats import FORMATS, MOST_SIDE
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import WARPED_AXES, Projection, Warp
+from homofact.files.arrays import MOST_VALUE
 from homofact.files.fields import Fields
-from homofact.files.saved import MOST_VALUE
 from homofact.geometry.coordinates import COORDINATES, CoordinateSystem
 from homofact.separable.decomposition_names import MAP_NAMES, SIDES
 from homofact.separable.separable import Separable, SeparableTerm

@@ -21,6 +21,7 @@ from homofact.errors import BadInput
 from homofact.evaluation.chart_ledger import ChartRow
 from homofact.evaluation.chart_points import ChartPoint, points_of, reference
 from homofact.figures.chart_panel import FETCHES, FRONT_COLOUR, KIBIBYTES, SECONDS, Look, Panel, share_axis
+from homofact.figures.words import in_figure
 from homofact.files.atomic import write_bytes
 
 # Colours that differ to colour-blind eyes too (Okabe and Ito 2008), dark enough for text; with each a shape and its
@@ -113,7 +114,7 @@ def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str,
     """Title and key above the panels, caption below them, beside nothing else."""
     height = figure.get_figheight()
     handles = [
-        Line2D([], [], color=colour, marker=shape, linestyle="", markersize=width, label=name)
+        Line2D([], [], color=colour, marker=shape, linestyle="", markersize=width, label=in_figure(name))
         for name, (colour, shape, width) in looks.items()
     ]
     handles.append(Line2D([], [], color=FRONT_COLOUR, linewidth=1.2, label="Pareto front (its points are filled)"))
@@ -122,7 +123,7 @@ def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str,
     caption = _caption(rows)
     top, bottom = (0.55 + 0.22 * lines) / height, (0.15 + 0.16 * len(caption)) / height
     figure.set_layout_engine("constrained", rect=(0, bottom, 1, 1 - top - bottom))
-    figure.text(0.5, 1 - 0.12 / height, f"{rows[0].source}: {what}", ha="center", va="top", fontsize=14)
+    figure.text(0.5, 1 - 0.12 / height, f"{in_figure(rows[0].source)}: {what}", ha="center", va="top", fontsize=14)
     figure.legend(
         handles=handles,
         loc="upper center",
@@ -132,7 +133,9 @@ def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str,
         frameon=False,
         fontsize=9,
     )
-    figure.text(0.5, 0.08 / height, "\n".join(caption), ha="center", va="bottom", fontsize=7.5, color="#555555")
+    figure.text(
+        0.5, 0.08 / height, in_figure("\n".join(caption)), ha="center", va="bottom", fontsize=7.5, color="#555555"
+    )
 
 
 def _caption(rows: Sequence[ChartRow]) -> list[str]:

@@ -24,6 +24,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import LUMINANCE
 from homofact.figures.sphere_picture import PictureReport, caption
+from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import from_half_difference, from_spherical
@@ -78,7 +79,7 @@ def info_picture(
     report = PictureReport(exposure, shown.clipped)
     figure = Figure(figsize=(13, 4.9), dpi=100, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(name, weight="bold", parse_math=False)
+    figure.suptitle(in_figure(name), weight="bold")
     left, right = figure.add_subplot(1, 3, 1), figure.add_subplot(1, 3, 3)
     middle = figure.add_subplot(1, 3, 2, projection="polar")
     assert isinstance(middle, PolarAxes)
@@ -90,7 +91,7 @@ def info_picture(
     text = caption(DEFAULT_LIGHT, report)
     if measured is not None:
         text += " Between and beyond the samples (dots) the measurement is interpolated."
-    figure.supxlabel("\n".join(_halves(text)), fontsize=9, parse_math=False)
+    figure.supxlabel(in_figure("\n".join(_halves(text))), fontsize=9)
 
     def save(place: Path) -> None:
         figure.savefig(place, format="png", metadata={"Description": text})

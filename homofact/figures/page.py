@@ -8,6 +8,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from homofact.files.words import on_one_line
+
 LINE = 18  # pixels a line of text takes
 _DPI, _POINTS = 100, 9.5
 _MARKS = "_-./"  # where names have their parts
@@ -45,7 +47,7 @@ class PicturePage:
         A longer word, as a file's name, is broken behind the last of its marks that fits, else anywhere.
         """
         lines, line = [], ""
-        for word in text.split():
+        for word in on_one_line(text).split():
             while word:
                 candidate = f"{line} {word}" if line else word
                 if self._extent(candidate, bold) <= width:

@@ -14,6 +14,7 @@ from homofact.evaluation.seeds import SeedRows
 from homofact.evaluation.spread import Spread
 from homofact.evaluation.wording import shapes
 from homofact.figures.log_axis import log_x
+from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
 
 _TRAINING, _HELD_OUT = "#6a8db3", "#12385f"
@@ -55,7 +56,7 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | SeedR
     first, most = several[0].first, max(len(row.rows) for row in several)
     seeds = "" if most == 1 else f"; means of {most} fits by different seeds, lines from least to greatest"
     epsilon = first.factorization.transform.epsilon
-    figure.suptitle(f"{first.source}: lower is better (ε = {epsilon:g}, {first.samples} samples{seeds})")
+    figure.suptitle(f"{in_figure(first.source)}: lower is better (ε = {epsilon:g}, {first.samples} samples{seeds})")
     replace_file(path, lambda made: figure.savefig(made, dpi=110))
 
 

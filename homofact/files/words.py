@@ -35,9 +35,14 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(harmless(each) for each in shown)
 
 
+def on_one_line(text: str) -> str:
+    """The text `harmless` and on one line, its blanks single spaces."""
+    return " ".join(harmless(" ".join(text.split())).split())
+
+
 def in_markdown(text: str) -> str:
     """The text as Markdown that shows it: on one line, nothing in it a tag, a link, a table's bar or emphasis."""
-    line = " ".join(harmless(" ".join(text.split())).split())
+    line = on_one_line(text)
     return re.sub(r"[\\`*_\[\]<>|]", lambda found: f"&#{ord(found[0])};", line.replace("&", "&amp;"))
 
 

@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 
 from homofact.figures.log_axis import log_x, log_y
 from homofact.figures.point_labels import PointLabel, label_points
+from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
 from homofact.planning.ladder import WHOLE, Candidate
 from homofact.planning.plan import MaterialPlan, ScenePlan
@@ -55,7 +56,7 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
         where = ", ".join(lighting.name for lighting in plan.scene.lightings)
         head = f"{plan.scene.name}: {plan.scene.tolerance.describe()}, under {where}."
         foot = f"{plan.bytes} bytes, {plan.planning_fits} of {plan.exhaustive_fits} fits"
-        figure.suptitle(f"{head} {foot}" if compared else f"{head}\n{foot}", fontsize=10)
+        figure.suptitle(in_figure(f"{head} {foot}" if compared else f"{head}\n{foot}"), fontsize=10)
         if left is not None:
             # Labels are put where they fit, which is known once the layout is.
             figure.canvas.draw()
@@ -174,14 +175,14 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
         name = plan.name if len(plan.name) <= _MOST_LETTERS else plan.name[: _MOST_LETTERS - 1] + "…"
         behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1}
         title = f"{name}{share}: {words}"
-        axes.text(0, place, title, color=colour, va="center", fontsize=8.5, fontweight="bold", bbox=behind)
+        axes.text(0, place, in_figure(title), color=colour, va="center", fontsize=8.5, fontweight="bold", bbox=behind)
         place += 1
         for label, part, with_margin in own:
             shown = [value if math.isfinite(value) else 0.0 for value in (part, with_margin)]
             axes.barh(place, shown[1], color=colour, alpha=0.3, height=0.62)
             axes.barh(place, shown[0], color=colour, height=0.62)
             ticks.append(place)
-            labels.append(label)
+            labels.append(in_figure(label))
             most = max(most, *shown)
             place += 1
     axes.axvline(1, color=_LIMIT, lw=1.2, ls="--", zorder=0)

@@ -10,17 +10,24 @@ import numpy as np
 
 from homofact.errors import BadInput
 from homofact.files.archive import write_archive
+from homofact.files.arrays import Arrays
+from homofact.files.fields import Fields
 from homofact.files.kinds import RELIT
-from homofact.meshes.mesh import Mesh
 from homofact.relighting.build import RelitObject
-from homofact.relighting.clusters import Clustered
 from homofact.relighting.cube import environment_cube
-from homofact.relighting.factors import InOutFactors
-from homofact.relighting.harmonic import MOST_ORDER, Harmonic
+from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.page.skies import PageSky, page_sky
 from homofact.relighting.plan import ObjectPlan
-from homofact.relighting.precompute import TransportSettings, WaveletTransport
 from homofact.relighting.relight import Light, opened_light, shaded
+from homofact.relighting.saved import (
+    FACTORS,
+    VECTORS,
+    read_cameras,
+    read_objects,
+    read_references,
+    read_report,
+    read_sky,
+)  # fmt: skip
 from homofact.relighting.scene_file import RelightSceneFile
 from homofact.scene.cameras import Camera
 from homofact.scene.folders import is_scene_folder, read_scene_archive, report_name, write_scene_folder
@@ -28,8 +35,6 @@ from homofact.scene.folders import is_scene_folder, read_scene_archive, report_n
 REPORT = report_name(RELIT)
 _EXPECTED = "a relit scene that homofact wrote"
 _FORMAT, _VERSION = "homofact relit scene", 2
-_VECTORS = ("start", "index", "number", "scale")
-_FACTORS = ("light", "view", "strength")
 
 
 @dataclass(frozen=True)
@@ -122,12 +127,12 @@ def save_scene(file: Path, scene: RelightResult) -> None:
     for number, each in enumerate(scene.objects):
         made, factors = each.transport, each.transport.factors
         own = {"positions": each.mesh.positions, "normals": each.mesh.normals, "triangles": each.mesh.triangles}
-        own |= {"frames": made.frames} | {name: getattr(made, name) for name in _VECTORS}
-        own |= {f"factors_{name}": getattr(factors, name) for name in _FACTORS}
+        own |= {"frames": made.frames} | {name: getattr(made, name) for name in VECTORS}
+        own |= {f"factors_{name}": getattr(factors, name) for name in FACTORS}
         if isinstance(each.compact, Harmonic):
             own |= {"harmonic_number": each.compact.number, "harmonic_step": each.compact.step}
         elif each.compact is not None:
-            own |= {f"basis_{name}": getattr(each.compact.basis, name) for name in _VECTORS}
+            own |= {f"basis_{name}": getattr(each.compact.basis, name) for name in VECTORS}
             own |= {name: getattr(each.compact, name) for name in ("cluster", "weights", "steps")}
         arrays |= {f"object_{number}_{name}": array for name, array in own.items()}
         entries.append(
@@ -160,75 +165,19 @@ def _camera_record(camera: Camera) -> dict[str, Any]:
 def open_relit(place: Path) -> RelightResult:
     """The scene in a folder that `relight` wrote, or in its relight.npz. Raises BadInput where there is none."""
     file = place / RELIT.mark if place.is_dir() else place
-    arrays, header = read_scene_archive(file, _EXPECTED)
-    if header.get("format") != _FORMAT or header.get("version") != _VERSION:
-        raise BadInput(where=file, found=f"{header.get('format')} {header.get('version')}", expected=_EXPECTED)
-    try:
-        objects = tuple(_object(arrays, number, entry) for number, entry in enumerate(header["objects"]))
-        cameras = tuple(
-            Camera(tuple(c["eye"]), tuple(c["target"]), c["field"], tuple(c["pixels"]), c.get("name"))
-            for c in header["cameras"]
+    stored, header = read_scene_archive(file, _EXPECTED)
+    fields, arrays = Fields(f"{file}: ", header), Arrays(str(file), stored)
+    fields.text("format", (_FORMAT,))
+    fields.version("version", _VERSION)
+    if header["version"] < _VERSION:
+        raise BadInput(
+            where=file, found=f"version {header['version']}", expected=f"{_VERSION}", hint="relight it again"
         )
-        sky = PageSky(header["sky"], arrays["sky_cube"], arrays["sky_picture"])
-        reference = None
-        if "reference_0" in arrays:
-            reference = tuple(arrays[f"reference_{number}"] for number in range(len(objects)))
-        return RelightResult(header["name"], objects, sky, cameras, header["report"], reference)
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise BadInput(f"its parts do not belong together ({error})", where=file, expected=_EXPECTED) from error
+    objects = read_objects(arrays, fields)
+    sky, references = read_sky(arrays, fields.text("sky")), read_references(arrays, objects)
+    return RelightResult(fields.text("name"), objects, sky, read_cameras(fields), read_report(fields), references)
 
 
 def is_relit(place: Path) -> bool:
     """Whether a folder or file is a relit scene rather than a fit."""
     return is_scene_folder(place, RELIT)
-
-
-def _object(arrays: dict[str, np.ndarray], number: int, entry: dict[str, Any]) -> RelitObject:
-    def part(name: str) -> np.ndarray:
-        return arrays[f"object_{number}_{name}"]
-
-    settings = TransportSettings(**entry["settings"])
-    light, view, strength = (part(f"factors_{name}") for name in _FACTORS)
-    factors = InOutFactors(light, view, strength, entry["energy"], tuple(entry["channels"]))
-    mesh = Mesh(part("positions"), part("normals"), part("triangles"), entry["name"])
-    positions, rows = mesh.positions.astype(np.float32), part("frames")
-    made = WaveletTransport(positions, rows, factors, settings, *(_checked(part(n), n) for n in _VECTORS))
-    _check(made, len(mesh.positions))
-    compact = None
-    if entry["compact"] == "harmonic":
-        numbers, step = part("harmonic_number"), part("harmonic_step")
-        order = round(numbers.shape[2] ** 0.5) - 1
-        if (order + 1) ** 2 != numbers.shape[2] or not 0 <= order <= MOST_ORDER:
-            raise ValueError(f"harmonics of {numbers.shape[2]} numbers")
-        if numbers.shape[:2] != step.shape or step.shape != (len(positions), factors.terms):
-            raise ValueError("harmonics of other vertices")
-        compact = Harmonic(made, numbers, step)
-    elif entry["compact"]:
-        steps, weights, cluster = part("steps"), part("weights"), part("cluster")
-        count = len(steps) * (weights.shape[1] + 1)
-        empty = np.zeros((count, 3), np.float32)
-        frames, vectors = np.zeros((count, 3, 3), np.float32), [part(f"basis_{n}") for n in _VECTORS]
-        basis = WaveletTransport(empty, frames, factors, settings, *vectors)
-        _check(basis, count)
-        if len(cluster) != len(positions) or len(weights) != len(positions) or cluster.max() >= len(steps):
-            raise ValueError("clusters of other vertices")
-        compact = Clustered(positions, rows, factors, basis, cluster, weights, steps)
-    return RelitObject(mesh, entry["material"], made, compact)
-
-
-def _checked(array: np.ndarray, name: str) -> np.ndarray:
-    if array.ndim != 1:
-        raise ValueError(f"{name} has {array.ndim} dimensions")
-    return array
-
-
-def _check(made: WaveletTransport, vertices: int) -> None:
-    """Compiled loops read what these arrays say: they must not say more than there is. Raises ValueError."""
-    vectors = vertices * made.factors.terms
-    size = 6 * made.settings.cube**2
-    if len(made.scale) != vectors or len(made.start) != vectors + 1 or len(made.frames) != vertices:
-        raise ValueError("vectors of other vertices")
-    if made.start[0] != 0 or (np.diff(made.start) < 0).any() or made.start[-1] != len(made.index):
-        raise ValueError("vectors that overlap")
-    if len(made.index) != len(made.number) or (len(made.index) and int(made.index.max()) >= size):
-        raise ValueError("coefficients beyond the cube map")

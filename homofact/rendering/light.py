@@ -17,6 +17,10 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 
+# Of radiance and of irradiance, in whatever unit: squares and sums of it are numbers in float32 too. The sun in cd/m²
+# has 1.6e9; light whose brightest place is below the least is none in float32.
+MOST_LIGHT, LEAST_LIGHT = 1e12, 1e-12
+
 
 @dataclass(frozen=True)
 class DirectionalLight:
@@ -30,12 +34,12 @@ class DirectionalLight:
     radiance: float | tuple[float, ...] = math.pi
 
     def __post_init__(self) -> None:
-        """Refuse a direction without length and negative or non-finite light."""
+        """Refuse a direction without length, and light that is negative or without bound."""
         length = math.hypot(*self.direction)
         if len(self.direction) != 3 or not 0 < length < math.inf:
             raise BadInput(where="light direction", found=self.direction, expected="3 finite numbers, not all 0")
-        if not all(0 <= value < math.inf for value in self.levels()):
-            raise BadInput(where="light radiance", found=self.radiance, expected="finite numbers >= 0")
+        if not all(0 <= value <= MOST_LIGHT for value in self.levels()):
+            raise BadInput(where="light radiance", found=self.radiance, expected=f"numbers from 0 to {MOST_LIGHT:g}")
 
     def levels(self) -> tuple[float, ...]:
         """`radiance` as a tuple of one number or one a channel."""
@@ -66,7 +70,7 @@ class EnvironmentMap:
     name: str = "environment"
 
     def __post_init__(self) -> None:
-        """Refuse another shape, negative or non-finite radiance, and a map without any light."""
+        """Refuse another shape, radiance that is negative or without bound, and a map without any light."""
         shape = tuple(self.radiance.shape)
         if len(shape) != 3 or shape[2] not in (1, 3) or min(shape) < 1:
             raise BadInput(f"radiance has shape {shape}", where=self.name, expected="(rows, columns, 1 or 3)")
@@ -77,6 +81,10 @@ class EnvironmentMap:
                 raise BadInput(f"{where} is {what}", where=self.name, expected="finite radiance >= 0")
         if not bool(self.radiance.any()):
             raise BadInput("every pixel is 0", where=self.name, expected="some light")
+        brightest = float(self.radiance.max())
+        if not LEAST_LIGHT <= brightest <= MOST_LIGHT:
+            found, wanted = f"the brightest radiance is {brightest:.3g}", f"{LEAST_LIGHT:g} to {MOST_LIGHT:g}"
+            raise BadInput(found, where=self.name, expected=wanted, hint="an EXPOSURE line scales a .hdr file")
 
     @classmethod
     def constant(cls, level: float = 1.0, rows: int = 8) -> "EnvironmentMap":

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from homofact.files.words import harmless
+from homofact.files.words import on_one_line
 from homofact.geometry.expression import INFIX, Expression, Let, Tables
 from homofact.shading.program import Program
 
@@ -54,7 +54,7 @@ def remark(text: str) -> str:
 
     A backslash at the end would carry a line comment on to the code below it.
     """
-    line = " ".join(harmless(" ".join(text.split())).split()).replace("*/", "* /").replace("/*", "/ *")
+    line = on_one_line(text).replace("*/", "* /").replace("/*", "/ *")
     return f"{line} ." if line.endswith("\\") else line
 
 

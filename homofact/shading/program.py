@@ -26,6 +26,7 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.source_names import MOST
 from homofact.errors import Advice, BadInput
 from homofact.factor.evaluation import Evaluated, Evaluation, TextureLookup, evaluation_of
+from homofact.files.words import on_one_line
 from homofact.geometry.axes import Coordinates, coordinates_of, gathered
 from homofact.geometry.coordinates import Scales, warped
 from homofact.geometry.expression import Expression, Let, Tables, call, constant, fetch, needed, table, variable, vector
@@ -282,7 +283,10 @@ def _title(fitted: Evaluated, layers: int) -> tuple[str, ...]:
 
 
 def name_of(provenance: Mapping[str, Any]) -> str:
-    """What a fit was made from, as its provenance tells: a material's or a file's name, else "samples"."""
+    """What a fit was made from, as its provenance tells: a material's or a file's name, else "samples".
+
+    On one line and `harmless`: every text that names the fit can be written as UTF-8 and as XML.
+    """
     source = provenance.get("source")
     source = source if isinstance(source, Mapping) else {}
-    return str(source.get("material") or source.get("file") or "samples")
+    return on_one_line(str(source.get("material") or source.get("file") or "samples")) or "samples"

@@ -2,7 +2,7 @@
 
 The scheduler is
 
-    local                        Dask's own processes on this machine, with its dashboard
+    local                        Dask's own processes, their dashboard for this machine alone
     tcp://HOST:8786, FILE.json   a scheduler that runs, by its address or the file that it writes
     MODULE:CLASS                 a cluster class of Dask's, made with its own configuration (dask.config) and scaled:
                                  dask_jobqueue:SLURMCluster, dask_kubernetes.operator:KubeCluster
@@ -13,16 +13,19 @@ tasks are out than the workers have threads: one that dies takes what it is at w
 that; and the client's memory does not grow with the sweep.
 """
 
+import asyncio
 import importlib
 import queue
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
 from homofact.files import extras
+from homofact.files.fields import Fields
 from homofact.files.folder import write_folder
 from homofact.files.kinds import RESULT
 from homofact.files.reading import read_json, split_member
@@ -32,7 +35,8 @@ from homofact.sweeps.parcel import packed, unpacked
 from homofact.sweeps.task import Task, task_of
 
 LOCAL = "local"
-_PATIENCE = 60  # seconds that a scheduler has to answer
+_PATIENCE = 30  # seconds that a scheduler has to answer
+_DASHBOARD = "127.0.0.1:8787"  # or, where that is taken, another port
 _LOOK = 1.0  # seconds after which workers that have come since are seen, though no task ends
 _EXPECTED = "local, an address such as tcp://host:8786, a scheduler's .json file, or MODULE:CLASS of a cluster"
 
@@ -150,12 +154,11 @@ class DaskCluster:
         with ExitStack() as stack:
             # A task that kills its worker is counted here, not tried again by a scheduler that is made here.
             stack.enter_context(config.set({"distributed.scheduler.allowed-failures": 0}))
+            place = self._place(stack)
             try:
-                client = stack.enter_context(distributed.Client(self._place(stack), timeout=_PATIENCE))
+                client = stack.enter_context(distributed.Client(place, timeout=_PATIENCE))
             except (OSError, TimeoutError) as error:
-                reason = " ".join(str(error).split())
-                what = f"{self._scheduler} cannot be reached ({reason})"
-                raise BadInput(what, where="scheduler", expected=_EXPECTED) from error
+                raise _unusable(f"{self._scheduler} cannot be reached", error) from error
             if client.dashboard_link:
                 self._notify(f"homofact: the scheduler's dashboard: {client.dashboard_link}")
             yield client
@@ -163,24 +166,68 @@ class DaskCluster:
     def _place(self, stack: ExitStack) -> Any:
         """What Dask's client connects to: an address, or a cluster that ends with the sweep."""
         import distributed
+        from distributed.deploy.cluster import Cluster
 
         words = self._scheduler
         if words == LOCAL:
             workers = {"n_workers": self._count, "threads_per_worker": 1, "processes": True}
-            return stack.enter_context(distributed.LocalCluster(**workers))
+            return stack.enter_context(distributed.LocalCluster(**workers, dashboard_address=_DASHBOARD))
         if "://" in words:
-            return words
+            return _answering(words)
         if words.endswith(".json"):
             if not Path(words).is_file():
                 raise BadInput(f"no file {words}", where="scheduler", expected=_EXPECTED)
-            return read_json(words, "a Dask scheduler's file")["address"]
+            found = Fields(f"{words}: ", read_json(words, "a Dask scheduler's file"))
+            return _answering(found.text("address"))
         module, colon, name = words.partition(":")
         if not colon:
             raise BadInput(where="scheduler", found=repr(words), expected=_EXPECTED)
         try:
-            cluster = stack.enter_context(getattr(importlib.import_module(module), name)())
-        except (ImportError, AttributeError) as error:
-            raise BadInput(where="scheduler", found=f"{words!r} ({error})", expected=_EXPECTED) from error
-        cluster.scale(self._count)
+            kind = getattr(importlib.import_module(module), name)
+        except Exception as error:  # whatever another's module raises
+            raise _unusable(f"found {words!r}", error) from error
+        # Nothing but a cluster is called: a word such as subprocess:Popen names something else.
+        if not (isinstance(kind, type) and issubclass(kind, Cluster)):
+            raise BadInput(where="scheduler", found=f"{words!r}, which is no cluster", expected=_EXPECTED)
+        try:
+            cluster: Any = stack.enter_context(kind())
+            cluster.scale(self._count)
+        except Exception as error:  # whatever its own configuration leads to
+            raise _unusable(f"{words} cannot be made", error) from error
         self._promised = self._count
         return cluster
+
+
+def _answering(address: str) -> str:
+    """The address, where a scheduler answers there within `_PATIENCE` seconds. Raises BadInput.
+
+    Asked before a client is made: Dask's own waits for ever for what takes a connection and says nothing.
+    """
+    from distributed import Security
+    from distributed.core import rpc
+
+    async def asked() -> str:
+        given = Security().get_connection_args("client")
+        async with rpc(address, timeout=_PATIENCE, connection_args=given) as scheduler:
+            found: Any = await scheduler.identity()
+            return str(found["type"])
+
+    async def in_time() -> str:
+        return await asyncio.wait_for(asked(), _PATIENCE)
+
+    try:
+        # In a thread of its own: a caller's (a notebook's) may have a loop that runs.
+        with ThreadPoolExecutor(1) as pool:
+            kind = pool.submit(asyncio.run, in_time()).result()
+    except Exception as error:  # an address that is none, a refusal, silence, another protocol
+        raise _unusable(f"{address} cannot be reached", error) from error
+    if kind != "Scheduler":
+        raise BadInput(where="scheduler", found=f"{address}, a {kind}", expected=_EXPECTED)
+    return address
+
+
+def _unusable(what: str, error: Exception) -> BadInput:
+    reason = " ".join(str(error).split()) or f"no answer in {_PATIENCE} seconds"
+    if isinstance(error, ImportError | OSError | TimeoutError | AttributeError):
+        return BadInput(f"{what} ({reason})", where="scheduler", expected=_EXPECTED)
+    return BadInput(f"{what} ({type(error).__name__}: {reason})", where="scheduler", expected=_EXPECTED)

@@ -12,6 +12,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from homofact.files.template import BRACES, filled, source_digest
 from homofact.files.words import harmless, harmless_words
 from homofact.version import __version__
 
@@ -35,26 +36,31 @@ def assembled(
     data: dict[str, Any],
     policy: str = "",
     head: str | None = None,
+    content: str = "",
 ) -> str:
     """The page: head.html and the `body` that goes on from it, with {{title}}, {{data}} and the like filled in.
 
     What pages have alike is put in first (`_pieced`). `policy` is what the page may load beside pictures in its data;
-    `head` is another text than head.html.
+    `head` is another text than head.html; `content` is HTML that was made, in which no mark is looked for. The one
+    style and the one script are allowed by their digests: nothing else that stands in the page runs.
     """
     # In JSON a letter may be written by its number: the text can then neither end nor open anything in HTML.
     text = json.dumps(harmless_words(data), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    style = "\n" + "\n".join(styles) + "\n"
+    script = '\n(() => {\n"use strict";\n' + "\n".join(scripts) + "\n})();\n"
     fill = {
+        "style_digest": source_digest(style),
+        "script_digest": source_digest(script),
         "policy": policy,
         "generator": f"homofact {__version__}",
         "title": html.escape(harmless(title)),
         "subtitle": html.escape(harmless(subtitle)),
-        "css": "\n".join(styles),
+        "css": style,
         "data": text.replace("<", "\\u003c"),
-        "script": '(() => {\n"use strict";\n' + "\n".join(scripts) + "\n})();",
+        "script": script,
+        "content": content,
     }
-    # One pass, so that braces in what is put in are left alone.
-    whole = _pieced(f"{head or part('homofact.web', 'head.html')}\n{body}")
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: fill[match[1]], whole)
+    return filled(_pieced(f"{head or part('homofact.web', 'head.html')}\n{body}"), BRACES, fill)
 
 
 def _pieced(text: str) -> str:

@@ -1,8 +1,11 @@
 // Making elements of a page.
 
-function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
+const element = (name, attributes = {}, ...children) => furnished(document.createElement(name), attributes, children);
+const svg = (name, attributes = {}, ...children) => furnished(document.createElementNS("http://www.w3.org/2000/svg", name), attributes, children);
+
+function furnished(made, attributes, children) {
   for (const [key, value] of Object.entries(attributes)) {
+    // As an attribute the page's Content-Security-Policy forbids it.
     if (key === "style") made.style.cssText = value;
     else if (value !== null && value !== false) made.setAttribute(key, value === true ? "" : value);
   }

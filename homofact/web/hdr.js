@@ -1,4 +1,8 @@
-// Reading a Radiance picture (.hdr, RGBE) that is dropped on the page; the layout stands in containers/hdr.py.
+// Reading a Radiance picture (.hdr, RGBE) that is dropped on the page; the layout and its limits stand in
+// containers/hdr.py, the limits of radiance in rendering/light.py.
+
+const MOST_PIXELS = 1 << 26, FREE_PIXELS = 1 << 22, PIXELS_A_BYTE = 16, MOST_SHIFT = 24;
+const MOST_LIGHT = 1e12, LEAST_LIGHT = 1e-12;
 
 /** {values (rows × columns × 3), rows, columns} of a file's bytes. Throws Trouble, one line, for anything else. */
 function readHdr(bytes, name) {
@@ -17,12 +21,17 @@ function readHdr(bytes, name) {
   }
   const values = new Float32Array(3 * rows * columns);
   const scales = Float64Array.from({ length: 256 }, (_, e) => (e ? 2 ** (e - 136) / exposure : 0));
-  let light = 0;
+  let brightest = 0;
   for (let i = 0; i < rows * columns; i++) {
     const scale = scales[pixels[4 * i + 3]];
-    for (let k = 0; k < 3; k++) light += values[3 * i + k] = pixels[4 * i + k] * scale;
+    for (let k = 0; k < 3; k++) {
+      const value = pixels[4 * i + k] * scale;
+      if (value > brightest) brightest = value;
+      values[3 * i + k] = value;
+    }
   }
-  if (!(light > 0)) bad("every pixel is 0");
+  if (brightest === 0) bad("every pixel is 0");
+  if (!(brightest >= LEAST_LIGHT && brightest <= MOST_LIGHT)) bad(`its brightest radiance is ${brightest.toPrecision(3)}`);
   return { values, rows, columns };
 }
 
@@ -34,14 +43,15 @@ function hdrHeader(bytes, bad) {
   let exposure = 1;
   for (const line of text.slice(0, end).split("\n").slice(1)) {
     const [key, value = ""] = line.split("=");
-    if (key === "FORMAT" && value.trim() !== "32-bit_rle_rgbe") bad(`its format is ${value.trim()}, not 32-bit_rle_rgbe`);
+    if (key === "FORMAT" && value.trim() !== "32-bit_rle_rgbe") bad(`its format is ${value.trim().slice(0, 40)}, not 32-bit_rle_rgbe`);
     if (key === "EXPOSURE") exposure *= Number(value);
   }
   if (!(exposure > 0 && exposure < Infinity)) bad("its EXPOSURE is not above 0");
-  const size = /^-Y +(\d+) +\+X +(\d+)\s*$/.exec(text.slice(end + 2, last));
+  const size = /^-Y {1,9}(\d{1,9}) {1,9}\+X {1,9}(\d{1,9})\s{0,9}$/.exec(text.slice(end + 2, last));
   if (!size) bad("its size is not given as -Y rows +X columns");
   const [rows, columns] = [Number(size[1]), Number(size[2])];
-  if (!(rows >= 1 && columns >= 1 && rows * columns <= 1 << 26)) bad(`it is ${rows} × ${columns} pixels`);
+  const left = bytes.length - (last + 1), most = Math.min(MOST_PIXELS, Math.max(FREE_PIXELS, PIXELS_A_BYTE * left));
+  if (!(rows >= 1 && columns >= 1 && rows * columns <= most)) bad(`it is ${rows} × ${columns} pixels in ${left} bytes`);
   return { rows, columns, exposure, at: last + 1 };
 }
 
@@ -68,7 +78,8 @@ function flatPixels(bytes, at, pixels, bad) {
     const pixel = bytes.subarray(at, at + 4);
     at += 4;
     if (pixel[0] === 1 && pixel[1] === 1 && pixel[2] === 1) {
-      const count = pixel[3] << shift;
+      if (shift > MOST_SHIFT) bad(`repeats without end at pixel ${filled / 4}`);
+      const count = pixel[3] * 2 ** shift;
       if (!filled || filled + 4 * count > pixels.length) bad(`a repeat of ${count} pixels does not fit`);
       for (let k = 0; k < 4 * count; k++) pixels[filled + k] = pixels[filled - 4 + (k & 3)];
       filled += 4 * count;

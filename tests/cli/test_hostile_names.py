@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -11,6 +12,7 @@ from hostile import FORBIDDEN, NAMES
 from rich.table import Table
 
 import homofact
+from homofact.brdf.formats import csv as write_csv
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
@@ -119,3 +121,26 @@ def test_folders_exports_and_pages_of_hostile_channels(tmp_path: Path, capsys: p
 def test_the_console_prints_nothing_as_markup(capsys: pytest.CaptureFixture[str]) -> None:
     _Console().print("[/] [red]a[/red] :smile:")
     assert capsys.readouterr().out == "[/] [red]a[/red] :smile:\n"
+
+
+# What no figure can hold as it stands: half a letter of UTF-8, and what Matplotlib takes for a formula.
+@pytest.mark.parametrize("name", [os.fsdecode(b"paint\xff.csv"), r"a$\nope$b.csv"])
+def test_files_of_any_name_are_fitted_drawn_and_compared(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    try:
+        write_csv.write(Path(name), sample_model(material("phong-10").model, 300), ("a paint",))
+    except OSError:
+        pytest.skip("no such names in this file system")
+    fit = ["--method", "mccool", "--size", "4"]
+    assert main(["info", name, "--plot", "info.png"]) == 0
+    assert main(["factorize", name, *fit, "--out", "fit"]) == 0
+    assert main(["compare", name, "--methods", "mccool", "--size", "4", "--plot", "rows.png", "--csv", "rows.csv"]) == 0
+    assert main(["chart", name, "--methods", "mccool", "--sizes", "4", "--out", "charts"]) == 0
+    assert main(["view", "fit", "--out", "view.html"]) == 0
+    drawn = ["info.png", "fit/compare.png", "rows.png", *(str(each) for each in Path("charts").glob("*.png"))]
+    assert all(Path(each).stat().st_size > 1000 for each in drawn)
+    for text in capsys.readouterr():
+        assert not set(text) & set(FORBIDDEN)

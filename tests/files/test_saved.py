@@ -8,7 +8,8 @@ import pytest
 from refusals import refused
 
 from homofact.files.archive import write_archive
-from homofact.files.saved import MOST_VALUE, SavedFit
+from homofact.files.arrays import MOST_VALUE
+from homofact.files.saved import SavedFit
 
 
 def saved(folder: Path, header: dict | None = None, **arrays: np.ndarray) -> SavedFit:

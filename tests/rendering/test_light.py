@@ -4,6 +4,7 @@ import math
 
 import pytest
 import torch
+from refusals import refused
 
 from homofact.errors import BadInput
 from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap
@@ -82,6 +83,15 @@ def test_bad_radiance_names_its_pixel(value):
     level[2, 5, 1] = value
     with pytest.raises(BadInput, match="row 2, column 5"):
         EnvironmentMap(level, name="sky.hdr")
+
+
+@pytest.mark.parametrize("value", [1.7e38, 1e13, 1e-13, 5e-324])
+def test_light_of_which_no_float32_can_be_made_is_refused(value):
+    with refused(where="sky.hdr"):
+        EnvironmentMap(torch.full((4, 8, 3), value, dtype=torch.float64), name="sky.hdr")
+    if value > 1:
+        with refused(where="light radiance"):
+            DirectionalLight((0, 0, 1), value)
 
 
 def test_other_bad_light():

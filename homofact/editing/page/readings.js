@@ -34,21 +34,15 @@ function showAlbedo(furnace, albedo, channelNames) {
 }
 
 function albedoChart(furnace, albedo) {
-  const shape = (name, attributes, ...children) => {
-    const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-    for (const [key, each] of Object.entries(attributes)) made.setAttribute(key, each);
-    made.append(...children);
-    return made;
-  };
   const top = Math.max(1.1, ...albedo), x = (degrees) => 18 + (degrees / 90) * 152, y = (value) => 78 - (value / top) * 72, { channels } = furnace;
-  const line = (value, colour) => shape("line", { x1: 18, x2: 170, y1: y(value), y2: y(value), stroke: colour, "stroke-width": 1 });
-  const curves = Array.from({ length: channels }, (_, c) => shape("polyline", {
+  const line = (value, colour) => svg("line", { x1: 18, x2: 170, y1: y(value), y2: y(value), stroke: colour, "stroke-width": 1 });
+  const curves = Array.from({ length: channels }, (_, c) => svg("polyline", {
     fill: "none", stroke: channels === 1 ? GREY_COLOUR : CHANNEL_COLOURS[c], "stroke-width": 1.6,
     points: furnace.degrees.map((degrees, i) => `${x(degrees)},${y(albedo[i * channels + c])}`).join(" "),
   }));
-  const words = [[0, 0, 14], [1, 0, 14]].map(([value, , at]) => shape("text", { x: at, y: y(value) + 3.5, "text-anchor": "end" }, String(value)));
-  const marks = [0, 45, 90].map((degrees) => shape("text", { x: x(degrees), y: 92, "text-anchor": "middle" }, `${degrees}°`));
-  return shape("svg", { viewBox: "0 0 176 96", role: "img", "aria-label": "Albedo over the angle of the light" }, line(0, "#2c2f35"), line(1, "#8a5a3c"), ...curves, ...words, ...marks);
+  const words = [[0, 0, 14], [1, 0, 14]].map(([value, , at]) => svg("text", { x: at, y: y(value) + 3.5, "text-anchor": "end" }, String(value)));
+  const marks = [0, 45, 90].map((degrees) => svg("text", { x: x(degrees), y: 92, "text-anchor": "middle" }, `${degrees}°`));
+  return svg("svg", { viewBox: "0 0 176 96", role: "img", "aria-label": "Albedo over the angle of the light" }, line(0, "#2c2f35"), line(1, "#8a5a3c"), ...curves, ...words, ...marks);
 }
 
 /** How large the preview's own error is, and that it is no more than a preview. */

@@ -9,6 +9,7 @@ import numpy as np
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.exporting.exported import Exported
+from homofact.files.template import AT, filled
 from homofact.shading.encoding import Encoded
 
 
@@ -39,14 +40,17 @@ def check_colour(made: Exported, engine: str) -> None:
         raise BadInput(where=engine, found=f"channels {', '.join(channels)}", expected="R, G, B or one alone")
 
 
+def template_text(name: str) -> str:
+    """A file of this package as it stands, with its marks."""
+    return (files("homofact.exporting.engines") / name).read_text(encoding="utf-8")
+
+
 def template(name: str, **values: str) -> str:
-    """A file of this package with every @NAME@ replaced."""
-    text = (files("homofact.exporting.engines") / name).read_text(encoding="utf-8")
-    for key, value in values.items():
-        mark = f"@{key}@"
-        assert mark in text, f"{name}: no {mark}"
-        text = text.replace(mark, value)
-    return text
+    """A file of this package with every @NAME@ replaced, in one pass. Raises KeyError for one that has no value."""
+    text = template_text(name)
+    unused = [key for key in values if f"@{key}@" not in text]
+    assert not unused, f"{name}: no @{'@, @'.join(unused)}@"
+    return filled(text, AT, values)
 
 
 def rgba(texture: Encoded) -> np.ndarray:

@@ -16,7 +16,6 @@ from homofact.exporting.as_source import knows_no_azimuth
 from homofact.exporting.engines.base import Added, Engine, check_colour, template
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
-from homofact.files.words import harmless
 from homofact.shading.encoding import as_floats
 from homofact.shading.node_graph import node_graph
 from homofact.shading.program import name_of, program_of
@@ -38,7 +37,7 @@ def script(made: Exported, look: MetallicRoughness) -> str:
     """The text of the script. Its texels are decoded, so that a texture of bytes reads as what it stands for."""
     textures = [as_floats(texture.texels) for texture in made.stored.textures]
     graph = node_graph(program_of(made.stored, textures))
-    called = " ".join(harmless(name_of(made.stored.provenance)).split())
+    called = name_of(made.stored.provenance)
     return template(
         "brdf_blender.py.txt",
         # What ends a docstring, or begins an escape in it, is left out.

@@ -11,6 +11,7 @@ from homofact.exporting.as_source import knows_no_azimuth
 from homofact.exporting.engines.base import Added, Engine, check_colour, template
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
+from homofact.files.words import in_markdown
 from homofact.rendering.tonemap import encode_srgb
 from homofact.shading.languages import GLSL, GODOT, shader
 from homofact.shading.program import name_of
@@ -54,7 +55,7 @@ def _files(made: Exported) -> Added:
     files = {
         NAME: template("godot.gdshader", PROGRAM=shader(made.program, GODOT), **numbers),
         MATERIAL: _material(made.names),
-        "README.md": template("godot.md", NAME=name_of(made.stored.provenance), VERSION=__version__),
+        "README.md": template("godot.md", NAME=in_markdown(name_of(made.stored.provenance)), VERSION=__version__),
         f"brdf{GLSL.suffix}.import": KEPT,
         **{f"{name}.import": TEXTURE for name in made.names},
     }

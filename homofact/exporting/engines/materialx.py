@@ -13,17 +13,21 @@ from homofact.exporting.as_source import knows_no_azimuth
 from homofact.exporting.engines.base import Added, Engine, check_colour, template
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
+from homofact.files.words import in_markdown
 from homofact.shading.languages import MATERIALX, shader
 from homofact.shading.program import name_of
 from homofact.version import __version__
 
 DOCUMENT, CODE = "brdf.mtlx", "brdf_materialx.glsl"
 VERSION = "1.39"
+_LONGEST = 200
 
 
 def _files(made: Exported) -> Added:
     check_colour(made, "materialx")
-    called = "homofact_" + (re.sub("[^A-Za-z0-9]+", "_", name_of(made.stored.provenance)).strip("_") or "brdf")
+    given = name_of(made.stored.provenance)
+    # No longer than a name in GLSL can be.
+    called = "homofact_" + (re.sub("[^A-Za-z0-9]+", "_", given)[:_LONGEST].strip("_") or "brdf")
     names = [f"{called}_texture_{k}" for k in range(len(made.names))]
     code = template(
         "materialx.glsl",
@@ -34,8 +38,7 @@ def _files(made: Exported) -> Added:
         GIVEN="".join(f", {name}" for name in names),
     )
     look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored), extensions=False)
-    given = name_of(made.stored.provenance)
-    words = template("materialx.md", NAME=given, MATERIALX=VERSION, CALLED=called, VERSION=__version__)
+    words = template("materialx.md", NAME=in_markdown(given), MATERIALX=VERSION, CALLED=called, VERSION=__version__)
     return Added(
         {DOCUMENT: _document(made, look, called, names), CODE: code, "README.md": words}, {"environment": look}
     )

@@ -81,7 +81,8 @@ export class BrdfMaterial extends THREE.MeshPhysicalMaterial {
       `varying vec3 vHomofactAlong;\n${declared}` +
       shader.vertexShader.replace("#include <project_vertex>", `#include <project_vertex>\n  vHomofactAlong = ${along};`);
     const tangents = this.vertexTangents ? "#define HOMOFACT_TANGENTS\n" : "";
-    shader.fragmentShader = tangents + shader.fragmentShader.replace(CHUNK, CHUNK + DIRECT);
+    // A function, whose text is put in as it stands: "$'" in the fit's name would bring in the shader's rest.
+    shader.fragmentShader = tangents + shader.fragmentShader.replace(CHUNK, () => CHUNK + DIRECT);
   }
 
   customProgramCacheKey() {

@@ -5,13 +5,16 @@ Environments are reflected by the glTF material that looks most like the fit (`g
 """
 
 import base64
+import html
 import json
 import re
 
 from homofact.exporting.as_source import knows_no_azimuth
-from homofact.exporting.engines.base import Added, Engine, check_colour, rgba, template
+from homofact.exporting.engines.base import Added, Engine, check_colour, rgba, template, template_text
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
+from homofact.files.template import source_digest
+from homofact.files.words import in_markdown
 from homofact.shading.languages import GLSL, shader
 from homofact.shading.program import name_of
 from homofact.version import __version__
@@ -48,16 +51,27 @@ def _files(made: Exported) -> Added:
         "files": ["index.js", "index.html", "README.md", "manifest.json", "brdf.glsl"],
         "peerDependencies": {"three": ">=0.160.0"},
     }
-    names = {"NAME": called.replace("`", "'"), "PACKAGE": package["name"], "VERSION": __version__}
+    names = {"NAME": in_markdown(called), "PACKAGE": package["name"], "VERSION": __version__}
     return Added(
         {
             # A script would end at "</script>", a comment at "*/": neither stands in JSON that is escaped like this.
             "index.js": template("three.js", DATA=json.dumps(data, indent=1).replace("<", "\\u003c")),
-            "index.html": template("three.html", NAME=re.sub("[<>&]", " ", called)),
+            "index.html": page(called),
             "package.json": json.dumps(package, indent=2, ensure_ascii=False) + "\n",
             "README.md": template("three.md", **names),
         },
         {"environment": look},
+    )
+
+
+def page(called: str) -> str:
+    """The example page, its Content-Security-Policy by the digests of the style and the scripts that it holds."""
+    text = template_text("three.html")
+    return template(
+        "three.html",
+        NAME=html.escape(called),
+        STYLES=" ".join(map(source_digest, re.findall(r"<style>(.*?)</style>", text, re.DOTALL))),
+        SCRIPTS=" ".join(map(source_digest, re.findall(r"<script [^>]*>(.*?)</script>", text, re.DOTALL))),
     )
 
 

@@ -7,13 +7,6 @@ const SHAPES = [
 const colourOf = (label) => `var(--c${label % 8})`;
 const shapeOf = (label) => SHAPES[(label + Math.floor(label / 8)) % 4];
 
-function svg(name, attributes = {}, ...children) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) if (value !== null) made.setAttribute(key, value);
-  made.append(...children);
-  return made;
-}
-
 function keyOf(label) {
   const mark = svg("path", { d: `M0,0${shapeOf(label)}`, style: `fill: ${colourOf(label)}` });
   return svg("svg", { viewBox: "-6 -6 12 12", class: "key", "aria-hidden": "true" }, mark);

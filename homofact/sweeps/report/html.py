@@ -12,9 +12,17 @@ PACKAGE = "homofact.sweeps.report"
 
 
 def page_html(
-    body: str, title: str, subtitle: str, scripts: Sequence[str] = (), data: dict[str, Any] | None = None
+    body: str,
+    title: str,
+    subtitle: str,
+    scripts: Sequence[str] = (),
+    data: dict[str, Any] | None = None,
+    content: str = "",
 ) -> str:
-    """A page of the report: its body in the head and the style of all, with its scripts and what they draw."""
+    """A page of the report: its body, a template, in the head and the style of all, with its scripts and their data.
+
+    `content` is what a body of {{content}} shows.
+    """
     return assembled(
         body,
         title=title,
@@ -25,13 +33,13 @@ def page_html(
         # Pictures are files beside the page.
         policy=" 'self' file:",
         head=part(PACKAGE, "head.html"),
+        content=content,
     )
 
 
 def safe(text: object) -> str:
     """A text as HTML that shows it, in attributes too."""
-    # A brace by its number: two of them would be a place of the page that is filled in.
-    return html.escape(harmless(str(text))).replace("{", "&#123;")
+    return html.escape(harmless(str(text)))
 
 
 def finding_words(finding: ReportedFinding) -> str:

@@ -37,7 +37,7 @@ def material_html(
         _aside(aside),
         "</main></body></html>",
     ]
-    return page_html("\n".join(body), name, f"{sweep}; SHA-256 {fits[0].material}…")
+    return page_html("{{content}}", name, f"{sweep}; SHA-256 {fits[0].material}…", content="\n".join(body))
 
 
 def _figures(fits: Sequence[ReportedFit]) -> str:

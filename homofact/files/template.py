@@ -1,0 +1,40 @@
+"""Templates: texts with marks, filled in one pass, so that no mark within what is put in is ever filled in itself.
+
+Names of files, materials and channels come from elsewhere and may hold anything, marks of a template too. Filled one
+mark after the other, a name could bring the mark whose value ends the literal that the name stands in.
+"""
+
+import base64
+import hashlib
+import re
+from collections.abc import Mapping
+from typing import Final
+
+# @NAME@ in the files of engines, {{name}} in pages.
+AT: Final = re.compile(r"@([A-Z_]+)@")
+BRACES: Final = re.compile(r"\{\{(\w+)\}\}")
+
+
+def filled(text: str, mark: re.Pattern[str], values: Mapping[str, str]) -> str:
+    """Return the text with every mark replaced by the value of its name.
+
+    Parameters
+    ----------
+    text
+        The template.
+    mark
+        `AT` or `BRACES`: what a mark looks like, its name as the first group.
+    values
+        By name. What they hold stays as it is.
+
+    Raises
+    ------
+    KeyError
+        For a mark without a value, a mistake in the template.
+    """
+    return mark.sub(lambda found: values[found[1]], text)
+
+
+def source_digest(text: str) -> str:
+    """Return what a Content-Security-Policy calls an inline style or script of exactly this text."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -1,0 +1,202 @@
+"""The schema of a relit scene's archive: what is in it, checked whole when it is read, before anything uses it.
+
+Compiled loops and the page take what these arrays say without another look: places lie within what they name, vectors
+follow one another, numbers are finite and of a size that a scene's can have.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.files.arrays import ANY, Arrays
+from homofact.files.fields import Fields
+from homofact.meshes.mesh import Mesh
+from homofact.relighting import cube
+from homofact.relighting.build import RelitObject
+from homofact.relighting.clusters import Clustered
+from homofact.relighting.factors import InOutFactors
+from homofact.relighting.harmonic import MOST_ORDER, Harmonic
+from homofact.relighting.page.skies import PageSky
+from homofact.relighting.precompute import TransportSettings, WaveletTransport
+from homofact.rendering.light import LEAST_LIGHT, MOST_LIGHT
+from homofact.scene.cameras import Camera
+
+VECTORS = ("start", "index", "number", "scale")
+FACTORS = ("light", "view", "strength")
+# Objects, cameras; lengths, scales and maps of which products of four stay finite in float32.
+_MOST_OBJECTS, _MOST_CAMERAS, _MOST = 10_000, 1000, 1e9
+_UNIT = 1.0 + 1e-3
+
+
+class Part:
+    """The arrays of an archive under a prefix: of one object, or of an object's basis."""
+
+    def __init__(self, arrays: Arrays, prefix: str) -> None:
+        """All names that begin with `prefix`."""
+        self._arrays, self._prefix = arrays, prefix
+
+    def floats(
+        self, name: str, shape: tuple[int | None, ...], most: float = _MOST, least: float | None = None,
+        dtype: Any = np.float32,
+    ) -> np.ndarray:  # fmt: skip
+        """Floats of a type from `least`, −`most` unless given, to `most`."""
+        low = -most if least is None else least
+        return self._arrays.stored(self._prefix + name, dtype, shape, low, most)
+
+    def wholes(self, name: str, dtype: Any, shape: tuple[int | None, ...], below: int | None = None) -> np.ndarray:
+        """Whole numbers of a type, from 0 to less than `below` where that is given."""
+        bounds = np.iinfo(dtype)
+        least, most = (bounds.min, bounds.max) if below is None else (0, below - 1)
+        return self._arrays.stored(self._prefix + name, dtype, shape, least, most)
+
+    def rotations(self, name: str, count: int) -> np.ndarray:
+        """So many rotations."""
+        return self._arrays.rotations(self._prefix + name, np.float32, count)
+
+    def inner(self, prefix: str) -> "Part":
+        """Those under a longer prefix."""
+        return Part(self._arrays, self._prefix + prefix)
+
+    def refuse(self, name: str, found: str, expected: str) -> BadInput:
+        """What is wrong with an array."""
+        return BadInput(f"{self._prefix}{name} {found}", where=self._arrays.path, expected=expected)
+
+
+def read_object(arrays: Arrays, number: int, entry: Fields) -> RelitObject:
+    """An object with its transport, and its compact form where it has one. Raises BadInput."""
+    part = Part(arrays, f"object_{number}_")
+    settings = _settings(entry.inner("settings"))
+    channels = tuple(entry.texts("channels", 3))
+    if len(channels) not in (1, 3):
+        entry.refuse("channels", "one or three")
+    light = part.floats("factors_light", (None, None, None))
+    terms, side = light.shape[:2]
+    if light.shape[2] != side:
+        raise part.refuse("factors_light", f"is of shape {light.shape}", "square maps")
+    view = part.floats("factors_view", (terms, None, None, len(channels)))
+    if view.shape[1] != view.shape[2]:
+        raise part.refuse("factors_view", f"is of shape {view.shape}", "square maps")
+    strength = part.floats("factors_strength", (terms,), least=0.0, dtype=np.float64)
+    factors = InOutFactors(light, view, strength, entry.number("energy", above=0), channels)
+    mesh = _mesh(part, entry.text("name"))
+    count = len(mesh.positions)
+    positions, rows = mesh.positions.astype(np.float32), part.rotations("frames", count)
+    made = WaveletTransport(positions, rows, factors, settings, *_vectors(part, count * terms, settings))
+    return RelitObject(mesh, entry.text("material"), made, _compact(part, entry, made))
+
+
+def read_sky(arrays: Arrays, name: str) -> PageSky:
+    """The light of the scene. Raises BadInput."""
+    sky = Part(arrays, "sky_")
+    found = sky.floats("cube", (cube.FACES, None, None, 3), MOST_LIGHT, 0.0)
+    picture = sky.floats("picture", (None, None, 3), MOST_LIGHT, 0.0)
+    cube.check_size(found.shape[1])
+    if found.shape[2] != found.shape[1]:
+        raise sky.refuse("cube", f"is of shape {found.shape}", "square faces")
+    for what, values in (("cube", found), ("picture", picture)):
+        if float(values.max()) < LEAST_LIGHT:
+            raise sky.refuse(what, "is dark", "some light")
+    return PageSky(name, found, picture)
+
+
+def read_cameras(fields: Fields) -> tuple[Camera, ...]:
+    """The cameras that the pictures are of. Raises BadInput."""
+    found = []
+    for entry in fields.inners("cameras", _MOST_CAMERAS):
+        name = entry.text("name") if "name" in entry.found else None
+        eye, target = (tuple(entry.numbers(each, 3)) for each in ("eye", "target"))
+        pixels = tuple(map(int, entry.numbers("pixels", 2)))
+        try:
+            found.append(Camera(eye, target, entry.number("field"), pixels, name))
+        except BadInput as error:
+            raise error.at(entry.place, "") from error
+    return tuple(found)
+
+
+def read_references(arrays: Arrays, objects: tuple[RelitObject, ...]) -> tuple[np.ndarray, ...] | None:
+    """Each object's light by the dense sum, NaN where it is not seen; None where there is none. Raises BadInput."""
+    if "reference_0" not in arrays:
+        return None
+    return tuple(
+        arrays.stored(f"reference_{k}", np.float32, (len(each.mesh.positions), 3), gaps=True)
+        for k, each in enumerate(objects)
+    )
+
+
+def read_report(fields: Fields) -> dict[str, Any]:
+    """The report, its objects' figures as the page shows them. Raises BadInput."""
+    report = fields.inner("report")
+    if "objects" in report.found:
+        for entry in report.inners("objects", _MOST_OBJECTS):
+            for name in ("mesh", "material"):
+                entry.text(name)
+            for name in ("vertices", "terms", "bytes"):
+                entry.whole(name, 0, 2**53)
+            entry.number("coefficients_per_vector")
+            if entry.found.get("error", "") is not None:
+                errors = entry.inner("error")
+                for name in errors.found:
+                    errors.number(name)
+    return report.found
+
+
+def read_objects(arrays: Arrays, fields: Fields) -> tuple[RelitObject, ...]:
+    """All objects. Raises BadInput."""
+    entries = fields.inners("objects", _MOST_OBJECTS)
+    return tuple(read_object(arrays, number, entry) for number, entry in enumerate(entries))
+
+
+def _settings(entry: Fields) -> TransportSettings:
+    tolerance = None if entry.found.get("tolerance") is None else entry.number("tolerance")
+    size, rays, kept = (entry.whole(name, 1, 10**6) for name in ("cube", "rays", "kept"))
+    try:
+        return TransportSettings(size, rays, kept, tolerance)
+    except BadInput as error:
+        raise error.at(entry.place, "") from error
+
+
+def _mesh(part: Part, name: str) -> Mesh:
+    positions = part.floats("positions", (None, 3), dtype=np.float64)
+    normals = part.floats("normals", (len(positions), 3), _UNIT, dtype=np.float64)
+    if not (np.linalg.norm(normals, axis=1) > 0.5).all():
+        raise part.refuse("normals", "holds one without length", "unit vectors")
+    return Mesh(positions, normals, part.wholes("triangles", np.int64, (None, 3), len(positions)), name)
+
+
+def _vectors(part: Part, count: int, settings: TransportSettings) -> tuple[np.ndarray, ...]:
+    """Start, index, number and scale of `count` sparse vectors."""
+    start = part.wholes("start", np.int64, (count + 1,))
+    if start[0] != 0 or (np.diff(start) < 0).any():
+        raise part.refuse("start", "holds vectors that overlap", "places that grow from 0")
+    total = int(start[-1])
+    index = part.wholes("index", np.uint16, (ANY,), cube.FACES * settings.cube**2)
+    if len(index) != total:
+        raise part.refuse("index", f"holds {len(index)} places", f"{total}")
+    return start, index, part.wholes("number", np.int16, (total,)), part.floats("scale", (count,), least=0.0)
+
+
+def _compact(part: Part, entry: Fields, made: WaveletTransport) -> Harmonic | Clustered | None:
+    factors, count = made.factors, len(made.positions)
+    kind = entry.found.get("compact")
+    if kind == "harmonic":
+        step = part.floats("harmonic_step", (count, factors.terms), least=0.0)
+        numbers = part.wholes("harmonic_number", np.int16, (count, factors.terms, None))
+        order = round(numbers.shape[2] ** 0.5) - 1
+        if (order + 1) ** 2 != numbers.shape[2] or order > MOST_ORDER:
+            raise part.refuse("harmonic_number", f"holds {numbers.shape[2]} a vector", "those of whole orders")
+        return Harmonic(made, numbers, step)
+    if kind is not True:
+        if kind is not False:
+            entry.refuse("compact", 'true, false or "harmonic"')
+        return None
+    steps = part.floats("steps", (None, ANY), least=0.0)
+    clusters, components = steps.shape
+    size = clusters * (components + 1)
+    blank, turned = np.zeros((size, 3), np.float32), np.zeros((size, 3, 3), np.float32)
+    vectors = _vectors(part.inner("basis_"), size * factors.terms, made.settings)
+    return Clustered(
+        made.positions, made.frames, factors, WaveletTransport(blank, turned, factors, made.settings, *vectors),
+        part.wholes("cluster", np.uint16, (count,), clusters), part.wholes("weights", np.int16, (count, components)),
+        steps,
+    )  # fmt: skip
