@@ -14,7 +14,7 @@ from torch import Tensor
 from homofact.brdf.samples import Samples
 
 
-class Part(Enum):
+class CasePart(Enum):
     """What a kind of fault, or a material, is for in the calibration: no two parts share one.
 
     The table of the error bars is made from the first two; the third is reported on, and sets nothing.
@@ -45,7 +45,7 @@ class Fault:
     name: str
     plant: Plant
     strengths: tuple[float, ...]
-    part: Part
+    part: CasePart
     right: bool = False
     knowable: bool = True
 

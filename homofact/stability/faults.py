@@ -12,7 +12,7 @@ from torch import Tensor
 from homofact.brdf.samples import Samples
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import from_spherical, normalize, to_spherical
-from homofact.stability.fault import Fault, Part, Plant, generator_of, joined, normal, of_values, struck, uniform
+from homofact.stability.fault import Fault, CasePart, Plant, generator_of, joined, normal, of_values, struck, uniform
 
 _LEAST_COSINE = 0.02  # of directions that a fault has turned: what is lower is gone
 
@@ -142,7 +142,7 @@ def _cut(samples: Samples, values: Tensor, quantile: float, seed: int) -> Tensor
     return values.minimum(values.quantile(quantile, 0))
 
 
-_A, _B, _R = Part
+_A, _B, _R = CasePart
 _WHERE = (
     Fault("few", _few, (3000, 1200, 400), _A, right=True),
     Fault("few-lights", _few_lights, (12, 8, 5), _B, right=True),

@@ -20,7 +20,7 @@ from typing import Any
 from homofact.evaluation.bar.table import Table, table
 from homofact.evaluation.machine import machine
 from homofact.linear.normal import warm_up
-from homofact.stability.fault import Part
+from homofact.stability.fault import CasePart
 from homofact.version import __version__
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -46,12 +46,12 @@ def main(arguments: list[str] | None = None) -> int:
     warm_up()
     folder = data_folder(options.data)
     if options.report:
-        asked = {Part.REPORT: _SHORT if options.short else options.report}
+        asked = {CasePart.REPORT: _SHORT if options.short else options.report}
         fits = fits_of(simulate(in_turn(asked), folder, options.store, options.seed))
         used = Table.of(json.loads(options.table.read_text(encoding="utf-8"))) if options.table != TABLE else table()
         return finish([*report(fits, used), machine()], options)
     count = _SHORT if options.short else options.cases
-    wanted: dict[Part, int] = {Part.FIRST: count, Part.SECOND: count}
+    wanted: dict[CasePart, int] = {CasePart.FIRST: count, CasePart.SECOND: count}
     records = simulate(in_turn(wanted), folder, options.store, options.seed)
     made = made_of(records, wanted, options.seed)
     constants = calibrated(fits_of(records), made)
@@ -65,7 +65,7 @@ def written(constants: dict[str, Any]) -> str:
     return re.sub(r"\[\s+([^\[\]{}]+?)\s+\]", lambda found: f"[{' '.join(found[1].split())}]", text) + "\n"
 
 
-def made_of(records: list[dict[str, Any]], wanted: dict[Part, int], seed: int) -> dict[str, Any]:
+def made_of(records: list[dict[str, Any]], wanted: dict[CasePart, int], seed: int) -> dict[str, Any]:
     """By what a table is made: the script, how much of what, and a hash of the fits' records."""
     text = "\n".join(json.dumps(record, sort_keys=True) for record in records)
     return {

@@ -23,7 +23,7 @@ from homofact.evaluation.bar.table import LEAST_SPREAD, QUANTITIES, RATE
 from homofact.evaluation.energy import ALBEDO_DEGREES
 from homofact.evaluation.verdict.figures import Figures
 from homofact.evaluation.verdict.judge import LEAST_EXPLAINED, OFF, is_good
-from homofact.stability.fault import Part
+from homofact.stability.fault import CasePart
 from scripts.verdict.regression import Columns, Standard, conformal_quantile, logistic, ridge
 
 PENALTY, PENALTY_OF_SPREAD, PENALTY_OF_WARNING = 0.1, 1.0, 0.03
@@ -107,7 +107,7 @@ def fits_of(records: Sequence[dict[str, Any]]) -> list[SimulatedFit]:
 
 def calibrated(fits: Sequence[SimulatedFit], made: dict[str, Any]) -> dict[str, Any]:
     """The table as a JSON-able dictionary; `made` says by what."""
-    own = [fit for fit in fits if fit.part != Part.REPORT.value]
+    own = [fit for fit in fits if fit.part != CasePart.REPORT.value]
     known = [fit for fit in own if fit.knowable]
     warning, scores = warning_model(known)
     threshold = threshold_of(scores, [not fit.good for fit in known])

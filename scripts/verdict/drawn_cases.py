@@ -23,7 +23,7 @@ from homofact.geometry.directions import from_spherical
 from homofact.methods.mccool import McCool
 from homofact.methods.method import Method
 from homofact.methods.search import Search
-from homofact.stability.fault import Fault, Part
+from homofact.stability.fault import Fault, CasePart
 from homofact.stability.faults import FAULTS
 
 NETWORKS = Path("nbrdf") / "merl_nbrdf_weights.npz"
@@ -37,10 +37,10 @@ LAYOUTS = ("discs", "lobe", "rings")
 COUNTS = (2500, 5000)
 _TWO = ("theta_h-theta_d", "theta_d-phi_d")
 _SEARCHES = (Search(textures=2, size=12, effort="quick"), Search(textures=1, size=16, effort="quick"))
-_OTHERS: dict[Part, tuple[Method, ...]] = {
-    Part.FIRST: (McCool(size=12), McCool(size=16, projections=_TWO, smoothing=0.1), McCool(size=12, smoothing=10.0)),
-    Part.SECOND: (McCool(size=16), McCool(size=10, projections=_TWO), McCool(size=24, smoothing=1e-7)),
-    Part.REPORT: (McCool(size=20), McCool(size=20, projections=_TWO), McCool(size=8, smoothing=1.0)),
+_OTHERS: dict[CasePart, tuple[Method, ...]] = {
+    CasePart.FIRST: (McCool(size=12), McCool(size=16, projections=_TWO, smoothing=0.1), McCool(size=12, smoothing=10.0)),
+    CasePart.SECOND: (McCool(size=16), McCool(size=10, projections=_TWO), McCool(size=24, smoothing=1e-7)),
+    CasePart.REPORT: (McCool(size=20), McCool(size=20, projections=_TWO), McCool(size=8, smoothing=1.0)),
 }
 
 
@@ -69,7 +69,7 @@ class Mixture:
 class DrawnCase:
     """One material, measured in one way; `fault` None where nothing is done to its samples."""
 
-    part: Part
+    part: CasePart
     number: int
     name: str
     material: Drawable
@@ -85,9 +85,9 @@ class DrawnCase:
         return self.fault is None or self.fault.right
 
 
-def drawn_case(part: Part, number: int, folder: Path, seed: int = 0) -> DrawnCase:
+def drawn_case(part: CasePart, number: int, folder: Path, seed: int = 0) -> DrawnCase:
     """Draw case `number` of a part, the same whenever it is drawn."""
-    chance = torch.Generator().manual_seed(1_000_000 * (seed + 1) + 10_000 * list(Part).index(part) + number)
+    chance = torch.Generator().manual_seed(1_000_000 * (seed + 1) + 10_000 * list(CasePart).index(part) + number)
 
     def pick(count: int) -> int:
         return int(torch.randint(count, (1,), generator=chance))
@@ -126,21 +126,21 @@ def on_rings(model: Reflectance, count: int) -> Samples:
 
 
 @lru_cache(maxsize=8)
-def networks(part: Part, folder: Path) -> tuple[str, ...]:
+def networks(part: CasePart, folder: Path) -> tuple[str, ...]:
     """The surrogates of a part as sources "FILE#NAME"; none where the files are not there."""
-    place = list(Part).index(part)
+    place = list(CasePart).index(part)
     found: list[str] = []
     file = folder / NETWORKS
     if file.is_file():
         names = [name for name in material_names(file) if name not in UNTOUCHED]
-        found += [f"{file}#{name}" for name in (UNTOUCHED if part is Part.REPORT else names[place::2])]
+        found += [f"{file}#{name}" for name in (UNTOUCHED if part is CasePart.REPORT else names[place::2])]
     file = folder / MORE_NETWORKS
     if file.is_file():
         found += [f"{file}#{name}" for name in material_names(file)[place::3]]
     return tuple(found)
 
 
-def _material(part: Part, folder: Path, pick: Callable[[int], int]) -> tuple[str, Drawable]:
+def _material(part: CasePart, folder: Path, pick: Callable[[int], int]) -> tuple[str, Drawable]:
     known, kind = networks(part, folder), pick(10)
     if kind < 3 or not known:
         return _drawn_model(part, pick)
@@ -152,22 +152,22 @@ def _material(part: Part, folder: Path, pick: Callable[[int], int]) -> tuple[str
     return f"{share:g} {names[0]} + {1 - share:g} {names[1]}", Mixture(load(one), load(two), share)
 
 
-def _drawn_model(part: Part, pick: Callable[[int], int]) -> tuple[str, Drawable]:
+def _drawn_model(part: CasePart, pick: Callable[[int], int]) -> tuple[str, Drawable]:
     def colour(most: float) -> tuple[float, float, float]:
         return tuple(most * (1 + pick(100)) / 100 for _ in range(3))  # type: ignore[return-value]
 
     width = 10 ** (-0.3 - 0.9 * pick(100) / 100)
-    if part is Part.FIRST:
+    if part is CasePart.FIRST:
         exponent = round(2 / width**2)
         return f"blinn-phong {exponent}", BlinnPhong(colour(0.6), colour(0.3), exponent)
-    if part is Part.SECOND:
+    if part is CasePart.SECOND:
         return f"ward {width:.2f}", Ward(colour(0.6), colour(0.3), alpha_x=width, alpha_y=width)
     return f"cook-torrance {width:.2f}", CookTorrance(colour(0.5), (0.4, 0.4, 0.4), width, 0.05 + pick(10) / 20)
 
 
-def in_turn(counts: dict[Part, int]) -> Iterator[tuple[Part, int]]:
+def in_turn(counts: dict[CasePart, int]) -> Iterator[tuple[CasePart, int]]:
     """(part, number) of so many cases of each part: the first two parts by turns, the report last."""
-    first = [part for part in counts if part is not Part.REPORT]
+    first = [part for part in counts if part is not CasePart.REPORT]
     for number in range(max((counts[part] for part in first), default=0)):
         yield from ((part, number) for part in first if number < counts[part])
-    yield from ((Part.REPORT, number) for number in range(counts.get(Part.REPORT, 0)))
+    yield from ((CasePart.REPORT, number) for number in range(counts.get(CasePart.REPORT, 0)))

@@ -22,7 +22,7 @@ from homofact.evaluation.split import Split
 from homofact.evaluation.verdict.measuring import measured_figures
 from homofact.methods.method import Method
 from homofact.stability.cells import NeverEvaluated
-from homofact.stability.fault import Part
+from homofact.stability.fault import CasePart
 from scripts.shared.harness import progress
 from scripts.verdict.drawn_cases import DrawnCase, drawn_case
 
@@ -82,7 +82,7 @@ def truth_of(seen: Appearance) -> dict[str, Any]:
     }
 
 
-def simulate(wanted: Iterable[tuple[Part, int]], folder: Path, store: Path, seed: int = 0) -> list[dict[str, Any]]:
+def simulate(wanted: Iterable[tuple[CasePart, int]], folder: Path, store: Path, seed: int = 0) -> list[dict[str, Any]]:
     """Fit the cases that the store lacks, and return all records of the wanted ones, in their order."""
     kept: dict[tuple[str, int], list[dict[str, Any]]] = {}
     for record in read_store(store):

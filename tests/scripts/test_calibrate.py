@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from homofact.evaluation.bar.table import Table
-from homofact.stability.fault import Part
+from homofact.stability.fault import CasePart
 from homofact.stability.faults import FAULTS
 
 Script = Callable[[str], ModuleType]
@@ -18,14 +18,14 @@ Script = Callable[[str], ModuleType]
 
 def test_a_case_comes_again_and_parts_share_nothing(script: Script, tmp_path: Path) -> None:
     cases = script("verdict.drawn_cases")
-    one, two = (cases.drawn_case(Part.FIRST, 4, tmp_path) for _ in range(2))
+    one, two = (cases.drawn_case(CasePart.FIRST, 4, tmp_path) for _ in range(2))
     assert one.name == two.name
     assert one.samples.values.equal(two.samples.values)
-    for part in Part:
+    for part in CasePart:
         drawn = [cases.drawn_case(part, number, tmp_path) for number in range(10)]
         assert {case.fault.part for case in drawn if case.fault} == {part}
         assert [case.right for case in drawn] == [number % 5 < 3 for number in range(10)]
-    assert sum(fault.part is Part.REPORT for fault in FAULTS.values()) >= 8
+    assert sum(fault.part is CasePart.REPORT for fault in FAULTS.values()) >= 8
     assert {"tilted", "highlight-shifted"} <= set(FAULTS)
     assert [name for name, fault in FAULTS.items() if not fault.knowable] == ["scaled", "offset", "gamma"]
 
@@ -33,7 +33,7 @@ def test_a_case_comes_again_and_parts_share_nothing(script: Script, tmp_path: Pa
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_leaves_samples_that_can_be_fitted(script: Script, tmp_path: Path, name: str) -> None:
     cases, fault = script("verdict.drawn_cases"), FAULTS[name]
-    clean = cases.measured(cases.drawn_case(Part.FIRST, 0, tmp_path).material, "lobe", 2500, 1)
+    clean = cases.measured(cases.drawn_case(CasePart.FIRST, 0, tmp_path).material, "lobe", 2500, 1)
     for strength in (fault.strengths[0], fault.strengths[-1]):
         planted = fault.plant(clean, float(strength), 3)
         assert len(planted) >= 40
