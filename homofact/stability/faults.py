@@ -12,7 +12,7 @@ from torch import Tensor
 from homofact.brdf.samples import Samples
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import from_spherical, normalize, to_spherical
-from homofact.stability.fault import Fault, CasePart, Plant, generator_of, joined, normal, of_values, struck, uniform
+from homofact.stability.fault import CasePart, Fault, Plant, generator_of, joined, normal, of_values, struck, uniform
 
 _LEAST_COSINE = 0.02  # of directions that a fault has turned: what is lower is gone
 

@@ -23,7 +23,7 @@ from homofact.geometry.directions import from_spherical
 from homofact.methods.mccool import McCool
 from homofact.methods.method import Method
 from homofact.methods.search import Search
-from homofact.stability.fault import Fault, CasePart
+from homofact.stability.fault import CasePart, Fault
 from homofact.stability.faults import FAULTS
 
 NETWORKS = Path("nbrdf") / "merl_nbrdf_weights.npz"
@@ -38,7 +38,11 @@ COUNTS = (2500, 5000)
 _TWO = ("theta_h-theta_d", "theta_d-phi_d")
 _SEARCHES = (Search(textures=2, size=12, effort="quick"), Search(textures=1, size=16, effort="quick"))
 _OTHERS: dict[CasePart, tuple[Method, ...]] = {
-    CasePart.FIRST: (McCool(size=12), McCool(size=16, projections=_TWO, smoothing=0.1), McCool(size=12, smoothing=10.0)),
+    CasePart.FIRST: (
+        McCool(size=12),
+        McCool(size=16, projections=_TWO, smoothing=0.1),
+        McCool(size=12, smoothing=10.0),
+    ),
     CasePart.SECOND: (McCool(size=16), McCool(size=10, projections=_TWO), McCool(size=24, smoothing=1e-7)),
     CasePart.REPORT: (McCool(size=20), McCool(size=20, projections=_TWO), McCool(size=8, smoothing=1.0)),
 }
