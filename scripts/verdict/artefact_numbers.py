@@ -111,13 +111,13 @@ def looked_at(data: Path, planted: int, kept: Path | None, seed: int, short: boo
             fit = fitted(source, name, size, kept)
             generator = torch.Generator().manual_seed(seed + 1000 * number + size[0])
             clean = pictures.pictures(fit)
-            found = pictures.look(fit).artefacts
+            found = pictures.look(clean).artefacts
             several = []
             for kind in KINDS if not found else ():
                 for _ in range(planted):
-                    bad = drawn_artefact(fit, kind, generator)
-                    visible = _differs(pictures, clean, pictures.pictures(bad)) > OF_PIXELS
-                    several.append(Planted(kind, visible, tuple(a.kind.value for a in pictures.look(bad).artefacts)))
+                    bad = pictures.pictures(drawn_artefact(fit, kind, generator))
+                    seen = tuple(each.kind.value for each in pictures.look(bad).artefacts)
+                    several.append(Planted(kind, _differs(pictures, clean, bad) > OF_PIXELS, seen))
             yield Looked(
                 f"{name}, {size[0]} × {size[1]}²",
                 half,

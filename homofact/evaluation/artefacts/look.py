@@ -11,7 +11,7 @@ Where a source is known at its samples alone, its pictures are of their interpol
 readings. Pixels whose light comes from pairs of directions far from any sample are left out.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -37,7 +37,7 @@ from homofact.rendering.tonemap import TARGET, choose_exposure, choose_middle, d
 
 # Of each view: the encoded excess from which on a pixel counts, and the sum of it over a piece, in parts of all pixels
 # of the picture, from which on the piece does. A close-up is smooth, and a needle in it is thin.
-LEAST = {"lamp": (0.01, 8e-5), "highlight": (0.004, 5.5e-5), "sky": (0.01, 8e-5)}
+LEAST = {"lamp": (0.01, 8e-5), "highlight": (0.004, 4.5e-5), "sky": (0.01, 8e-5)}
 # By how much the pictures differ in a piece, in parts of white.
 LEAST_SIZE = 0.04
 # A piece beside a stronger one of the other sign is the shadow that the bands throw.
@@ -69,8 +69,8 @@ def look_for_artefacts(fit: Reflectance, source: Source | Samples) -> Look | Non
 
     None where their channels cannot be shown in a picture. Raises BadInput where the fit is not finite.
     """
-    pictures = _KEPT.of(source)
-    return None if pictures is None else pictures.look(fit)
+    of_source = _KEPT.of(source)
+    return None if of_source is None else of_source.look(of_source.pictures(fit))
 
 
 @dataclass(frozen=True)
@@ -147,9 +147,9 @@ class SourcePictures:
         drawn = {view.name: view.radiance(values[part]) for view, part in _parts()}
         return [_encoded(drawn[each.view.name], each.view, each.exposure, each.curve) for each in self.shown]
 
-    def look(self, fit: Reflectance) -> Look:
-        """What a fit shows."""
-        pairs = zip(self.shown, self.pictures(fit), strict=True)
+    def look(self, pictures: Sequence[np.ndarray]) -> Look:
+        """What the `pictures` of a fit show."""
+        pairs = zip(self.shown, pictures, strict=True)
         found = [piece for shown, picture in pairs for piece in shown.pieces(picture)]
         worst: dict[Any, tuple[float, Artefact]] = {}
         for strength, artefact in found:

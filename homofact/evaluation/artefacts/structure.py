@@ -4,8 +4,8 @@ A picture's values, encoded as a screen shows them, are cut into `BANDS`: a Gaus
 less a blur by the second, over the sphere's pixels alone (what lies outside counts for nothing, so the silhouette is
 no edge). In each band the source shows values from a least to a largest one near a pixel, within `REACH` times the
 band's first blur. Both are stretched by `STRETCH`, so that a highlight may be a little too strong, too wide or in a
-neighbouring pixel. What of the fit's band lies outside this range is structure that the source does not have. A fit
-that merely lacks structure of its source, such as the instrument's noise, stays within the range.
+neighbouring pixel. What of the fit's band lies outside this range is structure that the source does not have. The
+range always holds 0: a fit that merely lacks structure of its source, such as the instrument's noise, has no artefact.
 
 Where the source is known at samples alone several readings of it are given, and the range is that of all of them,
 widened by what the readings differ.
@@ -43,9 +43,8 @@ class SourceRange:
             high = np.max([_filtered(ndimage.maximum_filter, part, inside, size, -np.inf) for part in parts], 0)
             apart = np.max(parts, 0) - np.min(parts, 0)
             doubt = _filtered(ndimage.maximum_filter, apart, inside, 2 * size + 1, -np.inf)
-            bounds.append(
-                (low - STRETCH * np.abs(low) - doubt, high + STRETCH * np.abs(high) + doubt),
-            )
+            low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
+            bounds.append(((1 + STRETCH) * low - doubt, (1 + STRETCH) * high + doubt))
         return cls(inside, tuple(bounds))
 
     def excess(self, picture: np.ndarray) -> np.ndarray:
