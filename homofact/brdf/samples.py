@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.files.arrays import MOST_VALUE
 from homofact.files.words import listed
 
 MOST_COPIES = 1_500_000
@@ -135,6 +136,10 @@ class Samples:
             if not bool(torch.isfinite(tensor).all()):
                 row = int((~torch.isfinite(tensor.reshape(count, -1))).any(1).nonzero()[0])
                 raise BadInput(f"{name} at row {row} is not finite", where="samples", expected="finite numbers")
+        if count and not float(self.values.max()) <= MOST_VALUE:
+            row = int((self.values > MOST_VALUE).any(1).nonzero()[0])
+            found = f"values at row {row} are up to {float(self.values.max()):.3g}"
+            raise BadInput(found, where="samples", expected=f"at most {MOST_VALUE:g}")
         if count == 0:
             raise BadInput("no samples are left", where="samples", expected="at least one")
         for name, direction in (("wi", self.wi), ("wo", self.wo)):

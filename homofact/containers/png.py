@@ -17,6 +17,9 @@ from homofact.files.atomic import replace_file
 from homofact.files.reading import read_bytes
 
 _CHANNELS = (1, 3, 4)
+# As many as a square of the largest side of a texture has. A header of more is not unpacked: a thousandth of its bytes
+# is enough of a file for it.
+MOST_PIXELS = 1 << 28
 # What pypng lets through of damaged files beside its own error: AttributeError where the header is missing.
 _BROKEN = (zlib.error, struct.error, ValueError, EOFError, AttributeError)
 
@@ -50,8 +53,15 @@ def read_png(path: str | os.PathLike[str]) -> np.ndarray:
     data = read_bytes(path, "a PNG file")
     png = extras.library("png", f"{path}")
     try:
-        columns, rows, lines, facts = png.Reader(bytes=data).read()
+        reader = png.Reader(bytes=data)
+        reader.preamble()
+        if reader.width * reader.height > MOST_PIXELS:
+            found = f"{reader.width} x {reader.height} pixels"
+            raise BadInput(where=path, found=found, expected=f"at most {MOST_PIXELS}")
+        columns, rows, lines, facts = reader.read()
         values = [np.asarray(line) for line in lines]
+    except BadInput:
+        raise
     except (png.Error, *_BROKEN) as error:
         what = f"not a readable PNG ({' '.join(str(error).split())})"
         raise BadInput(what, where=path, expected="a whole one") from error

@@ -135,7 +135,7 @@ def _pixels(arrays: Arrays, scene: EditScene, number: int) -> VisiblePixels:
         raise BadInput(f"{own}numbers holds a pixel twice", where=arrays.path, expected="pixels in their order")
     count = len(numbers)
     objects = arrays.stored(f"{own}objects", np.int64, (count,), 0, len(scene.objects) - 1)
-    points = arrays.stored(f"{own}points", np.float64, (count, 3), -_MOST, _MOST)
+    points = arrays.stored(f"{own}points", np.float64, (count, 3))
     frames = arrays.rotations(f"{own}frames", np.float64, count)
     wo = arrays.stored(f"{own}wo", np.float64, (count, 3), -_UNIT, _UNIT)
     if not (wo[:, 2] > 0).all():

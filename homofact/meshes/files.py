@@ -1,27 +1,19 @@
-"""The triangles in an OBJ file, by its lines, in a PLY file, by the library plyfile, and in glTF, by trimesh.
+"""The triangles in an OBJ file, by its lines, and in a PLY file, by the library plyfile.
 
 Polygons become fans. Texture coordinates, colours, groups and materials are passed over.
 """
 
+from collections.abc import Sequence
 from io import BytesIO
 from itertools import chain
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from homofact.errors import BadInput
 from homofact.files import extras
+from homofact.meshes.parsed import Parsed
 
 _INDEX_NAMES = ("vertex_indices", "vertex_index")
-
-
-class Parsed(NamedTuple):
-    """`positions` (V, 3) and, where the file has them, `normals` (V, 3) of any length; `triangles` (T, 3) int64."""
-
-    positions: np.ndarray
-    normals: np.ndarray | None
-    triangles: np.ndarray
 
 
 def _fans(polygons: list[tuple[int, ...]]) -> np.ndarray:
@@ -107,41 +99,31 @@ def parse_ply(data: bytes, name: str) -> Parsed:
     columns = vertices.dtype.names or ()
     if not all(axis in columns for axis in "xyz"):
         raise BadInput(f"vertices have {', '.join(columns)}", where=name, expected="x, y and z")
-    positions = np.stack([np.asarray(vertices[axis], np.float64) for axis in "xyz"], 1)
+    positions = _vectors(vertices, ("x", "y", "z"), name)
     normals = None
     if all(axis in columns for axis in ("nx", "ny", "nz")):
-        normals = np.stack([np.asarray(vertices[axis], np.float64) for axis in ("nx", "ny", "nz")], 1)
+        normals = _vectors(vertices, ("nx", "ny", "nz"), name)
     faces = found["face"].data if "face" in found else None
     key = next((key for key in _INDEX_NAMES if faces is not None and key in (faces.dtype.names or ())), None)
     if faces is None or key is None:
         raise BadInput("no faces with vertex_indices", where=name, expected="a mesh and not a cloud of points")
-    polygons = [tuple(np.atleast_1d(polygon).tolist()) for polygon in faces[key]]
+    polygons = [_polygon(np.atleast_1d(polygon), key, name) for polygon in faces[key]]
     short = min((len(polygon) for polygon in polygons), default=3)
     if short < 3:
         raise BadInput(f"a face of {short} corners", where=name, expected="at least 3")
     return Parsed(positions, normals, _fans(polygons))
 
 
-def parse_gltf(path: Path) -> Parsed:
-    """All meshes of a .glb or .gltf scene at their places, as one; buffers beside a .gltf are read too.
+def _vectors(vertices: np.ndarray, names: Sequence[str], name: str) -> np.ndarray:
+    """(V, 3) of three properties. Raises BadInput where one is a list."""
+    for each in names:
+        if vertices.dtype[each].kind not in "iuf":
+            raise BadInput(f"the vertices' {each} is a list", where=name, expected="a number")
+    return np.stack([np.asarray(vertices[each], np.float64) for each in names], 1)
 
-    Raises BadInput for a file that trimesh refuses, without triangles, and where trimesh is not installed.
-    """
-    trimesh = extras.library("trimesh", f"{path}: glTF")
-    try:
-        scene = trimesh.load_scene(path, file_type="glb" if path.read_bytes()[:4] == b"glTF" else "gltf", process=False)
-        found = scene.dump(concatenate=False)
-    # A damaged file raises whatever the place that was damaged leads to.
-    except Exception as error:
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise BadInput(f"not a readable glTF ({words})", where=path, expected="a whole one") from error
-    parts = [each for each in found if isinstance(each, trimesh.Trimesh) and len(each.faces)]
-    if not parts:
-        raise BadInput("no triangles in it", where=path, expected="a mesh")
-    starts = np.cumsum([0, *(len(each.vertices) for each in parts)])
-    given = all("vertex_normals" in each._cache.cache for each in parts)
-    return Parsed(
-        np.concatenate([np.asarray(each.vertices, np.float64) for each in parts]),
-        np.concatenate([np.asarray(each.vertex_normals, np.float64) for each in parts]) if given else None,
-        np.concatenate([np.asarray(each.faces, np.int64) + start for each, start in zip(parts, starts, strict=False)]),
-    )
+
+def _polygon(corners: np.ndarray, key: str, name: str) -> tuple[int, ...]:
+    """A face's indices. Raises BadInput where they are no whole numbers."""
+    if corners.dtype.kind not in "iu":
+        raise BadInput(f"{key} of type {corners.dtype}", where=name, expected="whole numbers")
+    return tuple(corners.tolist())

@@ -16,7 +16,11 @@ import numpy as np
 
 from homofact.errors import BadInput
 from homofact.files.reading import read_bytes
-from homofact.meshes.files import parse_gltf, parse_obj, parse_ply
+from homofact.meshes.files import parse_obj, parse_ply
+from homofact.meshes.gltf import parse_gltf
+
+# Of coordinates: a box that is wider is not finite; in the file's own units, squares are to be finite in float32.
+_MOST, _MOST_OWN = 1e300, 1e9
 
 
 @dataclass(frozen=True)
@@ -33,23 +37,25 @@ def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
     """The mesh in an OBJ, PLY or glTF file, as the module's head says; in the file's own units unless `fitted`.
 
     Raises BadInput, one line, for a file that cannot be read, is none of them, is damaged or truncated, has no
-    triangles, indices that name no vertex, or coordinates that are not finite.
+    triangles, indices that name no vertex, or coordinates that are not finite or without bound.
     """
     target = Path(path)
     data = read_bytes(target, "an OBJ, PLY or glTF mesh")
     if data[:4] in (b"ply\n", b"ply\r"):
         parsed = parse_ply(data, str(target))
     elif data[:4] == b"glTF" or data.lstrip()[:1] == b"{":
-        parsed = parse_gltf(target)
+        parsed = parse_gltf(target, data)
     else:
         parsed = parse_obj(data, str(target))
     positions, normals, triangles = parsed
     if not len(triangles):
         raise BadInput("no triangles in it", where=target, expected="a mesh")
     for what, values in (("position", positions), ("normal", normals)):
-        if values is not None and not np.isfinite(values).all():
-            row = int(np.argwhere(~np.isfinite(values))[0, 0])
-            raise BadInput(f"{what} {row + 1} is not finite", where=target, expected="finite numbers")
+        most = _MOST if fitted else _MOST_OWN
+        if values is not None and not (bounded := np.abs(values) <= most).all():
+            row = int(np.argwhere(~bounded)[0, 0])
+            found = f"{what} {row + 1} is {', '.join(f'{value:g}' for value in values[row])}"
+            raise BadInput(found, where=target, expected=f"finite numbers of at most {most:g}")
     if triangles.min() < 0 or triangles.max() >= len(positions):
         wrong = int(triangles.min() if triangles.min() < 0 else triangles.max())
         raise BadInput(f"a face names vertex {wrong}", where=target, expected=f"0 to {len(positions) - 1}")
@@ -62,6 +68,10 @@ def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
     positions = (positions - middle) / extent
     radius = np.linalg.norm(positions[np.unique(triangles)], axis=1).max()
     positions /= radius
+    if normals is not None:
+        # Before lengths: they are squares.
+        largest = np.abs(normals).max(1, keepdims=True)
+        normals = normals / np.where(largest > 0, largest, 1.0)
     if normals is None or not np.linalg.norm(normals, axis=1).all():
         triangles = _outward(positions, triangles)
         computed = _vertex_normals(positions, triangles)

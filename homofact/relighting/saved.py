@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from homofact.errors import BadInput
-from homofact.files.arrays import ANY, Arrays
+from homofact.files.arrays import ANY, MOST_VALUE, Arrays
 from homofact.files.fields import Fields
 from homofact.meshes.mesh import Mesh
 from homofact.relighting import cube
@@ -157,7 +157,7 @@ def _settings(entry: Fields) -> TransportSettings:
 
 
 def _mesh(part: Part, name: str) -> Mesh:
-    positions = part.floats("positions", (None, 3), dtype=np.float64)
+    positions = part.floats("positions", (None, 3), MOST_VALUE, dtype=np.float64)
     normals = part.floats("normals", (len(positions), 3), _UNIT, dtype=np.float64)
     if not (np.linalg.norm(normals, axis=1) > 0.5).all():
         raise part.refuse("normals", "holds one without length", "unit vectors")

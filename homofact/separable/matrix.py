@@ -66,11 +66,15 @@ def brdf_matrix(
         raise BadInput(where="parameterization", found=repr(parameterization), expected=" or ".join(SIDES))
     if size < 2:
         raise BadInput(where="size", found=size, expected="at least 2")
+    channels = len(reflectance.channels)
+    most = int((MOST_BYTES / (8 * channels)) ** 0.25)
+    # At least half of the texels are read: what is far too large is refused before so many directions are made.
+    if size > 2 * most:
+        raise BadInput(where="size", found=size, expected=f"at most about {most}")
     read = map.read(size)
     directions = map.texel_directions(size)[read]
-    n, channels = len(directions), len(reflectance.channels)
+    n = len(directions)
     if n * n * channels * 8 > MOST_BYTES:
-        most = int((MOST_BYTES / (8 * channels)) ** 0.25)
         raise BadInput(
             where="size", found=f"{size}, a matrix of {n} x {n} x {channels}", expected=f"at most about {most}"
         )

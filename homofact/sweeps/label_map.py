@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from homofact.containers.png import read_png
+from homofact.containers.png import MOST_PIXELS, read_png
 from homofact.errors import BadInput
 from homofact.factor.layered import MOST_LAYERS
 from homofact.files.reading import read_bytes
@@ -51,6 +51,8 @@ def _npy(path: Path) -> np.ndarray:
     if not isinstance(labels, np.ndarray) or labels.ndim != 2 or 0 in labels.shape:
         shape = getattr(labels, "shape", "an archive")
         raise BadInput(where=path, found=f"the shape {shape}", expected="(rows, columns)")
+    if labels.size > MOST_PIXELS:
+        raise BadInput(where=path, found=f"{labels.size} labels", expected=f"at most {MOST_PIXELS}")
     if labels.dtype.kind not in "iu":
         raise BadInput(where=path, found=f"values of type {labels.dtype}", expected="whole numbers")
     return np.array(labels)

@@ -5,8 +5,10 @@ setting, what is held out, and the version of homofact. A result folder of that 
 """
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from dataclasses import fields as dataclass_fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.errors import BadInput
 from homofact.evaluation.grid import content_key
+from homofact.files.fields import Fields
 from homofact.files.reading import check_readable, split_member
 from homofact.methods.table import ALL_METHODS
 from homofact.sections import SourceSettings
@@ -76,13 +79,28 @@ class Task:
 
 
 def task_of(record: Mapping[str, Any]) -> Task:
-    """The task of a record. Raises BadInput where it is none."""
+    """The task of a record, every entry checked. Raises BadInput where it is none."""
+    fields = Fields("task: ", dict(record))
+    unknown = record.keys() - {each.name for each in dataclass_fields(Task)}
+    if unknown:
+        raise BadInput(where="task", found=f"an entry {min(unknown)!r}", expected="a task's own")
+    digest = fields.text("digest")
+    if not re.fullmatch(r"[0-9a-f]{64}", digest):
+        fields.refuse("digest", "64 hexadecimal digits")
+    settings = fields.inner("settings")
+    # Seeds are whole numbers of any size below 2⁶³.
+    settings.whole("seed", 0, 2**63)
+    held_out = fields.number("held_out", above=0)
+    if held_out >= 1:
+        fields.refuse("held_out", "a number below 1")
+    task = Task(
+        fields.text("source"), digest, fields.inner("opening").found, fields.text("label"),
+        fields.text("method", tuple(ALL_METHODS)), settings.found, held_out, fields.text("version"),
+    )  # fmt: skip
     try:
-        task = Task(**record)
-        if task.method not in ALL_METHODS or not all(isinstance(x, Mapping) for x in (task.opening, task.settings)):
-            raise TypeError
-    except TypeError as error:
-        raise BadInput(where="task", found="no record of one") from error
+        _ = task.key
+    except ValueError as error:
+        raise BadInput(where="task", found="a number that is not finite", expected="finite numbers") from error
     return task
 
 

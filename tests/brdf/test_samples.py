@@ -64,6 +64,14 @@ def test_not_finite_is_refused(name: str, bad: float) -> None:
         build(**{name: with_entry(parts()[name], 7, bad)})
 
 
+def test_values_beyond_what_a_fit_can_hold_are_refused() -> None:
+    values = torch.full((4, 1), 5e-324, dtype=torch.float64)
+    values[::2] = 1e308
+    up = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64).expand(4, 3)
+    with refused(where="samples", found="values at row 0 are up to 1e+308"):
+        Samples(up, up, values)
+
+
 @pytest.mark.parametrize("name", ["values", "weights"])
 def test_negative_is_refused(name: str) -> None:
     with refused(f"samples: {name} at row 3 is negative, expected >= 0"):

@@ -146,9 +146,27 @@ CASES: dict[str, tuple[str | bytes, str]] = {
     "points alone": ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", r"no triangles in it, expected a mesh"),
     "a word for a number": ("v 0 zero 0\n", r"line 1: found 'v 0 zero 0', expected three numbers"),
     "two numbers": ("v 0 0\n", r"line 1: found 'v 0 0', expected three numbers"),
-    "not finite": (obj().replace("v 2 2 2", "v 2 inf 2"), r"position \d+ is not finite, expected finite numbers"),
+    "not finite": (obj().replace("v 2 2 2", "v 2 inf 2"), r"position \d+ is 2, inf, 2, expected finite numbers"),
+    "beyond a box": (obj().replace("v 2 2 2", "v 2 1e308 2"), r"position \d+ is 2, 1e\+308, 2, expected finite"),
+    "an index of doubles": (
+        ply_ascii().replace("uchar int vertex", "uchar double vertex"),
+        "vertex_indices of type float64, expected whole numbers",
+    ),
+    "an index that is no number": (
+        ply_ascii().replace("uchar int vertex", "uchar float vertex").replace("4 0 ", "4 nan ", 1),
+        "vertex_indices of type float32, expected whole numbers",
+    ),
+    "coordinates that are lists": (
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty list uchar float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n1 0 0 0\n1 1 0 0\n1 0 1 0\n3 0 1 2\n",
+        "the vertices' x is a list, expected a number",
+    ),
+    "an index that is no list": (
+        ply_ascii().replace("property list uchar int vertex_indices", "property int vertex_indices"),
+        "not a readable PLY|a face of 1 corners",
+    ),
     "a normal not finite": (
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn nan 0 1\nf 1//1 2//1 3//1\n", r"normal 1 is not finite, expected finite numbers",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn nan 0 1\nf 1//1 2//1 3//1\n", r"normal 1 is nan, 0, 1, expected finite numbers",
     ),
     "a vertex too far": (obj() + "f 1 2 9\n", r"line 15: a face names vertex 9 of 8, expected 1 to 8"),
     "vertex 0": (obj() + "f 0 1 2\n", r"line 15: a face names vertex 0 of 8"),

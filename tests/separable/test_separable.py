@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 
 import homofact
 from homofact.brdf.analytic import AnalyticModel, Lambert
@@ -27,7 +28,7 @@ from homofact.methods.nmf import Nmf
 from homofact.methods.separable_fit import fit_nmf, fit_svd, separable_of
 from homofact.methods.svd import Svd
 from homofact.separable.decompositions import eigen, power, svd
-from homofact.separable.maps import LEAST_COSINE, MAPS, direction_map, texel_centres
+from homofact.separable.maps import LEAST_COSINE, MAPS, DirectionMap, direction_map, texel_centres
 from homofact.separable.matrix import brdf_matrix
 from homofact.separable.resampling import LocalPlanes, resampled
 from homofact.separable.separable import Separable
@@ -305,9 +306,17 @@ def test_bad_arguments_are_refused() -> None:
         separable_of(GREY, 1, 4, parameterization="x")
     with pytest.raises(BadInput, match="size: found 1,"):
         separable_of(GREY, 1, 1)
-    with pytest.raises(BadInput, match="size: found 400, a matrix of"):
-        separable_of(GREY, 1, 400)
+    with pytest.raises(BadInput, match="size: found 200, a matrix of"):
+        separable_of(GREY, 1, 200)
     with pytest.raises(BadInput, match="decomposition: found 'x'"):
         separable_of(GREY, 1, 4, decomposition="x")
     with pytest.raises(BadInput, match="samples: 5 are too few to resample"):
         resampled(sample_model(WARD, 5), True)
+
+
+def test_a_size_that_is_far_too_large_is_refused_before_its_directions_are_made(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(DirectionMap, "read", lambda *_: pytest.fail("directions were made"))
+    with refused(where="size", found="10000"):
+        brdf_matrix(SKIN, direction_map("parabolic"), 10_000)

@@ -7,10 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from damages import header_damages
 from swept import make_sweep
 
 from homofact.cli.main import main
+from homofact.errors import BadInput
 from homofact.sweeps.ledger import sealed
+from homofact.sweeps.report.index_page import index_data
+from homofact.sweeps.report.material_page import FitFiles, material_html
+from homofact.sweeps.report.reading import read_results
 
 
 @pytest.fixture(scope="module")
@@ -54,8 +59,11 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
         "sweep.json: found fits of homofact 99.1.0, expected at most",
     ),
     "no tasks": (headers(lambda r: r.update(tasks=3)), "sweep.json: found no tasks, expected it as homofact wrote it"),
-    "odd task": (headers(lambda r: r["tasks"].append({})), "sweep.json: task: found no record of one"),
-    "no digest": (headers(lambda r: r["tasks"][0].update(digest="../x")), "found a task without digest or seed"),
+    "odd task": (headers(lambda r: r["tasks"].append({})), "sweep.json: task: digest: found nothing, expected a text"),
+    "no digest": (
+        headers(lambda r: r["tasks"][0].update(digest="../x")),
+        'sweep.json: task: digest: found "../x", expected 64',
+    ),
     "nothing asked": (headers(lambda r: r.update(tasks=[])), "found no results of 0 fits, expected a sweep with one"),
     "no results": (lambda folder: shutil.rmtree(folder / "results"), "found no results of 6 fits, expected a sweep"),
     "changed fit": (
@@ -83,7 +91,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "aside": (
         lambda folder: edit(next(iter((folder / "aside").iterdir())), lambda r: r.update(task={})),
-        ".json: task: found no record of one (or delete the file)",
+        ".json: task: digest: found nothing, expected a text (or delete the file)",
     ),
 }
 
@@ -105,6 +113,40 @@ def test_a_damaged_sweep_is_refused_in_one_line(
     assert err.startswith(f"homofact: {folder}")
     assert words in err
     assert {each.name for each in tmp_path.iterdir()} <= {"damaged"}
+
+
+def test_a_sweeps_file_edited_by_hand_ends_in_a_line(sweep: Path, tmp_path: Path) -> None:
+    """Every entry of sweep.json, of a report and of what was set aside, damaged in every way."""
+    folder = tmp_path / "edited"
+    shutil.copytree(sweep, folder)
+    files = [folder / "sweep.json", some(folder, "report.json"), next(iter((folder / "aside").iterdir()))]
+    for file in files:
+        whole = json.loads(file.read_text(encoding="utf-8"))
+        if file.name == "sweep.json":
+            whole["tasks"] = whole["tasks"][:2]
+        damages = list(header_damages(whole))
+        # Some hundred of each: a report has thousands.
+        for what, changed in damages[:: len(damages) // 300 + 1]:
+            if file.name == "report.json":
+                # As it was written, rather than changed since.
+                sound = json.loads(json.dumps(changed))
+                changed = sealed(sound, file.with_name("factorization.npz"))
+            file.write_text(json.dumps(changed), encoding="utf-8")
+            problem = ""
+            try:
+                read = read_results(folder)
+                assert index_data(read, {fit.row.key: FitFiles(None, (), None, "") for fit in read.fits}, None, [])
+                for fit in read.fits:
+                    assert material_html(
+                        fit.material, [fit], {fit.row.key: FitFiles(None, (), None, "")}, [], read.name
+                    )
+                    assert fit.task.words
+            except BadInput as error:
+                problem = str(error) if "\n" in str(error) or str(folder) not in str(error) else ""
+            except Exception as error:
+                problem = repr(error)
+            assert not problem, what
+        file.write_text(json.dumps(whole), encoding="utf-8")
 
 
 def test_places_that_are_something_else_are_refused(

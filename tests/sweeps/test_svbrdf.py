@@ -1,6 +1,8 @@
 """`homofact sweep --svbrdf`: the clusters of one material under shared projections, and every bad input."""
 
 import json
+import struct
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -122,6 +124,18 @@ def changed(text: str, other: str) -> str:
     return SWEEP.replace(text, other)
 
 
+def bomb(folder: Path) -> None:
+    """A whole PNG of 30,000² texels: 10 KiB of nothing, written by its parts."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    head = struct.pack(">IIBBBBB", 30_000, 30_000, 8, 0, 0, 0, 0)
+    data = zlib.compress(bytes(1 << 20))
+    parts = (chunk(b"IHDR", head), chunk(b"IDAT", data), chunk(b"IEND", b""))
+    (folder / "labels.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(parts))
+
+
 PNG = changed("labels.npy", "labels.png")
 BAD: dict[str, tuple[str, list[Any] | None, Callable[[Path], None] | None, str]] = {
     "a label beyond": (SWEEP, [[0, 1], [2, 1]], None, "found the label 2 in row 1, column 0, expected 0 to 1"),
@@ -131,6 +145,7 @@ BAD: dict[str, tuple[str, list[Any] | None, Callable[[Path], None] | None, str]]
     "no label map": (SWEEP, None, no_labels, "labels.npy: no such file, expected a label map"),
     "an archive": (SWEEP, None, archive, "labels.npy: found the shape an archive, expected"),
     "a coloured PNG": (PNG, None, colours, "labels.png: found 3 channels, expected a label map"),
+    "a PNG of 30,000²": (PNG, None, bomb, "labels.png: found 30000 x 30000 pixels, expected at most 268435456"),
     "no PNG": (PNG, None, None, "labels.png: no such file"),
     "three axes": (SWEEP, [[[0], [1]]], None, "found the shape (1, 2, 1), expected (rows, columns)"),
     "no section": (SWEEP[: SWEEP.index("[svbrdf]")], None, None, "found no section [svbrdf], expected one with labels"),

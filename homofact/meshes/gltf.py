@@ -1,0 +1,154 @@
+"""The triangles of a glTF scene, by trimesh; what the file claims is looked at before trimesh believes it.
+
+Buffers beside a .gltf are read as every file is, images not at all. trimesh's own time grows with the square of how
+deep nodes lie in one another and more, and a mesh is copied for every node that names it.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.files import extras
+from homofact.files.reading import parsed_json, read_bytes, short_json
+from homofact.meshes.parsed import Parsed
+
+_WHOLE = "a whole glTF"
+_MOST_NODES, _DEEPEST, _MOST_CORNERS = 10_000, 64, 30_000_000
+
+
+def parse_gltf(path: Path, data: bytes) -> Parsed:
+    """All meshes of a .glb or .gltf scene at their places, as one; buffers beside a .gltf are read too.
+
+    Raises BadInput for a file that trimesh refuses, that claims more than it can hold, without triangles, and where
+    trimesh is not installed.
+    """
+    trimesh = extras.library("trimesh", f"{path}: glTF")
+    binary = data[:4] == b"glTF"
+    _check(path, _header(path, data, binary), len(data))
+    kind = "glb" if binary else "gltf"
+    try:
+        scene = trimesh.load_scene(
+            BytesIO(data), file_type=kind, resolver=_Beside(path), process=False, skip_materials=True
+        )
+        found = scene.dump(concatenate=False)
+    except BadInput:
+        raise
+    # A damaged file raises whatever the place that was damaged leads to.
+    except Exception as error:
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise BadInput(f"not a readable glTF ({words[:200]})", where=path, expected=_WHOLE) from error
+    parts = [each for each in found if isinstance(each, trimesh.Trimesh) and len(each.faces)]
+    if not parts:
+        raise BadInput("no triangles in it", where=path, expected="a mesh")
+    for each in parts:
+        points, faces = np.asarray(each.vertices), np.asarray(each.faces)
+        if points.ndim != 2 or points.shape[1] != 3 or faces.shape[1:] != (3,):
+            raise BadInput(f"points of shape {points.shape}", where=path, expected="three coordinates a point")
+        if faces.min() < 0 or faces.max() >= len(points):
+            raise BadInput(
+                f"a face names vertex {faces.max()} of {len(points)}", where=path, expected="one of its mesh"
+            )
+    starts = np.cumsum([0, *(len(each.vertices) for each in parts)])
+    given = all("vertex_normals" in each._cache.cache for each in parts)
+    return Parsed(
+        np.concatenate([np.asarray(each.vertices, np.float64) for each in parts]),
+        np.concatenate([np.asarray(each.vertex_normals, np.float64) for each in parts]) if given else None,
+        np.concatenate([np.asarray(each.faces, np.int64) + start for each, start in zip(parts, starts, strict=False)]),
+    )
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """What trimesh asks for the files that a .gltf names: plain files beside it, never a pipe that waits for ever."""
+
+    path: Path
+
+    def __getitem__(self, name: str) -> bytes:
+        """The bytes of a file."""
+        return read_bytes(self.path.parent / unquote(name), f"a buffer of {self.path.name}")
+
+
+def _header(path: Path, data: bytes, binary: bool) -> dict[str, Any]:
+    """The JSON of the file. Raises BadInput where there is none."""
+    text = data
+    if binary:
+        try:
+            size, kind = struct.unpack("<I4s", data[12:20])
+        except struct.error:
+            size, kind = 0, b""
+        if kind != b"JSON" or 20 + size > len(data):
+            raise BadInput("not a readable glTF (no JSON in it)", where=path, expected=_WHOLE)
+        text = data[20 : 20 + size]
+    try:
+        found = parsed_json(text.decode("utf-8"))
+    except ValueError as error:
+        raise BadInput(f"not a readable glTF ({error})", where=path, expected=_WHOLE) from error
+    if not isinstance(found, dict):
+        raise BadInput(f"not a readable glTF ({short_json(found)})", where=path, expected=_WHOLE)
+    return found
+
+
+def _check(path: Path, header: dict[str, Any], size: int) -> None:
+    """Refuse nodes that are no trees, or too many, and numbers that no buffer holds. Raises BadInput."""
+    nodes, accessors = _dicts(header, "nodes"), _dicts(header, "accessors")
+    room = size + sum(_whole(each, "byteLength") for each in _dicts(header, "buffers"))
+    for number, each in enumerate(accessors):
+        if _whole(each, "count") > room:
+            raise BadInput(
+                f"accessors[{number}] of {short_json(each['count'])} elements", where=path, expected="what buffers hold"
+            )
+    if len(nodes) > _MOST_NODES:
+        raise BadInput(f"{len(nodes)} nodes", where=path, expected=f"at most {_MOST_NODES}")
+    parents: dict[int, int] = {}
+    for number, each in enumerate(nodes):
+        for child in _numbers(each.get("children"), len(nodes)):
+            if parents.setdefault(child, number) != number or child == number:
+                raise BadInput(f"node {child} has two parents", where=path, expected="trees of nodes")
+    corners = 0
+    for number, each in enumerate(nodes):
+        place, depth = number, 0
+        while place in parents and depth <= _DEEPEST:
+            place, depth = parents[place], depth + 1
+        if depth > _DEEPEST:
+            raise BadInput(f"node {number} lies in more than {_DEEPEST} others", where=path, expected="fewer")
+        corners += _corners(header, each, accessors)
+    if corners > _MOST_CORNERS:
+        raise BadInput(f"{corners} corners of triangles", where=path, expected=f"at most {_MOST_CORNERS}")
+
+
+def _corners(header: dict[str, Any], node: dict[str, Any], accessors: list[dict[str, Any]]) -> int:
+    """How many corners a node's mesh has."""
+    meshes = _dicts(header, "meshes")
+    total = 0
+    for number in _numbers([node.get("mesh")], len(meshes)):
+        for primitive in _dicts(meshes[number], "primitives"):
+            attributes = primitive.get("attributes")
+            places = attributes.get("POSITION") if isinstance(attributes, dict) else None
+            for which in (primitive.get("indices"), places):
+                total += sum(_whole(accessors[k], "count") for k in _numbers([which], len(accessors)))
+    return total
+
+
+def _dicts(found: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    """A list of objects, whatever is there; what is none is for trimesh to refuse."""
+    value = found.get(name)
+    return [each if isinstance(each, dict) else {} for each in value] if isinstance(value, list) else []
+
+
+def _numbers(value: Any, below: int) -> Iterator[int]:
+    """Those of a list's entries that number something there is."""
+    for each in value if isinstance(value, list) else ():
+        if isinstance(each, int) and not isinstance(each, bool) and 0 <= each < below:
+            yield each
+
+
+def _whole(found: dict[str, Any], name: str) -> int:
+    value = found.get(name, 0)
+    return max(value, 0) if isinstance(value, int) else 0

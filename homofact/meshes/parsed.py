@@ -1,0 +1,13 @@
+"""What the readers of meshes give."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Parsed(NamedTuple):
+    """`positions` (V, 3) and, where the file has them, `normals` (V, 3) of any length; `triangles` (T, 3) int64."""
+
+    positions: np.ndarray
+    normals: np.ndarray | None
+    triangles: np.ndarray
