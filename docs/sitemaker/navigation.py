@@ -40,7 +40,7 @@ SECTIONS = (
     Section(
         "Guides",
         (
-            "python", "formats", "results", "verdict", "suspicion", "robustness", "export", "interchange", "mitsuba",
+            "python", "formats", "results", "verdict", "artefacts", "suspicion", "robustness", "export", "interchange", "mitsuba",
             "planning", "relighting", "editing", "sweep", "report", "papers",
         ),
     ),

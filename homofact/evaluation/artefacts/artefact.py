@@ -110,7 +110,7 @@ class _Place:
 
     @classmethod
     def of(cls, view: View, inside: np.ndarray) -> "_Place":
-        """Where the pixels `inside` of a view are."""
+        """The place of the pixels `inside` (P,) bool, of those that show the sphere."""
         normal = view.normal[inside]
         seen = normal[:, 2]
         highlights = view.lights + np.array([0.0, 0.0, 1.0])
