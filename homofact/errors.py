@@ -80,6 +80,14 @@ class SolverFailure(HomofactError):
     """A linear system could not be solved, or its solution is not finite."""
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C ended what keeps its finished parts: `kept` says which and where, and the same call goes on there."""
+
+    def __init__(self, kept: str) -> None:
+        super().__init__(kept)
+        self.kept = kept
+
+
 @dataclass(frozen=True)
 class Advice:
     """A setting and the value to try for it; `of` is the function that takes it, where it is not the fit's.

@@ -12,7 +12,7 @@ from homofact.api.places import check_place
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.subjects import Place, given_source, open_given
 from homofact.brdf.source_names import HELD_OUT, MATERIAL_PREFIX
-from homofact.errors import BadInput
+from homofact.errors import Advice, BadInput, Interrupted
 from homofact.files.extras import check as check_library
 from homofact.files.lock import claimed
 from homofact.methods.table import methods_with, parsed_label
@@ -25,14 +25,6 @@ if TYPE_CHECKING:
     from homofact.evaluation.chart_points import ChartPoint
     from homofact.evaluation.estimate import TimeEstimate
     from homofact.methods.method import Method
-
-
-class ChartInterrupted(KeyboardInterrupt):
-    """Ctrl-C ended a chart: `kept` of `total` runs are in its folder, and the same call goes on there."""
-
-    def __init__(self, kept: int, total: int) -> None:
-        super().__init__()
-        self.kept, self.total = kept, total
 
 
 @dataclass(frozen=True)
@@ -148,7 +140,7 @@ def chart(
     ------
     BadInput
         For sources, methods or settings that cannot be used, and a folder that cannot be written.
-    ChartInterrupted
+    Interrupted
         For Ctrl-C: the runs so far are in the folder.
 
     Examples
@@ -195,7 +187,7 @@ class _Charting:
     steps: ProgressSteps
 
     def run(self) -> ChartResult:
-        """All charts. Raises ChartInterrupted for Ctrl-C."""
+        """All charts. Raises Interrupted for Ctrl-C."""
         from homofact.evaluation.chart import estimate_charts
         from homofact.evaluation.chart_ledger import ChartLedger
 
@@ -215,7 +207,10 @@ class _Charting:
                 self.steps.estimate(estimate)
                 charts = [self._one(name, opened[name], ledgers[name], estimate, self_kept) for name in self.sources]
             except KeyboardInterrupt as error:
-                raise ChartInterrupted(self_kept[0], len(self.runs) * len(self.sources)) from error
+                total = len(self.runs) * len(self.sources)
+                goes_on = f", without {Advice('force', True)}" if self.force else ""
+                kept = f"{self_kept[0]} of {total} runs are kept in {self.folder}: the same command goes on there"
+                raise Interrupted(kept + goes_on) from error
         return ChartResult(tuple(charts))
 
     def _one(

@@ -49,14 +49,14 @@ def check_folder(folder: Path, force: bool) -> None:
     from homofact.files.kinds import RESULT
 
     check_new_folder(folder, RESULT, force)
-    _try_writing(folder.resolve())
+    _try_writing(folder, folder.resolve())
 
 
 def check_place(folder: Path) -> None:
     """Refuse a folder for several files that is a file itself or cannot be made or written. Raises BadInput."""
     if folder.exists() and not folder.is_dir():
         raise BadInput("is a file", where=folder, expected="a folder")
-    _try_writing(folder.resolve() / "x")
+    _try_writing(folder, folder.resolve() / "x")
 
 
 def check_file(path: Path, *endings: str) -> None:
@@ -66,17 +66,18 @@ def check_file(path: Path, *endings: str) -> None:
     if path.suffix.lower() not in endings:
         found = repr(path.suffix) if path.suffix else "nothing"
         raise BadInput(f"ends in {found}", where=path, expected=" or ".join(endings))
-    _try_writing(path.resolve())
+    _try_writing(path, path.resolve())
 
 
-def _try_writing(target: Path) -> None:
+def _try_writing(asked: Path, target: Path) -> None:
     """Make a file of this name, in folders of these names, within a hidden folder where it will be; take all away.
 
+    A refusal names what was `asked` for, not the trial.
     Permission bits do not tell of everything that can be in the way: a name too long, a full or an odd file system.
     """
     place = next(each for each in target.parents if each.exists())
     if not place.is_dir():
-        raise BadInput(f"{place} is a file", where=target.parent, expected="a folder")
+        raise BadInput(f"{place} is a file", where=asked, expected="a folder")
     try:
         with private_folder(place / target.name) as folder:
             trial = folder / target.relative_to(place)
@@ -87,4 +88,4 @@ def _try_writing(target: Path) -> None:
                 os.fsync(file.fileno())
     except OSError as error:
         reason = error.strerror or str(error)
-        raise BadInput(f"cannot be written ({reason})", where=target, expected="a writable place") from error
+        raise BadInput(f"cannot be written ({reason})", where=asked, expected="a writable place") from error

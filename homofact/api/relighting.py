@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 from homofact.api.places import check_place
 from homofact.api.planning import transport_record
 from homofact.api.progress import Progress, ProgressSteps
-from homofact.errors import BadInput
+from homofact.errors import BadInput, Interrupted
 from homofact.files.folder import check_new_folder
 from homofact.files.kinds import RELIT
 from homofact.files.lock import claimed
@@ -140,7 +140,11 @@ def relight(
     steps = ProgressSteps(progress)
     with nullcontext() if folder is None else claimed(folder):
         stages = STAGES if every_stage else QUICK_STAGES
-        result = _relit_scene(file, blocks, vertices, stages, reference, steps)
+        try:
+            result = _relit_scene(file, blocks, vertices, stages, reference, steps)
+        except KeyboardInterrupt as error:
+            kept = f"the transport so far is kept in {blocks}: the same command goes on there"
+            raise Interrupted(kept) if blocks is not None and blocks.exists() else error from error
         if folder is not None:
             steps.stage("writing")
             result.save(folder, force)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from homofact.api.places import check_place
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.subjects import Place
-from homofact.errors import Advice, BadInput
+from homofact.errors import Advice, BadInput, Interrupted
 from homofact.files.lock import claimed
 
 if TYPE_CHECKING:
@@ -178,7 +178,11 @@ def sweep(
                 steps.note(f"{ending.task.words}: {counted.misfortune(state, ending)}")
         steps.run(counted.words(), len(state.tasks) - state.left, len(state.tasks))
 
-    state = run_sweep(wanted, folder, engine, told, retry)
+    try:
+        state = run_sweep(wanted, folder, engine, told, retry)
+    except KeyboardInterrupt as error:
+        kept = f"{counted.done} of {counted.total} results are kept in {folder}: the same command goes on there"
+        raise Interrupted(kept) if counted.total else error from error
     aside = [task for task in state.aside.values() if task.final]
     return SweepResult(folder, wanted.name, rows_of(folder), aside, len(state.tasks), state.before, state.done)
 

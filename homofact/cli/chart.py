@@ -1,10 +1,7 @@
 """`homofact chart`: error against cost over methods, textures, sizes and searches."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import typer
 
 from homofact.cli import options as o
 from homofact.cli.screen import Screen
@@ -41,23 +38,15 @@ def chart(settings: "Config", seeds: o.Seeds = 1, as_json: o.AsJson = False, qui
     folder, asked = Path(settings.output.folder), settings.chart
     methods = charted_methods(settings)
 
-    from homofact.api.charting import ChartInterrupted, chart
+    from homofact.api.charting import chart
 
     screen = Screen(as_json, quiet)
-    try:
-        with screen.progress() as progress:
-            found = chart(
-                sources, folder, methods, textures=asked.textures, sizes=asked.sizes, searches=asked.searches,
-                seeds=seeds, held_out=settings.evaluate.held_out, seed=settings.seed, force=settings.output.force,
-                progress=progress,
-            )  # fmt: skip
-    except ChartInterrupted as ending:
-        print(
-            f"homofact: interrupted, {ending.kept} of {ending.total} runs are kept in {folder}: the same command goes"
-            f" on there{', without --force' if settings.output.force else ''}",
-            file=sys.stderr,
-        )
-        raise typer.Exit(130) from ending
+    with screen.progress() as progress:
+        found = chart(
+            sources, folder, methods, textures=asked.textures, sizes=asked.sizes, searches=asked.searches,
+            seeds=seeds, held_out=settings.evaluate.held_out, seed=settings.seed, force=settings.output.force,
+            progress=progress,
+        )  # fmt: skip
     for one in found.charts:
         if one.others:
             screen.note(f"homofact: {one.files[0]}: {one.others} runs of other settings stay, not drawn")

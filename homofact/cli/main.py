@@ -19,8 +19,9 @@ from typer.main import get_command
 
 from homofact.cli.flags import with_options
 from homofact.cli.greeting import GREETING
+from homofact.cli.interrupts import watched
 from homofact.cli.verdicts import USUAL
-from homofact.errors import BadInput, SolverFailure
+from homofact.errors import BadInput, Interrupted, SolverFailure
 from homofact.files import extras
 from homofact.files.embedded import embedded
 from homofact.files.words import harmless
@@ -144,6 +145,16 @@ def _in_our_words(message: str) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line (`sys.argv` unless given) and return its exit code."""
+    with watched() as watch:
+        code = _run(argv)
+    if code == 0 and watch.untold:
+        # A library has swallowed it, in a callback or a destructor of its own.
+        print("homofact: interrupted, but what was asked for is done", file=sys.stderr)
+        return 130
+    return code
+
+
+def _run(argv: Sequence[str] | None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     command = get_command(app)
     for stream in (sys.stdout, sys.stderr):
@@ -166,6 +177,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except typer.TyperException as error:
         path = getattr(getattr(error, "ctx", None), "command_path", "homofact")
         return _refuse(f"{_in_our_words(error.format_message().rstrip('.'))} (see {path} --help)")
+    except Interrupted as ending:
+        print(f"homofact: interrupted, {harmless(with_options(ending.kept))}", file=sys.stderr)
+        return 130
     except (KeyboardInterrupt, typer.Abort):
         print("homofact: interrupted, nothing was written", file=sys.stderr)
         return 130

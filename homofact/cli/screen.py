@@ -16,6 +16,7 @@ from rich.segment import Segment
 
 from homofact.api.progress import Progress, ProgressStep, ProgressSteps
 from homofact.cli.flags import with_options
+from homofact.cli.interrupts import told
 from homofact.errors import Report, Status
 from homofact.files.plain import plain
 from homofact.files.words import harmless
@@ -113,6 +114,7 @@ def say_ending(screen: Screen, report: Report, label: str = "") -> None:
     about = f"{label}: " if label else ""
     if report.status in (Status.INTERRUPTED, Status.FALLBACK):
         screen.note(f"homofact: {about}{report.status.remedy}")
+        told()
     for note in report.notes:
         screen.note(f"homofact: {about}{note}")
 

@@ -6,7 +6,6 @@ the version.
 """
 
 import csv
-import io
 import os
 import typing
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from homofact.evaluation.metric_table import LIGHT, SIX
 from homofact.evaluation.metrics import SixErrors
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
+from homofact.files.tables import csv_rows, csv_text
 from homofact.version import __version__
 
 
@@ -165,12 +165,9 @@ class ChartLedger:
     def append(self, row: ChartRow) -> None:
         """One more line, in the file before this returns. Raises BadInput where it cannot be written."""
         self._lines[_key_of(row)] = row
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(_COLUMNS)
-        writer.writerows(_cells(line) for line in self._lines.values())
+        text = csv_text([list(_COLUMNS), *(_cells(line) for line in self._lines.values())])
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(self.path, text.getvalue())
+        write_text(self.path, text)
 
 
 def _key_of(row: ChartRow) -> str:
@@ -189,7 +186,7 @@ def _read(path: Path) -> list[ChartRow]:
     data = read_bytes(path, "a chart's CSV", may_be_empty=True)
     try:
         text = data.decode("utf-8")
-        lines = list(csv.reader(io.StringIO(text, newline="")))
+        lines = csv_rows(text)
         if text and not text.endswith("\n"):
             # A line without its end was cut: its run is done again, the others stand.
             lines.pop()

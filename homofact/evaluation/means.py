@@ -4,8 +4,6 @@ Fits are gathered by method and bytes, since an error is only to be compared at 
 sources take fewer bytes has several rows. The standard deviation is that of a sample (n − 1), over all fits of a row.
 """
 
-import csv
-import io
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -17,6 +15,7 @@ from homofact.evaluation.appearance import mean_figures
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.spread import Spread
 from homofact.evaluation.wording import counted
+from homofact.files.tables import csv_text
 from homofact.version import __version__
 
 _SPECIAL = {
@@ -105,17 +104,15 @@ def csv_of(fits: Sequence[MeasuredFit]) -> str:
     """A line a source ("all" first), method, bytes and metric: unit, mean, standard deviation, least and greatest."""
     names = list(dict.fromkeys(fit.source for fit in fits))
     rows = mean_rows(fits) + [row for name in names for row in mean_rows(fits, name)]
-    file = io.StringIO()
-    lines = csv.writer(file, lineterminator="\n")
-    lines.writerow(_COLUMNS)
+    lines: list[Sequence[Any]] = [_COLUMNS]
     for row in rows:
         for name, spread in row.spreads.items():
             numbers = ["", "", "", ""]
             if spread is not None:
                 numbers = [_plain(x) for x in (spread.mean, spread.deviation, spread.low, spread.high)]
             about = (row.nbytes, row.fetches, row.sources, row.fits)
-            lines.writerow((row.source or "all", row.method, *about, name, METRICS[name].unit, *numbers))
-    return file.getvalue()
+            lines.append((row.source or "all", row.method, *about, name, METRICS[name].unit, *numbers))
+    return csv_text(lines)
 
 
 def latex_of(fits: Sequence[MeasuredFit]) -> str:

@@ -1,7 +1,5 @@
 """The atlas: all methods on all stressors at all strengths, as cells and as a CSV."""
 
-import csv
-import io
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -11,6 +9,7 @@ from typing import Any
 
 from homofact.evaluation.estimate import TimeEstimate, fit_seconds
 from homofact.files.atomic import write_text
+from homofact.files.tables import csv_text
 from homofact.methods.table import METHODS, method_class, settings_of_class
 from homofact.stability.cells import Cell, CellErrors, CellOutcome, Fitter, References, fit_row, run_cell
 from homofact.stability.problem import Scale, Stressor, unstressed
@@ -128,13 +127,8 @@ def run_atlas(
 
 def write_csv(path: str | os.PathLike[str], cells: Sequence[Any]) -> None:
     """A line for every cell (of one dataclass), floats in full; beside first and then renamed."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     names = [field.name for field in fields(cells[0])]
-    writer.writerow(names)
-    for cell in cells:
-        writer.writerow([_plain(getattr(cell, name)) for name in names])
-    write_text(path, text.getvalue())
+    write_text(path, csv_text([names, *([_plain(getattr(cell, name)) for name in names] for cell in cells)]))
 
 
 def _plain(value: Any) -> Any:

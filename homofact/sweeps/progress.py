@@ -14,11 +14,14 @@ class SweepProgress:
     def __init__(self, workers: int) -> None:
         """Nothing is done yet."""
         self._workers = workers
-        self._begun, self._ended, self._left, self._all = time.monotonic(), 0, 0, 0
+        self._begun, self._ended, self._left = time.monotonic(), 0, 0
+        # How many results there are, of how many.
+        self.done, self.total = 0, 0
 
     def begin(self, state: State) -> str:
         """The line that a sweep begins with."""
-        self._begun, self._left, self._all = time.monotonic(), state.left, len(state.tasks)
+        self._begun, self._left = time.monotonic(), state.left
+        self.done, self.total = state.done, len(state.tasks)
         before = f", {state.before} done before" if state.before else ""
         aside = sum(entry.final for entry in state.aside.values())
         set_aside = f", {aside} set aside before ({Advice('retry', True)} tries them again)" if aside else ""
@@ -28,7 +31,7 @@ class SweepProgress:
 
     def end(self, state: State, ending: TaskEnding) -> None:
         """A task has ended."""
-        self._left = state.left
+        self._left, self.done = state.left, state.done
         self._ended += ending.died is None
 
     def words(self) -> str:

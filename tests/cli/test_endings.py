@@ -1,6 +1,10 @@
 """How commands end that are interrupted, refused or at fault: exit code, one line, nothing half-written."""
 
+import contextlib
+import errno
 import json
+import os
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +16,11 @@ from ran import Ran
 import homofact
 import homofact.evaluation.compare
 import homofact.evaluation.seeds
+from homofact.cli.main import main
+from homofact.cli.screen import Screen
 from homofact.errors import SolverFailure, Status
+from homofact.sweeps.local import Local, TaskEnding
+from homofact.sweeps.task import Task
 
 # A source and a fit of well under a second.
 SMALL = ["material:blinn-phong-50", "--count", "600"]
@@ -69,6 +77,59 @@ def test_an_interrupt_ends_a_comparison_with_what_there_is(
     assert [row["label"] for row in json.loads(ran.out)["rows"]] == labels
     assert ran.err.splitlines()[-1] == f"homofact: interrupted, {len(labels)} of 3 methods are compared"
     assert fitted == ["mccool", "mccool"]
+
+
+def test_an_interrupt_that_a_library_swallows_is_not_lost(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Raised in a callback, it ends nothing: the command is done, and says that it was asked to stop."""
+
+    def swallowing(*_: object, **__: object) -> None:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Screen, "answer", swallowing)
+    before = signal.getsignal(signal.SIGINT)
+    assert main(["materials", "--json"]) == 130
+    assert "homofact: interrupted, but what was asked for is done\n" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_interrupted_sweep_says_what_is_kept(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "sweep.toml").write_text(
+        'sources = ["material:phong-10", "material:phong-30", "material:blinn-phong-50"]\n'
+        '[source]\ncount = 400\n[[method]]\nmethod = "mccool"\nsize = 4\n'
+    )
+
+    def one_and_an_interrupt(self: Local, tasks: list[Task], ended: Callable[[TaskEnding], bool]) -> None:
+        ended(TaskEnding(tasks[0], 0.1))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Local, "run", one_and_an_interrupt)
+    out = tmp_path / "out"
+    assert main(["sweep", str(tmp_path / "sweep.toml"), "--out", str(out)]) == 130
+    words = f"homofact: interrupted, 1 of 3 results are kept in {out}: the same command goes on there\n"
+    assert capsys.readouterr().err.endswith(words)
+
+
+@pytest.mark.parametrize("command", ["factorize", "chart", "sweep", "info"])
+def test_a_full_disk_names_what_was_asked_for(
+    command: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sweep.toml").write_text('sources = ["material:phong-10"]\n[[method]]\nmethod = "mccool"\n')
+
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    source = "sweep.toml" if command == "sweep" else "material:phong-10"
+    to = ["--plot", "asked.png"] if command == "info" else ["--out", "asked"]
+    assert main([command, source, *to]) == 2
+    words = f"homofact: {to[1]}: cannot be written (No space left on device), expected a writable place\n"
+    assert capsys.readouterr().err == words
 
 
 def test_an_interrupt_of_the_first_method_leaves_nothing(

@@ -27,6 +27,7 @@ from homofact.brdf.samples import Samples, lit_from_one_azimuth
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
+from homofact.files.tables import FORMULAS
 from homofact.files.text import check_last_line, number_table, numbered_lines, short
 from homofact.geometry.directions import from_spherical
 
@@ -206,9 +207,11 @@ def write(path: str | os.PathLike[str], samples: Samples, comments: tuple[str, .
     """Write samples. Raises BadInput for channel names that the format cannot hold, and an unwritable place."""
     reserved = {"weight", *(name for form in _FORMS for name in form)}
     for name in samples.channels:
-        if name in reserved or name != name.strip() or not name or set(name) & set(",\n\r#"):
+        if name in reserved or name != name.strip() or name[:1] in {"", *FORMULAS} or set(name) & set(",\n\r#"):
             raise BadInput(
-                f"channel {name!r}", where="CSV file", expected="a name without commas that is no column of directions"
+                f"channel {name!r}",
+                where="CSV file",
+                expected="a name without commas, no column of directions and no formula",
             )
     columns = [samples.wi, samples.wo, samples.values]
     header = [*VECTORS, *samples.channels]

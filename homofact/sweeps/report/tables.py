@@ -1,7 +1,5 @@
 """What a report's pages show, as CSV and, where pyarrow is there, Parquet."""
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from importlib import import_module
@@ -10,6 +8,7 @@ from typing import Any
 
 from homofact.files import extras
 from homofact.files.atomic import write_text
+from homofact.files.tables import csv_text
 from homofact.sweeps.ledger import Aside
 from homofact.sweeps.report.reading import ReportedFit
 
@@ -60,18 +59,15 @@ def write_table(folder: Path, name: str, rows: Sequence[dict[str, Any]]) -> list
 
     Numbers in full, what is not there empty; UTF-8.
     """
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_text(folder / f"{name}.csv", text.getvalue())
+    columns = list(rows[0])
+    write_text(folder / f"{name}.csv", csv_text([columns, *([row[key] for key in columns] for row in rows)]))
     if not parquet_there():
         return [f"{name}.csv"]
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    columns = {key: [_storable(row[key]) for row in rows] for key in rows[0]}
+    cells = {key: [_storable(row[key]) for row in rows] for key in columns}
     # A column of nothing but gaps is one of numbers.
-    kinds = {key: None if any(cell is not None for cell in cells) else "float64" for key, cells in columns.items()}
-    table = arrow.table({key: arrow.array(cells, kinds[key]) for key, cells in columns.items()})
+    kinds = {key: None if any(cell is not None for cell in own) else "float64" for key, own in cells.items()}
+    table = arrow.table({key: arrow.array(own, kinds[key]) for key, own in cells.items()})
     parquet.write_table(table, folder / f"{name}.parquet")
     return [f"{name}.csv", f"{name}.parquet"]
 
