@@ -40,8 +40,8 @@ SECTIONS = (
     Section(
         "Guides",
         (
-            "python", "formats", "results", "verdict", "artefacts", "suspicion", "robustness", "export", "interchange", "mitsuba",
-            "planning", "relighting", "editing", "sweep", "report", "papers",
+            "python", "formats", "results", "verdict", "artefacts", "suspicion", "robustness", "export", "interchange",
+            "mitsuba", "planning", "relighting", "editing", "sweep", "report", "papers",
         ),
     ),
     Section("Gallery", ("gallery", "editing_gallery")),
