@@ -29,8 +29,8 @@ from homofact.linear.threads import one_thread
 from homofact.methods.saved import open_saved
 from homofact.methods.search import Search
 from scripts.shared.harness import data_folder, figure, finish, markdown, parser_of, progress
+from scripts.verdict.drawn_cases import NETWORKS
 from scripts.verdict.planted_artefacts import KINDS, drawn_artefact
-from scripts.verdict.verdict_cases import NETWORKS
 
 HALVES = ("tuning", "test")
 RGL_NETWORKS = Path("nbrdf") / "rgl_nbrdf_weights.npz"
