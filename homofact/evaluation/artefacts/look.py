@@ -39,7 +39,7 @@ from homofact.rendering.tonemap import TARGET, choose_exposure, choose_middle, d
 # of the picture, from which on the piece does. A close-up is smooth, and a needle in it is thin.
 LEAST = {"lamp": (0.01, 8e-5), "highlight": (0.004, 4.5e-5), "sky": (0.01, 8e-5)}
 # By how much the pictures differ in a piece, in parts of white.
-LEAST_SIZE = 0.035
+LEAST_SIZE = 0.04
 # A piece beside a stronger one of the other sign is the shadow that the bands throw.
 _SHADOW = 0.7
 MOST_LEFT_OUT = 0.1  # of a pixel's light
