@@ -12,8 +12,8 @@ from typing import Any
 from homofact.errors import Advice
 
 NAMES = (
-    "status", "condition", "artefact", "light", "highlight", "narrow", "explained", "positivity", "energy", "step",
-    "reciprocity", "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring", "coverage",
+    "status", "condition", "light", "highlight", "narrow", "explained", "positivity", "energy", "step", "reciprocity",
+    "artefact", "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring", "coverage",
     "sampling", "determined", "azimuth",
 )  # fmt: skip
 WORTH_SAYING = 1.1  # of a cost: less is not said
