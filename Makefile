@@ -33,6 +33,7 @@ nightly: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -m slow
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/fuzz_readers.py
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/fuzz_results.py
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/fuzz_scenes.py
 	$(BIN)/python scripts/checks/kill_writes.py
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/soak.py
 	$(BIN)/python scripts/checks/planted_faults.py

@@ -3,6 +3,7 @@
 Polygons become fans. Texture coordinates, colours, groups and materials are passed over.
 """
 
+import warnings
 from collections.abc import Sequence
 from io import BytesIO
 from itertools import chain
@@ -88,7 +89,10 @@ def parse_ply(data: bytes, name: str) -> Parsed:
     """Elements vertex and face; others are passed over. Raises BadInput for a file that plyfile refuses."""
     plyfile = extras.library("plyfile", name)
     try:
-        found = plyfile.PlyData.read(BytesIO(data))
+        with warnings.catch_warnings():
+            # Of an element without rows it says so; what that leads to is refused below.
+            warnings.simplefilter("ignore")
+            found = plyfile.PlyData.read(BytesIO(data))
     except (plyfile.PlyParseError, ValueError, OverflowError, MemoryError, UnicodeDecodeError) as error:
         raise BadInput(
             f"not a readable PLY ({' '.join(str(error).split())})", where=name, expected="a whole one"

@@ -35,4 +35,7 @@ def read_environment(path: str | os.PathLike[str], turn: float = 0.0) -> Environ
         pixels = decode_hdr(data, str(target))
     else:
         raise BadInput(f"begins with {beginning(data)}", where=target, expected="a Radiance .hdr or an OpenEXR file")
-    return EnvironmentMap(torch.from_numpy(pixels), turn, target.name)
+    try:
+        return EnvironmentMap(torch.from_numpy(pixels), turn, target.name)
+    except BadInput as error:
+        raise error.moved_to(target) from error

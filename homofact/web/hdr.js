@@ -14,11 +14,12 @@ function readHdr(bytes, name) {
     const runs = columns >= 8 && columns < 32768 && bytes[place] === 2 && bytes[place + 1] === 2
       && bytes[place + 2] === columns >> 8 && bytes[place + 3] === (columns & 255);
     if (!runs) {
-      flatPixels(bytes, place, pixels.subarray(4 * row * columns), bad);
+      place = flatPixels(bytes, place, pixels.subarray(4 * row * columns), bad);
       break;
     }
     place = scanline(bytes, place + 4, pixels.subarray(4 * row * columns, 4 * (row + 1) * columns), columns, row, bad);
   }
+  if (place !== bytes.length) bad(`${bytes.length - place} bytes follow its last scanline`);
   const values = new Float32Array(3 * rows * columns);
   const scales = Float64Array.from({ length: 256 }, (_, e) => (e ? 2 ** (e - 136) / exposure : 0));
   let brightest = 0;
@@ -70,7 +71,7 @@ function scanline(bytes, at, pixels, columns, row, bad) {
   return at;
 }
 
-/** Fills all remaining pixels, four bytes each; (1, 1, 1, n) repeats the one before. */
+/** Fills all remaining pixels, four bytes each; (1, 1, 1, n) repeats the one before; the offset after them. */
 function flatPixels(bytes, at, pixels, bad) {
   let filled = 0, shift = 0;
   while (filled < pixels.length) {
@@ -90,4 +91,5 @@ function flatPixels(bytes, at, pixels, bad) {
       shift = 0;
     }
   }
+  return at;
 }

@@ -252,6 +252,27 @@ def use_fit(fitted: Fitted, folder: Path, number: int) -> None:
                 raise ArithmeticError("a message of several lines") from error
 
 
+def texts(wholes: list[bytes]) -> Callable[[random.Random, Path], None]:
+    """What puts a damaged one of some text files at a path: values that nobody means, deep keys, damage to any byte."""
+
+    def put(dice: random.Random, path: Path) -> None:
+        raw = dice.choice(wholes)
+        lines = raw.split(b"\n")
+        for _ in range(dice.choice((1, 1, 2))):
+            if dice.random() < 0.6:
+                place = dice.randrange(len(lines))
+                key, mark, _ = lines[place].partition(b"=")
+                value = dice.choice(WORDS)
+                lines[place] = key + b"= " + value.encode() if mark else lines[place]
+            elif dice.random() < 0.5:
+                lines.insert(dice.randrange(len(lines)), b".".join([b"a"] * dice.choice((2, 100))) + b" = 1")
+        path.write_bytes(b"\n".join(lines))
+        if dice.random() < 0.3:
+            path.write_bytes(dice.choice(DAMAGES)(bytearray(raw), dice))
+
+    return put
+
+
 def kinds(folder: Path) -> list[Kind]:
     """All kinds with their whole files."""
     fits = small_fits()
@@ -297,30 +318,12 @@ def kinds(folder: Path) -> list[Kind]:
         elif how > 3:
             texture.write_bytes(dice.choice(DAMAGES)(bytearray(data), dice))
 
-    def put_text(wholes: list[bytes]) -> Callable[[random.Random, Path], None]:
-        def put(dice: random.Random, path: Path) -> None:
-            raw = dice.choice(wholes)
-            lines = raw.split(b"\n")
-            for _ in range(dice.choice((1, 1, 2))):
-                if dice.random() < 0.6:
-                    place = dice.randrange(len(lines))
-                    key, mark, _ = lines[place].partition(b"=")
-                    value = dice.choice(WORDS)
-                    lines[place] = key + b"= " + value.encode() if mark else lines[place]
-                elif dice.random() < 0.5:
-                    lines.insert(dice.randrange(len(lines)), b".".join([b"a"] * dice.choice((2, 100))) + b" = 1")
-            path.write_bytes(b"\n".join(lines))
-            if dice.random() < 0.3:
-                path.write_bytes(dice.choice(DAMAGES)(bytearray(raw), dice))
-
-        return put
-
     return [
         Kind("npz", put_npz, lambda path, number: use_fit(open_result(path), folder / "used", number)),
         Kind("manifest", put_manifest, lambda path, number: use_fit(open_result(path), folder / "used", number)),
-        Kind("toml", put_text(tomls), lambda path, _: use_config(path)),
-        Kind("scene", put_text(scenes), lambda path, _: use_scene(path)),
-        Kind("ledger", put_text([ledger]), lambda path, _: use_ledger(path)),
+        Kind("toml", texts(tomls), lambda path, _: use_config(path)),
+        Kind("scene", texts(scenes), lambda path, _: use_scene(path)),
+        Kind("ledger", texts([ledger]), lambda path, _: use_ledger(path)),
     ]
 
 
@@ -364,20 +367,25 @@ def fuzz(kind: Kind, count: int, seed: int, folder: Path) -> Tally:
     return tally
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the fuzzing and print a line a kind. Returns 1 where anything was wrong."""
-    asked = options(__doc__, "npz, manifest, toml, scene, ledger", "kind").parse_args(arguments)
+def run(arguments: list[str] | None, doc: str | None, names: str, made: Callable[[Path], list[Kind]]) -> int:
+    """Fuzz the kinds that are asked for of those `made` in a folder, a line each. Returns 1 where any went wrong."""
+    asked = options(doc, names, "kind").parse_args(arguments)
     give_back_freed_memory()
     failed = 0
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         folder = Path(name)
-        found = [each for each in kinds(folder) if not asked.kind or each.name in asked.kind]
+        found = [each for each in made(folder) if not asked.kind or each.name in asked.kind]
         warnings.simplefilter("error")
         for kind in found:
             begun = time.perf_counter()
             tally = fuzz(kind, asked.count, asked.seed, folder)
             failed += tell(kind.name, tally, time.perf_counter() - begun, asked.keep)
     return 1 if failed else 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the fuzzing and print a line a kind. Returns 1 where anything was wrong."""
+    return run(arguments, __doc__, "npz, manifest, toml, scene, ledger", kinds)
 
 
 if __name__ == "__main__":

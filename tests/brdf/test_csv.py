@@ -217,3 +217,9 @@ def test_sniff() -> None:
     assert csv.sniff(GOOD.encode())
     for other in (b"", b"a,b,c\n1,2,3\n", b"theta_i phi_i\n", b"\xff\xfe\0"):
         assert not csv.sniff(other)
+
+
+def test_values_that_no_fit_can_hold_are_refused_with_the_file_s_name(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("theta_i,phi_i,theta_o,phi_o,R\n0.1,0,0.2,3,1e31\n0.2,0,0.2,3,0.5\n")
+    with pytest.raises(BadInput, match=r"a\.csv: samples: values at row 0 are up to 1e\+31, expected at most 1e\+30"):
+        read_samples(tmp_path / "a.csv")

@@ -53,6 +53,8 @@ BAD = {
     "repeats first": picture(2, 3, bytes((1, 1, 1, 5)) * 3),
     "a run too long": picture(1, 16, bytes((2, 2, 0, 16, 248, 7)) + bytes(80)),
     "cut": picture(2, 3, FLAT[:20]),
+    "more than it says": picture(2, 3, FLAT + b"more"),
+    "more runs than it says": picture(2, 16, RUNS + b"more"),
 }
 
 

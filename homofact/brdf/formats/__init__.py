@@ -63,10 +63,14 @@ def _readers_of(head: bytes, size: int) -> list[ModuleType]:
 def read_by(
     reader: ModuleType, path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None
 ) -> Reading:
-    """What a file holds by one of `READERS`. Raises what it raises."""
-    if hasattr(reader, "open_file"):
-        return reader.open_file(path, channels, drawing)
-    return Reading(reader.read(path, channels))
+    """What a file holds by one of `READERS`. Raises what it raises, and names the file where samples are refused."""
+    try:
+        if hasattr(reader, "open_file"):
+            return reader.open_file(path, channels, drawing)
+        return Reading(reader.read(path, channels))
+    except BadInput as error:
+        # Samples do not know whose they are.
+        raise (error.at(path) if error.where.startswith("samples") else error) from error
 
 
 def read_samples(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
