@@ -137,9 +137,12 @@ def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.Cap
         '[[material]]\nsource = "odd.csv"\nshare = 1\n[lighting]\nnamed = "overcast"\n[tolerance]\nreflected = 5\n'
     )
     out = tmp_path / "out"
-    assert main(["plan", str(file), *QUICK, "--strict", "--write", str(out)]) == 0
+    assert main(["plan", str(file), *QUICK, "--strict", "--write", str(out)]) == 2
+    assert "refused by strict" in capsys.readouterr().err
+    assert not out.exists()
+    assert main(["plan", str(file), *QUICK, "--write", str(out)]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert re.search("odd in the data, (visible|severe): neighbouring samples disagree by", shown)
+    assert re.search("warning: [0-9]+% that it is bad .noted: quantised", shown)
     record = json.loads((out / "plan.json").read_text())["materials"][0]
     assert record["met"]
     assert "scatter" in [each["name"] for each in record["verdict"]["findings"]]

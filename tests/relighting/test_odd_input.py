@@ -93,9 +93,9 @@ def test_a_very_bright_light_is_only_bright(made: WaveletTransport) -> None:
     eye = np.array([0.0, 0.0, 4.0])
     relit.relight(EnvironmentMap.constant(1.0))
     once = relit.shade(eye)
-    relit.relight(EnvironmentMap.constant(1e30))
-    assert relit.shade(eye) / 1e30 == pytest.approx(once, rel=1e-5)
-    assert environment_cube(EnvironmentMap.constant(1e30), 8).max() == pytest.approx(1e30)
+    relit.relight(EnvironmentMap.constant(1e12))
+    assert relit.shade(eye) / 1e12 == pytest.approx(once, rel=1e-5)
+    assert environment_cube(EnvironmentMap.constant(1e12), 8).max() == pytest.approx(1e12)
 
 
 def test_blocks_among_other_shadows_are_refused(factors: InOutFactors, occluder: Occluder, tmp_path: Path) -> None:
