@@ -46,5 +46,5 @@ def test_a_straightened_measurement_has_a_lower_floor_and_a_nearer_fit(capsys: p
     assert tilt[3] == "yes"
     assert float(tilt[8]) < 0.8 * float(tilt[7])
     raw, against_straight, straight, floor = (float(cell) for cell in fit[2:6])
-    # On this small tilt two textures of 16² are too few to gain: straightening must not cost, and both lie over the floor.
+    # On this small tilt two textures of 16² are too few to gain: straightening must not cost, both lie over the floor.
     assert floor < straight < 1.05 * against_straight < raw
