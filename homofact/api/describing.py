@@ -1,10 +1,11 @@
-"""Describing: what is in a file or a scene's folder, or what a source is."""
+"""Describing: what is in a file, a result's or a scene's folder, or what a source is."""
 
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from homofact.api.fit_facts import fit_facts
 from homofact.api.places import check_file
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.scene_facts import scene_facts
@@ -16,6 +17,12 @@ if TYPE_CHECKING:
     from homofact.brdf.quality.suspicion.check import Suspicion
     from homofact.brdf.source import Source
 
+# An offset, a gamma and a factor of π keep every symmetry that the checks rest on (docs/verdict.md).
+WHITE_STANDARD = (
+    "Does a white standard, measured in the same way, give 1/π = 0.318 sr⁻¹ in all channels? No check can find a factor"
+    " (often π), an offset or a gamma in the values."
+)
+
 
 @dataclass(frozen=True)
 class InfoResult:
@@ -26,7 +33,7 @@ class InfoResult:
     name : str
         Its name.
     kind : str
-        "material", "measurement" or "drawn"; "relit scene" or "prepared scene".
+        "material", "measurement" or "drawn"; "fit"; "relit scene" or "prepared scene".
     facts : dict
         The JSON form.
     rows : dict
@@ -35,6 +42,8 @@ class InfoResult:
         How the data were mended, in sentences.
     suspected : tuple of Suspicion
         Units and conventions that the data seem not to keep to.
+    asked : tuple of str
+        Questions that only the person who measured can answer; none where the source was not measured.
     """
 
     name: str
@@ -43,6 +52,7 @@ class InfoResult:
     rows: dict[str, Any]
     mended: tuple[str, ...] = ()
     suspected: "tuple[Suspicion, ...]" = ()
+    asked: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -50,12 +60,13 @@ class InfoResult:
 
 
 def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Progress | None = None) -> InfoResult:
-    """Say what is in a measurement's file, what a source is, or what a scene's folder holds.
+    """Say what is in a measurement's file, what a source is, what a saved fit is, or what a scene's folder holds.
 
     Parameters
     ----------
     source : source or path
-        As for `fit`; or the folder of a scene that `relight` or `edit` wrote.
+        As for `fit`; a saved fit, its result's or export's folder, whose error bars are said by angle; or the folder of
+        a scene that `relight` or `edit` wrote.
     plot : path, optional
         A .png to draw: a slice, lobes and a lit sphere.
     seed : int, optional
@@ -80,7 +91,8 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     ('material', ['R', 'G', 'B'])
     """
     place = source.path if isinstance(source, SourceSettings) else source
-    found = scene_facts(Path(place)) if isinstance(place, str | os.PathLike) else None
+    made = isinstance(place, str | os.PathLike)
+    found = (scene_facts(Path(place)) or fit_facts(Path(place))) if made else None
     if found is not None:
         title, rows, facts = found
         if plot is not None:
@@ -101,11 +113,13 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     subject = open_given(given, seed)
     facts = describe(subject)
     suspected: list[Suspicion] = []
+    asked: tuple[str, ...] = ()
     # Of pairs that were drawn of a table the checks know nothing: they look for rings and steps of an instrument.
     if scheme_of(subject.samples) is None:
         steps.stage("checking units and conventions")
         suspected = list(suspicions(subject.samples))
         facts["suspected"] = [suspicion.record() for suspicion in suspected]
+        asked = (WHITE_STANDARD,)
     if picture is not None:
         steps.stage("drawing")
         facts |= _draw(picture, subject)
@@ -113,7 +127,7 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     apart = ("material", "suspected", "gains", "clipped", "tilt")
     rows = {name: value for name, value in facts.items() if name not in apart} | (facts.get("material") or {})
     mended = tuple(mending_lines(subject.samples.provenance, looked_for=True))
-    return InfoResult(subject.name, subject.kind, facts, rows, mended, tuple(suspected))
+    return InfoResult(subject.name, subject.kind, facts, rows, mended, tuple(suspected), asked)
 
 
 def _draw(picture: Path, subject: "Source") -> dict[str, Any]:

@@ -297,9 +297,9 @@ def _write_textures(folder: Path, name: str, made: "EditedFit", report: dict[str
     """Write a result's folder with a picture that compares the textures with the edited material."""
     from homofact.brdf.channels import display_of
     from homofact.exporting.result import write_result
-    from homofact.figures.compare_picture import compare_picture
+    from homofact.figures.compare_picture import FitPanel, compare_picture
 
-    panels = [("textures of the edit", made.fit, [f"relative RMS {made.rms:.2%}"])]
+    panels = [FitPanel("textures of the edit", made.fit, [f"relative RMS {made.rms:.2%}"])]
 
     def draw(place: Path) -> None:
         source = (f"{name} as edited", made.edited)

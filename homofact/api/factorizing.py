@@ -198,7 +198,10 @@ def _draw(
     picture: Path, subject: "Source", rows: "dict[str, ComparisonRow]", records: dict[str, dict[str, Any]]
 ) -> None:
     from homofact.brdf.channels import display_of
-    from homofact.figures.compare_picture import compare_picture
+    from homofact.figures.compare_picture import FitPanel, compare_picture
 
-    panels = [(label, row.factorization, caption(records[label])) for label, row in rows.items()]
+    panels = [
+        FitPanel(label, row.factorization, caption(records[label]), None if row.verdict is None else row.verdict.bars)
+        for label, row in rows.items()
+    ]
     compare_picture(picture, (subject.name, subject.reflectance), panels, to_rgb=display_of(subject.samples.channels))

@@ -3,6 +3,9 @@
 f̃ = log((f + εA)/A), A the mean over the discs of the training samples per channel, and back f = A(exp f̃ − ε), cut at
 zero. The thesis leaves the −εA out to stay positive; with it the round trip is exact wherever the
 exponential exceeds ε, and the cut keeps the result non-negative all the same.
+
+A sample that weighs more in that mean than all others together counts as much as these: one glint in a thousand values
+would else lift A until most of the others lie below εA, where logarithms tell nothing apart.
 """
 
 from dataclasses import dataclass
@@ -46,14 +49,18 @@ class LogTransform:
     def of(cls, samples: "Samples", epsilon: float) -> "LogTransform":
         """A as the mean of `samples` over the discs (`brdf.pair_density`), whatever scheme they were drawn by.
 
-        Raises BadInput where ε ≤ 0 or a channel is zero throughout.
+        The largest part of a channel's mean is at most that of all other samples together. Raises BadInput where ε ≤ 0
+        or a channel is zero throughout.
         """
         if not epsilon > 0:
             raise BadInput(where="epsilon", found=epsilon, expected="above 0")
         from homofact.brdf.pair_density import over_discs
 
         weights = over_discs(samples)[:, None]
-        mean = (samples.values * weights).sum(0) / weights.sum()
+        parts = samples.values * weights
+        whole = parts.sum(0)
+        others = whole - parts.max(0).values
+        mean = whole.minimum(2 * others).where(others > 0, whole) / weights.sum()
         if bool((mean <= 0).any()):
             name = samples.channels[int((mean <= 0).nonzero()[0])]
             raise BadInput(f"channel {name} is zero everywhere", where="samples", expected="some reflectance")

@@ -1,4 +1,4 @@
-"""`homofact info`: what is in a file or in a scene's folder, or what a named material is."""
+"""`homofact info`: what is in a file, a result or a scene's folder, or what a named material is."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,8 +26,9 @@ def info(
 ) -> None:
     """Say what is in a measurement's file, or what a named material is.
 
-    Of the folder of a scene (homofact relight, homofact edit): what it
-    holds, and how far off it is.
+    Of a result's folder (homofact factorize): what was fitted, and how far
+    it may be off at each angle. Of the folder of a scene (homofact relight,
+    homofact edit): what it holds, and how far off it is.
     """
     from homofact.api.describing import info
 
@@ -38,4 +39,6 @@ def info(
     if found.suspected:
         lines = [f"- {suspicion.line()}" for suspicion in found.suspected]
         screen.show("Suspected, with the odds against the data as they stand:", *lines)
+    if found.asked:
+        screen.show("Please check:", *(f"- {question}" for question in found.asked))
     screen.answer(found.record())

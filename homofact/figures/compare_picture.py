@@ -26,6 +26,8 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.scattered import interpolated_samples
 from homofact.errors import BadInput
+from homofact.evaluation.bar.error_bar import ErrorBars
+from homofact.figures.albedo_band import albedo_band
 from homofact.figures.measured_range import beyond_the_measurement
 from homofact.figures.page import LINE, PicturePage
 from homofact.figures.sphere_picture import curve_in_words
@@ -66,6 +68,15 @@ class LightReport(NamedTuple):
     beyond: float | None
 
 
+class FitPanel(NamedTuple):
+    """A fit in the picture: its title, the lines under it, and its error bars where it was judged."""
+
+    title: str
+    fit: Reflectance
+    lines: Sequence[str] = ()
+    bars: ErrorBars | None = None
+
+
 class _Row(NamedTuple):
     report: LightReport
     shown: list[np.ndarray]
@@ -83,23 +94,26 @@ def relative_difference(fit: SphereImage, source: SphereImage, exposure: float) 
 def compare_picture(
     path: str | os.PathLike[str],
     source: tuple[str, Reflectance],
-    fits: Sequence[tuple[str, Reflectance, Sequence[str]]],
+    fits: Sequence[FitPanel],
     *,
     size: int = 160,
     to_rgb: ToRgb | None = None,
 ) -> tuple[LightReport, ...]:
-    """Draw `source` (title, reflectance) and `fits` (title, reflectance, caption lines) into a PNG at `path`.
+    """Draw `source` (title, reflectance) and `fits` into a PNG at `path`.
 
     `size` are the pixels of a sphere's side; `to_rgb` is `render_sphere`'s. Returns a report for each of `LIGHTS`.
     Raises BadInput for no fits, what `render_sphere` refuses, and a place that cannot be written.
     """
     if not fits:
         raise BadInput(where="comparison picture", found="no fits", expected="at least one")
-    rows = _rows([source[1], *(fit for _, fit, _ in fits)], size, to_rgb)
+    rows = _rows([source[1], *(panel.fit for panel in fits)], size, to_rgb)
     panel = max(size, _LEAST)
     page = PicturePage(_GAP + (1 + 2 * len(fits)) * (panel + _GAP), _GAP)
     lefts, pair = [_GAP + column * (panel + _GAP) for column in range(1 + 2 * len(fits))], 2 * panel + _GAP
-    heads = [(source[0], lefts[0], panel), *((fit[0], left, pair) for fit, left in zip(fits, lefts[1::2], strict=True))]
+    heads = [
+        (source[0], lefts[0], panel),
+        *((fit.title, left, pair) for fit, left in zip(fits, lefts[1::2], strict=True)),
+    ]
     below = max(page.text(title, left, _GAP // 2, width, bold=True) for title, left, width in heads)
     for row in rows:
         top = page.text(_words(row.report), _GAP, below + 6, page.width - 2 * _GAP) + 4
@@ -112,12 +126,20 @@ def compare_picture(
             below = page.text(f"−{scale * 100:.3g}% to +{scale * 100:.3g}%", left, under + 1, panel)
     samples = interpolated_samples(source[1])
     notes = [] if samples is None else [f"Interpolated from {len(samples):,} samples"]
-    captions = [(notes, lefts[0], panel), *((fit[2], left, pair) for fit, left in zip(fits, lefts[1::2], strict=True))]
+    captions = [
+        (notes, None, lefts[0], panel),
+        *((fit.lines, fit.bars, left, pair) for fit, left in zip(fits, lefts[1::2], strict=True)),
+    ]
     ends = [below + 8]
-    for lines, left, width in captions:
+    for lines, bars, left, width in captions:
         end = below + 8
         for line in lines:
             end = page.text(line, left, end, width)
+        if bars is not None:
+            said = bars.sentence()
+            end = page.text(said[0].upper() + said[1:], left, end, width)
+            band = albedo_band(bars, width)
+            end = end if band is None else page.picture(band, left, end + 4)
         ends.append(end)
     end = max(ends) + 6
     if samples is not None:

@@ -12,7 +12,7 @@ from homofact.errors import BadInput, SolverFailure
 from homofact.evaluation.compare import fit_and_measure
 from homofact.exporting.manifest import write_json
 from homofact.exporting.result import REPORT
-from homofact.figures.compare_picture import compare_picture
+from homofact.figures.compare_picture import FitPanel, compare_picture
 from homofact.files.folder import write_folder
 from homofact.files.kinds import FACTORIZATION, RESULT
 from homofact.files.plain import plain
@@ -48,7 +48,7 @@ def do(task: Task, folder: Path, words: str | None = None) -> dict[str, Any]:
     def fill(place: Path) -> None:
         row.factorization.save(place / FACTORIZATION)
         write_json(place / REPORT, sealed(report | {"task": task.record()}, place / FACTORIZATION))
-        panels = [(task.label, row.factorization, [])]
+        panels = [FitPanel(task.label, row.factorization, (), None if row.verdict is None else row.verdict.bars)]
         shown = display_of(source.samples.channels)
         compare_picture(place / PICTURE, (source.name, source.reflectance), panels, to_rgb=shown)
 

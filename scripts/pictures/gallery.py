@@ -16,7 +16,7 @@ from homofact.brdf.channels import display_of
 from homofact.brdf.source import Source, open_source
 from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.machine import machine
-from homofact.figures.compare_picture import compare_picture
+from homofact.figures.compare_picture import FitPanel, compare_picture
 from homofact.methods.search import Search
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -73,7 +73,7 @@ def sheet(path: Path, name: str, source: Source, row: ComparisonRow, size: int) 
     """Draw a material's sheet."""
     title = f"homofact: {len(row.factorization.terms)} textures of {row.settings.size}²"
     path.parent.mkdir(parents=True, exist_ok=True)
-    panels = [(title, row.factorization, numbers(row))]
+    panels = [FitPanel(title, row.factorization, numbers(row))]
     compare_picture(path, (name, source.reflectance), panels, size=size, to_rgb=display_of(source.samples.channels))
 
 

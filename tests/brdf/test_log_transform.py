@@ -14,7 +14,7 @@ def _samples(values: torch.Tensor, weights: torch.Tensor | None = None) -> Sampl
 
 
 def test_forward_is_equation_1_9_and_inverse_undoes_it() -> None:
-    values = torch.tensor([[0.0, 1.0], [2.0, 3.0], [4.0, 8.0]], dtype=torch.float64)
+    values = torch.tensor([[0.0, 1.0], [3.0, 5.0], [3.0, 6.0]], dtype=torch.float64)
     transform = LogTransform.of(_samples(values), 1e-3)
     assert transform.mean.tolist() == [2, 4]
     expected = torch.log((values + 1e-3 * transform.mean_like(values)) / transform.mean_like(values))
@@ -24,9 +24,20 @@ def test_forward_is_equation_1_9_and_inverse_undoes_it() -> None:
 
 def test_the_mean_is_weighted_and_the_inverse_never_negative() -> None:
     weights = torch.tensor([3.0, 1.0], dtype=torch.float64)
-    transform = LogTransform.of(_samples(torch.tensor([[1.0], [5.0]]), weights), 1e-2)
-    assert transform.mean.tolist() == [2]
+    transform = LogTransform.of(_samples(torch.tensor([[1.0], [3.0]]), weights), 1e-2)
+    assert transform.mean.tolist() == [1.5]
     assert float(transform.inverse(torch.tensor([[-20.0]], dtype=torch.float64))) == 0
+
+
+def test_one_spike_counts_as_much_as_all_others_together() -> None:
+    values = torch.tensor([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0], [6.0, 600.0]], dtype=torch.float64)
+    assert LogTransform.of(_samples(values), 1e-2).mean.tolist() == [3, 3]
+    weights = torch.tensor([1.0, 1.0, 1.0, 0.01], dtype=torch.float64)
+    # A weight of a hundredth: 600 counts as 6, and 6 as .06.
+    assert LogTransform.of(_samples(values, weights), 1e-2).mean.tolist() == [6.06 / 3.01, 12 / 3.01]
+    # Where all light is in one sample it is the mean.
+    alone = torch.tensor([[0.0], [0.0], [9.0]], dtype=torch.float64)
+    assert LogTransform.of(_samples(alone), 1e-2).mean.tolist() == [3]
 
 
 def test_bad_epsilon_and_black_channels_are_refused() -> None:

@@ -14,7 +14,14 @@ from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.scattered import interpolated_samples
 from homofact.brdf.source import open_source
 from homofact.errors import BadInput
-from homofact.figures.compare_picture import LIGHTS, _coloured, _reach, compare_picture, relative_difference
+from homofact.figures.compare_picture import (
+    LIGHTS,
+    FitPanel,
+    _coloured,
+    _reach,
+    compare_picture,
+    relative_difference,
+)
 from homofact.figures.sphere_picture import drawn_sphere
 from homofact.files.atomic import replace_file
 from homofact.rendering.sphere import SphereImage, render_sphere
@@ -65,7 +72,7 @@ def test_difference_is_relative_with_a_twentieth_of_white():
 
 def test_picture_shows_every_sphere_pixel_for_pixel_and_no_panel_is_empty(tmp_path):
     path = tmp_path / "compare.png"
-    fits = [("too bright", Grey(0.55), ["a caption", "another"]), ("the same", Grey(0.5), [])]
+    fits = [FitPanel("too bright", Grey(0.55), ["a caption", "another"]), FitPanel("the same", Grey(0.5))]
     reports = compare_picture(path, ("source", Grey(0.5)), fits, size=64)
     assert [report.light for report in reports] == list(LIGHTS)
     # A tenth too bright is at most 9.5% of source and floor, on the smallest scale that holds it.
@@ -112,7 +119,7 @@ def test_the_scale_that_is_stated_is_the_one_that_is_drawn():
 def test_long_words_stay_on_the_page(tmp_path):
     path = tmp_path / "compare.png"
     long = "a-title-without-any-space-" * 6
-    compare_picture(path, (long, Grey(0.5)), [(long, Grey(0.4), [long, "$x_1$ many words " * 20])], size=32)
+    compare_picture(path, (long, Grey(0.5)), [FitPanel(long, Grey(0.4), [long, "$x_1$ many words " * 20])], size=32)
     page = np.asarray(Image.open(path).convert("RGB"))
     border = np.concatenate(
         (
@@ -126,8 +133,8 @@ def test_long_words_stay_on_the_page(tmp_path):
 
 
 def test_the_exposure_is_the_sources(tmp_path):
-    first = compare_picture(tmp_path / "a.png", ("s", Grey(0.5)), [("f", Grey(0.1), [])], size=32)
-    other = compare_picture(tmp_path / "b.png", ("s", Grey(0.5)), [("f", Grey(0.9), [])], size=32)
+    first = compare_picture(tmp_path / "a.png", ("s", Grey(0.5)), [FitPanel("f", Grey(0.1))], size=32)
+    other = compare_picture(tmp_path / "b.png", ("s", Grey(0.5)), [FitPanel("f", Grey(0.9))], size=32)
     assert [each.exposure for each in first] == [each.exposure for each in other]
     assert other[0].clipped[1] > 0.3
 
@@ -139,7 +146,7 @@ def test_what_was_not_measured_is_hatched_and_counts_in_no_scale(tmp_path, chann
     reports = compare_picture(
         tmp_path / "c.png",
         ("paint", samples.reflectance),
-        [("fit", fit, [])],
+        [FitPanel("fit", fit)],
         size=size,
         to_rgb=display_of(samples.reflectance.channels),
     )
@@ -149,7 +156,7 @@ def test_what_was_not_measured_is_hatched_and_counts_in_no_scale(tmp_path, chann
     page = np.asarray(Image.open(tmp_path / "c.png").convert("RGB")).astype(int)
     grey = (np.ptp(page, axis=2) == 0) & (abs(page[..., 0] - 89) <= 1)
     assert grey[:, :200].sum() > 50
-    model = compare_picture(tmp_path / "d.png", ("model", Grey(0.5)), [("fit", Grey(0.5), [])], size=32)
+    model = compare_picture(tmp_path / "d.png", ("model", Grey(0.5)), [FitPanel("fit", Grey(0.5))], size=32)
     assert [report.beyond for report in model] == [None] * 3
 
 

@@ -1,0 +1,60 @@
+"""What a saved fit is and how far it may be off: a result's folder, an export's, or a file that `Fit.save` wrote."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from homofact.api.loading import load
+from homofact.errors import BadInput
+from homofact.evaluation.wording import figure
+from homofact.files.kinds import EXPORT, FACTORIZATION
+
+if TYPE_CHECKING:
+    from homofact.evaluation.bar.error_bar import ErrorBar
+
+
+def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
+    """(title, rows for people, the answer) of a saved fit; None of anything else. Raises BadInput for a damaged one."""
+    if place.is_dir():
+        if not any((place / mark).is_file() for mark in (FACTORIZATION, EXPORT.mark)):
+            return None
+    elif place.suffix.lower() != ".npz" or not place.is_file():
+        return None
+
+    from homofact.exporting.as_source import is_fit
+
+    try:
+        saved = is_fit(place)
+    except BadInput:  # a damaged archive: what reads samples says so
+        return None
+    if not saved:
+        return None
+    fit = load(place)
+    source = fit.provenance.get("source")
+    made_of = (source.get("file") or source.get("material")) if isinstance(source, dict) else None
+    facts: dict[str, Any] = {
+        "file": str(place),
+        "kind": "fit",
+        "source": made_of,
+        "method": fit.provenance.get("method"),
+        "channels": list(fit.channels),
+        "bytes": fit.nbytes,
+        "fetches": fit.fetches,
+    }
+    rows = {name: value for name, value in facts.items() if value is not None}
+    verdict = fit.verdict
+    if verdict is not None:
+        facts["verdict"] = {"trusted": verdict.trusted, "summary": verdict.summary}
+        rows["verdict"] = verdict.summary or ("no warning" if verdict.trusted else "warned of")
+    bars = None if verdict is None else verdict.bars
+    if bars is not None:
+        facts["bars"] = bars.record()
+        for bar in bars.by_angle:
+            rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = _between(bar)
+    return place.name, rows, facts
+
+
+def _between(bar: "ErrorBar") -> str:
+    """A bar as what the source has over what the fit has."""
+    if bar.low is None or bar.high is None:
+        return f"unknown: {bar.reason}"
+    return f"{figure(bar.low)} to {figure(bar.high)} of the fit's"

@@ -1,0 +1,60 @@
+"""What `info` says of a saved fit: what it is, and its error bars by angle, as the fit itself states them."""
+
+from pathlib import Path
+
+import pytest
+
+import homofact
+from homofact.api.describing import WHITE_STANDARD
+from homofact.api.fit_facts import fit_facts
+from homofact.errors import BadInput
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("fits") / "phong"
+    homofact.factorize("material:phong-30", place, homofact.McCool(size=6))
+    return place
+
+
+def test_a_result_states_its_error_bars_at_every_angle(result: Path) -> None:
+    found = homofact.info(result)
+    fit = homofact.load(result)
+    assert (found.kind, found.name) == ("fit", "phong")
+    assert (found.facts["source"], found.facts["method"]) == ("phong-30", "mccool")
+    assert (found.facts["bytes"], found.facts["fetches"]) == (fit.nbytes, fit.fetches)
+    for bar in found.facts["bars"]["by_angle"]:
+        own = fit.interval("albedo", bar["degrees"][0])
+        assert (bar["low"], bar["high"]) == (own.low, own.high)
+        low, _, high, *_ = found.rows[f"total reflected light at {bar['degrees'][0]:.0f}°"].split()
+        assert float(low) == pytest.approx(own.low, rel=5e-3)
+        assert float(high) == pytest.approx(own.high, rel=5e-3)
+    assert len(found.facts["bars"]["by_angle"]) == 5
+
+
+def test_a_saved_file_is_a_fit_and_its_bars_stay_in_its_folder(result: Path, tmp_path: Path) -> None:
+    assert "bars" in homofact.info(result / "factorization.npz").facts
+    homofact.load(result).save(tmp_path / "alone.npz")
+    alone = homofact.info(tmp_path / "alone.npz")
+    assert alone.kind == "fit"
+    assert "bars" not in alone.facts
+
+
+def test_what_is_no_fit_is_left_to_those_that_read_it(tmp_path: Path, result: Path) -> None:
+    assert fit_facts(tmp_path) is None
+    assert fit_facts(tmp_path / "none.npz") is None
+    (tmp_path / "x.npz").write_bytes(b"no archive")
+    assert fit_facts(tmp_path / "x.npz") is None
+    with pytest.raises(BadInput):
+        homofact.info(tmp_path / "x.npz")
+    samples = Path(__file__).parents[2] / "data_synthetic/plastic.npz"
+    assert homofact.info(samples).kind == "measurement"
+    with pytest.raises(BadInput):
+        homofact.info(result, plot=tmp_path / "p.png")
+    assert not (tmp_path / "p.png").exists()
+
+
+def test_the_white_standard_is_asked_of_measurements_alone() -> None:
+    measured = homofact.info(Path(__file__).parents[2] / "data_synthetic/synthetic_cornell.brdf")
+    assert measured.asked == (WHITE_STANDARD,)
+    assert homofact.info("material:phong-30").asked == ()
