@@ -5,6 +5,9 @@ status and verdict. Then it is judged on clean samples that no stress has touche
 its error is set against that of the same method without stress. By the light, as a picture has it, the fit is bad where
 it is off by `BAD_LIGHT` in a band of angles or explains less than `LEAST_EXPLAINED` of the clean logarithms.
 
+The error bar of total reflected light is held against the clean light by bands of incidence within the range that it is
+stated for: whether the true error of the worst of them lies in the bar.
+
 Notes ("the time was up") and findings do not count as a warning, and a warning that the unstressed fit has as well
 degrades no cell; but a fit that is warned of is not silent.
 """
@@ -15,15 +18,18 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, ClassVar
 
+import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, SolverFailure, Status
 from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.metrics import measure
 from homofact.evaluation.verdict.flux import flux_of, misplaced, worst_band
+from homofact.geometry.directions import to_spherical
 from homofact.methods.method import Method
 from homofact.methods.table import METHODS, method_class, settings_of_class
 from homofact.stability.problem import Problem
@@ -54,6 +60,8 @@ class CellOutcome(Enum):
 class Cell:
     """One cell: `factor` is `error` over `reference`, both log MSE on clean samples; None where there is no fit.
 
+    `stated` is the error bar of total reflected light as a share, None where it is withdrawn, and `true` what the clean
+    samples say of it.
     `light` is the share of the clean light that the fit misplaces, `off` its light over the clean one's in the band of
     angles that is farthest off, `bad` whether the fit is (the module's head).
     `said` are the findings of the fit's verdict, `new` how many of them the unstressed fit does not have; `message` is
@@ -72,6 +80,8 @@ class Cell:
     light: float | None = None
     off: float | None = None
     bad: bool = False
+    stated: float | None = None
+    true: float | None = None
     said: tuple[str, ...] = ()
     new: int = 0
     message: str = ""
@@ -80,6 +90,11 @@ class Cell:
     train: float | None = None
     held_out: float | None = None
     seconds: float = 0.0
+
+    @property
+    def held(self) -> bool | None:
+        """Whether the true error lies within the stated bar; None where there is no bar, or no true error."""
+        return None if self.stated is None or self.true is None else self.true <= self.stated
 
 
 @dataclass(frozen=True)
@@ -90,6 +105,8 @@ class CellErrors:
     explained: float
     light: float
     off: float
+    stated: float | None
+    true: float | None
     said: dict[str, str]
     row: ComparisonRow
 
@@ -150,7 +167,19 @@ def judge_fit(problem: Problem, settings: Method, fitter: Fitter) -> CellErrors:
     light, values = flux_of(clean), row.factorization.evaluate(clean.wi, clean.wo).to(clean.values)
     band = worst_band(clean, light, values)
     off = 1.0 if band is None else band[0]
-    return CellErrors(error, explained, misplaced(light, clean.values, values), off, said_of(row), row)
+    bar = row.verdict.bars.of("albedo")
+    true = _albedo_error(clean, light, values, bar.degrees)
+    return CellErrors(error, explained, misplaced(light, clean.values, values), off, bar.error, true, said_of(row), row)
+
+
+def _albedo_error(clean: Samples, light: Tensor, values: Tensor, degrees: tuple[float, float]) -> float | None:
+    """The error of total reflected light as a share, in the worst band of incidence of the range; None for too few."""
+    theta = torch.rad2deg(to_spherical(clean.wi)[0])
+    inside = (theta >= degrees[0]) & (theta <= degrees[1])
+    band = worst_band(clean.select(inside), light[inside], values[inside], ("θi",))
+    if band is None:
+        return None
+    return max(band[0], 1 / band[0]) - 1 if band[0] > 0 else math.inf
 
 
 def run_cell(empty: Cell, make: Callable[[], Problem], references: "References", fitter: Fitter = fit_row) -> Cell:
@@ -183,6 +212,8 @@ def run_cell(empty: Cell, make: Callable[[], Problem], references: "References",
         reference=reference.error,
         light=judged.light,
         off=judged.off,
+        stated=judged.stated,
+        true=judged.true,
         bad=not (abs(judged.off - 1) <= BAD_LIGHT and judged.explained >= LEAST_EXPLAINED),
         said=tuple(judged.said.values()),
         new=new,

@@ -2,6 +2,7 @@
 
 import os
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
@@ -23,6 +24,7 @@ from homofact.stability.solver_atlas import AGREES, AGREES_ILL, SYSTEMS, WELL_PO
 from homofact.stability.stressors import stressor
 from homofact.version import __version__
 
+_MANY = 20  # fits: of fewer no percentage is said
 _WORDS = {
     CellOutcome.REFUSED: "refused",
     CellOutcome.CRASHED: "crashed",
@@ -57,6 +59,8 @@ def _head(atlas: Atlas, link: str) -> str:
 
 {len(atlas.plan.stressors)} stressors, each swept from harmless to fatal, on {len(methods)} methods: {tally}.
 
+{_coverage(atlas.cells)}
+
 The error of the worst fit of each sweep, as a factor of the same method's error without the stress. \\*: the fit's own
 verdict warns of it; **silent**: it is over {WRONG:g} times and nothing is said.
 
@@ -70,6 +74,18 @@ Every fit, from harmless on the left to fatal on the right:
 
 How this was measured is said [at the end](#how-it-is-measured). The whole table is `atlas.csv`; a part of it is run by
 `homofact stability`."""
+
+
+def _coverage(cells: Sequence[Cell]) -> str:
+    """How often the error bars of total reflected light hold, and how often none is stated."""
+    fits = [cell for cell in cells if cell.factor is not None and cell.outcome is not CellOutcome.CRASHED]
+    stated = [cell for cell in fits if cell.held is not None]
+    if not fits:
+        return ""
+    held, none = sum(cell.held is True for cell in stated), len(fits) - len(stated)
+    silent = f"; {none} state none" if none else ""
+    share = f" ({held / len(stated):.0%})" if len(stated) >= _MANY else ""
+    return f"The error bar of total reflected light holds in {held} of {len(stated)} fits{share}{silent}."
 
 
 def _summary(atlas: Atlas, stress: Stressor) -> str:
@@ -113,6 +129,9 @@ Every cell is one fit of stressed samples, with the settings that all share ({sh
 Blinn-Phong material with a broad highlight, a fifth of them held out). It is judged on {scale.clean} clean samples that
 the fit never saw, by the mean squared error in log space with ε = {JUDGING_EPSILON:g}, as a factor of the same method's
 error without stress (or of {WORTH_AN_ERROR:g}, an RMS of 5%, where that is smaller).
+
+A fit's error bar of total reflected light is held against the clean samples in bands of incidence, within the range of
+angles for which it is stated; what chance may do to so few samples is taken off.
 
 * **ok**: at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that the unstressed fit's does
   not.
@@ -203,10 +222,11 @@ def _measured(atlas: Atlas, stress: Stressor) -> str:
     refused = next((cell for cell in cells if cell.outcome is CellOutcome.REFUSED), None)
     if refused is not None:
         sentences.append(f"From {refused.label} on it is refused: “{in_markdown(refused.message.partition(': ')[2])}.”")
+    sentences.append(_coverage(cells))
     silent = [f"{cell.method} at {cell.label}" for cell in cells if cell.outcome is CellOutcome.SILENT]
     if silent:
         sentences.append(f"Nothing is said by {', '.join(silent)}.")
-    return " ".join(sentences)
+    return " ".join(filter(None, sentences))
 
 
 def _solvers(cells: list[SolverCell], link: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch, Polygon, Rectangle
 
 from homofact.files.atomic import replace_file
 from homofact.stability.atlas import Atlas
@@ -24,6 +24,7 @@ from homofact.stability.stressors import stressor
 _SCALE = LinearSegmentedColormap.from_list("factor", ["#ffffff", "#fff2b3", "#f6c35c", "#c97b1c", "#8a4513"])
 _TOP = 1000.0
 _OK, _GREY, _BLACK = "#dcebf7", "#b9bcc2", "#000000"
+_OUTSIDE, _WITHDRAWN = "#d1495b", "#8d99ae"
 _SHOWN = {CellOutcome.REFUSED: "R", CellOutcome.NONE: "–", CellOutcome.ABSENT: "?", CellOutcome.CRASHED: "×"}
 
 
@@ -81,6 +82,9 @@ def _cell(axes: Axes, x: float, y: float, cell: Cell) -> None:
     axes.text(x + 0.48, y + 0.46, text, ha="center", va="center", fontsize=7.5, color=ink, fontweight=weight)
     if cell.new:
         axes.add_patch(Rectangle((x, y + 0.78), 0.96, 0.14, facecolor="#1f4e79", linewidth=0))
+    if cell.factor is not None and cell.held is not True and cell.outcome is not CellOutcome.CRASHED:
+        colour = _OUTSIDE if cell.held is False else _WITHDRAWN
+        axes.add_patch(Polygon([(x + 0.68, y), (x + 0.96, y), (x + 0.96, y + 0.34)], facecolor=colour, linewidth=0))
 
 
 def _look(cell: Cell) -> tuple[str, str, str]:
@@ -112,6 +116,8 @@ def _legend() -> list[Patch]:
         Patch(facecolor=shade(30), label="degraded: 30 times", **edge),
         Patch(facecolor=shade(_TOP), label=f"degraded: {_TOP:g} times and more", **edge),
         Patch(facecolor="#1f4e79", label="blue foot, bold: the fit's verdict warns", **edge),
+        Patch(facecolor=_OUTSIDE, label="red corner: true albedo error outside the error bar", **edge),
+        Patch(facecolor=_WITHDRAWN, label="grey corner: no error bar stated", **edge),
         Patch(facecolor=_GREY, label="R: refused, with a named error", **edge),
         Patch(facecolor=_BLACK, label=f"black: silently wrong (over {WRONG:g} times, no word)", **edge),
         Patch(facecolor="white", hatch="////", label="×: crashed      – : not for this method", **edge),

@@ -15,6 +15,7 @@ from homofact.brdf.scattered import Scattered
 from homofact.brdf.source import Source
 from homofact.cli.main import main
 from homofact.errors import BadInput, SolverFailure, Status
+from homofact.evaluation.bar.error_bar import ErrorBars
 from homofact.evaluation.compare import ComparisonRow
 from homofact.factor.factorization import Factorization
 from homofact.linear.solvers import SOLVERS
@@ -115,6 +116,27 @@ def test_a_fit_that_is_wrong_and_says_nothing_is_found() -> None:
     assert cell.error > 5
     assert run_cell(EMPTY, stressed, references(), lying(1.0)).outcome is CellOutcome.OK
     assert run_cell(EMPTY, stressed, references(), lying(math.nan)).outcome is CellOutcome.CRASHED
+
+
+def test_an_error_bar_is_held_against_the_clean_light() -> None:
+    def cell(factor: float, error: float | None, degrees: tuple[float, float] = (0.0, 75.0)) -> Cell:
+        def fit(source: Source, settings: Method) -> ComparisonRow:
+            row = lying(factor)(source, settings)
+            bar = replace(row.verdict.bars.of("albedo"), error=error, degrees=degrees)
+            return replace(row, verdict=replace(row.verdict, bars=ErrorBars((bar,))))
+
+        return run_cell(EMPTY, stressed, references(), fit)
+
+    bright = cell(20.0, 25.0)
+    assert bright.true is not None
+    assert 10 < bright.true < 25
+    # Too dark by a factor is an error of that factor too; what chance may do is taken off.
+    dark = cell(0.05, 25.0)
+    assert dark.true is not None
+    assert dark.true > 2
+    assert (bright.held, cell(20.0, 5.0).held, cell(20.0, None).held) == (True, False, None)
+    # Where no incidence is in the range there is nothing to hold it against.
+    assert cell(20.0, 5.0, (89.9, 90.0)).held is None
 
 
 def test_a_warning_makes_a_wrong_fit_a_degraded_one() -> None:

@@ -1,5 +1,6 @@
 """The document of the atlas: what stands at its head, of cells that are made up here."""
 
+import math
 import re
 
 import pytest
@@ -10,12 +11,12 @@ from homofact.stability.document import document
 
 PLAN = Plan(methods=("search", "mccool"), stressors=("negative", "zeros"), short=True)
 CELLS = (
-    Cell("search", "negative", 0, "0", CellOutcome.OK, factor=0.5),
+    Cell("search", "negative", 0, "0", CellOutcome.OK, factor=0.5, stated=0.05, true=0.04),
     Cell("search", "negative", 0.5, "0.5", CellOutcome.REFUSED, message="samples: negative"),
-    Cell("mccool", "negative", 0, "0", CellOutcome.DEGRADED, factor=7.0, new=1),
+    Cell("mccool", "negative", 0, "0", CellOutcome.DEGRADED, factor=7.0, new=1, stated=0.05, true=0.06),
     Cell("mccool", "negative", 0.5, "0.5", CellOutcome.DEGRADED, factor=3.0),
-    Cell("search", "zeros", 0.001, "0.001", CellOutcome.SILENT, factor=12.0),
-    Cell("search", "zeros", 0.9, "0.9", CellOutcome.DEGRADED, factor=99.0, new=1),
+    Cell("search", "zeros", 0.001, "0.001", CellOutcome.SILENT, factor=12.0, stated=0.5, true=None),
+    Cell("search", "zeros", 0.9, "0.9", CellOutcome.DEGRADED, factor=99.0, new=1, stated=1.0, true=math.inf),
     Cell("mccool", "zeros", 0.001, "0.001", CellOutcome.NONE),
     Cell("mccool", "zeros", 0.9, "0.9", CellOutcome.NONE),
 )
@@ -44,3 +45,9 @@ def test_the_head_s_links_lead_to_sections(text: str) -> None:
 def test_how_it_was_measured_stands_at_the_end(text: str) -> None:
     assert text.rpartition("\n## ")[2].startswith("How it is measured\n")
     assert "an abacus" in text.rpartition("\n## ")[2]
+
+
+def test_every_sweep_says_how_often_the_error_bars_hold(text: str) -> None:
+    told = re.findall(r"holds in (\d+) of (\d+) fits(?:; (\d+) state none)?", text)
+    # All, then the two sweeps: three bars with a true error, one held; a withdrawn one; one of nothing to hold against.
+    assert told == [("1", "3", "2"), ("1", "2", "1"), ("0", "1", "1")]

@@ -5,6 +5,7 @@ is dark or grazing counts for as little here as it does in a picture.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -51,11 +52,13 @@ def misplaced(flux: Tensor, expected: Tensor, found: Tensor) -> float:
     return float((missed[own > 0] / own[own > 0]).mean()) if bool((own > 0).any()) else 0.0
 
 
-def worst_band(samples: Samples, flux: Tensor, found: Tensor) -> tuple[float, str] | None:
-    """(light of the fit over that of the samples, where) in the band of θi or θh that is farthest off; None for none.
+def worst_band(
+    samples: Samples, flux: Tensor, found: Tensor, names: Sequence[str] = tuple(BANDS)
+) -> tuple[float, str] | None:
+    """(light of the fit over that of the samples, where) in the band that is farthest off; None for none.
 
-    Channel by channel, in bands of `LEAST_IN_A_BAND` samples and `LEAST_OF_THE_LIGHT`. What chance may do to so many
-    samples, `SURE` standard errors of the difference, is taken off.
+    The bands are of the angles that are named, θi and θh. Channel by channel, in bands of `LEAST_IN_A_BAND` samples and
+    `LEAST_OF_THE_LIGHT`. What chance may do to so many samples, `SURE` standard errors of the difference, is taken off.
     """
     theta_h, _, _ = rusinkiewicz_angles(samples.wi, samples.wo)
     angles = {"θi": to_spherical(samples.wi)[0], "θh": theta_h}
@@ -63,8 +66,8 @@ def worst_band(samples: Samples, flux: Tensor, found: Tensor) -> tuple[float, st
     missed = flux[:, None] * (found - samples.values)
     total = own.sum(0)
     best: tuple[float, str] | None = None
-    for name, angle in angles.items():
-        degrees = torch.rad2deg(angle)
+    for name in names:
+        degrees = torch.rad2deg(angles[name])
         for low, high in zip(BANDS[name], BANDS[name][1:], strict=False):
             inside = (degrees >= low) & (degrees < high)
             if int(inside.sum()) < LEAST_IN_A_BAND:
