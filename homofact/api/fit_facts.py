@@ -1,15 +1,11 @@
 """What a saved fit is and how far it may be off: a result's folder, an export's, or a file that `Fit.save` wrote."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from homofact.api.loading import load
 from homofact.errors import BadInput
-from homofact.evaluation.wording import figure
 from homofact.files.kinds import EXPORT, FACTORIZATION
-
-if TYPE_CHECKING:
-    from homofact.evaluation.bar.error_bar import ErrorBar
 
 
 def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
@@ -49,12 +45,6 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
     if bars is not None:
         facts["bars"] = bars.record()
         for bar in bars.by_angle:
-            rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = _between(bar)
+            stated = f"unknown: {bar.reason}" if bar.error is None else f"{bar.between()} of the fit's"
+            rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = stated
     return place.name, rows, facts
-
-
-def _between(bar: "ErrorBar") -> str:
-    """A bar as what the source has over what the fit has."""
-    if bar.low is None or bar.high is None:
-        return f"unknown: {bar.reason}"
-    return f"{figure(bar.low)} to {figure(bar.high)} of the fit's"

@@ -20,10 +20,18 @@ function makeCards(place, layers) {
   }));
 }
 
-/** The layers' facts: a row a layer, a column a name; on narrow pages CSS makes each row a list with its names. */
+/** From so many letters on a fact is a sentence: it stands under the table, not in a column. */
+const SENTENCE = 60;
+
+/**
+ * The layers' facts: a row a layer, a column a name; on narrow pages CSS makes each row a list with its names. Sentences
+ * are paragraphs under the table, those of a layer after its title.
+ */
 function makeNumbers(place, layers) {
-  const names = [...new Set(layers.flatMap((layer) => layer.facts.map(([name]) => name)))];
-  place.hidden = !names.length;
+  const all = [...new Set(layers.flatMap((layer) => layer.facts.map(([name]) => name)))];
+  place.hidden = !all.length;
+  const long = new Set(layers.flatMap((layer) => layer.facts.filter(([, text]) => text.length >= SENTENCE).map(([name]) => name)));
+  const names = all.filter((name) => !long.has(name));
   const body = element("tbody");
   for (const layer of layers) {
     const own = new Map(layer.facts);
@@ -32,7 +40,14 @@ function makeNumbers(place, layers) {
     body.append(element("tr", { style: colour, "data-key": layer.key }, element("th", { scope: "row" }, layer.title), ...cells));
   }
   const head = element("tr", {}, element("td"), ...names.map((name) => element("th", { scope: "col" }, name)));
-  place.append(element("table", {}, element("thead", {}, head), body));
+  if (names.length) place.append(element("table", {}, element("thead", {}, head), body));
+  for (const layer of layers) {
+    const said = layer.facts.filter(([name]) => long.has(name));
+    if (!said.length) continue;
+    place.append(element("div", { class: "said", style: `--colour: ${colourOf(layers, layer.key)}` },
+      element("h2", {}, layer.title),
+      ...said.map(([name, text]) => element("p", { "data-name": name }, element("b", {}, `${name}: `), text))));
+  }
 }
 
 /** The scale bar under a difference. */

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.source import Source
+from homofact.evaluation.bar.error_bar import ErrorBars
 from homofact.evaluation.reopening import NotReopened, Reopened, reopen, settings_of
 from homofact.evaluation.wording import figure, findings_named
 
@@ -179,7 +180,10 @@ def _verdict(report: Mapping[str, Any]) -> "Facts":
     names = [str(each.get("name")) for each in listed]
     said = verdict.get("summary")
     words = said if isinstance(said, str) else "no fault found" if verdict["trusted"] else "not to be trusted"
-    return (("Verdict", words + findings_named(names)),)
+    bars = ErrorBars.of_record(verdict.get("bars"))
+    angles = () if bars is None else tuple(f"{bar.degrees[0]:.0f}°: {bar.between()}" for bar in bars.by_angle)
+    light = (("Total reflected light, source over fit", ", ".join(angles)),) if angles else ()
+    return (("Verdict", words + findings_named(names)), *light)
 
 
 def _reported_errors(report: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from homofact.files.atomic import replace_file
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.compression.compression_charts import OURS as OURS_COLOUR
 from scripts.compression.compression_charts import PUBLISHED_COLOUR, REST
-from scripts.compression.real_fits import LABELS, OURS, PUBLISHED, RAW, RGL, STRAIGHT
+from scripts.compression.real_fits import BOUND, LABELS, OURS, PUBLISHED, RAW, RGL, STRAIGHT
 from scripts.compression.real_tables import Row, Table
 
 _PANELS = (("MALE", "MALE, less is better"), ("PSNR, St Peter's", "PSNR under St Peter's [dB], more is better"))
@@ -21,7 +21,7 @@ _PANELS = (("MALE", "MALE, less is better"), ("PSNR, St Peter's", "PSNR under St
 
 def _groups() -> list[tuple[str, list[str]]]:
     """Methods that a line joins, by what they are called."""
-    rest = [label for label in LABELS if label not in OURS and not label.startswith("SVD")]
+    rest = [label for label in LABELS if label not in (*OURS, BOUND) and not label.startswith("SVD")]
     joined: dict[str, list[str]] = {}
     for label in rest:
         name = label if "," in label else label.split()[0]

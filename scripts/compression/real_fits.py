@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from torch import Tensor
+
 from homofact.brdf.formats.nbrdf import load, material_names
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -32,6 +34,7 @@ RGL, CAR_PAINT, PAINTS, TAPE = "RGL", "car paint", "Cornell", "tape"
 RAW, STRAIGHT, SAMPLES, RINGS = "raw", "straightened", "left-out samples", "left-out rings"
 NBRDF, HYBRID = "NBRDF, published", "hybrid, published"
 PUBLISHED = (NBRDF, HYBRID)
+BOUND = "its own reciprocal mean"
 BUDGETS = {"1 KiB": 1024, "3.2 KiB": 3276, "6 KiB": 6144, "12 KiB": 12288}
 OURS = tuple(f"ours {size}" for size in BUDGETS)
 METHODS: dict[str, Method] = {
@@ -46,10 +49,33 @@ METHODS: dict[str, Method] = {
     "NBRDF, trained here": Nbrdf(),
     **{label: Search(bytes=nbytes) for label, nbytes in zip(OURS, BUDGETS.values(), strict=True)},
 }
-LABELS = (*PUBLISHED, *METHODS)
+LABELS = (BOUND, *PUBLISHED, *METHODS)
 NONE_PUBLISHED = "none was published"
 HELD_OUT, SEED = 0.2, 0
 _EVERY = 3  # which of the inner rings are left out
+
+
+@dataclass(frozen=True)
+class ReciprocalMean:
+    """½ (f(ωi, ωo) + f(ωo, ωi)) of a measurement: what a reciprocal fit without any other error would be."""
+
+    of: Reflectance
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Those of the measurement."""
+        return tuple(self.of.channels)
+
+    @property
+    def isotropic(self) -> bool:
+        """True: so are the measurements of the table."""
+        return True
+
+    nbytes = fetches = 0
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Values (N, C) in sr⁻¹."""
+        return (self.of.evaluate(wi, wo) + self.of.evaluate(wo, wi)) / 2
 
 
 @dataclass(frozen=True)

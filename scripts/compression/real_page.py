@@ -7,7 +7,7 @@ from pathlib import Path
 from homofact.evaluation.machine import machine
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from scripts.compression.real_fits import HYBRID, NBRDF, PAINTS, RAW, STRAIGHT, TAPE
+from scripts.compression.real_fits import BOUND, HYBRID, NBRDF, PAINTS, RAW, STRAIGHT, TAPE
 from scripts.compression.real_tables import (
     Row,
     Table,
@@ -30,6 +30,8 @@ on surrogates of 100 MERL materials.
 
 The methods:
 
+- **{BOUND}**, ½ (f(ωi, ωo) + f(ωo, ωi)), is no method: it is the measurement with nothing undone but its lack of
+  reciprocity. What it misses, every reciprocal fit misses too.
 - **ours**: `homofact factorize FILE --bytes N` with all other settings at their defaults, at four budgets.
 - **{NBRDF}**: the networks of Sztrajman et al. 2021, as their authors trained them on the raw files.
 - **{HYBRID}**: a GGX lobe with a small network, as De Oliveira et al. 2026 trained and published it. Its 6472

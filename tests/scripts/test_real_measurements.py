@@ -277,3 +277,20 @@ def test_without_data_and_with_unknown_methods_it_says_so(
     (tmp_path / "mdl" / "carpaint_red.mbsdf").touch()
     assert main(["--data", str(tmp_path), "--methods", "magic"]) == 2
     assert "magic" in capsys.readouterr().err
+
+
+def test_the_reciprocal_mean_is_off_by_the_floor(script: Script, tmp_path: Path, monkeypatch: Any) -> None:
+    class Leaning(Scaled):
+        def evaluate(self, wi: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
+            return super().evaluate(wi, wo) * (1 + 0.3 * (wi[:, 2:] - wo[:, 2:]))
+
+    module, fits = script("compression.real_judging"), script("compression.real_fits")
+    monkeypatch.setattr(module, "pictures", lambda *_: {})
+    own = Leaning(1.0, 1.0, 1.0)
+    mean = fits.ReciprocalMean(own)
+    wi, wo = draw_uniform(50, torch.Generator().manual_seed(2))
+    assert mean.evaluate(wi, wo) == pytest.approx(mean.evaluate(wo, wi))
+    found = module.Asked.of(own, tmp_path).numbers(mean)
+    assert found["RMS"] == pytest.approx(found["floor"], rel=1e-9)
+    assert found["MALE"] > 0.001
+    assert fits.ReciprocalMean(PLASTIC).evaluate(wi, wo) == pytest.approx(PLASTIC.evaluate(wi, wo), rel=1e-9)

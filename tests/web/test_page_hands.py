@@ -106,7 +106,8 @@ def test_dragging_turns_and_pointing_reads(show: Open) -> None:
 
 
 def test_the_numbers_and_the_textures_are_shown(show: Open, record_property: Callable[[str, object], None]) -> None:
-    facts = (("Log MSE, held out", "0.0123"),)
+    sentence = "a verdict of many words: " + "total reflected light within 5%, " * 3
+    facts = (("Verdict", sentence), ("Log MSE, held out", "0.0123"))
     driver = show(
         fit_layer(CASES["five of all kinds"], "fit", "Fit", facts),
         fit_layer(CASES["McCool, one channel"], "mccool", "McCool"),
@@ -122,6 +123,12 @@ def test_the_numbers_and_the_textures_are_shown(show: Open, record_property: Cal
         "return Array.from(document.querySelectorAll('#numbers tr[data-key]'), r => [r.dataset.key, r.cells.length])"
     )
     assert rows == [["fit", 6], ["mccool", 6], ["source", 6]]
+    # A sentence is no column: it is as wide as the table, under its fit's title.
+    said = driver.execute_script(
+        "return Array.from(document.querySelectorAll('#numbers .said'), d => [d.innerText, d.offsetWidth])"
+    )
+    assert [each[0].split() for each in said] == [f"Fit Verdict: {sentence}".split()]
+    assert said[0][1] == driver.execute_script("return document.querySelector('#numbers table').offsetWidth")
     captions = driver.execute_script("return Array.from(document.querySelectorAll('figcaption'), f => f.innerText)")
     assert len(captions) == 7
     assert captions[0].startswith("searched in θh, θd, φd, warped")

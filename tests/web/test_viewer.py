@@ -19,6 +19,7 @@ from unpacked import unpack
 
 from homofact.brdf.materials import material
 from homofact.errors import BadInput
+from homofact.evaluation.bar.error_bar import BarKind, ErrorBar, ErrorBars
 from homofact.factor.projection import fixed_projection
 from homofact.factor.quantize import rounded
 from homofact.geometry.directions import draw_uniform
@@ -28,6 +29,7 @@ from homofact.shading.encoding import encode_texture
 from homofact.shading.program import program_of
 from homofact.web.layers import fit_layer
 from homofact.web.packing import TYPES, differences, pack
+from homofact.web.page import _verdict
 from homofact.web.viewer import Layer, LayerTexture, source_layer, viewer_html, write_viewer
 
 GLSL = "uniform sampler2D a_texture_0;\nvec3 a_evaluate(vec3 wi, vec3 wo) { return vec3(0.0); }"
@@ -295,3 +297,15 @@ def test_the_source_says_that_it_is_a_table() -> None:
     volume = data["layers"][0]["volume"]
     assert volume["name"] == "source_texture_0"
     assert (unpack(volume["steps"]) == layer.table.differences()).all()
+
+
+def test_the_error_bars_by_angle_stand_beside_the_verdict() -> None:
+    bar = ErrorBar("albedo", BarKind.RIGHT, 0.25, 0.9, (0.0, 75.0))
+    at = (replace(bar, degrees=(5.0, 5.0)), replace(bar, degrees=(20.0, 20.0), kind=BarKind.WITHDRAWN, error=None))
+    report = {"verdict": {"trusted": True, "summary": "as it is", "bars": ErrorBars((bar,), at).record()}}
+    assert _verdict(report) == (
+        ("Verdict", "as it is"),
+        ("Total reflected light, source over fit", "5°: 0.8 to 1.25, 20°: unknown"),
+    )
+    # Reports of earlier versions have none.
+    assert _verdict({"verdict": {"trusted": True, "summary": "as it was"}}) == (("Verdict", "as it was"),)

@@ -82,6 +82,10 @@ class ErrorBar:
             return f"{name} unknown"
         return f"{name} within {percent(self.error)}"
 
+    def between(self) -> str:
+        """What the source has over what the fit has: "0.95 to 1.05"; of a withdrawn one "unknown"."""
+        return "unknown" if self.low is None or self.high is None else f"{self.low:.3g} to {self.high:.3g}"
+
     def record(self) -> dict[str, Any]:
         """A JSON-able dictionary."""
         return {
