@@ -82,6 +82,8 @@ def _coverage(cells: Sequence[Cell]) -> str:
     stated = [cell for cell in fits if cell.held is not None]
     if not fits:
         return ""
+    if not stated:
+        return "No fit states an error bar of total reflected light that could be held against the clean samples."
     held, none = sum(cell.held is True for cell in stated), len(fits) - len(stated)
     silent = f"; {none} state none" if none else ""
     share = f" ({held / len(stated):.0%})" if len(stated) >= _MANY else ""

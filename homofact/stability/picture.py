@@ -23,6 +23,7 @@ from homofact.stability.stressors import stressor
 # Of a factor's logarithm, from 1 to the last that the scale tells apart.
 _SCALE = LinearSegmentedColormap.from_list("factor", ["#ffffff", "#fff2b3", "#f6c35c", "#c97b1c", "#8a4513"])
 _TOP = 1000.0
+_LEGEND_WIDTH = 4.1  # inches that its longest entry takes
 _OK, _GREY, _BLACK = "#dcebf7", "#b9bcc2", "#000000"
 _OUTSIDE, _WITHDRAWN = "#d1495b", "#8d99ae"
 _SHOWN = {CellOutcome.REFUSED: "R", CellOutcome.NONE: "–", CellOutcome.ABSENT: "?", CellOutcome.CRASHED: "×"}
@@ -42,7 +43,8 @@ def draw_atlas(path: str | os.PathLike[str], atlas: Atlas, base: Mapping[str, An
     methods, names = atlas.plan.methods, atlas.plan.stressors
     widest = max(len(atlas.of(name, methods[0])) for name in names)
     wide = len(methods) * (widest + 0.5)
-    figure = Figure(figsize=(5.6 + 0.41 * wide, 2.6 + 0.3 * len(names)), layout="constrained")
+    across = 5.6 + 0.41 * wide
+    figure = Figure(figsize=(across, 2.6 + 0.3 * len(names)), layout="constrained")
     axes = figure.subplots()
     for row, name in enumerate(names):
         for column, method in enumerate(methods):
@@ -56,7 +58,10 @@ def draw_atlas(path: str | os.PathLike[str], atlas: Atlas, base: Mapping[str, An
     axes.set_yticks([row + 0.5 for row in range(len(names))], [_row_name(atlas, name) for name in names], fontsize=9)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    figure.legend(handles=_legend(), loc="outside lower center", ncols=4, frameon=False, fontsize=9, handlelength=1.6)
+    columns = max(1, int(across / _LEGEND_WIDTH))
+    figure.legend(
+        handles=_legend(), loc="outside lower center", ncols=columns, frameon=False, fontsize=9, handlelength=1.6
+    )
     figure.suptitle(
         "Where fits fail: error on clean samples, as a factor of the same method's without stress"
         f" ({base['textures']} textures of {base['size']}²,"
