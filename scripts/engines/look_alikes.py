@@ -27,7 +27,7 @@ def main() -> None:
         look = fit_metallic_roughness(source.reflectance, source.samples.isotropic)
         likeness = appearance(look, source)
         assert likeness is not None, f"{place}: interpolated samples"
-        shown = [f"{getattr(likeness.figures, name):.3g}" for name in _FIGURES]
+        shown = [f"{likeness.figures[name]:.3g}" for name in _FIGURES]
         more = (
             f"coat {look.clearcoat:.2f}"
             if look.clearcoat
