@@ -98,7 +98,7 @@ def test_folders_exports_and_pages_of_hostile_channels(tmp_path: Path, capsys: p
             samples.wi, samples.wo, samples.values, channels=(name, name + "G", "B"), isotropic=True,
             provenance={"material": name, "comments": [name]},
         )  # fmt: skip
-        fitted = homofact.fit(named, homofact.McCool(size=4)).factorization
+        fitted = homofact.McCool(size=4).fit(named).factorization
         fitted.save(tmp_path / "fit.npz")
         again = homofact.load(str(tmp_path / "fit.npz"))
         assert again.channels == fitted.channels
