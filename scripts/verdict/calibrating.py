@@ -22,7 +22,7 @@ from homofact.evaluation.bar.features import FEATURES, OF_QUANTITY, angles_in_ra
 from homofact.evaluation.bar.table import LEAST_SPREAD, QUANTITIES, RATE
 from homofact.evaluation.energy import ALBEDO_DEGREES
 from homofact.evaluation.verdict.figures import Figures
-from homofact.evaluation.verdict.judge import LEAST_EXPLAINED, OFF, is_good
+from homofact.evaluation.verdict.judge import OFF, OFF_LAMP, OFF_SKY, is_good
 from homofact.stability.fault import CasePart
 from scripts.verdict.regression import Columns, Standard, conformal_quantile, logistic, ridge
 
@@ -30,7 +30,7 @@ PENALTY, PENALTY_OF_SPREAD, PENALTY_OF_WARNING = 0.1, 1.0, 0.03
 FOLDS = 8
 SILENT = 0.05  # of the bad fits that can be known: the threshold is the largest that leaves so few without a warning
 LEAST_ERROR, MOST_ERROR = 2e-3, 2.0  # what is beyond is all alike
-_LEAST_UNEXPLAINED, _MOST_BADNESS = 3e-3, 2.0
+_MOST_BADNESS = 2.0
 _NAMES = (*FEATURES, *OF_QUANTITY)
 
 
@@ -65,14 +65,15 @@ class SimulatedFit:
     @property
     def good(self) -> bool:
         """Whether it is a good fit."""
-        return is_good(self.error("albedo"), self.record["truth"]["explained"])
+        truth = self.record["truth"]
+        return is_good(self.error("albedo"), truth["sky"], truth["light"])
 
     @property
     def badness(self) -> float:
         """The log of its worst error over what makes a fit a bad one, cut to ±2."""
-        off = max(self.error("albedo"), LEAST_ERROR) / math.log1p(OFF)
-        missed = max(1 - self.record["truth"]["explained"], _LEAST_UNEXPLAINED) / (1 - LEAST_EXPLAINED)
-        return min(max(math.log(max(off, missed)), -_MOST_BADNESS), _MOST_BADNESS)
+        truth = self.record["truth"]
+        errors = (self.error("albedo") / math.log1p(OFF), truth["sky"] / OFF_SKY, truth["light"] / OFF_LAMP)
+        return min(max(math.log(max(*errors, LEAST_ERROR)), -_MOST_BADNESS), _MOST_BADNESS)
 
     @property
     def group(self) -> str:

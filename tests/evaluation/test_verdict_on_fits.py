@@ -132,7 +132,10 @@ def test_of_a_source_that_was_asked_the_errors_are_measured(albedo: float, highl
         bar = bars.of(name)
         assert bar.error == pytest.approx(error)
         assert bar.rate == 1
-    assert verdict(seen=replace(given, explained=0.8)).trusted is False
+    # What an eye would tell makes it bad; what logarithms of a nearly diffuse material miss does not.
+    assert verdict(seen=replace(given, explained=0.5)).trusted is (albedo != 1.5)
+    assert verdict(seen=replace(given, off_sky=0.11)).trusted is False
+    assert verdict(seen=replace(given, off_light=0.26)).trusted is False
 
 
 def test_light_is_judged_by_the_samples_where_the_source_cannot_be_asked() -> None:

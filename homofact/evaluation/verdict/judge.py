@@ -27,7 +27,8 @@ from homofact.evaluation.verdict.verdict import Alarm, Verdict
 from homofact.factor.fitted import Fitted
 from homofact.methods.method import Method
 
-OFF, LEAST_EXPLAINED = 0.15, 0.9  # what makes a fit a bad one
+# What makes a fit a bad one: its albedo at some angle, its picture under a sky, or that under a small lamp.
+OFF, OFF_SKY, OFF_LAMP = 0.15, 0.10, 0.25
 _ANISOTROPIC = "no fit of an anisotropic measurement was among those that error bars were counted on"
 
 
@@ -66,13 +67,17 @@ def measured_alarm(seen: Appearance) -> Alarm:
     """Of a source that was asked: whether the fit is bad."""
     ratio = seen.energy.albedo_worst
     off = abs(math.log(ratio)) if ratio > 0 and math.isfinite(ratio) else math.inf
-    explained = 1.0 if seen.explained is None else seen.explained
-    return Alarm(0.0 if is_good(off, explained) else 1.0, 0.5)
+    sky, lamp = (0.0 if math.isnan(each) else each for each in (seen.off_sky, seen.off_light))
+    return Alarm(0.0 if is_good(off, sky, lamp) else 1.0, 0.5)
 
 
-def is_good(off: float, explained: float) -> bool:
-    """Whether a fit is a good one: |log| of its worst albedo over the source's, what it explains of logarithms."""
-    return off <= math.log1p(OFF) and explained >= LEAST_EXPLAINED
+def is_good(off: float, sky: float, lamp: float) -> bool:
+    """Whether a fit is a good one, as far as an eye can tell.
+
+    `off` is |log| of its worst albedo over the source's, `sky` and `lamp` are Σ|difference| over Σ of a sphere's
+    picture. Logarithms have no say: of a nearly diffuse material they hold little but noise.
+    """
+    return off <= math.log1p(OFF) and sky <= OFF_SKY and lamp <= OFF_LAMP
 
 
 def doubt_of(odds: Mapping[str, float], alarm: Alarm) -> str:
