@@ -16,6 +16,7 @@ from scripts.compression.compression_charts import PUBLISHED_COLOUR, REST
 from scripts.compression.real_fits import BOUND, LABELS, OURS, PUBLISHED, RAW, RGL, STRAIGHT
 from scripts.compression.real_tables import Row, Table
 
+_APART, _WIDE = 10.0, 100.0  # points: how far labels keep from each other, and how long they are at most
 _PANELS = (("MALE", "MALE, less is better"), ("PSNR, St Peter's", "PSNR under St Peter's [dB], more is better"))
 
 
@@ -35,11 +36,17 @@ def draw(path: Path, rows: Iterable[Row]) -> None:
     names = table.materials(RGL)
     chart = Figure(figsize=(10.4, 4.2), layout="constrained")
     for axis, (name, words) in zip(chart.subplots(1, len(_PANELS)), _PANELS, strict=True):
+        ends = []
         for title, labels in _groups():
             colour = PUBLISHED_COLOUR if labels[0] in PUBLISHED else REST
-            _line(axis, table, names, RAW, labels, name, title, colour)
-        _line(axis, table, names, RAW, OURS, name, "ours, raw", OURS_COLOUR, "o--")
-        _line(axis, table, names, STRAIGHT, OURS, name, "ours, straightened", OURS_COLOUR)
+            ends += _line(axis, table, names, RAW, labels, name, title, colour)
+        ends += _line(axis, table, names, RAW, OURS, name, "ours, raw", OURS_COLOUR, "o--")
+        ends += _line(axis, table, names, STRAIGHT, OURS, name, "ours, straightened", OURS_COLOUR)
+        bound = table.values(names, RAW, BOUND, name)
+        if bound:
+            axis.axhline(median(bound), color=REST, linewidth=0.8, linestyle=(0, (1, 3)))
+            axis.annotate(BOUND, (0.01, median(bound)), xycoords=axis.get_yaxis_transform(), xytext=(0, 3),
+                          textcoords="offset points", fontsize=8, color=REST)  # fmt: skip
         axis.set_xscale("log")
         axis.set_xlabel("bytes per material")
         axis.set_ylabel(words)
@@ -47,6 +54,7 @@ def draw(path: Path, rows: Iterable[Row]) -> None:
         axis.spines[["top", "right"]].set_visible(False)
         if name == "MALE":
             log_y(axis, *axis.get_ylim())
+        _label(axis, ends)
     chart.suptitle(f"Median over {len(names)} RGL files", fontsize=10)
     replace_file(path, lambda made: chart.savefig(made, dpi=110, format="png"))
 
@@ -54,12 +62,30 @@ def draw(path: Path, rows: Iterable[Row]) -> None:
 def _line(
     axis, table: Table, names: Sequence[str], way: str, labels: Sequence[str], name: str, title: str, colour: str,
     style: str = "o-",
-) -> None:  # fmt: skip
+) -> list[tuple[float, float, str, str]]:  # fmt: skip
+    """Draw a line; where it ends, its title and its colour, for a label."""
     points = []
     for label in labels:
         values = table.values(names, way, label, name)
         if values:
             points.append((median(table.values(names, way, label, "bytes", "cost")), median(values)))
-    if points:
-        axis.plot(*zip(*points, strict=True), style, color=colour, linewidth=1, markersize=4)
-        axis.annotate(title, points[-1], xytext=(6, 4), textcoords="offset points", fontsize=8, color=colour)
+    if not points:
+        return []
+    axis.plot(*zip(*points, strict=True), style, color=colour, linewidth=1, markersize=4)
+    return [(*points[-1], title, colour)]
+
+
+def _label(axis, ends: Sequence[tuple[float, float, str, str]]) -> None:
+    """Write the titles beside their ends, one above the other where they would touch."""
+    taken: list[tuple[float, float]] = []
+    points = 72 / axis.figure.dpi
+    axis.figure.draw_without_rendering()
+    for x, y, title, colour in sorted(ends, key=lambda end: axis.transData.transform(end[:2])[1]):
+        across, up = axis.transData.transform((x, y)) * points
+        shift = 0.0
+        while any(abs(across - other) < _WIDE and abs(up + shift - height) < _APART for other, height in taken):
+            shift += 1.0
+        taken.append((across, up + shift))
+        axis.annotate(
+            title, (x, y), xytext=(6, shift), textcoords="offset points", fontsize=8, color=colour, va="center"
+        )

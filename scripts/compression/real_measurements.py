@@ -5,9 +5,9 @@
 
 Ten RGL files, a car paint, three Cornell paints and a retroreflective tape (`real_fits`), judged by `real_judging`.
 Every material, way (raw or straightened; left-out samples or rings) and method is one line of the file that --done
-names, so that a run goes on where it was stopped; --kept makes the page of what is there and fits nothing. To have one
-method anew, take its lines out. --hybrid names a folder with the shaders of the hybrid of De Oliveira et al. 2026
-(`hybrid_fits`); without it that row is empty.
+names, so that a run goes on where it was stopped; --kept makes the page of what is there and fits nothing. The lines of
+the published page are real_measurements.jsonl here. To have one method anew, take its lines out. --hybrid names a
+folder with the shaders of the hybrid of De Oliveira et al. 2026 (`hybrid_fits`); without it that row is empty.
 """
 
 import sys
