@@ -181,7 +181,8 @@ def _verdict(report: Mapping[str, Any]) -> "Facts":
     said = verdict.get("summary")
     words = said if isinstance(said, str) else "no fault found" if verdict["trusted"] else "not to be trusted"
     bars = ErrorBars.of_record(verdict.get("bars"))
-    angles = () if bars is None else tuple(f"{bar.degrees[0]:.0f}°: {bar.between()}" for bar in bars.by_angle)
+    stated = bars is not None and any(bar.error is not None for bar in bars.by_angle)
+    angles = tuple(f"{bar.degrees[0]:.0f}°: {bar.between()}" for bar in bars.by_angle) if bars and stated else ()
     light = (("Total reflected light, source over fit", ", ".join(angles)),) if angles else ()
     return (("Verdict", words + findings_named(names)), *light)
 
