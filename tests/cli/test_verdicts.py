@@ -20,7 +20,10 @@ def test_findings_follow_the_sentence_as_such() -> None:
     ]  # fmt: skip
     every = ", ".join(each.name for each in tilted.findings)
     assert page._verdict({"verdict": tilted.record()}) == (("Verdict", f"{tilted.summary} (noted: {every})"),)
-    assert page._verdict({"verdict": sound.record()}) == (("Verdict", sound.summary),)
+    # No bar is stated by angle for the first; the second has what was measured.
+    said, light = page._verdict({"verdict": sound.record()})
+    assert said == ("Verdict", sound.summary)
+    assert light[1] == "5°: 1 to 1"
     assert findings_named([]) == ""
 
 
