@@ -31,7 +31,7 @@ on surrogates of 100 MERL materials.
 The methods:
 
 - **{BOUND}**, ½ (f(ωi, ωo) + f(ωo, ωi)), is no method: it is the measurement with nothing undone but its lack of
-  reciprocity. What it misses, every reciprocal fit misses too.
+  reciprocity. No reciprocal fit has a smaller RMS; its other figures show what that lack alone costs.
 - **ours**: `homofact factorize FILE --bytes N` with all other settings at their defaults, at four budgets.
 - **{NBRDF}**: the networks of Sztrajman et al. 2021, as their authors trained them on the raw files.
 - **{HYBRID}**: a GGX lobe with a small network, as De Oliveira et al. 2026 trained and published it. Its 6472
