@@ -1,13 +1,13 @@
 """Pictures for people: a source beside its fits on spheres under three lights, their differences, and the numbers.
 
 The lights are a point light, a round lamp of the same direction and irradiance, and a sky (`rendering.fixed_lights`).
-The spheres of a light share one exposure, chosen from the source: under the two lamps the 99th percentile is at 0.9 of
-white, under the sky the middle at 0.18 below the filmic curve.
+The spheres of a light share one exposure, `automatic_exposure` of the source, and the filmic curve.
 
 A difference is signed and relative: (fit − source)/(source + `FLOOR` of white) in luminance (Rec. 709 weights), white
-being the radiance that the exposure shows as 1; the floor keeps pixels that are nearly black in the picture from
-dominating it. Every difference has its own scale, which is written under it: the smallest round one that holds 98% of
-the pixels. So the errors of a good fit are seen beside those of a bad one; it is the scales that tell them apart.
+being the radiance that the exposure takes to 1 before the curve; the floor keeps pixels that are nearly black in the
+picture from dominating it. Every difference has its own scale, which is written under it: the smallest round one that
+holds 98% of the pixels. So the errors of a good fit are seen beside those of a bad one; it is the scales that tell them
+apart.
 
 Where the source interpolates samples, pixels that show more than was measured (`figures.measured_range`) are hatched:
 in source and differences over grey, in the fit over its picture. They count in no scale.
@@ -39,7 +39,7 @@ from homofact.rendering.light import DEFAULT_LIGHT
 from homofact.rendering.lobe_patches import DRAFT
 from homofact.rendering.sphere import SphereImage, render_sphere
 from homofact.rendering.surface import ToRgb
-from homofact.rendering.tonemap import choose_exposure, choose_middle, tonemap
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 
 FLOOR = 0.05
 _BLACK = 1e-4  # of white: a fortieth of the darkest code value that is not 0
@@ -177,10 +177,8 @@ def _rows(reflectances: Sequence[Reflectance], size: int, to_rgb: ToRgb | None) 
 
 def _row(light: str, images: list[SphereImage], beyond: np.ndarray | None) -> _Row:
     """Pictures and differences under one light, as they are shown."""
-    is_sky = light == LIGHTS[2]
-    exposure = (choose_middle if is_sky else choose_exposure)(images[0])
-    curve = "filmic" if is_sky else "srgb"
-    toned = [tonemap(image, exposure, curve=curve) for image in images]
+    exposure = automatic_exposure(images[0])
+    toned = [tonemap(image, exposure, curve=DEFAULT_CURVE) for image in images]
     shown = [picture.pixels.numpy() / 255 for picture in toned]
     differences = [relative_difference(image, images[0], exposure).numpy() for image in images[1:]]
     lit = np.isfinite(differences).any(0)
@@ -197,7 +195,7 @@ def _row(light: str, images: list[SphereImage], beyond: np.ndarray | None) -> _R
         coloured = [_hatched(np.where(beyond[..., None], ground, picture), beyond) for picture in coloured]
     share = None if beyond is None else float(beyond[lit].mean()) if lit.any() else 0.0
     clipped = tuple(picture.clipped for picture in toned)
-    return _Row(LightReport(light, exposure, curve, clipped, scales, share), shown, coloured)
+    return _Row(LightReport(light, exposure, DEFAULT_CURVE, clipped, scales, share), shown, coloured)
 
 
 def _words(report: LightReport) -> str:

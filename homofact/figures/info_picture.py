@@ -30,7 +30,7 @@ from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import from_half_difference, from_spherical
 from homofact.rendering.light import DEFAULT_LIGHT
 from homofact.rendering.sphere import render_sphere
-from homofact.rendering.tonemap import choose_exposure, tonemap
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 
 LOBE_DEGREES = (15.0, 45.0, 75.0)
 _SIDE, _PIXELS, _MOST_DOTS = 90, 256, 4000
@@ -74,9 +74,9 @@ def info_picture(
     cannot be written.
     """
     image = render_sphere(reflectance, size=_PIXELS, to_rgb=to_rgb)
-    exposure = choose_exposure(image)
-    shown = tonemap(image, exposure)
-    report = PictureReport(exposure, shown.clipped)
+    exposure = automatic_exposure(image)
+    shown = tonemap(image, exposure, curve=DEFAULT_CURVE)
+    report = PictureReport(exposure, shown.clipped, DEFAULT_CURVE)
     figure = Figure(figsize=(13, 4.9), dpi=100, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(in_figure(name), weight="bold")

@@ -9,7 +9,7 @@ from homofact.files.atomic import replace_file
 from homofact.rendering.filtered import FilteredMaterial, Surroundings
 from homofact.rendering.fixed_lights import sky_map
 from homofact.rendering.lobe_patches import DRAFT
-from homofact.rendering.tonemap import choose_middle, tonemap
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 
 _SIZE, _GAP, _COLUMNS = 176, 14, 5
 
@@ -27,7 +27,7 @@ def material_sheet(path: str | os.PathLike[str], materials: Sequence[tuple[str, 
         for column, (name, reflectance) in enumerate(materials[row : row + columns]):
             left = _GAP + column * (_SIZE + _GAP)
             image = FilteredMaterial.of(reflectance, fineness=DRAFT).under(sky)
-            shown = tonemap(image, choose_middle(image), curve="filmic")
+            shown = tonemap(image, automatic_exposure(image), curve=DEFAULT_CURVE)
             below = page.picture(shown.pixels.numpy(), left, top)
             bottom = max(bottom, page.text(name, left, below + 4, _SIZE))
         top = bottom + _GAP

@@ -13,7 +13,7 @@ from homofact.files.atomic import replace_file
 from homofact.rendering.filtered import draw_sphere
 from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap, Light
 from homofact.rendering.surface import ToRgb
-from homofact.rendering.tonemap import choose_middle, tonemap
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 
 
 class PictureReport(NamedTuple):
@@ -21,7 +21,7 @@ class PictureReport(NamedTuple):
 
     exposure: float
     clipped: float
-    curve: str = "srgb"
+    curve: str = DEFAULT_CURVE
 
 
 @dataclass(frozen=True)
@@ -46,18 +46,18 @@ def drawn_sphere(
     light: Light | Sequence[Light] = DEFAULT_LIGHT,
     exposure: float | None = None,
     stops: float = 0.0,
-    curve: str = "srgb",
+    curve: str = DEFAULT_CURVE,
     size: int = 512,
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
 ) -> SpherePicture:
     """One lit sphere.
 
-    `exposure` is a factor, else that of `choose_middle`; `stops` are powers of two on top of it. Raises BadInput for
+    `exposure` is a factor, else `automatic_exposure`; `stops` are powers of two on top of it. Raises BadInput for
     what `draw_sphere` and `tonemap` refuse.
     """
     image = draw_sphere(reflectance, light, size, view=view, to_rgb=to_rgb)
-    factor = (choose_middle(image) if exposure is None else exposure) * 2**stops
+    factor = (automatic_exposure(image) if exposure is None else exposure) * 2**stops
     shown = tonemap(image, factor, curve=curve)
     report = PictureReport(factor, shown.clipped, curve)
     return SpherePicture(shown.pixels.numpy(), report, caption(light, report))

@@ -3,9 +3,18 @@
 import pytest
 import torch
 
+from homofact.brdf.materials import material
 from homofact.errors import BadInput
-from homofact.rendering.sphere import SphereImage
-from homofact.rendering.tonemap import choose_exposure, choose_middle, displayed, encode_srgb, tonemap
+from homofact.rendering.sphere import SphereImage, render_sphere
+from homofact.rendering.tonemap import (
+    DEFAULT_CURVE,
+    automatic_exposure,
+    choose_exposure,
+    choose_middle,
+    displayed,
+    encode_srgb,
+    tonemap,
+)
 
 
 def flat(level, channels=3, side=10, coverage=1.0):
@@ -89,3 +98,44 @@ def test_filmic_curve():
     assert tonemap(flat(-0.1), 1.0, curve="filmic").clipped == 1
     with pytest.raises(BadInput, match="tonemap: found 'aces', expected one of srgb, filmic"):
         tonemap(flat(1.0), 1.0, curve="aces")
+
+
+def body_and_highlight(body, highlight):
+    """A hundred pixels, five of them a highlight: the 99th percentile lies in it."""
+    image = flat(body)
+    image.radiance[0, :5] = highlight
+    return image
+
+
+@pytest.mark.parametrize("highlight", [0.5, 1.25, 5.0, 20.0, 1000.0])
+def test_automatic_exposure_of_a_given_median_and_highlight(highlight):
+    """The median goes to 0.18 (5/r)^0.3, whatever the unit of radiance."""
+    image, ratio = body_and_highlight(0.5, highlight), highlight / 0.5
+    found = automatic_exposure(image)
+    assert 0.5 * found == pytest.approx(0.18 * (5 / ratio) ** 0.3)
+    brighter = SphereImage(image.radiance * 64, image.coverage)
+    assert automatic_exposure(brighter) == pytest.approx(found / 64)
+
+
+def test_automatic_exposure_keeps_highlights_below_white_and_the_body_visible():
+    image = body_and_highlight(0.01, 0.98)
+    assert tonemap(image, automatic_exposure(image), curve=DEFAULT_CURVE).clipped == 0
+    image = body_and_highlight(0.01, 1.02)
+    assert tonemap(image, automatic_exposure(image), curve=DEFAULT_CURVE).clipped == pytest.approx(0.05)
+    # The body beside a highlight 98 times as bright is a dark grey, where the exposure by the highlight blackens it.
+    image = body_and_highlight(0.01, 0.98)
+    assert tonemap(image, automatic_exposure(image), curve=DEFAULT_CURVE).pixels[5, 5, 0] > 70
+    assert tonemap(image, choose_exposure(image)).pixels[5, 5, 0] < 30
+    assert automatic_exposure(flat(0)) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "dullest", "most"), [("lafortune-blue-paint", 120, 0.0), ("cook-torrance-plastic", 90, 0.0)]
+)
+def test_a_diffuse_paint_is_not_dull_and_a_gloss_is_not_blown_out(name, dullest, most):
+    image = render_sphere(material(name).model, size=64)
+    shown = tonemap(image, automatic_exposure(image), curve=DEFAULT_CURVE)
+    lit = image.radiance.mean(2) > 0
+    assert float(shown.pixels.double().mean(2)[lit].median()) > dullest
+    assert shown.clipped <= most
+    assert shown.pixels.max() > 200
