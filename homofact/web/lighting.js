@@ -65,12 +65,24 @@ vec3 surroundings(vec3 w) {
   return vec3(4.6 * key + 2.4 * rim + 0.06 + 0.05 * (w.y + 1.0));
 }
 
-// Where the samples of this pixel begin; the layers share them, so that their difference has no grain of its own.
-vec2 grain() {
-  uvec2 p = uvec2(gl_FragCoord.xy);
-  uint h = p.x * 1664525u + p.y * 1013904223u + 374761393u;
+// Sample j of a set that has count (2 or 4) of them in each pass. In the first 16 passes the 4 x 4 pixels of a tile share the
+// 16 count points of Hammersley's set, handed round pass by pass, ordered as Bayer's matrix: any 4 x 4 or 2 x 2
+// neighbours complete each other (stage.js averages over them at first), and 16 passes give all to every pixel. From
+// then on each pixel moves them to a place of its own, so that errors average out. The layers share them: their
+// difference has no grain of its own.
+vec2 sample_place(int j, int count, int kind) {
+  ivec2 p = ivec2(gl_FragCoord.xy);
+  ivec2 q = ivec2(p.x ^ p.y, p.y);
+  int order = ((q.x & 1) << 3 | (q.y & 1) << 2 | (q.x & 2) | (q.y & 2) >> 1) + 5 * u_pass & 15;
+  int turned = (order & 1) << 3 | (order & 2) << 1 | (order & 4) >> 1 | order >> 3;
+  int part = count == 2 ? j : (j & 1) << 1 | j >> 1;
+  vec2 place = vec2(float(order) + (float(j) + 0.5) / float(count),
+    (float(16 * part + turned) + 0.5) / float(count)) / 16.0 + 0.31 * float(kind);
+  if (u_pass < 16) return fract(place);
+  uint h = uint(p.x) * 1664525u + uint(p.y) * 1013904223u + 374761393u;
   h ^= h >> 16; h *= 2246822519u; h ^= h >> 13; h *= 3266489917u; h ^= h >> 16;
-  return vec2(float(h & 65535u), float(h >> 16)) / 65536.0;
+  vec2 own = vec2(float(h & 65535u), float(h >> 16)) / 65536.0;
+  return fract(place + own + float(u_pass / 16) * vec2(0.7548776662, 0.5698402910));
 }
 
 // A half vector's density with this exponent, as that of the direction mirrored at it.
@@ -78,20 +90,18 @@ float mirrored_density(float exponent, float cosine, float towards) {
   return (exponent + 1.0) / (2.0 * PI) * pow(cosine, exponent) / (4.0 * towards);
 }
 
-// Balance heuristic (Veach and Guibas 1995, eq. 14) over sets of directions that do not depend on the material: by the
-// cosine, by mirroring at half vectors widely and narrowly, and from the map where there is one.
+// Power heuristic (Veach and Guibas 1995, eq. 15, with exponent 2) over sets of directions that do not depend on the
+// material: by the cosine, by mirroring at half vectors widely and narrowly, and from the map where there is one. The
+// balance heuristic leaves specks where a set of low density finds the sun.
 vec3 under_sky(mat3 frame, vec3 wo) {
   const int COUNT = 8;
-  vec2 start = grain();
   vec3 total = vec3(0.0);
   // Shares of the map, the cosine, the wide and the narrow mirroring.
   vec4 share = u_light == 3 ? vec4(0.25) : vec4(0.0, 0.5, 0.25, 0.25);
   for (int k = 0; k < COUNT; k++) {
     int kind = k & 3;
     if (u_light != 3) kind = (k & 1) == 0 ? 1 : kind == 1 ? 2 : 3;
-    // Every set has a whole R2 sequence of its own: parts of one would not be spread evenly.
-    int number = u_light != 3 && kind == 1 ? u_pass * COUNT / 2 + k / 2 : u_pass * COUNT / 4 + k / 4;
-    vec2 u = fract(start + 0.31 * float(kind) + float(number) * vec2(0.7548776662, 0.5698402910));
+    vec2 u = u_light != 3 && kind == 1 ? sample_place(k / 2, 4, kind) : sample_place(k / 4, 2, kind);
     float turn = 2.0 * PI * u.y;
     vec3 wi;
     if (kind == 0) {
@@ -108,10 +118,10 @@ vec3 under_sky(mat3 frame, vec3 wo) {
     if (wi.z <= 0.0) continue;
     vec3 h = normalize(wi + wo), w = frame * wi;
     float towards = max(dot(h, wo), 1e-6), cosine = max(h.z, 0.0);
-    float density = share.y * wi.z / PI + share.z * mirrored_density(WIDE, cosine, towards)
-      + share.w * mirrored_density(NARROW, cosine, towards);
-    if (u_light == 3) density += share.x * sky_density(w);
-    total += LAYER_evaluate(wi, wo) * surroundings(w) * (wi.z / density);
+    vec4 density = share * vec4(u_light == 3 ? sky_density(w) : 0.0, wi.z / PI, mirrored_density(WIDE, cosine, towards),
+      mirrored_density(NARROW, cosine, towards));
+    float weight = density[kind] / dot(density, density);
+    total += LAYER_evaluate(wi, wo) * surroundings(w) * (open_towards(w) * wi.z * weight);
   }
   return total / float(COUNT);
 }

@@ -14,6 +14,7 @@ class MeshOnGpu {
   constructor(gl, mesh) {
     this.gl = gl;
     this.count = mesh.indices.length;
+    this.vertices = mesh.positions.length / 3;
     this.array = gl.createVertexArray();
     gl.bindVertexArray(this.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
@@ -28,6 +29,23 @@ class MeshOnGpu {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(mesh.indices), gl.STATIC_DRAW);
     gl.bindVertexArray(null);
     this.probe = null;
+    this.blocked = null;
+  }
+
+  /** Finds what the mesh blocks of its own light, once. Binds a framebuffer of its own. */
+  findBlocked(format) {
+    if (this.blocked) return;
+    const gl = this.gl;
+    this.blocked = blockedHarmonics(gl, this, format);
+    const stored = Int16Array.from(this.blocked, (x) => Math.round((32767 * clamped(x, -HARMONICS_SCALE, HARMONICS_SCALE)) / HARMONICS_SCALE));
+    gl.bindVertexArray(this.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, stored, gl.STATIC_DRAW);
+    for (let k = 0; k < 4; k++) {
+      gl.enableVertexAttribArray(2 + k);
+      gl.vertexAttribPointer(2 + k, 4, gl.SHORT, true, 32, 8 * k);
+    }
+    gl.bindVertexArray(null);
   }
 
   draw() {

@@ -235,6 +235,8 @@ async function begin() {
     state: view.state,
     evaluate: (key, wi, wo) => view.stage.evaluate(key, wi, wo),
     changed: () => view.changed("picture"),
+    // What the mesh blocks of its own light, 16 harmonics a vertex; null before it was lit by a sky.
+    get blocked() { return view.stage.mesh?.blocked ?? null; },
     radiance: (key) => view.stage.radiance(key),
     auto: () => view.auto(),
     open: (file) => view.open(file),

@@ -28,18 +28,22 @@ in vec2 a_corner;
 void main() { gl_Position = vec4(a_corner, 0.0, 1.0); }
 `;
 
-const MESH_VERTEX = `
+const MESH_VERTEX = OCTAHEDRAL + `
 in vec3 a_position;
-in vec2 a_normal;          // octahedral
+in vec2 a_normal;
+in vec4 a_blocked_a, a_blocked_b, a_blocked_c, a_blocked_d;
 uniform vec2 u_size;
 uniform vec2 u_shift;
 uniform float u_radius;
 uniform mat3 u_camera;
 out vec3 v_normal;
+out vec4 v_blocked_a, v_blocked_b, v_blocked_c, v_blocked_d;
 void main() {
-  vec3 n = vec3(a_normal, 1.0 - abs(a_normal.x) - abs(a_normal.y));
-  if (n.z < 0.0) n.xy = (1.0 - abs(n.yx)) * vec2(n.x < 0.0 ? -1.0 : 1.0, n.y < 0.0 ? -1.0 : 1.0);
-  v_normal = n;
+  v_normal = octahedral(a_normal);
+  v_blocked_a = a_blocked_a;
+  v_blocked_b = a_blocked_b;
+  v_blocked_c = a_blocked_c;
+  v_blocked_d = a_blocked_d;
   vec3 seen = (a_position * 2.0 - 1.0) * u_camera;
   gl_Position = vec4((seen.xy * u_radius - u_shift) * 2.0 / u_size, -0.5 * seen.z, 1.0);
 }
@@ -78,40 +82,47 @@ void main() {
 }
 `;
 
-// From the sums of the passes to colours: one exposure and the sRGB curve, or a difference in false colours.
+// From the sums of the passes to colours: one exposure and the filmic curve, or a difference in false colours.
 const DISPLAY = SKY + TONE_CURVES + `
 uniform sampler2D u_here, u_there;
 uniform vec2 u_size;
 uniform float u_scale;     // target pixels a pixel of the picture
 uniform float u_passes;
+uniform float u_width;     // target pixels across that are averaged
 uniform float u_exposure;
 uniform vec3 u_ground;     // linear
-uniform bool u_under_sky;  // the sky behind the object, and the filmic curve
+uniform bool u_under_sky;  // the sky behind the object
 uniform mat3 u_camera;
 uniform int u_mode;        // 0 radiance, 1 signed, 2 absolute, 3 ratio in stops
 uniform float u_range;     // what full colour stands for
 uniform vec3 u_ramp[9];
 out vec4 o_colour;
 
-vec4 sums(sampler2D picture) {
-  if (u_scale == 1.0) return texelFetch(picture, ivec2(gl_FragCoord.xy), 0);
-  vec2 at = clamp(gl_FragCoord.xy * u_scale - 0.5, vec2(0.0), floor(u_size * u_scale) - 1.0);
-  ivec2 low = ivec2(at), high = min(low + 1, ivec2(floor(u_size * u_scale)) - 1);
+// The mean of width x width target pixels round this one, linear between places.
+vec4 sums(sampler2D picture, float width) {
+  ivec2 last = max(ivec2(floor(u_size * u_scale)), 1) - 1;
+  vec2 at = gl_FragCoord.xy * u_scale - 0.5 - 0.5 * (width - 1.0);
+  ivec2 low = ivec2(floor(at));
   vec2 part = at - vec2(low);
-  return mix(
-    mix(texelFetch(picture, low, 0), texelFetch(picture, ivec2(high.x, low.y), 0), part.x),
-    mix(texelFetch(picture, ivec2(low.x, high.y), 0), texelFetch(picture, high, 0), part.x), part.y);
-}
-
-vec3 bent(vec3 x) {
-  return u_under_sky ? filmic(x) : x;
+  int count = int(width);
+  vec4 total = vec4(0.0);
+  for (int j = 0; j <= count; j++) {
+    float down = j == 0 ? 1.0 - part.y : j == count ? part.y : 1.0;
+    if (down == 0.0) continue;
+    for (int i = 0; i <= count; i++) {
+      float across = i == 0 ? 1.0 - part.x : i == count ? part.x : 1.0;
+      if (across == 0.0) continue;
+      total += across * down * texelFetch(picture, clamp(low + ivec2(i, j), ivec2(0), last), 0);
+    }
+  }
+  return total / (width * width);
 }
 
 // Behind the object: grey, or the sky as a wide lens would show it, which the object's own parallel rays do not.
 vec3 behind() {
   if (!u_under_sky) return u_ground;
   vec2 place = (gl_FragCoord.xy - 0.5 * u_size) / min(u_size.x, u_size.y);
-  return clamp(bent(sky_radiance(u_camera * normalize(vec3(1.3 * place, -1.0))) * u_exposure), 0.0, 1.0);
+  return clamp(filmic(sky_radiance(u_camera * normalize(vec3(1.3 * place, -1.0))) * u_exposure), 0.0, 1.0);
 }
 
 vec3 ramp(float x) {
@@ -121,16 +132,17 @@ vec3 ramp(float x) {
 }
 
 void main() {
-  vec4 here = sums(u_here);
-  float coverage = here.a / u_passes;
+  vec4 here = sums(u_here, u_width);
+  // The silhouette stays sharp.
+  float coverage = (u_width > 1.0 ? sums(u_here, 1.0).a : here.a) / u_passes;
   vec3 radiance = here.rgb / max(here.a, 1e-9);
   vec3 ground = encode(u_ground);
   if (u_mode == 0) {
-    vec3 shown = clamp(bent(max(radiance, 0.0) * u_exposure), 0.0, 1.0);
+    vec3 shown = clamp(filmic(max(radiance, 0.0) * u_exposure), 0.0, 1.0);
     o_colour = vec4(encode(shown * coverage + behind() * (1.0 - coverage)), 1.0);
     return;
   }
-  vec4 there = sums(u_there);
+  vec4 there = sums(u_there, u_width);
   const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
   float y = dot(radiance, LUMINANCE) * u_exposure;
   float reference = dot(there.rgb / max(there.a, 1e-9), LUMINANCE) * u_exposure;
@@ -142,9 +154,12 @@ void main() {
 }
 `;
 
-/** A program; the attributes' places are fixed: 0 a_corner or a_position, 1 a_normal. */
+/** A program; the attributes' places are fixed: 0 a_corner or a_position, 1 a_normal, from 2 what is blocked. */
 function compileProgram(gl, vertex, fragment, what) {
-  const attributes = { [vertex === MESH_VERTEX ? "a_position" : "a_corner"]: 0, a_normal: 1 };
+  const attributes = {
+    [vertex === MESH_VERTEX ? "a_position" : "a_corner"]: 0, a_normal: 1, a_blocked_a: 2, a_blocked_b: 3, a_blocked_c: 4,
+    a_blocked_d: 5,
+  };
   return makeProgram(gl, HEAD + vertex, HEAD + fragment, what, { attributes });
 }
 
@@ -166,7 +181,8 @@ class LayerOnGpu {
     if (!this.programs[kind]) {
       const call = (text) => text.replaceAll("LAYER_evaluate", `${this.layer.prefix}_evaluate`);
       const [vertex, rest] = {
-        sphere: [CORNERS, LIGHTING + SPHERE], mesh: [MESH_VERTEX, LIGHTING + MESH], evaluate: [CORNERS, EVALUATE],
+        sphere: [CORNERS, OPEN_SPHERE + LIGHTING + SPHERE], mesh: [MESH_VERTEX, OPEN_MESH + LIGHTING + MESH],
+        evaluate: [CORNERS, EVALUATE],
       }[kind];
       this.programs[kind] = compileProgram(gl, vertex, this.layer.glsl + "\n" + call(rest), `“${this.layer.title}”`);
     }

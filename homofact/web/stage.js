@@ -2,8 +2,9 @@
 
 const RADIUS = 0.94;               // of half the picture's shorter side, as in the project's own renderer
 const GROUND = 0.024;              // linear grey behind the object, likewise
-const EXPOSED_AT = 0.9;            // where the exposure puts the 99th percentile
-const MIDDLE = 0.18;               // where it puts the median under a sky, below the filmic curve
+// The automatic exposure, as rendering/tonemap.py has it: the stops that take the 99th percentile to 0.9, and those
+// that take the median to 0.18, which weigh 0.7.
+const EXPOSED_AT = 0.9, MIDDLE = 0.18, MIDDLE_SHARE = 0.7;
 const PASSES = {
   directional: { sphere: 1, mesh: 16 }, overcast: { sphere: 48, mesh: 48 }, studio: { sphere: 64, mesh: 64 },
   sky: { sphere: 96, mesh: 96 },
@@ -85,6 +86,11 @@ class Stage {
     return (RADIUS * 0.5 * Math.min(width, height) * state.zoom) / (state.surface === "mesh" ? this.reach : 1);
   }
 
+  /** Finds the shadow that the mesh casts on itself, where it is lit from all around. */
+  findShadows(state) {
+    if (state.surface === "mesh" && state.light !== "directional") this.mesh.findBlocked(this.format);
+  }
+
   passesWanted(state) {
     return PASSES[state.light][state.surface];
   }
@@ -92,6 +98,7 @@ class Stage {
   /** Adds a pass to the sums of `keys`, or begins them anew; `scale` of the picture's pixels are drawn. */
   gather(state, keys, width, height, scale, anew) {
     const gl = this.gl;
+    this.findShadows(state);
     if (anew) this.passes = 0;
     this.scale = scale;
     const small = [Math.max(1, Math.floor(width * scale)), Math.max(1, Math.floor(height * scale))];
@@ -165,6 +172,9 @@ class Stage {
     gl.uniform2f(this.display.at("u_size"), width, height);
     gl.uniform1f(this.display.at("u_scale"), this.scale);
     gl.uniform1f(this.display.at("u_passes"), this.passes);
+    // The first passes' noise is averaged over pixels whose starts of samples complete each other (lighting.js).
+    const across = state.light === "directional" || this.passes >= 16 ? 1 : this.passes >= 4 ? 2 : 4;
+    gl.uniform1f(this.display.at("u_width"), across);
     gl.uniform1f(this.display.at("u_exposure"), 2 ** state.stops);
     gl.uniform3f(this.display.at("u_ground"), GROUND, GROUND, GROUND);
     gl.uniform1i(this.display.at("u_mode"), mode);
@@ -176,11 +186,12 @@ class Stage {
   }
 
   /**
-   * The stops of a layer's picture, as the project's renderer chooses them: those that take the 99th percentile of its
-   * brightest channel to 0.9, or under a sky the median of its brightness to 0.18.
+   * The stops of a layer's picture, as the project's renderer chooses them: of the 99th percentile of the brightest
+   * channel, and of the median brightness of what is lit.
    */
   autoStops(state, key) {
-    const gl = this.gl, side = 96, isSky = state.light === "sky", passes = isSky ? 4 : 1;
+    const gl = this.gl, isPoint = state.light === "directional", [side, passes] = isPoint ? [96, 1] : [48, 16];
+    this.findShadows(state);
     this.small ??= new Target(gl, this.format, Boolean(this.mesh));
     this.small.resize(side, side);
     this.small.bind();
@@ -193,15 +204,20 @@ class Stage {
     const pixels = new Float32Array(4 * side * side);
     gl.readPixels(0, 0, side, side, gl.RGBA, gl.FLOAT, pixels);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    const levels = [];
+    const largest = [], brightness = [];
     for (let i = 0; i < pixels.length; i += 4) {
+      if (!(pixels[i + 3] > 0)) continue;
       const channels = [0, 1, 2].map((k) => pixels[i + k] / pixels[i + 3]);
-      if (pixels[i + 3] > 0) levels.push(isSky ? (channels[0] + channels[1] + channels[2]) / 3 : Math.max(...channels));
+      largest.push(Math.max(...channels));
+      brightness.push((channels[0] + channels[1] + channels[2]) / 3);
     }
-    const lit = isSky ? levels.filter((each) => each > 0) : levels;
-    lit.sort((a, b) => a - b);
-    const level = lit[Math.floor((isSky ? 0.5 : 0.99) * (lit.length - 1))] || lit.at(-1) || 0;
-    return level > 0 ? Math.round(10 * Math.log2((isSky ? MIDDLE : EXPOSED_AT) / level)) / 10 : 0;
+    const lit = brightness.filter((each) => each > 0);
+    for (const each of [largest, lit]) each.sort((a, b) => a - b);
+    const highlight = largest[Math.floor(0.99 * (largest.length - 1))] || largest.at(-1) || 0;
+    const middle = lit[Math.floor(0.5 * (lit.length - 1))] ?? 0;
+    if (!(highlight > 0 && middle > 0)) return 0;
+    const stops = MIDDLE_SHARE * Math.log2(MIDDLE / middle) + (1 - MIDDLE_SHARE) * Math.log2(EXPOSED_AT / highlight);
+    return Math.round(10 * stops) / 10;
   }
 
   /** {width, height, values}: the sums of a layer's passes, four numbers a pixel (radiance, coverage), from below. */

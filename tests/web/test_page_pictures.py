@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import torch
 from shading_cases import CASES
-from viewer_page import DISTANCE, INSIDE, SIDE, ball, change, gathered, picture
+from viewer_page import DISTANCE, INSIDE, SIDE, ball, change, gathered, picture, radiance
 
 from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.analytic.phong import Phong
 from homofact.brdf.materials import material
 from homofact.rendering.light import DEFAULT_LIGHT, EnvironmentMap
 from homofact.rendering.sphere import render_sphere
-from homofact.rendering.tonemap import displayed, encode_srgb
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, displayed, encode_srgb
 from homofact.web.layers import fit_layer
 from homofact.web.viewer import source_layer
 
@@ -29,9 +29,12 @@ def test_a_picture_is_python_s_render(show: Open) -> None:
     driver = show(fit_layer(fitted, "fit", "Fit"), source_layer(model))
     for number, reflectance, apart in ((0, fitted, 1), (1, model, 4)):
         found = picture(driver, number)
-        exposure = 2 ** driver.execute_script("return window.homofact.state.stops")
+        stops = driver.execute_script("return window.homofact.state.stops")
         image = render_sphere(reflectance, size=SIDE)
-        expected = displayed(image, exposure).numpy() * 255
+        expected = displayed(image, 2**stops, curve=DEFAULT_CURVE).numpy() * 255
+        if number == 1:
+            # Of the source, in tenths of a stop, from fewer pixels.
+            assert stops == pytest.approx(math.log2(automatic_exposure(image)), abs=0.12)
         inside, rim = INSIDE, (image.coverage.numpy() > 0) & (image.coverage.numpy() < 1)
         difference = np.abs(found - expected)
         # Half a level of rounding each, and the table's own error for the source.
@@ -53,7 +56,7 @@ def test_another_light_and_camera_are_python_s_too(show: Open) -> None:
     a, e = 20 * degrees, -15 * degrees
     view = (math.cos(e) * math.sin(a), math.sin(e), math.cos(e) * math.cos(a))
     image = render_sphere(fitted, light, SIDE, view=view)
-    expected = displayed(image, 2.0).numpy() * 255
+    expected = displayed(image, 2.0, curve=DEFAULT_CURVE).numpy() * 255
     assert np.abs(picture(driver) - expected)[INSIDE].max() <= 1
 
 
@@ -71,13 +74,11 @@ def test_a_ball_as_a_mesh_looks_like_the_sphere(show: Open) -> None:
 
 
 def under(driver: Any, **state: Any) -> np.ndarray:
-    """(SIDE, SIDE, 3) linear, at an exposure of 1, of the first picture after a dozen passes of a sky."""
-    script = "Object.assign(window.homofact.state, arguments[0]); window.homofact.changed();"
-    driver.execute_script(script, {"stops": 0, **state})
+    """(SIDE, SIDE, 3) radiance of the source after 16 passes of a sky: every pixel then had all starts of samples."""
+    driver.execute_script("Object.assign(window.homofact.state, arguments[0]); window.homofact.changed();", state)
     driver.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
-    gathered(driver, 12)
-    shown = picture(driver) / 255
-    return np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
+    gathered(driver, 16)
+    return radiance(driver, "source")
 
 
 def test_a_glossy_sphere_under_the_sky_is_python_s_too(show: Open) -> None:
