@@ -13,12 +13,12 @@ from homofact.files.kinds import ENGINE_MARK
 from homofact.files.lock import claimed
 
 if TYPE_CHECKING:
-    from homofact.brdf.reflectance import Reflectance
     from homofact.brdf.samples import Samples
     from homofact.containers.formats import Format
     from homofact.evaluation.reopening import Reopened
-    from homofact.exporting.engines.base import Engine
+    from homofact.exporting.engines.base import Added, Engine
     from homofact.exporting.exported import Exported
+    from homofact.exporting.look_alike import Likeness
     from homofact.exporting.prefiltered import PrefilteredExport
     from homofact.factor.fitted import Fitted
     from homofact.shading.cost import EvaluationCost
@@ -61,6 +61,8 @@ class ExportResult:
         How an engine's look-alikes compare, by label.
     prefiltered : PrefilteredExport or None
         The filtered sky.
+    likeness : Likeness or None
+        How near a look-alike in glTF's or Blender's export comes to the fit, None for other exports.
     """
 
     result: str
@@ -76,6 +78,7 @@ class ExportResult:
     engine: str = ""
     looks: Mapping[str, Any] | None = None
     prefiltered: "PrefilteredExport | None" = None
+    likeness: "Likeness | None" = None
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -88,6 +91,8 @@ class ExportResult:
         }
         if self.prefiltered is not None:
             record["prefiltered"] = self.prefiltered.record()
+        if self.likeness is not None:
+            record["likeness"] = self.likeness.record()
         return record | ({"engine": self.engine, "looks": dict(self.looks or {})} if self.engine else {})
 
 
@@ -247,16 +252,20 @@ class _Work:
     ) -> ExportResult:
         """Measure and write."""
         from homofact.exporting.exported import write_exported
+        from homofact.exporting.look_alike import AddedLookAlike
 
         self.steps.stage("measuring and writing")
         samples = None if isinstance(self.source, str) else self.source.parts
         errors = {label: self._errors(row, samples) for label, row in rows.items()}
         more: dict[str, str | bytes] = {}
         looks: dict[str, Any] = {}
+        likeness = None
         if engine is not None:
             self.steps.stage(f"making what {engine.name} loads")
             added = engine.add(made)
-            more, looks = dict(added.files), self._looks(made, added.looks)
+            more = dict(added.files)
+            likeness = added.likeness if isinstance(added, AddedLookAlike) else None
+            looks = self._looks(made, added, likeness)
         of_looks = {label: look["errors"] for label, look in looks.items() if label != "fit"}
         name = "" if engine is None else engine.name
         description = write_exported(folder, made, errors | of_looks, force, name, more)
@@ -278,6 +287,7 @@ class _Work:
             engine=name,
             looks=looks,
             prefiltered=made.prefiltered,
+            likeness=likeness,
         )
 
     def _errors(self, row: "Exported | Fitted", samples: "dict[str, Samples] | None") -> dict[str, Any]:
@@ -290,8 +300,11 @@ class _Work:
         measured = {part: measure(values, own, self.fitted.transform).record() for part, own in parts}
         return {"log_difference": log_difference(self.fitted, values)} | measured
 
-    def _looks(self, made: "Exported", looks: "Mapping[str, Reflectance]") -> dict[str, Any]:
-        """How each of an engine's look-alikes, and the fit beside them, compares with the source, else with the fit."""
+    def _looks(self, made: "Exported", added: "Added", likeness: "Likeness | None") -> dict[str, Any]:
+        """How each of an engine's look-alikes, and the fit beside them, compares with the source, else with the fit.
+
+        `likeness` is that of the one look-alike against the fit, already measured.
+        """
         from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
         from homofact.brdf.scattered import made_of_samples
         from homofact.evaluation.appearance import appearance
@@ -300,6 +313,7 @@ class _Work:
         from homofact.exporting.engines.gltf import said
         from homofact.exporting.exported import log_difference
 
+        looks = added.looks
         if not looks:
             return {}
         found = self.source
@@ -308,7 +322,7 @@ class _Work:
         compared = dict(looks) if whole is None else {"fit": made.stored, **looks}
         answer = {}
         for label, look in compared.items():
-            figures = appearance(look, against)
+            figures = likeness.appearance if likeness and whole is None else appearance(look, against)
             six = measure(look, against.samples, made.stored.transform).record()
             numbers = f"{said(look)}; " if isinstance(look, MetallicRoughness) else ""
             answer[label] = {

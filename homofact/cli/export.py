@@ -102,6 +102,8 @@ def export(
     if found.caution:
         why = found.caution if found.source_found else f"no error on samples: {found.caution}; --source names it"
         screen.note(f"homofact: {why}")
+    if found.likeness is not None and found.likeness.warning:
+        screen.note(f"homofact: {found.likeness.warning}")
     if not quiet:
         cost, looks = found.cost, found.looks or {}
         screen.show(
@@ -114,6 +116,7 @@ def export(
             *([] if found.prefiltered is None else [Text(found.prefiltered.sentence())]),
             *appearance_tables(looks),
             *(look["said"] for look in looks.values() if look["said"]),
+            *([] if found.likeness is None else [Text(found.likeness.phrase)]),
             f"{to}: {', '.join(found.files)}",
         )
     screen.answer(found.record())

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.cli.main import main
 from homofact.containers.exr import write_exr
 from homofact.containers.formats import FORMATS
-from homofact.exporting.engines import gltf, three
+from homofact.exporting.engines import blender, gltf
 from homofact.exporting.prefiltered import relative_rms, write_sky
 from homofact.factor.factorization import Factorization
 from homofact.files.archive import write_arrays
@@ -216,7 +217,7 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     look = MetallicRoughness((0.3, 0.4, 0.7), 0.0, 0.65)
-    for engine in (gltf, three):
+    for engine in (gltf, blender):
         monkeypatch.setattr(engine, "fit_metallic_roughness", lambda *args, **kwargs: look)
     asked = ["export", str(result), "--to", str(tmp_path / "out"), "--engine", "gltf"]
     assert main([*asked, "--json"]) == 0
@@ -230,15 +231,29 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     assert fit["errors"]["log_difference"] == 0 < alike["errors"]["log_difference"]
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["errors"]["look-alike"] == alike["errors"]
-    assert json.loads((tmp_path / "out" / "engine.json").read_text()) == {"engine": "gltf", "files": ["lookalike.glb"]}
+    assert json.loads((tmp_path / "out" / "engine.json").read_text()) == {
+        "engine": "gltf",
+        "files": ["README.md", "lookalike.glb"],
+    }
+    # The same phrase in the report, in the file, in its README and on the terminal.
+    said = answer["likeness"]["said"]
+    assert said.startswith("look-alike only: ")
+    assert f"({said})".encode() in (tmp_path / "out" / "lookalike.glb").read_bytes()
+    assert f"**{said}**" in (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
     assert isinstance(homofact.load(str(tmp_path / "out")).factorization, Factorization)
     # Another's file stays; ours, of another engine, goes.
     (tmp_path / "out" / "notes.txt").write_text("mine")
-    assert main([*asked[:-1], "three", "--force"]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
-    assert "environment: baseColor (0.300, 0.400, 0.700), metallic 0.000, roughness 0.650; log_mse" in shown
+    bad = replace(look, roughness=0.1)
+    monkeypatch.setattr(blender, "fit_metallic_roughness", lambda *args, **kwargs: bad)
+    assert main([*asked[:-1], "blender", "--force"]) == 0
+    streams = capsys.readouterr()
+    shown = " ".join(streams.out.split())
+    assert "look-alike: baseColor (0.300, 0.400, 0.700), metallic 0.000, roughness 0.100; log_mse" in shown
+    assert "look-alike only: " in shown
+    assert "homofact: lamps show the fit, the world a look-alike that differs visibly from it: " in streams.err
+    assert "; --engine three shows the fit itself, and --prefilter SKY writes it" in streams.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert {"index.js", "package.json", "notes.txt"} <= names
+    assert {"brdf_blender.py", "notes.txt"} <= names
     # What is said to be in the folder is all that was written to it.
     listed = {word.strip(",") for word in shown.split() if word.strip(",") in names}
     assert listed == names - {"notes.txt"}

@@ -1,4 +1,4 @@
-"""glTF 2.0's metallic-roughness material, as appendix B of the specification writes it, with two of its extensions.
+"""glTF 2.0's metallic-roughness material, as appendix B of the specification writes it, with three of its extensions.
 
 With α = roughness², base colour c, metallic m, F(x) = x + (1 − x)(1 − V·H)⁵ and the specular lobe s below:
 
@@ -6,6 +6,12 @@ With α = roughness², base colour c, metallic m, F(x) = x + (1 − x)(1 − V·
     dielectric  c/π (1 − F(.04)) + s F(.04)
     material    (1 − m) dielectric + m metal
     s = D V,    D = α²/(π ((N·H)²(α² − 1) + 1)²),    V = V1(N·L) V1(N·V),    V1(x) = 1/(x + √(α² + (1 − α²) x²))
+
+KHR_materials_specular changes the Fresnel term of the dielectric alone: with its factor σ and its colour k, F(.04) is
+F0 + (σ − F0)(1 − V·H)⁵ with F0 = σ min(.04 k, 1), one number a channel. With F0 = σ the lobe is as bright at every
+angle, which most rough metals come nearer to. The diffuse part of each channel takes 1 − its own F, as three.js and
+Khronos's sample viewer draw it; the extension's text has 1 − the largest F in all channels, which differs where k has a
+hue.
 
 KHR_materials_clearcoat puts a layer over it, of its own roughness: κ s' + (1 − κ) material, κ = clearcoat · F(.04).
 
@@ -22,14 +28,17 @@ from torch import Tensor
 from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_vector, schlick
 from homofact.errors import BadInput
 
-_DIELECTRIC = 0.04
+DIELECTRIC = 0.04
 # Renderers keep α above 0: below, a lamp's mirror image is a point that no pixel meets.
 _LEAST_ALPHA = 1e-4
 
 
 @dataclass(frozen=True)
 class MetallicRoughness(AnalyticModel):
-    """The formula of the module's head in sr⁻¹; every number in [0, 1], the rotation in radians, against the clock."""
+    """The formula of the module's head in sr⁻¹; every number in [0, 1], the rotation in radians, against the clock.
+
+    `specular_colour` may be more than 1, as the extension allows; None is 1 in every channel.
+    """
 
     base_colour: Colour
     metallic: float
@@ -38,11 +47,15 @@ class MetallicRoughness(AnalyticModel):
     clearcoat_roughness: float = 0.0
     anisotropy: float = 0.0
     rotation: float = 0.0
+    specular: float = 1.0
+    specular_colour: Colour | None = None
 
     def __post_init__(self) -> None:
         """Refuse a colour that does not fit the channels, and numbers outside [0, 1]."""
         self.check_colour("base_colour")
-        single = ("metallic", "roughness", "clearcoat", "clearcoat_roughness", "anisotropy")
+        if self.specular_colour is not None:
+            self.check_colour("specular_colour")
+        single = ("metallic", "roughness", "clearcoat", "clearcoat_roughness", "anisotropy", "specular")
         numbers = {name: getattr(self, name) for name in single} | {"base_colour": max(self.base_colour)}
         for name, value in numbers.items():
             if not 0 <= value <= 1:
@@ -53,24 +66,49 @@ class MetallicRoughness(AnalyticModel):
         """Whether there is no anisotropy."""
         return self.anisotropy == 0
 
+    @property
+    def extended_specular(self) -> bool:
+        """Whether the dielectric's Fresnel term is another than F(.04)."""
+        return self.specular != 1 or self.specular_colour is not None
+
+    @property
+    def normal_reflectance(self) -> Colour:
+        """F0 of the dielectric in every channel."""
+        colour = self.specular_colour or (1.0,) * len(self.channels)
+        return tuple(self.specular * min(DIELECTRIC * each, 1.0) for each in colour)
+
     def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
         """The material under its coat."""
         numbers = [self.metallic, self.roughness, self.clearcoat, self.clearcoat_roughness]
         more = [self.anisotropy, self.rotation] if self.anisotropy else None
         along = None if more is None else self.colour(tuple(more), wi)
-        return metallic_roughness(self.colour(self.base_colour, wi), self.colour(tuple(numbers), wi), along, wi, wo)
+        fresnel = (self.normal_reflectance, self.specular) if self.extended_specular else None
+        given = None if fresnel is None else self.colour((*fresnel[0], fresnel[1]), wi)
+        colour = self.colour(self.base_colour, wi)
+        own, more_of_it = base_parts(len(colour), self.colour(tuple(numbers), wi), along, given, wi, wo)
+        return own + more_of_it * colour
 
 
-def metallic_roughness(colour: Tensor, numbers: Tensor, along: Tensor | None, wi: Tensor, wo: Tensor) -> Tensor:
-    """Values (N, C) in sr⁻¹ of a colour (C,), (metallic, roughness, clearcoat, its roughness), (strength, rotation)."""
+def base_parts(
+    channels: int, numbers: Tensor, along: Tensor | None, fresnel: Tensor | None, wi: Tensor, wo: Tensor
+) -> tuple[Tensor, Tensor]:
+    """(a, b), each (N, C) in sr⁻¹, of the material a + b · base colour: whatever the angles, it is linear in that.
+
+    `numbers` are metallic, roughness, clearcoat and its roughness; `along` strength and rotation; `fresnel` F0 in every
+    channel and σ, as in the module's head.
+    """
     metallic, roughness, coat, coat_roughness = numbers
     h, towards = half_vector(wi, wo)
     lobe = _lobe(roughness, h, wi, wo) if along is None else _long_lobe(roughness, along, h, wi, wo)
-    fresnel = schlick(torch.full_like(colour[:1], _DIELECTRIC), towards)
-    dielectric = colour / math.pi * (1 - fresnel) + lobe[:, None] * fresnel
-    material = (1 - metallic) * dielectric + metallic * lobe[:, None] * schlick(colour, towards)
-    share = coat * fresnel
-    return share * _lobe(coat_roughness, h, wi, wo)[:, None] + (1 - share) * material
+    lobe = lobe[:, None].expand(-1, channels)
+    plain = schlick(torch.full_like(numbers[:1], DIELECTRIC), towards)
+    grazed = schlick(torch.zeros_like(numbers[:1]), towards)
+    own = plain if fresnel is None else fresnel[:-1] + (fresnel[-1] - fresnel[:-1]) * grazed
+    constant = (1 - metallic) * own * lobe + metallic * grazed * lobe
+    slope = (1 - metallic) / math.pi * (1 - own) + metallic * (1 - grazed) * lobe
+    share = coat * plain
+    over = share * _lobe(coat_roughness, h, wi, wo)[:, None]
+    return over + (1 - share) * constant, (1 - share) * slope
 
 
 def _lobe(roughness: Tensor, h: Tensor, wi: Tensor, wo: Tensor) -> Tensor:

@@ -2,7 +2,7 @@
 
 A closure of Cycles or EEVEE never sees the light, but a lamp's direction can be given to nodes: f cosθ times its
 irradiance is emitted. All other light is the Principled BSDF's, with the parameters of the glTF material that looks
-most like the fit.
+most like the fit. The script's first lines say how near that comes (`exporting.look_alike`).
 """
 
 import base64
@@ -15,7 +15,8 @@ from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.exporting.as_source import knows_no_azimuth
 from homofact.exporting.engines.base import Added, Engine, check_colour, template
 from homofact.exporting.exported import Exported
-from homofact.exporting.gltf_fit import fit_metallic_roughness
+from homofact.exporting.gltf_fit import ANISOTROPY, CLEARCOAT, fit_metallic_roughness
+from homofact.exporting.look_alike import AddedLookAlike, likeness
 from homofact.shading.encoding import as_floats
 from homofact.shading.node_graph import node_graph
 from homofact.shading.program import name_of, program_of
@@ -29,12 +30,17 @@ _LINE = 100
 
 def _files(made: Exported) -> Added:
     check_colour(made, "blender")
-    look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored))
-    return Added({NAME: script(made, look)}, {"look-alike": look})
+    # Blender's Principled BSDF reflects all at grazing angles: it lacks what glTF's specular extension adds.
+    look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored), extensions=(CLEARCOAT, ANISOTROPY))
+    found = likeness(look, made.stored, lamps=False)
+    return AddedLookAlike({NAME: script(made, look, found.phrase)}, {"look-alike": look}, likeness=found)
 
 
-def script(made: Exported, look: MetallicRoughness) -> str:
-    """The text of the script. Its texels are decoded, so that a texture of bytes reads as what it stands for."""
+def script(made: Exported, look: MetallicRoughness, note: str = "look-alike only") -> str:
+    """The text of the script. Its texels are decoded, so that a texture of bytes reads as what it stands for.
+
+    The `note` is how near the look-alike comes to the fit.
+    """
     textures = [as_floats(texture.texels) for texture in made.stored.textures]
     graph = node_graph(program_of(made.stored, textures))
     called = name_of(made.stored.provenance)
@@ -43,6 +49,7 @@ def script(made: Exported, look: MetallicRoughness) -> str:
         # What ends a docstring, or begins an escape in it, is left out.
         NAME=called.replace("\\", "/").replace('"', "'"),
         VERSION=__version__,
+        NOTE=note,
         NAME_TEXT=ascii(f"homofact {called}"),
         LOOKALIKE=_lines(principled(look).items(), "{}", lambda item: f"{item[0]!r}: {item[1]!r}"),
         TEXTURES=_lines([_texels(texture.stored) for texture in textures], "[]", _wrapped),

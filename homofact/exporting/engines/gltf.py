@@ -1,29 +1,62 @@
-"""A look-alike for viewers of glTF: the metallic-roughness material nearest to the fit, on a sphere, in one .glb."""
+"""A look-alike for viewers of glTF: the metallic-roughness material nearest to the fit, on a sphere, in one .glb.
+
+The material's name and README.md say that it is a look-alike, and how near it comes (`exporting.look_alike`).
+"""
 
 import json
 import math
 import struct
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.exporting.as_source import knows_no_azimuth
-from homofact.exporting.engines.base import Added, Engine, check_colour
+from homofact.exporting.engines.base import Added, Engine, check_colour, template
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
+from homofact.exporting.look_alike import LEAST_PSNR, MOST_ALBEDO, AddedLookAlike, Likeness, likeness
+from homofact.files.words import in_markdown
 from homofact.meshes.shapes import sphere
 from homofact.shading.program import name_of
 from homofact.version import __version__
 
-NAME = "lookalike.glb"
+NAME, README = "lookalike.glb", "README.md"
+GOOD = (
+    f"Both figures are good enough to pass without a warning: at least {LEAST_PSNR} dB, and within {MOST_ALBEDO} times."
+)
+POOR = """Expect visible differences: homofact found no material of this kind that comes nearer to this fit. That is
+usual for metallic paints, brushed metals, mirrors and retroreflectors."""
 _FLOAT, _UNSIGNED, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
 
 
 def _files(made: Exported) -> Added:
     check_colour(made, "gltf")
     look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored))
-    return Added({NAME: glb(look, name_of(made.stored.provenance))}, {"look-alike": look})
+    found = likeness(look, made.stored)
+    name = name_of(made.stored.provenance)
+    files = {NAME: glb(look, name, note=found.phrase), README: readme(look, name, found)}
+    return AddedLookAlike(files, {"look-alike": look}, likeness=found)
+
+
+def readme(look: MetallicRoughness, name: str, found: Likeness) -> str:
+    """The text of README.md: what the look-alike is, what it is not, and its errors."""
+    rows = [f"| {label} | {value} |" for label, value in _numbers(look)]
+    extensions = sorted(extensions_of(look))
+    return template(
+        "gltf.md",
+        NAME=in_markdown(name),
+        PHRASE=found.phrase,
+        PARAMETERS="\n".join(rows),
+        EXTENSIONS=f"{', '.join(extensions)}. A viewer that lacks one shows something less like the fit"
+        * bool(extensions)
+        or "none",
+        PICTURES=found.pictures,
+        TABLE=found.table,
+        VERDICT=POOR if found.poor else GOOD,
+        VERSION=__version__,
+    )
 
 
 def material_of(look: MetallicRoughness, name: str) -> dict[str, Any]:
@@ -37,7 +70,19 @@ def material_of(look: MetallicRoughness, name: str) -> dict[str, Any]:
             "roughnessFactor": look.roughness,
         },
     }
-    more = {}
+    more = extensions_of(look)
+    return material | ({"extensions": more} if more else {})
+
+
+def extensions_of(look: MetallicRoughness) -> dict[str, Any]:
+    """The extensions of the material's object, by name; none that would change nothing."""
+    more: dict[str, Any] = {}
+    if look.extended_specular:
+        colour = look.specular_colour or (1.0,)
+        more["KHR_materials_specular"] = {
+            "specularFactor": look.specular,
+            "specularColorFactor": list(colour if len(colour) == 3 else colour * 3),
+        }
     if look.clearcoat > 0:
         more["KHR_materials_clearcoat"] = {
             "clearcoatFactor": look.clearcoat,
@@ -46,11 +91,14 @@ def material_of(look: MetallicRoughness, name: str) -> dict[str, Any]:
     if look.anisotropy > 0:
         strength, turn = look.anisotropy, look.rotation
         more["KHR_materials_anisotropy"] = {"anisotropyStrength": strength, "anisotropyRotation": turn}
-    return material | ({"extensions": more} if more else {})
+    return more
 
 
-def glb(look: MetallicRoughness, name: str, rings: int = 48) -> bytes:
-    """A binary glTF 2.0 file: the unit sphere with its tangents along the parallels, in this material."""
+def glb(look: MetallicRoughness, name: str, rings: int = 48, note: str = "") -> bytes:
+    """A binary glTF 2.0 file: the unit sphere with its tangents along the parallels, in this material.
+
+    A `note` stands behind the name of the material, in brackets.
+    """
     mesh = sphere(rings)
     normals = mesh.normals
     across = np.stack((normals[:, 2], np.zeros(len(normals)), -normals[:, 0]), 1)
@@ -70,7 +118,7 @@ def glb(look: MetallicRoughness, name: str, rings: int = 48) -> bytes:
             accessor |= {"min": array.min(0).tolist(), "max": array.max(0).tolist()}
         accessors.append(accessor)
         data += array.tobytes()
-    material = material_of(look, name)
+    material = material_of(look, f"{name} ({note})" if note else name)
     scene = {
         "asset": {"version": "2.0", "generator": f"homofact {__version__}"},
         "scene": 0,
@@ -96,13 +144,25 @@ def glb(look: MetallicRoughness, name: str, rings: int = 48) -> bytes:
 
 def said(look: MetallicRoughness) -> str:
     """The material's numbers on one line."""
-    colour = ", ".join(f"{x:.3f}" for x in look.base_colour)
-    line = f"baseColor ({colour}), metallic {look.metallic:.3f}, roughness {look.roughness:.3f}"
+    return ", ".join(f"{label} {value}" for label, value in _numbers(look))
+
+
+def _numbers(look: MetallicRoughness) -> list[tuple[str, str]]:
+    """What the material's numbers are called, and what they are."""
+
+    def colour(values: Sequence[float]) -> str:
+        return f"({', '.join(f'{x:.3f}' for x in values)})"
+
+    rows = [("baseColor", colour(look.base_colour))]
+    rows += [("metallic", f"{look.metallic:.3f}"), ("roughness", f"{look.roughness:.3f}")]
+    if look.extended_specular:
+        reflected = colour(look.normal_reflectance)
+        rows.append(("specular", f"{look.specular:.3f} with {reflected} at normal incidence"))
     if look.clearcoat > 0:
-        line += f", clearcoat {look.clearcoat:.3f} of roughness {look.clearcoat_roughness:.3f}"
+        rows.append(("clearcoat", f"{look.clearcoat:.3f} of roughness {look.clearcoat_roughness:.3f}"))
     if look.anisotropy > 0:
-        line += f", anisotropy {look.anisotropy:.3f} at {math.degrees(look.rotation):.0f} degrees"
-    return line
+        rows.append(("anisotropy", f"{look.anisotropy:.3f} at {math.degrees(look.rotation):.0f} degrees"))
+    return rows
 
 
 GLTF = Engine("gltf", ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"), _files)

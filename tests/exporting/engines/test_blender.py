@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from homofact.errors import BadInput
 from homofact.exporting.engines import blender
 from homofact.exporting.engines.blender import BLENDER, NAME, principled, script
 from homofact.exporting.exported import Exported, exported
+from homofact.exporting.look_alike import AddedLookAlike, Likeness
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import fixed_projection
 from homofact.files.kinds import is_ours
@@ -43,6 +45,10 @@ MEAN = (0.1, 0.2, 0.3)
 def look(monkeypatch: pytest.MonkeyPatch) -> None:
     """No look-alike is fitted here: it has tests of its own, and takes a second."""
     monkeypatch.setattr(blender, "fit_metallic_roughness", lambda *args, **kwargs: LOOK)
+    monkeypatch.setattr(blender, "likeness", lambda *args, **kwargs: NEAR)
+
+
+NEAR = Likeness(SimpleNamespace(energy=SimpleNamespace(albedo_worst=1.42), psnr_light=28.0, psnr_sky=31.0), lamps=False)  # type: ignore[arg-type]
 
 
 def grey() -> Factorization:
@@ -122,10 +128,25 @@ def test_the_engine_and_what_it_refuses() -> None:
     added = BLENDER.add(made)
     assert list(added.files) == [NAME]
     assert added.looks == {"look-alike": LOOK}
+    assert isinstance(added, AddedLookAlike)
+    assert added.likeness is NEAR
+    head = ast.get_docstring(ast.parse(str(added.files[NAME]))) or ""
+    assert (
+        "the material that looks most like the fit\n(look-alike only: 31 dB under a sky, albedo up to 1.42 times)"
+        in head
+    )
     texture = random_texture(6, 5, 1, 2)
     two = factorization((fixed_projection("h", True), texture), mean=(0.3, 0.2))
     with pytest.raises(BadInput, match="blender: found channels 0, 1, expected R, G, B or one alone"):
         BLENDER.add(exported(two, format_named("exr")))
+
+
+def test_the_world_is_reflected_by_what_the_principled_bsdf_can_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, Any] = {}
+    monkeypatch.setattr(blender, "fit_metallic_roughness", lambda *args, **kwargs: asked.update(kwargs) or LOOK)
+    monkeypatch.setattr(blender, "likeness", lambda *args, **kwargs: asked.update(kwargs) or NEAR)
+    BLENDER.add(exported(isotropic(), format_named("exr")))
+    assert asked == {"extensions": ("clearcoat", "anisotropy"), "lamps": False}
 
 
 def test_an_export_made_anew_takes_its_script_away(tmp_path: Path) -> None:

@@ -1,0 +1,127 @@
+"""How near a look-alike comes to the fit that is exported: measured once, with one wording for all who say it.
+
+A look-alike is one of the materials that a format has (`gltf_fit`), in the place of the fit. Its file, its README, the
+terminal and the JSON report have the same figures: those of `evaluation.appearance`, against the stored fit.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
+from homofact.evaluation.appearance import Appearance, appearance
+from homofact.exporting.as_source import as_source
+from homofact.exporting.engines.base import Added
+from homofact.factor.fitted import Fitted
+
+# Worse than these is warned of: PSNR in dB, and by how much a directional albedo is too large or too small.
+LEAST_PSNR, MOST_ALBEDO = 35, 1.2
+_DRAWN = 100  # samples that a source needs and nobody here reads
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """The `appearance` of a look-alike against the fit.
+
+    Attributes
+    ----------
+    appearance : Appearance
+        All figures.
+    lamps : bool
+        Whether the engine shows the look-alike under lamps too, not only under a sky.
+    """
+
+    appearance: Appearance
+    lamps: bool = True
+
+    @property
+    def albedo(self) -> float:
+        """Directional albedo over the fit's, at the worst angle in the worst channel; infinite where the fit has 0."""
+        return self.appearance.energy.albedo_worst
+
+    @property
+    def phrase(self) -> str:
+        """The likeness in a few plain words, as in the name of glTF's material."""
+        return f"look-alike only: {_picture(self.appearance.psnr_sky)} under a sky, {self._albedo_words}"
+
+    @property
+    def poor(self) -> bool:
+        """Whether a picture shows the difference: see `LEAST_PSNR` and `MOST_ALBEDO`."""
+        least = min(self.appearance.psnr_sky, self.appearance.psnr_light if self.lamps else math.inf)
+        bounded = 1 / MOST_ALBEDO <= round(self.albedo, 2) <= MOST_ALBEDO
+        return not bounded or (math.isfinite(least) and round(least) < LEAST_PSNR)
+
+    @property
+    def warning(self) -> str:
+        """What is wrong, and which exports show the fit itself; empty unless `poor`."""
+        if not self.poor:
+            return ""
+        sky = f"{_picture(self.appearance.psnr_sky)} under a sky"
+        if self.lamps:
+            shown = (
+                f"the look-alike differs visibly from the fit: {_picture(self.appearance.psnr_light)} under a lamp, "
+            )
+        else:
+            shown = "lamps show the fit, the world a look-alike that differs visibly from it: "
+        remedy = "`engine='three'` shows the fit itself, and `prefilter='SKY'` writes it for shaders of your own"
+        return f"{shown}{sky}, {self._albedo_words}; {remedy}"
+
+    @property
+    def table(self) -> str:
+        """Albedo over the fit's by angle of the light and channel, as Markdown."""
+        energy = self.appearance.energy
+        channels = ("red", "green", "blue") if len(energy.energy) == 3 else ("albedo",)
+        rows = [f"| angle | {' | '.join(channels)} |", "| ---: |" + " ---: |" * len(channels)]
+        for degrees, ratios in zip(energy.degrees, energy.albedo_ratio, strict=True):
+            rows.append(f"| {degrees:.0f}° | {' | '.join(map(_times, ratios))} |")
+        rows.append(f"| mean | {' | '.join(map(_times, energy.energy))} |")
+        return "\n".join(rows)
+
+    @property
+    def pictures(self) -> str:
+        """PSNR under a lamp and under a sky."""
+        lamp, sky = (_picture(psnr) for psnr in (self.appearance.psnr_light, self.appearance.psnr_sky))
+        return f"{lamp} under a small lamp, {sky} under a sky"
+
+    def record(self) -> dict[str, Any]:
+        """A JSON-able dictionary."""
+        figures = {name: self.appearance.figures[name] for name in ("albedo_worst", "psnr_light", "psnr_sky")}
+        return figures | {"said": self.phrase, "warning": self.warning}
+
+    @property
+    def _albedo_words(self) -> str:
+        if not math.isfinite(self.albedo):
+            return "light where the fit reflects none"
+        return f"albedo {'up' if self.albedo >= 1 else 'down'} to {self.albedo:.2f} times"
+
+
+@dataclass(frozen=True)
+class AddedLookAlike(Added):
+    """What an engine adds that shows a look-alike, and how near that comes."""
+
+    likeness: Likeness | None = None
+
+
+def likeness(look: MetallicRoughness, fitted: Fitted, lamps: bool = True) -> Likeness:
+    """Measure a look-alike against the fit that is exported.
+
+    Parameters
+    ----------
+    look : MetallicRoughness
+        The look-alike.
+    fitted : Fitted
+        The fit as it is stored.
+    lamps : bool
+        Whether the engine shows the look-alike under lamps too.
+    """
+    found = appearance(look, as_source(fitted, "the fit", _DRAWN))
+    assert found is not None, "a fit is known at all directions"
+    return Likeness(found, lamps)
+
+
+def _picture(psnr: float) -> str:
+    return f"{psnr:.0f} dB" if math.isfinite(psnr) else "no difference"
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2f}" if math.isfinite(ratio) else "the fit reflects none"
