@@ -1,4 +1,4 @@
-# make demo: the environment, a first fit and its pictures. make test: the environment and every check. make docs: the site.
+# make demo: the environment, two fits and their pictures. make test: the environment and every check. make docs: the site.
 # Another interpreter: make PYTHON=python3.12 demo. The environment is .venv in this folder.
 
 PYTHON ?= python3
@@ -12,10 +12,11 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 .PHONY: demo test nightly stability wheel gallery docs install format constraints clean
 
 demo: $(FIT)
+	$(BIN)/homofact factorize --config configs/plastic.toml --force
 	$(BIN)/homofact factorize --config configs/blue_paint.toml --force
 	@echo
-	@echo "The pictures: out/blue_paint/compare.png (the lit sphere: source, fit, McCool's projections,"
-	@echo "differences) and out/blue_paint/*.png (the textures). The figures: out/blue_paint/report.json."
+	@echo "The pictures: out/plastic/compare.png (the lit sphere: source, fit, McCool's projections, differences)"
+	@echo "and out/plastic/*.png (the textures). The figures: out/plastic/report.json. Likewise in out/blue_paint."
 
 # One thread a worker: two processes that both take every core wait for each other several times over.
 test: $(READY)

@@ -29,8 +29,8 @@ from homofact.web.source_table import STEP, SourceTable, source_table
 PACKAGE = "homofact.web"
 SCRIPTS = (
     "data.js", "elements.js", "vectors.js", "files.js", "hdr.js", "latlong.js", "tones.js", "webgl.js", "sky.js",
-    "lighting.js", "occlusion.js", "shading.js", "mesh.js", "targets.js", "stage.js", "curve.js", "cards.js", "saving.js", "link.js",
-    "controls.js", "page.js",
+    "lighting.js", "occlusion.js", "shading.js", "mesh.js", "targets.js", "stage.js", "curve.js", "cards.js",
+    "saving.js", "link.js", "controls.js", "page.js",
 )  # fmt: skip
 SOURCE = "source"
 # Round and across the tube of the knot that a page has where no mesh is given.

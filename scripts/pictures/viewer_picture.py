@@ -1,4 +1,4 @@
-"""The README's picture of the viewer: the page of the blue paint in a headless browser.
+"""The picture of the viewer in docs/start.md: the page of a plastic in a headless browser.
 
     python scripts/pictures/viewer_picture.py [--out docs/pictures/viewer.png]
 
@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = parser_of(__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "pictures" / "viewer.png")
     options = parser.parse_args(arguments)
-    source = open_source("material:lafortune-blue-paint")
+    source = open_source("material:cook-torrance-plastic")
     settings = Search(effort=1.0 if options.short else "normal")
     row = fit_and_measure(source, settings, HELD_OUT)
     with tempfile.TemporaryDirectory() as folder:
