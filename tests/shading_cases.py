@@ -1,5 +1,7 @@
 """Factorizations that between them use everything a shading program can hold, with random smooth textures."""
 
+import math
+
 import torch
 
 from homofact.brdf.log_transform import LogTransform
@@ -12,7 +14,8 @@ from homofact.geometry.directions import draw_uniform
 from homofact.geometry.rotation import Rotation
 from homofact.separable.separable import Separable, SeparableTerm
 from homofact.shading.encoding import Encoded, encode_texture
-from homofact.shading.lobe_mixture import NODES, LobeMixture
+from homofact.shading.lobe_coordinates import PHIS, RADII, THETAS
+from homofact.shading.lobe_mixture import ROUND, LobeMixture, halves
 from homofact.shading.program import Program, program_of
 
 
@@ -85,10 +88,32 @@ SEPARABLE = {
     for kind, shared in (("in-out", True), ("in-out", False), ("half-diff", False))
     for name in ("parabolic", "orthographic", "polar")
 }
+
+
+def grain(ratio: float, turn: float) -> tuple[float, float, float]:
+    """The matrix that stretches by so much along an axis at `turn` radians, its determinant 1."""
+    axes = torch.tensor([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]], dtype=torch.float64)
+    matrix = axes @ torch.diag(torch.tensor([ratio, 1 / ratio], dtype=torch.float64).sqrt()) @ axes.T
+    return float(matrix[0, 0]), float(matrix[0, 1]), float(matrix[1, 1])
+
+
+def mixture(seed: int, scale: float, grain: tuple[float, float, float] = ROUND) -> LobeMixture:
+    """A lobe with a random, rough table and random shares of the cosine."""
+    generator = torch.Generator().manual_seed(seed)
+    lobe, turns = (
+        torch.rand(THETAS, PHIS, count, generator=generator, dtype=torch.float64) + 0.2 for count in (RADII, 1)
+    )
+    place = torch.arange(1, RADII + 1, dtype=torch.float64) / RADII
+    # Little at the horizon, where a step would be hard to integrate.
+    peak = (1.02 - place) / (1 + (place - 0.3).square() * 30)
+    cosine = 0.05 + 0.3 * torch.rand(THETAS, generator=generator, dtype=torch.float64)
+    return LobeMixture(halves(lobe * peak), halves(turns[..., 0]), halves(cosine), scale, grain)
+
+
 MIXTURES = {
-    "isotropic": LobeMixture(((0.1, 0.1), (0.4, 0.4)), ((0.5,) * 4 + (0.3,) * 4, (0.1,) * NODES)),
-    "narrow": LobeMixture(((0.01, 0.01), (0.1, 0.1)), ((0.8, 0.7) + (0.6,) * 6, (0.1,) * NODES)),
-    "brushed, turned": LobeMixture(((0.04, 0.3), (0.2, 0.1)), ((0.45,) * NODES, (0.45,) * NODES), 0.7),
+    "isotropic": mixture(1, 0.1),
+    "narrow": mixture(2, 3e-3),
+    "brushed, turned": mixture(3, 0.2, grain(2.0, 0.7)),
 }
 NAMES = (*CASES, *SEPARABLE)
 BELOW = 50

@@ -10,10 +10,10 @@ and its ωi the viewer where radiance is transported; where importance is, the o
 cosine, as Mitsuba expects. The material has a front only: put it into `twosided` for both. An anisotropic one needs a
 shape with texture coordinates, whose first gives the tangent.
 
-`sampling` is "lobe", where light is drawn from `lobe_sampling`'s mixture of cosine and lobe, or "cosine", where it is
-drawn from the cosine alone. The texels, `texture_0` and so on in `mitsuba.traverse` (logarithms of
-a product, factors of a sum of products), can be differentiated; the mixture is not drawn up anew when they change,
-which costs noise and no correctness.
+`sampling` is "lobe", where light is drawn from the density that the exported shaders have too (`shading.lobe_mixture`),
+or "cosine", where it is drawn from the cosine alone. The texels, `texture_0` and so on in `mitsuba.traverse`
+(logarithms of a product, factors of a sum of products), can be differentiated. The density is not fitted again when
+they change: that costs noise, and the mean stays right.
 
 The channels R, G, B are taken as linear sRGB, and one channel as grey. Variants are rgb and mono, where R, G, B become
 their luminance; spectral and polarized variants are refused, as are fits of a spectrum.
@@ -24,8 +24,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import Advice, BadInput, MissingDependency
 from homofact.factor.evaluation import evaluation_of
@@ -33,7 +31,7 @@ from homofact.factor.fitted import Fitted
 from homofact.files import extras
 from homofact.files.archive import saved_file
 from homofact.methods.saved import open_saved
-from homofact.rendering.lobe_sampling import SCALE, SIGMA, lobe_sampling
+from homofact.shading.mixture_fit import fitted_mixture
 
 NAME = "homofact"
 VARIANT = "llvm_ad_rgb"
@@ -143,42 +141,23 @@ class _CosineDrawing:
 
 
 class _LobeDrawing(_CosineDrawing):
-    """Light drawn by the mixture of cosine and lobe (`lobe_sampling`)."""
+    """Light drawn by the mixture of a cosine and the material's lobe."""
 
-    def __init__(self, mi: Any, dr: Any, reflectance: Reflectance, isotropic: bool) -> None:
+    def __init__(self, mi: Any, dr: Any, reflectance: Reflectance) -> None:
         super().__init__(mi, dr)
-        mixture = lobe_sampling(reflectance, isotropic)
-        self._lobe = mi.MarginalContinuous2D0(mixture.table.numpy().astype(np.float32))
-        share = mixture.cosine.numpy().astype(np.float32)[:, None]
-        self._share = mi.Texture1f(mi.TensorXf(share), False, False, dr.FilterMode.Linear, dr.WrapMode.Clamp)
+        from homofact.shading.drjit import DrJitMixture
+
+        self._mixture = DrJitMixture(fitted_mixture(reflectance), mi)
 
     def direction(self, wi: Any, sample1: Any, sample2: Any, active: Any) -> Any:
         """As of the cosine alone."""
-        wo = super().direction(wi, sample1, sample2, active)
-        share = self._share.eval(wi.z, active)[0]
-        place, _ = self._lobe.sample(sample2)
-        return self._dr.select(sample1 < share, wo, self._mi.reflect(wi, self._half(place)))
+        return self._mixture.direction(wi, [sample2.x, sample2.y, sample1])
 
     def density(self, wi: Any, wo: Any, active: Any) -> Any:
         """As of the cosine alone."""
-        dr = self._dr
-        h = dr.normalize(wi + dr.select(active, wo, wi))
-        squared = h.x * h.x + h.y * h.y
-        s = squared / (2 * (1 + dr.maximum(h.z, 0)))
-        turn = dr.atan2(h.y, h.x) * (0.5 / dr.pi)
-        place = self._mi.Point2f(dr.select(turn < 0, turn + 1, turn), dr.asinh(s / SIGMA) / SCALE)
-        slope = SCALE * dr.sqrt(SIGMA * SIGMA + s * s)
-        lobe = self._lobe.eval(place) / (4 * dr.pi * slope) / (4 * dr.maximum(dr.dot(h, wo), 1e-12))
-        share = self._share.eval(wi.z, active)[0]
-        return dr.select(active, share * wo.z / dr.pi + (1 - share) * lobe, 0)
-
-    def _half(self, place: Any) -> Any:
-        """The half vector at a point of the table."""
-        dr = self._dr
-        s = dr.minimum(SIGMA * dr.sinh(SCALE * place.y), 0.5)
-        sine, cosine = dr.sincos(2 * dr.pi * place.x)
-        radius = 2 * dr.sqrt(s * (1 - s))
-        return self._mi.Vector3f(radius * cosine, radius * sine, 1 - 2 * s)
+        up = self._mi.Vector3f(0, 0, 1)
+        towards, seen = (self._dr.select(active, each, up) for each in (wo, wi))
+        return self._dr.select(active, self._mixture.density(towards, seen), 0)
 
 
 @cache
@@ -211,7 +190,7 @@ def _class_of(variant: str) -> Any:
         def _draw_from(self, sampling: str, reflectance: Reflectance, isotropic: bool) -> None:
             """How light is drawn, and what kind of material it is."""
             lobe = sampling == "lobe"
-            self.drawing = _LobeDrawing(mi, dr, reflectance, isotropic) if lobe else _CosineDrawing(mi, dr)
+            self.drawing = _LobeDrawing(mi, dr, reflectance) if lobe else _CosineDrawing(mi, dr)
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             if not isotropic:
                 flags |= mi.BSDFFlags.Anisotropic

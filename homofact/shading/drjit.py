@@ -1,4 +1,4 @@
-"""A fit evaluated in Dr.Jit, for Mitsuba: its shading program, interpreted on Dr.Jit's arrays.
+"""A fit evaluated and drawn from in Dr.Jit, for Mitsuba: its programs, interpreted on Dr.Jit's arrays.
 
 Every number of the program is a constant of the traced kernel. It is the program that the shaders print, so that it
 holds in float32 where they do.
@@ -15,6 +15,8 @@ import numpy as np
 from homofact.factor.fitted import Fitted, Texture
 from homofact.geometry.interpret import interpret, value_of
 from homofact.shading.encoding import as_floats
+from homofact.shading.lobe_mixture import LobeMixture
+from homofact.shading.lobe_statements import density_statements, sample_statements
 from homofact.shading.program import program_of
 
 # Their types depend on the variant that is set when they run, so that no checker can know them.
@@ -64,6 +66,26 @@ class DrJitFit:
 
         interpret(self._program.statements, values, _FUNCTIONS, fetch)
         return [dr.select(active, value, 0) for value in value_of(self._program.result, values, _FUNCTIONS)]
+
+
+class DrJitMixture:
+    """The density that the shaders print, and directions drawn from it."""
+
+    def __init__(self, mixture: LobeMixture, mi: Any) -> None:
+        """Keep the statements; `mi` is the mitsuba module with a variant set."""
+        self._mi, grained = mi, not mixture.isotropic
+        self._sample, self._density = sample_statements(grained), density_statements(grained)
+        self._constants = mixture.constants()
+
+    def direction(self, wo: Any, u: list[Any]) -> Any:
+        """ωi for the viewers `wo`, from three numbers that are uniform in [0, 1)."""
+        values = {"wo": [wo.x, wo.y, wo.z], "u": u, **self._constants}
+        return self._mi.Vector3f(*interpret(self._sample, values, _FUNCTIONS)["wi"])
+
+    def density(self, wi: Any, wo: Any) -> Any:
+        """p(ωi | ωo) in sr⁻¹; 0 where either is under the horizon."""
+        values = {"wi": [wi.x, wi.y, wi.z], "wo": [wo.x, wo.y, wo.z], **self._constants}
+        return interpret(self._density, values, _FUNCTIONS)["density"][0]
 
 
 def _texture(texture: Texture, mi: Any) -> Any:

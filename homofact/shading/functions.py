@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from homofact.geometry.expression import Expression, Let, Tables, component, nodes, variable
+from homofact.geometry.expression import Expression, Let, Tables, component, needed, nodes, variable
 from homofact.shading.c_code import render, statement_lines, tables_in_c
 from homofact.shading.languages import GLSL, HLSL, WGSL, Language, body_text, remark, tables_text
-from homofact.shading.lobe_mixture import LobeMixture, density_statements, parameter_tables, printed, sample_statements
+from homofact.shading.lobe_mixture import LobeMixture, parameter_tables, printed
+from homofact.shading.lobe_statements import density_statements, sample_statements
 
 _HEADS = {
     GLSL.name: ("{kind} {name}({parameters}) {{\n", "{kind} {name}"),
@@ -34,24 +35,18 @@ class Function:
 
 def sampling_functions(mixture: LobeMixture) -> tuple[Function, Function]:
     """`PREFIX_sample(wo, u)`, a direction (3,), and `PREFIX_density(wi, wo)`, in sr⁻¹."""
-    return _sampling(len(mixture.alphas), bool(mixture.turn), mixture.constants(), ())
+    return _sampling((mixture,), mixture.constants(), ())
 
 
 def sampling_of_layers(mixtures: Sequence[LobeMixture]) -> tuple[Function, Function]:
-    """`PREFIX_sample(wo, u, layer)` and `PREFIX_density(wi, wo, layer)`: layer k has the mixture number k.
-
-    The mixtures have the same number of lobes.
-    """
-    turned = any(mixture.turn for mixture in mixtures)
-    reading, tables = parameter_tables(mixtures)
-    return _sampling(len(mixtures[0].alphas), turned, reading, tables)
+    """`PREFIX_sample(wo, u, layer)` and `PREFIX_density(wi, wo, layer)`: layer k has the mixture number k."""
+    return _sampling(mixtures, *parameter_tables(mixtures))
 
 
-def _sampling(lobes: int, turned: bool, values: Mapping[str, Any], tables: Tables) -> tuple[Function, Function]:
-    sample, density = (
-        printed(statements, values)
-        for statements in (sample_statements(lobes, turned), density_statements(lobes, turned))
-    )
+def _sampling(mixtures: Sequence[LobeMixture], values: Mapping[str, Any], tables: Tables) -> tuple[Function, Function]:
+    grained = not all(mixture.isotropic for mixture in mixtures)
+    sample = printed(needed(sample_statements(grained), variable("wi", 3)), values)
+    density = printed(needed(density_statements(grained), variable("density", 1)), values)
     of_layer = " of the layer" * bool(tables)
     return (
         Function(
@@ -62,7 +57,6 @@ def _sampling(lobes: int, turned: bool, values: Mapping[str, Any], tables: Table
             (
                 f"Importance sampling{of_layer}: wi for the viewer wo and three numbers u in [0, 1), independent"
                 " and uniform.",
-                "wi.z <= 0: nothing was found, its value and its density are 0.",
             ),
             _read(tables, sample),
         ),

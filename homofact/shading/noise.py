@@ -16,7 +16,7 @@ ANGLES = (0.0, 30.0, 60.0, 80.0)  # degrees
 _AZIMUTH = 0.4  # radians: off the axes of an anisotropic material
 MEANING = (
     "relative variance of f cos(theta_i)/density with one direction, f the mean of the channels, viewer at theta_o and"
-    " azimuth 0.4 rad, and the same of directions drawn by the cosine; lost: the share of directions under the horizon"
+    " azimuth 0.4 rad, and the same of directions drawn by the cosine"
 )
 Density = Callable[[Tensor, Tensor], Tensor]
 
@@ -25,13 +25,12 @@ Density = Callable[[Tensor, Tensor], Tensor]
 class Noise:
     """Relative variance of f cosθi/p with one direction for a viewer at `angle` degrees, f the mean of the channels.
 
-    `cosine` is that of directions drawn by the cosine; `lost` the share of directions that fall under the horizon.
+    `cosine` is that of directions drawn by the cosine.
     """
 
     angle: float
     variance: float
     cosine: float
-    lost: float
 
     def record(self) -> dict[str, float]:
         """JSON-able."""
@@ -54,6 +53,13 @@ def noise_of(reflectance: Reflectance, density: Density, wo: Tensor) -> tuple[fl
     return second / mean**2 - 1, float((densities * angles).sum())
 
 
+def albedo_of(reflectance: Reflectance, wo: Tensor) -> float:
+    """∫ f cosθi dωi for one viewer (3,), f the mean of the channels."""
+    wi, angles = (nodes[0] for nodes in hemisphere_nodes(wo[None].to(torch.float64)))
+    value = reflectance.evaluate(wi, wo.to(wi).expand_as(wi)).to(torch.float64).mean(1) * wi[:, 2]
+    return float((value * angles).sum())
+
+
 def viewer_at(angle: float) -> Tensor:
     """The viewer (3,) at `angle` degrees and `_AZIMUTH`."""
     theta, phi = torch.tensor([math.radians(angle), _AZIMUTH], dtype=torch.float64)
@@ -70,7 +76,6 @@ def noise_at_angles(reflectance: Reflectance, mixture: LobeMixture) -> tuple[Noi
     noises = []
     for angle in ANGLES:
         wo = viewer_at(angle)
-        variance, whole = noise_of(reflectance, mixture.density, wo)
-        cosine, _ = noise_of(reflectance, cosine_density, wo)
-        noises.append(Noise(angle, variance, cosine, max(0.0, 1 - whole)))
+        variance, cosine = (noise_of(reflectance, density, wo)[0] for density in (mixture.density, cosine_density))
+        noises.append(Noise(angle, variance, cosine))
     return tuple(noises)

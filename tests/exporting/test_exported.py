@@ -29,7 +29,7 @@ from homofact.factor.projection import Warp, fixed_projection
 from homofact.files.folder import check_new_folder
 from homofact.files.kinds import EXPORT
 from homofact.geometry.directions import draw_cosine_weighted
-from homofact.shading.lobe_mixture import LobeMixture
+from homofact.shading.lobe_mixture import restored
 from homofact.shading.mixture_fit import fitted_mixture
 from homofact.shading.noise import noise_at_angles
 
@@ -108,9 +108,9 @@ def test_the_shaders_draw_and_the_manifest_says_how_well(tmp_path: Path) -> None
             assert name not in before
     said = description["sampling"]
     assert made.sampling is not None
-    assert said["alphas"] == [list(each) for each in made.sampling.alphas]
     assert description["code"]["sampling"] == ["homofact_sample", "homofact_density"]
-    again = LobeMixture(made.sampling.alphas, tuple(map(tuple, said["weights"])), said["turn"])
+    again = restored(said)
+    assert torch.equal(again.rows(), made.sampling.rows())
     assert [each["variance"] for each in said["measured"]] == pytest.approx(
         [each.variance for each in noise_at_angles(made.stored, again)]
     )

@@ -35,7 +35,7 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.methods.table import METHODS
 from homofact.rendering import mitsuba_bsdf
-from homofact.rendering.lobe_sampling import lobe_sampling
+from homofact.shading.mixture_fit import fitted_mixture
 
 
 @pytest.fixture
@@ -114,7 +114,7 @@ def test_the_scalar_variant_evaluates_the_same(fits: dict[str, Path], name: str)
     # The normal, where lengths are 0, among them.
     wi[0] = wo[0] = wo[1] = torch.tensor([0, 0, 1], dtype=torch.float64)
     fit = Factorization.load(fits[name])
-    density = lobe_sampling(fit, fit.evaluation.isotropic).density(wi, wo)
+    density = fitted_mixture(fit).density(wi, wo)
     si = mi.SurfaceInteraction3f()
     for k, expected in enumerate(fit.evaluate(wi, wo) * wi[:, 2:]):
         si.wi = mi.Vector3f(*wo[k].tolist())

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from homofact.factor.factorization import Factorization
 from homofact.rendering import mitsuba_bsdf
-from homofact.rendering.lobe_sampling import lobe_sampling
+from homofact.shading.mixture_fit import fitted_mixture
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def test_the_density_is_that_of_the_mixture(mi: Any, fits: dict[str, Path], name: str) -> None:
     fit = Factorization.load(fits[name])
     wi, wo = pairs(5000)
-    expected = lobe_sampling(fit, fit.evaluation.isotropic).density(wi, wo)
+    expected = fitted_mixture(fit).density(wi, wo)
     bsdf = mitsuba_bsdf.load_bsdf(fits[name])
     arguments = mi.BSDFContext(), seen_from(mi, wo), vectors(mi, wi)
     found = torch.from_numpy(np.array(bsdf.pdf(*arguments))).double()

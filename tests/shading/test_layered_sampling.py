@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shading_cases
 import torch
 from chi_square import p_value
 from layered_cases import layered
@@ -18,14 +19,14 @@ from homofact.exporting.layered import codes, exported_layers, put_layers, with_
 from homofact.geometry.directions import draw_uniform
 from homofact.shading.functions import functions_in_c, functions_text, sampling_functions, sampling_of_layers
 from homofact.shading.languages import GLSL, HLSL, WGSL, Language
-from homofact.shading.lobe_mixture import NODES, LobeMixture
+from homofact.shading.lobe_mixture import restored
 from homofact.shading.noise import viewer_at
 
-# One alone is turned; weights, roughnesses and the order of lobes differ.
+# One alone is brushed; tables, scales and shares of the cosine differ.
 LAYERS = (
-    LobeMixture(((0.1, 0.1), (0.4, 0.4)), ((0.5,) * 4 + (0.3,) * 4, (0.1,) * NODES)),
-    LobeMixture(((0.04, 0.3), (0.2, 0.1)), ((0.45,) * NODES, (0.2,) * 6 + (0.45,) * 2), 0.7),
-    LobeMixture(((0.02, 0.02), (0.3, 0.3)), ((0.8, 0.7) + (0.6,) * 6, (0.05,) * NODES)),
+    shading_cases.mixture(4, 0.1),
+    shading_cases.mixture(5, 0.2, shading_cases.grain(2.0, 0.7)),
+    shading_cases.mixture(6, 0.02),
 )
 ANGLES = (0.0, 35.0, 80.0)
 COUNT = 60_000
@@ -96,18 +97,18 @@ def test_layers_alike_draw_what_one_material_draws() -> None:
         assert [each.name for each in one.statements] == [each.name for each in layer.statements]
         assert not one.tables
         assert {len(rows) for _, rows in layer.tables} == {1}
-    assert "lobes_turn" not in functions_text(both, GLSL)
-    assert "lobes_turn" in functions_text(LAYERED, GLSL)
+    assert "slope" not in functions_text(both, GLSL)
+    assert "slope" in functions_text(LAYERED, GLSL)
 
 
 @pytest.mark.slow
 def test_an_export_of_layers_draws_from_each_and_says_how_noisily(tmp_path: Path) -> None:
     made = with_sampling(exported_layers(layered(), FORMATS["exr"]))
-    assert len({each.alphas for each in made.sampling}) == len(made.stored.layers) == len(made.sampling)
+    assert len({str(each.describe()) for each in made.sampling}) == len(made.stored.layers) == len(made.sampling)
     manifest = put_layers(tmp_path, made, np.zeros((2, 2), np.uint8))
     assert manifest["code"]["sampling"] == ["homofact_sample", "homofact_density"]
     for entry, mixture in zip(manifest["layers"], made.sampling, strict=True):
-        assert entry["sampling"]["alphas"] == [list(each) for each in mixture.alphas]
+        assert torch.equal(restored(entry["sampling"]).rows(), mixture.rows())
         for each in entry["sampling"]["measured"]:
             assert each["variance"] < 1.05 * each["cosine"]
     # The estimator of the C code, layer by layer, has the mean that Python has.

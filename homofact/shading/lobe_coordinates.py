@@ -1,0 +1,167 @@
+"""Polar coordinates of directions around the mirror direction, in which lobes are simple: as expressions.
+
+Seen from ωo, every direction above the horizon has an angle φ and a radius 0 < r < R(φ); at R it meets the horizon.
+A place v on the ray at φ is even in the logarithm of r, with which lobes fall: v = log(1 + r/σ)/L.
+
+An isotropic material uses a disc: x = ω.xy/√(1 + ωz) maps the hemisphere onto the unit disc and keeps areas, dω = 2 dx
+(Lambert). The mirror direction is at −x(ωo), and
+
+    x(ωi) + x(ωo) = r e(φ),   dω = 2 r dr dφ,   R = b + √(b² + zo),   b = e·x(ωo),   L = log(1 + R/σ),
+
+e(φ) a unit vector at the angle φ from ωo.xy. R solves |R e − x(ωo)| = 1 with |x(ωo)|² = 1 − zo. v is in [0, 1].
+
+On an anisotropic material, lobes are ellipses of the half vector's slopes m = (ωi + ωo).xy/(ωi + ωo).z. A symmetric
+matrix A with |A| = 1 makes them circles, so that with s = r/√(1 − r²)
+
+    m = s A e(φ),   dω = 4 (h·ωo) dωh = 4 (m·ωo.xy + zo)/(1 + |m|²)² · r dr dφ/(1 − r²)²,   L = log(1 + 1/σ),
+
+e(φ) at the angle φ from A⁻¹ ωo.xy. The mirrored direction reaches the horizon where 2 θh is a right angle more than the
+elevation of ωo in the plane through n and h (`geometry.quadrature`): with d = A e and b = d·ωo.xy/|d|, at the slope
+s = (b + √(b² + zo²))/(zo |d|). There v is below 1, at the same r/σ whatever the azimuth of the viewer.
+
+Of both forms of a quadratic's root, the code uses the one that subtracts nothing.
+"""
+
+import math
+
+from homofact.geometry.expression import Expression, Let, call, constant, variable, vector
+
+THETAS, PHIS, RADII = 8, 7, 16
+_TINY = 1e-20
+_NEAR = 1e-8  # of r and R
+
+
+def viewer_statements(grained: bool) -> list[Let]:
+    """Statements over wo (3,) to what belongs to the viewer alone: "level" is the place between values of θo."""
+    wo, far = variable("wo", 3), variable("far", 1)
+    # Along the normal there is no azimuth.
+    axis = wo.xy + constant(_NEAR, 0)
+    disc = wo.xy / call("sqrt", 1 + variable("z", 1))
+    return [
+        Let("z", call("min", call("max", wo.z, 0.0), 1.0)),
+        Let("far", 1 - variable("z", 1)),
+        Let("level", call("sqrt", far) * (1 + far * far) * (0.5 * (THETAS - 1))),
+        Let("axis", unstretched(axis) if grained else axis),
+        *([] if grained else [Let("shift", disc, "on a disc of equal areas the mirror direction is at -shift")]),
+    ]
+
+
+def place_statements(grained: bool) -> list[Let]:
+    """Statements from wi (3,) to `around` = |φ| (PHIS − 1)/π and `place` = v RADII; they follow the viewer's."""
+    wi, both, axis, even = variable("wi", 3), variable("both", 3), variable("axis", 2), variable("even", 2)
+    nearly, length, r = constant(_NEAR, 0), variable("even_length", 1), variable("r", 1)
+    if grained:
+        made = [
+            Let("both", wi + variable("wo", 3)),
+            Let("slope", both.xy / call("max", both.z, _TINY) + nearly, "of the half vector"),
+            Let("even", unstretched(variable("slope", 2))),
+        ]
+    else:
+        disc = wi.xy / call("sqrt", 1 + call("max", wi.z, 0.0))
+        made = [Let("even", disc + (variable("shift", 2) + nearly), "from the mirror direction")]
+    across = call("abs", axis.x * even.y - axis.y * even.x)
+    angle = call("atan2", call("max", across, _TINY), call("dot", axis, even))
+    return [
+        *made,
+        Let("even_length", call("max", call("sqrt", call("dot", even, even)), _NEAR)),
+        Let("ray", (variable("slope", 2) if grained else even) / length),
+        Let("around", angle * ((PHIS - 1) / math.pi)),
+        *_reach(grained),
+        Let("r", length / call("sqrt", 1 + length * length) if grained else length),
+        Let("place", call("min", _log(r) * RADII / variable("whole_log", 1), variable("limit", 1))),
+    ]
+
+
+def ray_statements(grained: bool) -> list[Let]:
+    """Statements from `around` and `side` = ±1, the sign of φ, to the ray and its `limit`; they follow the viewer's."""
+    axis, unit, turned, even = variable("axis", 2), variable("unit", 2), variable("cos_sin", 2), variable("even", 2)
+    turn = variable("phi", 1)
+    return [
+        Let("phi", variable("around", 1) * (math.pi / (PHIS - 1))),
+        Let("unit", axis / call("sqrt", call("dot", axis, axis))),
+        Let("cos_sin", vector(call("cos", turn), call("sin", turn) * variable("side", 1))),
+        Let("even", vector(turned.x * unit.x - turned.y * unit.y, turned.x * unit.y + turned.y * unit.x)),
+        Let("ray", stretched(even) if grained else even),
+        *_reach(grained),
+    ]
+
+
+def found_statements(grained: bool) -> list[Let]:
+    """Statements from the ray and `place` to the direction "found" (3,) there, and "spread"."""
+    ray, r, place = variable("ray", 2), variable("r", 1), variable("place", 1)
+    growth = call("exp", place * variable("whole_log", 1) * (1 / RADII)) - 1
+    made = [Let("r", variable("scale", 1) * growth)]
+    if grained:
+        slope, wo = variable("slope", 2), variable("wo", 3)
+        made += [Let("slope", ray * (r / call("sqrt", call("max", 1 - r * r, _TINY)))), *spread_statements(True)]
+        half = vector(slope, constant(1))
+        return [*made, Let("found", half * (2 * variable("towards", 1) * variable("upright", 1)) - wo)]
+    x, square = variable("x", 2), variable("x_squared", 1)
+    return [
+        *made,
+        *spread_statements(False),
+        Let("x", ray * r - variable("shift", 2)),
+        Let("x_squared", call("min", call("dot", x, x), 1.0)),
+        Let("found", vector(x * call("sqrt", 2 - square), 1 - square)),
+    ]
+
+
+def spread_statements(grained: bool) -> list[Let]:
+    """dω/(dv dφ) as "spread", at r on the ray."""
+    r = variable("r", 1)
+    disc = r * (variable("scale", 1) + r) * variable("whole_log", 1)
+    if not grained:
+        return [Let("spread", disc * 2)]
+    slope, flat = variable("slope", 2), variable("flatness", 1)
+    return [
+        Let("towards", call("dot", slope, variable("wo", 3).xy) + variable("z", 1)),
+        Let("upright", 1 / (1 + call("dot", slope, slope))),
+        Let("flatness", variable("upright", 1) / call("max", 1 - r * r, _TINY)),
+        Let("spread", disc * 4 * variable("towards", 1) * (flat * flat)),
+    ]
+
+
+def _reach(grained: bool) -> list[Let]:
+    """Along `ray`: L as `whole_log`, and the `limit` of `place`, where the horizon is."""
+    ray, off, root, z, length = (
+        variable("ray", 2), variable("off", 1), variable("root", 1), variable("z", 1), variable("ray_length", 1)
+    )  # fmt: skip
+    outward = call("step", 0.0, off)
+    seen = variable("wo", 3).xy if grained else variable("shift", 2)
+    far = root / call("max", z, 1e-6) if grained else root
+    reach = far * outward + z / call("max", root, _TINY) * (1 - outward)
+    made = [Let("ray_length", call("sqrt", call("max", call("dot", ray, ray), _TINY)))] if grained else []
+    made += [
+        Let("off", call("dot", ray, seen) / length if grained else call("dot", ray, seen)),
+        Let("root", call("abs", off) + call("sqrt", off * off + (z * z if grained else z))),
+        Let("reach", call("max", reach / length if grained else reach, _NEAR), "as far as the horizon"),
+    ]
+    reach = variable("reach", 1)
+    if not grained:
+        return [*made, Let("whole_log", _log(reach)), Let("limit", constant(RADII))]
+    bent = reach / call("sqrt", 1 + reach * reach)
+    return [
+        *made,
+        Let("whole_log", call("log", 1 + 1 / variable("scale", 1))),
+        Let("limit", _log(bent) * RADII / variable("whole_log", 1)),
+    ]
+
+
+def _log(r: Expression) -> Expression:
+    """log(1 + r/σ) for r ≥ 0 with its relative precision: by its series where r/σ is small."""
+    y = r / variable("scale", 1)
+    series = y * (1 - y * (0.5 - y * (1 / 3)))
+    large = call("step", 0.01, y)
+    return series * (1 - large) + call("log", 1 + y) * large
+
+
+def stretched(w: Expression) -> Expression:
+    """A w."""
+    grain = variable("grain", 3)
+    return vector(grain.x * w.x + grain.y * w.y, grain.y * w.x + grain.z * w.y)
+
+
+def unstretched(w: Expression) -> Expression:
+    """A⁻¹ w: the determinant of A is 1."""
+    grain = variable("grain", 3)
+    return vector(grain.z * w.x - grain.y * w.y, grain.x * w.y - grain.y * w.x)
