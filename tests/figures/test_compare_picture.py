@@ -25,6 +25,7 @@ from homofact.figures.compare_picture import (
 from homofact.figures.sphere_picture import drawn_sphere
 from homofact.files.atomic import replace_file
 from homofact.rendering.sphere import SphereImage, render_sphere
+from homofact.rendering.tonemap import automatic_exposure, tonemap
 
 SYNTHETIC = Path(__file__).parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
 
@@ -89,6 +90,10 @@ def test_picture_shows_every_sphere_pixel_for_pixel_and_no_panel_is_empty(tmp_pa
         top += 6 + 18 + 4
         source, bright, red, same, white = (page[top : top + 64, 16 + k * 166 : 16 + k * 166 + 64] for k in range(5))
         np.testing.assert_array_equal(source, same)
+        if top == 8 + 18 + 6 + 18 + 4:
+            image = render_sphere(Grey(0.5), size=64)
+            assert reports[0].exposure == pytest.approx(automatic_exposure(image))
+            np.testing.assert_array_equal(source, tonemap(image, reports[0].exposure, curve="filmic").pixels.numpy())
         assert (bright[24, 40] > source[24, 40]).all()
         assert red[24, 40, 0] > red[24, 40, 2] + 60
         assert white[24, 40].min() > 235
@@ -173,6 +178,8 @@ def test_sphere_picture_is_the_tone_mapped_render_and_says_how(tmp_path):
     for part in ("Exposure 1", "D65", "directional light", "filmic curve"):
         assert part in words
     assert drawn.report.clipped == 0
+    image = render_sphere(Grey(0.5), size=40)
+    assert drawn_sphere(Grey(0.5), size=40, stops=1.0).report.exposure == pytest.approx(2 * automatic_exposure(image))
 
 
 def test_no_fits_and_no_place(tmp_path):
