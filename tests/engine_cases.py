@@ -5,16 +5,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 from browser import headless
 from mitsuba_cases import factorization, random_texture
 
 from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.symmetry import find_symmetry
 from homofact.containers.formats import format_named
+from homofact.exporting.engine_light import EngineLight
 from homofact.exporting.engines import godot, materialx, three
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import Exported, exported, write_exported
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
+from homofact.rendering.chain_kernels import ChainKernels
+from homofact.rendering.prefilter import LevelTable
 
 served = headless.served
 NODE = Path(__file__).parent / "containers" / "node"
@@ -26,10 +32,26 @@ def script(name: str) -> Any:
     return import_module(f"scripts.{name}")
 
 
+def light_of(reflectance: Reflectance, kernels: ChainKernels) -> EngineLight:
+    """A table made up: a matte part and three lobes, one of a share below 0; with a grain where there are azimuths."""
+    table = torch.zeros(6, 64, 4, dtype=torch.float64)
+    table[3, :, :3] = table.new_tensor((0.2, 0.1, 0.05))
+    last = len(kernels.alphas) - 1
+    for k, (share, level) in enumerate(((0.5, 0.3), (0.3, 0.6), (-0.1, 0.75))):
+        table[k, :, :3] = share * table.new_tensor((1.0, 0.9, 0.8))
+        table[k, :, 3] = level * last
+    table[4, :, :3] = torch.linspace(0.4, 0.0, 64, dtype=torch.float64)[:, None] * table.new_tensor((1.0, -0.5, 0.2))
+    table[5, :, :3] = table.new_tensor((0.0, 0.3, -0.3))
+    across = None if find_symmetry(reflectance).isotropic else 0.5
+    return EngineLight(LevelTable(table if across else table[:5], across), kernels, {"a sky": 0.02})
+
+
 def fit_no_looks(patch: pytest.MonkeyPatch) -> None:
-    """Have exports show environments LOOK: the fit of a look-alike has tests of its own, and takes seconds."""
-    for module in (three, materialx, godot):
+    """Have exports show environments LOOK or `light_of`: the fits of these have tests of their own."""
+    for module in (three, godot):
         patch.setattr(module, "fit_metallic_roughness", lambda *args, **kwargs: LOOK)
+    for module in (three, materialx):
+        patch.setattr(module, "engine_light", light_of)
 
 
 def isotropic() -> Factorization:

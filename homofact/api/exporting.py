@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
     from homofact.containers.formats import Format
     from homofact.evaluation.reopening import Reopened
+    from homofact.exporting.engine_light import EngineLight
     from homofact.exporting.engines.base import Added, Engine
     from homofact.exporting.exported import Exported
     from homofact.exporting.look_alike import Likeness
@@ -61,6 +62,8 @@ class ExportResult:
         How an engine's look-alikes compare, by label.
     prefiltered : PrefilteredExport or None
         The filtered sky.
+    light : EngineLight or None
+        How the fit reads the engine's own sky, where it does, and how far off that is.
     likeness : Likeness or None
         How near a look-alike in glTF's or Blender's export comes to the fit, None for other exports.
     """
@@ -78,6 +81,7 @@ class ExportResult:
     engine: str = ""
     looks: Mapping[str, Any] | None = None
     prefiltered: "PrefilteredExport | None" = None
+    light: "EngineLight | None" = None
     likeness: "Likeness | None" = None
 
     def record(self) -> dict[str, Any]:
@@ -89,10 +93,9 @@ class ExportResult:
             "cost": self.cost.record(),
             "format": self.format,
         }
-        if self.prefiltered is not None:
-            record["prefiltered"] = self.prefiltered.record()
-        if self.likeness is not None:
-            record["likeness"] = self.likeness.record()
+        for name, part in (("prefiltered", self.prefiltered), ("light", self.light), ("likeness", self.likeness)):
+            if part is not None:
+                record[name] = part.record()
         return record | ({"engine": self.engine, "looks": dict(self.looks or {})} if self.engine else {})
 
 
@@ -259,17 +262,17 @@ class _Work:
         errors = {label: self._errors(row, samples) for label, row in rows.items()}
         more: dict[str, str | bytes] = {}
         looks: dict[str, Any] = {}
-        likeness = None
+        likeness = light = None
         if engine is not None:
             self.steps.stage(f"making what {engine.name} loads")
             added = engine.add(made)
-            more = dict(added.files)
+            more, light = dict(added.files), added.light
             likeness = added.likeness if isinstance(added, AddedLookAlike) else None
             looks = self._looks(made, added, likeness)
         of_looks = {label: look["errors"] for label, look in looks.items() if label != "fit"}
         name = "" if engine is None else engine.name
         description = write_exported(folder, made, errors | of_looks, force, name, more)
-        light = [] if made.prefiltered is None else made.prefiltered.files
+        filtered = [] if made.prefiltered is None else made.prefiltered.files
         beside = [*more, ENGINE_MARK] if more else []
         found = self.source
         seen = "" if isinstance(found, str) or found.held_out else SEEN
@@ -277,7 +280,7 @@ class _Work:
             result=words,
             folder=folder,
             format=self.format.name,
-            files=(*made.names, *description["code"]["files"], *light, "manifest.json", *beside),
+            files=(*made.names, *description["code"]["files"], *filtered, "manifest.json", *beside),
             errors=errors,
             part="held_out" if isinstance(found, str) else found.part,
             caution=found if isinstance(found, str) else seen,
@@ -288,6 +291,7 @@ class _Work:
             looks=looks,
             prefiltered=made.prefiltered,
             likeness=likeness,
+            light=light,
         )
 
     def _errors(self, row: "Exported | Fitted", samples: "dict[str, Samples] | None") -> dict[str, Any]:

@@ -102,8 +102,9 @@ def export(
     if found.caution:
         why = found.caution if found.source_found else f"no error on samples: {found.caution}; --source names it"
         screen.note(f"homofact: {why}")
-    if found.likeness is not None and found.likeness.warning:
-        screen.note(f"homofact: {found.likeness.warning}")
+    for judged in (found.likeness, found.light):
+        if judged is not None and judged.warning:
+            screen.note(f"homofact: {judged.warning}")
     if not quiet:
         cost, looks = found.cost, found.looks or {}
         screen.show(
@@ -114,6 +115,7 @@ def export(
             ),
             Text(_noise_line(found.noise)),
             *([] if found.prefiltered is None else [Text(found.prefiltered.sentence())]),
+            *([] if found.light is None else [Text(found.light.sentence())]),
             *appearance_tables(looks),
             *(look["said"] for look in looks.values() if look["said"]),
             *([] if found.likeness is None else [Text(found.likeness.phrase)]),

@@ -17,8 +17,8 @@ from homofact.files.atomic import write_text
 from homofact.files.words import harmless
 from homofact.rendering.filtered import render_filtered
 from homofact.rendering.light import EnvironmentMap
-from homofact.rendering.prefilter import Prefiltered, prefiltered, program_of_light
-from homofact.rendering.sky_chain import SIDE, SkyChain, alphas_of, chain_of
+from homofact.rendering.prefilter import Prefiltered, prefiltered
+from homofact.rendering.sky_chain import SIDE, SkyChain, chain_of, own_kernels
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.split_sum import response_of
 from homofact.rendering.surface import seen_surface
@@ -47,7 +47,7 @@ class PrefilteredExport:
     The sky is a DDS where the export's textures are, else a KTX2 (`dds`).
     """
 
-    data: Prefiltered
+    data: Prefiltered[SkyChain]
     form: Format
     dds: bool
     error: float
@@ -61,7 +61,7 @@ class PrefilteredExport:
     @property
     def nbytes(self) -> int:
         """Bytes of the table on a GPU."""
-        rows, columns, channels = self.data.table.shape
+        rows, columns, channels = self.data.material.table.shape
         return self.form.bytes_of(rows, columns, channels)
 
     @property
@@ -72,26 +72,29 @@ class PrefilteredExport:
     def put(self, place: Path, first: int) -> None:
         """Write textures and shaders into a folder; the shaders number their textures from `first`."""
         table, light, lit = self.names
-        self.form.write(place / table, self.data.table.numpy().astype(np.float32), _RGBA)
+        self.form.write(place / table, self.data.material.table.numpy().astype(np.float32), _RGBA)
         write_sky(place / light, self.data.sky.levels)
         write_sky(place / lit, [self.data.sky.irradiance])
-        rows, columns = self.data.table.shape[:2]
+        rows, columns = self.data.material.table.shape[:2]
         title = (
             f"Light of {self.data.sky.name} for one material (split sum), relative RMS error {self.error:.3g}.",
             *_TITLE,
+            *["t, b: unit, tangent and binormal."] * (self.data.material.across is not None),
             f"Texture 0: {table}, {columns} x {rows}. Texture 1: {light}, a cube map of {self.data.sky.side} texels"
             f" a side, {len(self.data.sky.levels)} levels. Texture 2: {lit}, a cube map. Both are the same for every"
             " material.",
         )
-        program = program_of_light(self.data, title, first)
+        program = self.data.program(title, first)
         for language in (GLSL, HLSL, WGSL):
             write_text(place / f"prefiltered{language.suffix}", shader(program, language, PREFIX))
-        write_text(place / "prefiltered.c", c_light(program, self.data.table.numpy().astype(np.float32), PREFIX))
+        write_text(
+            place / "prefiltered.c", c_light(program, self.data.material.table.numpy().astype(np.float32), PREFIX)
+        )
 
     def record(self) -> dict[str, Any]:
         """JSON-able, for the manifest."""
         table, light, lit = self.names
-        sky, lobes = self.data.sky, self.data.lobes
+        sky, material = self.data.sky, self.data.material
         return {
             "environment": sky.name,
             "function": f"{PREFIX}_reflected",
@@ -100,9 +103,10 @@ class PrefilteredExport:
                 "file": table,
                 "columns": "even steps of the viewer's cosine from 0 to 1",
                 "rows": [
-                    *(f"lobe {k}: its shares, and its level" for k in range(lobes)),
+                    *(f"lobe {k}: its shares, and its level" for k in range(material.lobes)),
                     "the share of the irradiance over pi",
                     "each lobe's lean t: it stands round r + t n, r the mirror direction",
+                    *["each lobe's spread a: r mirrors at the half vector n + a g"] * (material.across is not None),
                 ],
                 "bytes": self.nbytes,
             },
@@ -111,7 +115,7 @@ class PrefilteredExport:
                 "side": sky.side,
                 "levels": [
                     {"side": int(level.shape[1]), "power": alpha**-2}
-                    for level, alpha in zip(sky.levels, alphas_of(sky.side), strict=True)
+                    for level, alpha in zip(sky.levels, sky.kernels.alphas, strict=True)
                 ],
                 "meaning": "a cube map, +x -x +y -y +z -z, y up; each level the light averaged by cos^power of the"
                 " angle round a direction, the last one irradiance/pi; the same for every material",
@@ -144,8 +148,8 @@ def prefiltered_export(fitted: Fitted, light: EnvironmentMap, form: Format, side
     Raises BadInput for channels that are no picture's, and a side that no chain has.
     """
     held = form if form.storage in ("float32", "float16") else format_named("exr16")
-    data = prefiltered(response_of(fitted, side), in_halves(chain_of(light, side)))
-    stored = replace(data, table=torch.from_numpy(data.table.numpy().astype(held.dtype).astype(np.float64)))
+    data = prefiltered(response_of(fitted, own_kernels(side)), in_halves(chain_of(light, side)))
+    stored = replace(data, material=data.material.rounded(held.dtype))
     return PrefilteredExport(stored, held, form.suffix == ".dds", relative_rms(stored, fitted, light))
 
 
@@ -179,7 +183,8 @@ def picture(data: Prefiltered, size: int, view: Sequence[float] = (0.0, 0.0, 1.0
     coverage, surface = seen_surface(size, (x, y, z))
     n = surface.frame[:, 2].contiguous()
     radiance = torch.zeros(coverage.numel(), 3, dtype=torch.float64)
-    radiance[surface.pixels] = data.radiance(n, surface.axes[2].expand_as(n).contiguous())
+    t = surface.frame[:, 0].contiguous()
+    radiance[surface.pixels] = data.radiance(n, surface.axes[2].expand_as(n).contiguous(), t)
     return SphereImage(radiance.reshape(*coverage.shape, 3), coverage)
 
 

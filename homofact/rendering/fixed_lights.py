@@ -32,7 +32,7 @@ def sky(directions: Tensor) -> Tensor:
 @lru_cache(maxsize=4)
 def sky_map(rows: int = 64) -> EnvironmentMap:
     """The fixed sky as a map of rows × 2 rows texels."""
-    return EnvironmentMap(sky(_directions(rows))[..., None], name="sky")
+    return EnvironmentMap(sky(directions_of_map(rows))[..., None], name="sky")
 
 
 @lru_cache(maxsize=4)
@@ -55,7 +55,7 @@ def lamp_map(
             expected="a direction, a radius between 0° and 90°, and some light",
         )
     towards = torch.tensor(direction, dtype=torch.float64) / length
-    cosine = _directions(rows * _FINER) @ towards
+    cosine = directions_of_map(rows * _FINER) @ towards
     inside = (cosine >= math.cos(math.radians(radius))).to(torch.float64)
 
     def averaged(values: Tensor) -> Tensor:
@@ -72,9 +72,8 @@ def lamp_map(
     return EnvironmentMap(level[..., None], name=f"round lamp of {radius:g}° radius")
 
 
-def _directions(rows: int) -> Tensor:
-    """Unit directions (rows, 2 rows, 3) of the centres of a lat-long map's texels, laid out as in
-    `rendering.light`."""
+def directions_of_map(rows: int) -> Tensor:
+    """Unit directions (rows, 2 rows, 3) of the centres of a lat-long map's texels, as `rendering.light` lays it out."""
     theta = (torch.arange(rows, dtype=torch.float64) + 0.5) * (math.pi / rows)
     phi = ((torch.arange(2 * rows, dtype=torch.float64) + 0.5) / (2 * rows) - 0.5) * (2 * math.pi)
     theta, phi = torch.meshgrid(theta, phi, indexing="ij")

@@ -6,7 +6,9 @@ and a little more). Under such skies the mean square of what a difference Δ of 
     E(Δ) = Σ Δlm²/(l (l + 1)) = ∫∫ Δ(ω) G(ω·ω') Δ(ω') dω dω',   G(cosγ) = Σ_{l ≥ 1} (2l + 1)/(4π l (l + 1)) Pl(cosγ),
 
 G the Green's function of the sphere. A lobe that is turned by much less than its width is then nearly right, which the
-plain square of Δ would not see. With the Legendre coefficients kl of the chain's kernels K (`rendering.sky_chain`)
+plain square of Δ would not see. Lamps are smaller than that says: for the chains of engines, whose shares have any
+sign, `FLAT` is added to 1/(l (l + 1)), the even spectrum of points of light. With the Legendre coefficients kl of the
+chain's kernels K (`rendering.chain_kernels`)
 
     potential  φk(γ) = ∫ G K dω = Σ (2l + 1)/(4π l (l + 1)) kl Pl(cosγ),
     overlap    Qjk(γ) = Σ (2l + 1)/(4π l (l + 1)) jl kl Pl(cosγ)
@@ -21,9 +23,9 @@ from typing import NamedTuple
 import numpy as np
 
 from homofact.linear.kernels import kernel
-from homofact.rendering.sky_chain import alphas_of, lobe
+from homofact.rendering.chain_kernels import ChainKernels
 
-POINTS = 1024
+POINTS, RIDGE, FLAT = 1024, 1e-4, 1e-3
 _NODES = 8000
 _BANDS = 20  # times 1/α of the narrowest kernel, whose coefficients are nothing there
 
@@ -36,19 +38,19 @@ class Potentials(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def potentials(side: int) -> Potentials:
-    """Those of the chain that begins with faces of so many texels."""
-    alphas = alphas_of(side)
+def potentials(kernels: ChainKernels) -> Potentials:
+    """Those of a chain with these kernels."""
     gamma = (np.arange(_NODES) + 0.5) * (math.pi / 2 / _NODES)
-    flux = np.stack([lobe(alpha, gamma) for alpha in alphas]) * np.sin(gamma)
+    count = len(kernels.alphas)
+    flux = np.stack([kernels.at(level, gamma) for level in range(count)]) * np.sin(gamma)
     flux /= flux.sum(1, keepdims=True)
     x, y = np.cos(gamma), np.cos(_angles())
     before, now, seen_before, seen = np.ones_like(x), x, np.ones_like(y), y
-    count = len(alphas)
     potential, overlap = np.zeros((count, POINTS)), np.zeros((count, count, POINTS))
-    for band in range(1, math.ceil(_BANDS / alphas[0])):
+    flat = FLAT if kernels.ggx else 0.0
+    for band in range(1, math.ceil(_BANDS / kernels.narrowest)):
         own = flux @ now
-        gain = (2 * band + 1) / (4 * math.pi * band * (band + 1)) * seen
+        gain = (2 * band + 1) / (4 * math.pi) * (1 / (band * (band + 1)) + flat) * seen
         potential += own[:, None] * gain
         overlap += (own[:, None] * own)[..., None] * gain
         before, now = now, ((2 * band + 1) * x * now - band * before) / (band + 1)
@@ -73,8 +75,13 @@ def _at(row, cosine):  # pragma: no cover (compiled)
 def _between(table, level, cosine):  # pragma: no cover (compiled)
     """One that is tabulated for every level, linear between two."""
     low = max(min(int(level), len(table) - 2), 0)
-    part = level - low
-    return (1 - part) * _at(table[low], cosine) + part * _at(table[low + 1], cosine)
+    up = level - low
+    # As `_at` of both, their place found once.
+    place = math.sqrt(math.acos(min(max(cosine, -1.0), 1.0)) / math.pi) * (POINTS - 1)
+    k = min(int(place), POINTS - 2)
+    part = place - k
+    here, above = table[low], table[low + 1]
+    return (1 - up) * ((1 - part) * here[k] + part * here[k + 1]) + up * ((1 - part) * above[k] + part * above[k + 1])
 
 
 @kernel(nogil=True)
@@ -89,45 +96,57 @@ def pull_of(axis, level, wi, flux, potential):  # pragma: no cover (compiled)
 
 
 @kernel(nogil=True)
-def energy(lobes, mirror, wi, flux, albedo, matte, potential, overlap):  # pragma: no cover (compiled)
-    """(E less a constant, the best shares (K + 1, C)) of lobes (K, 2), level and tilt, and of the last level round n.
+def energy(axes, levels, wi, flux, albedo, matte, potential, overlap, signed):  # pragma: no cover (compiled)
+    """(E less a constant, the best shares (K + 1, C)) of lobes of `levels` (K,), and of the last level round n.
 
-    The lobes stand round norm(r + tilt n), r the `mirror` direction; the material's own flux (M, C) comes from `wi`
-    (M, 3), and is `albedo` (C,) in all; `matte` (C,) is its `pull` on the last level round n. The shares are ≥ 0 and
-    add up to the albedo in every channel.
+    E is the mean over T azimuths of the viewer, at each of which the lobes stand round unit `axes` (T, K, 3), and the
+    material's own flux (T, M, C) comes from `wi` (M, 3); `albedo` (C,) is its sum, the mean of all azimuths, and
+    `matte` (C,) the mean of its `pull` on the last level round n. The shares add up to the albedo in every channel;
+    they are ≥ 0 unless `signed`.
     """
-    count, channels, last = len(lobes) + 1, flux.shape[1], len(potential) - 1.0
-    axes, levels = np.empty((count, 3)), np.empty(count)
-    for k in range(count - 1):
-        z = mirror[2] + lobes[k, 1]
-        length = math.sqrt(mirror[0] ** 2 + mirror[1] ** 2 + z * z)
-        axes[k, 0], axes[k, 1], axes[k, 2] = mirror[0] / length, mirror[1] / length, z / length
-        levels[k] = min(max(lobes[k, 0], 0.0), last)
-    axes[-1, 0], axes[-1, 1], axes[-1, 2] = 0.0, 0.0, 1.0
-    levels[-1] = last
-    pull, between = np.zeros((count, channels)), np.empty((count, count))
-    for k in range(count):
-        pull[k] = pull_of(axes[k], levels[k], wi, flux, potential) if k < count - 1 else matte
-        for j in range(k + 1):
-            cosine = axes[j, 0] * axes[k, 0] + axes[j, 1] * axes[k, 1] + axes[j, 2] * axes[k, 2]
-            low = max(min(int(levels[j]), len(potential) - 2), 0)
-            part = levels[j] - low
-            lower = (1 - part) * _between(overlap[low], levels[k], cosine)
-            between[j, k] = between[k, j] = lower + part * _between(overlap[low + 1], levels[k], cosine)
+    turns, lobes = axes.shape[0], axes.shape[1]
+    count, channels, last = lobes + 1, flux.shape[2], len(potential) - 1.0
+    own = np.empty(count)
+    for k in range(lobes):
+        own[k] = min(max(levels[k], 0.0), last)
+    own[lobes] = last
+    pull, between = np.zeros((count, channels)), np.zeros((count, count))
+    for turn in range(turns):
+        for k in range(count):
+            if k < lobes:
+                pull[k] += pull_of(axes[turn, k], own[k], wi, flux[turn], potential) / turns
+            low = max(min(int(own[k]), len(potential) - 2), 0)
+            part = own[k] - low
+            for j in range(k + 1):
+                if k < lobes:
+                    cosine = (
+                        axes[turn, j, 0] * axes[turn, k, 0]
+                        + axes[turn, j, 1] * axes[turn, k, 1]
+                        + axes[turn, j, 2] * axes[turn, k, 2]
+                    )
+                else:
+                    cosine = axes[turn, j, 2] if j < lobes else 1.0
+                lower = (1 - part) * _between(overlap[low], own[j], cosine)
+                between[j, k] += (lower + part * _between(overlap[low + 1], own[j], cosine)) / turns
+                between[k, j] = between[j, k]
+    pull[lobes] = matte
     total, shares = 0.0, np.zeros((count, channels))
     for channel in range(channels):
-        value, own = _shared(between, pull[:, channel], albedo[channel])
+        value, best = _shared(between, pull[:, channel], albedo[channel], signed)
         total += value
-        shares[:, channel] = own
+        shares[:, channel] = best
     return total, shares
 
 
 @kernel(nogil=True)
-def _shared(between, pull, whole):  # pragma: no cover (compiled)
-    """(the least w·Q w − 2 w·b over w ≥ 0 with the sum `whole`, w): the best of all sets of shares that are not 0."""
+def _shared(between, pull, whole, signed):  # pragma: no cover (compiled)
+    """(the least w·Q w − 2 w·b of w with the sum `whole`, w): of w ≥ 0 the best of all sets of shares that are not 0.
+
+    Of `signed` w the least with `RIDGE` Σ Qkk wk² added: two nearly equal lobes do not grow against each other.
+    """
     count = len(pull)
     best, best_shares = math.inf, np.zeros(count)
-    for chosen in range(1, 1 << count):
+    for chosen in range((1 << count) - 1 if signed else 1, 1 << count):
         place, size = np.empty(count, np.int64), 0
         for k in range(count):
             if chosen >> k & 1:
@@ -138,7 +157,7 @@ def _shared(between, pull, whole):  # pragma: no cover (compiled)
         for i in range(size):
             for j in range(size):
                 system[i, j] = between[place[i], place[j]]
-            system[i, i] += 1e-9 * between[place[i], place[i]]
+            system[i, i] += (RIDGE if signed else 1e-9) * between[place[i], place[i]]
             system[i, size] = system[size, i] = 1.0
             system[i, size + 1] = pull[place[i]]
         system[size, size + 1] = whole
@@ -146,7 +165,7 @@ def _shared(between, pull, whole):  # pragma: no cover (compiled)
             continue
         shares, value, allowed = np.zeros(count), 0.0, True
         for i in range(size):
-            allowed = allowed and system[i, size + 1] >= 0
+            allowed = allowed and (signed or system[i, size + 1] >= 0)
             shares[place[i]] = system[i, size + 1]
         if not allowed:
             continue
@@ -154,6 +173,7 @@ def _shared(between, pull, whole):  # pragma: no cover (compiled)
             for j in range(count):
                 value += shares[i] * between[i, j] * shares[j]
             value -= 2 * shares[i] * pull[i]
+            value += RIDGE * between[i, i] * shares[i] ** 2 if signed else 0.0
         if value < best:
             best, best_shares = value, shares
     return best, best_shares

@@ -1,14 +1,10 @@
 """One chain for a sky and all materials: a cube map whose levels hold the light averaged over wider and wider lobes.
 
-Level k is the light round every direction, weighted by a power of the cosine,
-
-    K(γ) = (p + 1)/(2π) cosᵖγ,   0 ≤ γ < π/2,   p = 1/α²,   ∫ K dω = 1,
-
-about a Gaussian of standard deviation α radians both ways. A level has half the side of the one before, down to
-`LAST`; α grows geometrically, from `TEXELS`/side at the first level to 1 at the last, whose K is the cosine: the last
-level is E(n)/π, the irradiance over π. A lobe is thus some texels wide on every level. The half vectors of GGX, by
-which engines weigh (Karis 2013), have tails that no sum of levels takes off again; sums of cosine powers have those of
-measured lobes.
+Level k is the light round every direction, weighted by a power of the cosine (`rendering.chain_kernels`). A level has
+half the side of the one before, down to `LAST`; α grows geometrically, from `TEXELS`/side at the first level to 1 at
+the last: the last level is E(n)/π, the irradiance over π. A lobe is thus some texels wide on every level. The half
+vectors of GGX, by which engines weigh, have tails that no sum of levels takes off again; sums of cosine powers have
+those of measured lobes.
 
 The irradiance stands in a cube map of its own too, of `IRRADIANCE` texels a side, as engines have it: it has a kink
 where a lamp sets, which the last level's few texels would show as steps.
@@ -20,6 +16,7 @@ about as far apart as rings are, averaged over their own solid angle.
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -27,6 +24,7 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.linear.kernels import kernel
+from homofact.rendering.chain_kernels import ChainKernels
 from homofact.rendering.cube import Cube, directions_of
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.octahedral import Pyramid, fetch
@@ -47,7 +45,7 @@ class SkyChain:
 
     Both on the environment's scale over `factor`, a power of two, with which half floats hold them. `harmonics` (9, 3)
     is E/π once more, as `_irradiance_coefficients`, for engines that have a place for those. `name` is the
-    environment's.
+    environment's, `kernels` are the levels'.
     """
 
     levels: tuple[Tensor, ...]
@@ -55,6 +53,7 @@ class SkyChain:
     harmonics: Tensor
     factor: float
     name: str
+    kernels: ChainKernels
 
     @property
     def side(self) -> int:
@@ -89,34 +88,88 @@ def sides_of(side: int) -> list[int]:
     return [side >> k for k in range(int(math.log2(side // LAST)) + 1)]
 
 
-def alphas_of(side: int) -> list[float]:
-    """α of all levels."""
-    last = len(sides_of(side)) - 1
-    return [(TEXELS / side) ** (1 - k / last) for k in range(last + 1)]
-
-
-def lobe(alpha: float, gamma: np.ndarray) -> np.ndarray:
-    """K in sr⁻¹ at angles γ in radians."""
-    power = alpha**-2
-    return (power + 1) / (2 * math.pi) * np.cos(gamma).clip(0) ** power
-
-
-def chain_of(light: EnvironmentMap, side: int = SIDE) -> SkyChain:
-    """The chain of an environment. Raises BadInput as `check_side`."""
+def own_kernels(side: int) -> ChainKernels:
+    """The kernels of our own chain that begins with faces of so many texels. Raises BadInput as `check_side`."""
     check_side(side)
+    last = len(sides_of(side)) - 1
+    return ChainKernels(tuple((TEXELS / side) ** (1 - k / last) for k in range(last + 1)))
+
+
+def chain_of(light: EnvironmentMap, side: int = SIDE, kernels: ChainKernels | None = None) -> SkyChain:
+    """The chain of an environment, by our own kernels unless told otherwise. Raises BadInput as `check_side`."""
+    kernels = kernels or own_kernels(side)
     pyramid = Pyramid.of(light, torch.eye(3, dtype=torch.float64))
     levels = []
-    for k, (own, alpha) in enumerate(zip(sides_of(side), alphas_of(side), strict=True)):
+    for k, own in enumerate(sides_of(side)):
         towards = directions_of(own).reshape(-1, 3).numpy()
-        rings = _rings(alpha, min(round(_RINGS * _FINER**k), _MOST_RINGS))
+        rings = _rings(kernels, k, min(round(_RINGS * _FINER**k), _MOST_RINGS))
         filtered = _filtered(towards, *rings, *pyramid[:3])
         levels.append(torch.from_numpy(filtered).reshape(6, own, own, 3))
-    filtered = _filtered(directions_of(IRRADIANCE).reshape(-1, 3).numpy(), *_rings(1.0, _MOST_RINGS), *pyramid[:3])
+    filtered = _filtered(
+        directions_of(IRRADIANCE).reshape(-1, 3).numpy(), *_rings(kernels, -1, _MOST_RINGS), *pyramid[:3]
+    )
     lit = torch.from_numpy(filtered).reshape(6, IRRADIANCE, IRRADIANCE, 3)
     factor = 2.0 ** max(0, math.ceil(math.log2(max(float(level.max()) for level in levels) / _MOST)))
     return SkyChain(
-        tuple(level / factor for level in levels), lit / factor, _irradiance_coefficients(pyramid), factor, light.name
+        tuple(level / factor for level in levels),
+        lit / factor,
+        _irradiance_coefficients(pyramid),
+        factor,
+        light.name,
+        kernels,
     )
+
+
+@dataclass(frozen=True)
+class FilteredSky:
+    """A sky filtered where it is read, by the `kernels` of a chain themselves: what a chain of many texels would hold.
+
+    It is read as a `SkyChain` is: `cube` and `lit` at directions (N, 3) of any length and levels (N,).
+    """
+
+    pyramid: Pyramid
+    kernels: ChainKernels
+    factor: float = 1.0
+
+    @classmethod
+    def of(cls, light: EnvironmentMap, kernels: ChainKernels) -> "FilteredSky":
+        """An environment's."""
+        return cls(Pyramid.of(light, torch.eye(3, dtype=torch.float64)), kernels)
+
+    @property
+    def cube(self) -> "FilteredSky":
+        """What is read at a level."""
+        return self
+
+    @property
+    def lit(self) -> "_Lit":
+        """The irradiance over π, what the last level is."""
+        return _Lit(self)
+
+    def read(self, directions: Tensor, level: Tensor) -> Tensor:
+        """Radiance (N, 3), linear between two levels."""
+        last = len(self.kernels.alphas) - 1
+        towards = (directions / directions.norm(dim=1, keepdim=True)).numpy()
+        place = level.clamp(0, last).numpy()
+        light = np.zeros((len(towards), 3))
+        for k in range(last + 1):
+            share = (1 - np.abs(place - k)).clip(0)
+            asked = share > 0
+            if asked.any():
+                rings = _rings(self.kernels, k, min(round(_RINGS * _FINER**k), _MOST_RINGS))
+                own = _filtered(np.ascontiguousarray(towards[asked]), *rings, *self.pyramid[:3])
+                light[asked] += share[asked, None] * own
+        return torch.from_numpy(light)
+
+
+class _Lit(NamedTuple):
+    """The last level of a sky."""
+
+    sky: FilteredSky
+
+    def read(self, directions: Tensor, level: Tensor) -> Tensor:
+        """As `FilteredSky.read`, whatever the level."""
+        return self.sky.read(directions, torch.full_like(level, len(self.sky.kernels.alphas) - 1.0))
 
 
 def _irradiance_coefficients(pyramid: Pyramid) -> Tensor:
@@ -131,14 +184,19 @@ def _irradiance_coefficients(pyramid: Pyramid) -> Tensor:
     return basis.T @ light * factor[:, None]
 
 
-def _rings(alpha: float, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _rings(kernels: ChainKernels, level: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(shares of flux, angles γ in radians, log2(Ω)/2 of the places' solid angles, numbers of places) of the rings."""
-    # Where the lobe ends: 1 − cosᵖ⁺¹γ is the flux within γ.
-    reach = math.acos(_LOST ** (1 / (alpha**-2 + 1)))
-    edges = np.arange(count + 1) * (reach / count)
+    alpha = max(kernels.alphas[level], kernels.least)
+    if kernels.ggx and kernels.least < alpha < 1:
+        # Long tails: rings that grow outwards.
+        count = min(2 * count, _MOST_RINGS)
+        edges = 2 * alpha * np.sinh(np.arange(count + 1) * (math.asinh(math.pi / 4 / alpha) / count))
+    else:
+        # Where the lobe ends: 1 − cosᵖ⁺¹γ is the flux within γ.
+        edges = np.arange(count + 1) * (math.acos(_LOST ** (1 / (alpha**-2 + 1))) / count)
     inner = (np.arange(_STEPS) + 0.5) / _STEPS
     gamma = edges[:-1, None] + (edges[1:] - edges[:-1])[:, None] * inner
-    flux = lobe(alpha, gamma) * np.sin(gamma) * (edges[1:] - edges[:-1])[:, None]
+    flux = kernels.at(level, gamma) * np.sin(gamma) * (edges[1:] - edges[:-1])[:, None]
     shares = flux.sum(1)
     middle = (flux * gamma).sum(1) / shares
     spokes = np.ceil(2 * math.pi * np.sin(middle) / (edges[1:] - edges[:-1])).clip(_LEAST_SPOKES).astype(np.int64)

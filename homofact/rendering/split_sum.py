@@ -1,22 +1,29 @@
 """What a material reflects, put on the levels of a sky's chain: its table over the viewer's angle.
 
-    ∫ f cosθi L dωi ≈ Σk Sk(θo) P(mk, ℓk) + D(θo) E(n)/π,    mk = norm(r + tk(θo) n),    r = 2 (n·ωo) n − ωo,
+    ∫ f cosθi L dωi ≈ Σk Sk(θo) P(mk, ℓk) + D(θo) E(n)/π,    mk = norm(rk + tk(θo) n),
+    rk = 2 (hk·ωo) hk − (hk·hk) ωo,    hk = n + ak(θo) g,
 
-P(m, ℓ) the chain at the fractional level ℓk(θo) (`rendering.sky_chain`); S and D are the shares of the channels, ℓk and
-tk are common to them. S and D are ≥ 0 and add up to the albedo of every θo and channel: where light is the same from
-everywhere, the sum is exact. Engines have one such lobe, round r, of a level that no angle changes (Karis 2013).
+P(m, ℓ) the chain at the fractional level ℓk(θo), linear between two; g is a direction in the surface, across the grain
+of what is anisotropic, along which half vectors spread: rk mirrors ωo at one of them. Of what is isotropic all ak are 0
+and rk is the mirror direction. S and D are the shares of the channels, the rest is common to them. S and D add up to
+the albedo of every θo and channel: where light is the same from everywhere, the sum is exact. On our own chain they
+are ≥ 0. On an engine's they may be below 0, to take GGX's long tails off again, and the sum is cut off at 0. Engines
+themselves have one such lobe, round r, of a level that no angle changes (Karis 2013).
 
-Levels, leans and shares make E of `rendering.lobe_levels` least, the mean square error under skies as they are: for
-given ℓ and t the shares are known, ℓ and t are searched by Nelder and Mead's simplex at every θo from those of its
-neighbour, once downwards from the normal and once upwards from the horizon; kept is what is better on the whole. A
-small price on change keeps lobes that have no share from straying.
+Levels, leans, spreads and shares make E of `rendering.lobe_levels` least, the mean square error under skies as they
+are: for given lobes the shares are known, the lobes are searched by Nelder and Mead's simplex at every θo from those
+of its neighbour, once downwards from the normal and once upwards from the horizon; kept is what is better on the
+whole. A small price on change keeps lobes that have no share from straying. An anisotropic material has three lobes:
+one in the middle, and two alike on both sides of it.
 
-What is lost: lobes that are not round, as all are at grazing angles, those of brushed metals most, whose azimuth the
-table does not know; what is narrower than the chain's first level; the horizon, which cuts the true lobe.
+What is lost: lobes that are not round, as all are at grazing angles; what the viewer's azimuth changes of an
+anisotropic material but by way of g; what is narrower than the chain's first level; the horizon, which cuts the true
+lobe.
 """
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -28,123 +35,203 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.symmetry import find_symmetry
 from homofact.geometry.directions import from_spherical
 from homofact.geometry.quadrature import hemisphere_nodes
+from homofact.rendering.chain_kernels import ChainKernels
 from homofact.rendering.lobe_levels import Potentials, energy, potentials, pull_of
-from homofact.rendering.sky_chain import SIDE, check_side
 from homofact.rendering.surface import ToRgb, shader
 
 COLUMNS, LOBES = 64, 2
 GRAZING = math.radians(89.0)  # what stands for θo = 90°, where nothing is seen
 _NODES = (64, 32)
-_AZIMUTHS = 8
-_LEAST_TILT, _MOST_TILT = -0.5, 2.0
+_AZIMUTHS = 4  # of half a turn: the other half is alike where lobes are
+_LEAST_TILT, _MOST_TILT, _MOST_SPREAD = -0.5, 2.0, 2.0
 # Levels of the lobes at first, as parts of the last level.
-_STARTS = {1: ((0.1,), (0.4,), (0.7,)), 2: ((0.1, 0.4), (0.4, 0.7), (0.2, 0.8), (0.6, 0.9))}
+_STARTS = {
+    1: ((0.1,), (0.4,), (0.7,)),
+    2: ((0.1, 0.4), (0.4, 0.7), (0.2, 0.8), (0.6, 0.9)),
+    3: ((0.1, 0.3, 0.6), (0.3, 0.5, 0.8), (0.1, 0.5, 0.9), (0.6, 0.8, 0.9)),
+}
+_SPREADS = (0.1, 0.3)
 _SMOOTH = 1e-3
-_FIRST_STEPS, _STEPS = 250, 90
-_SIMPLEX = (0.15, 0.03)  # first steps of level and tilt
+# Steps of the search at first and from a neighbour, of each number.
+_FIRST_STEPS, _STEPS = 62, 22
+_SIMPLEX = (0.15, 0.03, 0.03)  # first steps of level, tilt and spread
 _CLOSE = 1e-3
+_FAINT = 1e-4  # of the flux, which is left out
 
 
 class Response(NamedTuple):
-    """A material's table at even steps of cosθo from 0 to 1, for the chain whose first faces have `side` texels.
+    """A material's table at even steps of cosθo from 0 to 1, for a chain with these `kernels`.
 
-    `lobes` (COLUMNS, K, 2) are ℓk and tk, `shares` (COLUMNS, K + 1, C) Sk and last D.
+    `lobes` (COLUMNS, K, 3) are ℓk, tk and ak, `shares` (COLUMNS, K + 1, C) Sk and last D. `across` is the azimuth of g
+    in radians, None of what is isotropic.
     """
 
     lobes: Tensor
     shares: Tensor
-    side: int
+    kernels: ChainKernels
+    across: float | None = None
 
 
 class _Seen(NamedTuple):
-    """What one viewer sees, as `energy` wants it: r (3,), ωi (M, 3), f cosθi dω (M, C), albedo and matte pull (C,)."""
+    """What viewers at θo see, as `energy` wants it, in the frame where each is at azimuth 0.
 
-    mirror: np.ndarray
-    wi: np.ndarray
+    `grains` (T, 3) are g, `towards` (M, 3) ωi, `flux` (T, M, C) f cosθi dω; `albedo` and `matte` (C,) its sum and its
+    pull, the means of all azimuths.
+    """
+
+    theta: float
+    grains: np.ndarray
+    towards: np.ndarray
     flux: np.ndarray
     albedo: np.ndarray
     matte: np.ndarray
 
+    def axes(self, lobes: np.ndarray) -> np.ndarray:
+        """The lobes' directions (T, K, 3) from levels, tilts and spreads (K, 3)."""
+        viewer = np.array([math.sin(self.theta), 0.0, math.cos(self.theta)])
+        up = np.array([0.0, 0.0, 1.0])
+        half = up + lobes[None, :, 2, None] * self.grains[:, None]
+        along = half @ viewer
+        axes = 2 * along[..., None] * half - (half**2).sum(2, keepdims=True) * viewer + lobes[:, 1, None] * up
+        return axes / np.linalg.norm(axes, axis=2, keepdims=True)
+
 
 def response_of(
-    reflectance: Reflectance, side: int = SIDE, lobes: int = LOBES, to_rgb: ToRgb | None = None
+    reflectance: Reflectance, kernels: ChainKernels, lobes: int = LOBES, to_rgb: ToRgb | None = None
 ) -> Response:
-    """The table of a material, of an anisotropic one the mean over the viewer's azimuths; `lobes` 1 or 2.
+    """The table of a material with so many lobes, 1 to 3; of an anisotropic one there are always 3.
 
-    Raises BadInput for channels that do not fit, values that are not finite and a side that no chain has.
+    Raises BadInput for channels that do not fit, and values that are not finite.
     """
-    check_side(side)
     shade = shader(reflectance, to_rgb)
-    turns = 1 if find_symmetry(reflectance).isotropic else _AZIMUTHS
-    known = potentials(side)
-    seen = [_seen(shade, min(math.acos(k / (COLUMNS - 1)), GRAZING), turns, known) for k in range(COLUMNS)]
-    tracks = [_tracked(seen, order, lobes, known) for order in (range(COLUMNS)[::-1], range(COLUMNS))]
+    isotropic = find_symmetry(reflectance).isotropic
+    known = potentials(kernels)
+    across = None if isotropic else _across(shade)
+    seen = [_seen(shade, min(math.acos(k / (COLUMNS - 1)), GRAZING), across, known) for k in range(COLUMNS)]
+    layout = _Layout(lobes if isotropic else 3, not isotropic, bool(kernels.ggx))
+    # Many azimuths take their time: once for those.
+    orders = (range(COLUMNS)[::-1], range(COLUMNS))[: 1 + isotropic]
+    tracks = [_tracked(seen, order, layout, known) for order in orders]
     _, places, shares = min(tracks, key=lambda track: track[0])
-    return Response(torch.from_numpy(places), torch.from_numpy(shares), side)
+    return Response(torch.from_numpy(places), torch.from_numpy(shares), kernels, across)
 
 
-def _seen(shade, theta: float, turns: int, known: Potentials) -> _Seen:
-    """What viewers at θo see: the mean of all azimuths, in the frame where the viewer is at azimuth 0."""
-    turn = torch.arange(turns, dtype=torch.float64) * (2 * math.pi / turns)
+def _across(shade) -> float:
+    """The azimuth of the axis along which light spreads widest, seen from the normal; in [0, π)."""
+    wo = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
+    wi, angles = hemisphere_nodes(wo, *_NODES)
+    wi = wi.reshape(-1, 3)
+    f = shade(wi, wo.expand_as(wi)).clamp_min(0).mean(1)
+    flux = f * angles.reshape(-1) * wi[:, 2].clamp_min(0)
+    x, y = wi[:, 0], wi[:, 1]
+    # Half the direction of ∫ (x + i y)² dF.
+    return math.atan2(float((2 * x * y * flux).sum()), float(((x * x - y * y) * flux).sum())) / 2 % math.pi
+
+
+def _seen(shade, theta: float, across: float | None, known: Potentials) -> _Seen:
+    """What viewers at θo see; of what is isotropic one viewer."""
+    turns = 1 if across is None else _AZIMUTHS
+    turn = torch.arange(turns, dtype=torch.float64) * (math.pi / turns)
     wo = from_spherical(torch.full_like(turn, theta), turn)
     wi, angles = hemisphere_nodes(wo, *_NODES)
     f = shade(wi.reshape(-1, 3), wo[:, None].expand_as(wi).reshape(-1, 3)).clamp_min(0)
     weight = angles * wi[..., 2].clamp_min(0)
-    # Nodes turn with the viewer, and all that is asked of one is its angle to a direction in the plane of incidence:
-    # flux of all azimuths and of both sides of the plane is added.
-    flux = (f.reshape(*angles.shape, -1) * weight[..., None]).mean(0).reshape(-1, _NODES[1], f.shape[-1])
-    side = _NODES[1] // 2
-    flux = (flux[:, :side] + flux[:, side:].flip(1)).reshape(-1, f.shape[-1]).contiguous().numpy()
-    towards = wi[0].reshape(-1, _NODES[1], 3)[:, :side].reshape(-1, 3).contiguous().numpy()
-    mirror = np.array([-math.sin(theta), 0.0, math.cos(theta)])
-    matte = pull_of(np.array([0.0, 0.0, 1.0]), len(known.potential) - 1.0, towards, flux, known.potential)
-    return _Seen(mirror, towards, flux, flux.sum(0), matte)
+    flux = f.reshape(*angles.shape, -1) * weight[..., None]
+    # Nodes turn with the viewer.
+    towards = wi[0]
+    if across is None:
+        # All that is asked of a node is its angle to directions in the plane of incidence: both sides of it are added.
+        side = _NODES[1] // 2
+        flux = flux.reshape(1, -1, _NODES[1], f.shape[-1])
+        flux = (flux[:, :, :side] + flux[:, :, side:].flip(2)).reshape(1, -1, f.shape[-1])
+        towards = towards.reshape(-1, _NODES[1], 3)[:, :side].reshape(-1, 3)
+        grains = np.array([[1.0, 0.0, 0.0]])
+    else:
+        apart = across - turn.numpy()
+        grains = np.stack((np.cos(apart), np.sin(apart), np.zeros(turns)), 1)
+    albedo = flux.sum(1).mean(0).numpy()
+    whole = flux.mean((0, 2))
+    bright = whole > _FAINT * whole.sum() / len(whole)
+    towards, flux = (each.contiguous().numpy() for each in (towards[bright], flux[:, bright]))
+    up = np.array([0.0, 0.0, 1.0])
+    matte = pull_of(up, len(known.potential) - 1.0, towards, np.ascontiguousarray(flux.mean(0)), known.potential)
+    return _Seen(theta, grains, towards, flux, albedo, matte)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How the numbers that are searched make `count` lobes: each level and tilt its own, or a middle and a pair.
+
+    `signed` says whether shares may be below 0.
+    """
+
+    count: int
+    paired: bool
+    signed: bool
+
+    def lobes(self, x: np.ndarray) -> np.ndarray:
+        """Levels, tilts and spreads (K, 3)."""
+        if not self.paired:
+            return np.concatenate((x.reshape(-1, 2), np.zeros((self.count, 1))), 1)
+        level, tilt, outer, lean, spread = x
+        return np.array([[level, tilt, 0.0], [outer, lean, spread], [outer, lean, -spread]])
+
+    def starts(self, last: int) -> list[np.ndarray]:
+        """Where the search begins, for a chain whose last level that is used is `last`."""
+        if self.paired:
+            return [
+                np.array([low * last, 0.0, high * last, 0.0, spread]) for low, high in _STARTS[2] for spread in _SPREADS
+            ]
+        return [np.array([number for part in start for number in (part * last, 0.0)]) for start in _STARTS[self.count]]
+
+    @property
+    def kinds(self) -> tuple[int, ...]:
+        """Of each number searched: 0 a level, 1 a tilt, 2 a spread."""
+        return (0, 1, 0, 1, 2) if self.paired else (0, 1) * self.count
 
 
 def _tracked(
-    seen: list[_Seen], order: Iterable[int], lobes: int, known: Potentials
+    seen: list[_Seen], order: Iterable[int], layout: _Layout, known: Potentials
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """(the sum of E over albedo², lobes (COLUMNS, K, 2), shares (COLUMNS, K + 1, C)), one viewer after another."""
+    """(the sum of E over albedo², lobes (COLUMNS, K, 3), shares (COLUMNS, K + 1, C)), one viewer after another."""
     # The last level's few texels are too coarse for its kernel: of that the irradiance is left.
     last = len(known.potential) - 2
-    places = np.empty((len(seen), lobes, 2))
-    shares = np.empty((len(seen), lobes + 1, seen[0].flux.shape[1]))
+    kinds = np.array(layout.kinds)
+    least, most = (np.array(bounds)[kinds] for bounds in ((0, _LEAST_TILT, 0), (last, _MOST_TILT, _MOST_SPREAD)))
+    price = np.array((1.0, 100.0, 100.0))[kinds]
+    places = np.empty((len(seen), layout.count, 3))
+    shares = np.empty((len(seen), layout.count + 1, seen[0].flux.shape[2]))
     total, x = 0.0, None
     for k in order:
         # Of a black material nothing depends on it.
         scale = float((seen[k].albedo ** 2).sum()) * known.overlap[-1, -1, 0] or 1.0
 
-        def value(tried: np.ndarray, k: int = k, scale: float = scale, x: np.ndarray | None = x) -> float:
-            misfit = energy(tried.reshape(-1, 2), *seen[k], *known)[0] / scale
-            level, tilt = tried[::2], tried[1::2]
-            beyond = np.abs(level - level.clip(0, last)).sum()
-            beyond += np.abs(tilt - tilt.clip(_LEAST_TILT, _MOST_TILT)).sum()
-            moved = 0.0 if x is None else ((level - x[::2]) ** 2 + 100 * (tilt - x[1::2]) ** 2).sum()
+        def reflected(tried: np.ndarray, own: _Seen = seen[k]) -> tuple[float, np.ndarray]:
+            lobes = layout.lobes(tried)
+            levels = np.ascontiguousarray(lobes[:, 0])
+            return energy(own.axes(lobes), levels, *own[2:], *known, layout.signed)
+
+        def value(tried: np.ndarray, scale: float = scale, x: np.ndarray | None = x) -> float:
+            misfit = reflected(tried)[0] / scale
+            beyond = np.abs(tried - tried.clip(least, most)).sum()
+            moved = 0.0 if x is None else (price * (tried - x) ** 2).sum()
             return float(misfit + beyond + _SMOOTH * moved)
 
-        x = _first(value, lobes, last) if x is None else _next(value, x)
-        x = x.reshape(-1, 2).clip((0, _LEAST_TILT), (last, _MOST_TILT)).reshape(-1)
-        places[k] = x.reshape(-1, 2)
-        misfit, shares[k] = energy(places[k], *seen[k], *known)
+        steps = np.array(_SIMPLEX)[kinds]
+        if x is None:
+            found = [_simplex(value, start, steps, _FIRST_STEPS) for start in layout.starts(last)]
+            x = min(found, key=value)
+        else:
+            x = _simplex(value, x, steps, _STEPS)
+        x = x.clip(least, most)
+        places[k] = layout.lobes(x)
+        misfit, shares[k] = reflected(x)
         total += misfit / scale
     return total, places, shares
 
 
-def _first(value, lobes: int, last: int) -> np.ndarray:
-    """Levels and tilts (2 K,) from the best of some starts."""
-    solutions = []
-    for start in _STARTS[lobes]:
-        x = np.array([number for part in start for number in (part * last, 0.0)])
-        solutions.append(_simplex(value, x, _FIRST_STEPS))
-    return min(solutions, key=value)
-
-
-def _next(value, x: np.ndarray) -> np.ndarray:
-    """Levels and tilts from those of the neighbour."""
-    return _simplex(value, x, _STEPS)
-
-
-def _simplex(value, x: np.ndarray, steps: int) -> np.ndarray:
-    corners = np.vstack([x, x + np.diag(np.tile(_SIMPLEX, len(x) // 2))])
-    options = {"maxfev": steps, "initial_simplex": corners, "xatol": _CLOSE, "fatol": 1e-7}
+def _simplex(value, x: np.ndarray, first: np.ndarray, steps: int) -> np.ndarray:
+    """The least value found from x in so many `steps` of each number."""
+    corners = np.vstack([x, x + np.diag(first)])
+    options = {"maxfev": steps * len(x), "initial_simplex": corners, "xatol": _CLOSE, "fatol": 1e-7}
     return minimize(value, x, method="Nelder-Mead", options=options).x

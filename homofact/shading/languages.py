@@ -1,4 +1,4 @@
-"""The program printed as GLSL ES 3.00, HLSL and WGSL, and in the dialects of MaterialX and Godot.
+"""The program printed as GLSL ES 3.00, HLSL and WGSL, and in the dialects of MaterialX, Godot and three.js.
 
 All are functions to paste into a shader: `PREFIX_evaluate(wi, wo)` and the declarations of its textures. A
 fetch names its level, so that it may stand in any control flow and any stage. The value is a vector of as many
@@ -98,7 +98,8 @@ def render(expression: Expression, language: Language, prefix: str, layered: boo
     if kind == "cube":
         direction, level = (render(operand, language, prefix, layered) for operand in operands)
         texture, sampler = f"{prefix}_texture_{expression.text}", f"{prefix}_sampler"
-        read = language.cube.format(texture=texture, sampler=sampler, direction=direction, level=level)
+        asked = {"texture": texture, "sampler": sampler, "direction": direction, "level": level}
+        read = language.cube.format(**asked, prefix=prefix, number=expression.text)
         return read + language.swizzles[expression.dimension - 1]
     if kind == "table":
         return f"{prefix}_{expression.text}[layer]"
@@ -213,12 +214,19 @@ def _godot(program: Program, body: str, prefix: str) -> str:
     return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo) {{\n{body}\n}}\n"
 
 
+def _under_a_sky(program: Program, body: str, prefix: str) -> str:
+    """GLSL that reads an engine's sky by the engine's own functions, and its table as a texture."""
+    flat = replace(program, shapes=program.shapes[:1])
+    return _glsl(flat, body, prefix)
+
+
 def _materialx(program: Program, body: str, prefix: str) -> str:
     """GLSL whose samplers are parameters: a node of MaterialX is given them."""
     kind = GLSL.types[program.result.dimension - 1]
-    textures = [f"sampler2D {prefix}_texture_{k}" for k in range(len(program.shapes))]
-    sizes = "".join(f"// Texture {k}: {_size(program, shape)}\n" for k, shape in enumerate(program.shapes))
-    return f"{sizes}{kind} {prefix}_evaluate({', '.join(['vec3 wi', 'vec3 wo', *textures])})\n{{\n{body}\n}}\n"
+    flat = [(k, shape) for k, shape in enumerate(program.shapes) if not _is_cube(shape)]
+    sizes = "".join(f"// Texture {k}: {_size(program, shape)}\n" for k, shape in flat)
+    given = [f"vec3 {name}" for name in program.parameters] + [f"sampler2D {prefix}_texture_{k}" for k, _ in flat]
+    return f"{sizes}{kind} {prefix}_{program.function}({', '.join(given)})\n{{\n{body}\n}}\n"
 
 
 GLSL = Language(
@@ -271,4 +279,8 @@ MATERIALX = replace(
     fetch="textureLod({texture}, mx_transform_uv({uv}, vec2(1.0, -1.0), vec2(0.0, 1.0)), 0.0)",
     frame=_materialx,
 )
+# An engine's sky is read by functions PREFIX_sky_1(direction, level), its chain, and PREFIX_sky_2(n, 0), irradiance/pi.
+_SKY = "{prefix}_sky_{number}({direction}, {level})"
+THREE_SKY = replace(GLSL, name="three.js", cube=_SKY, frame=_under_a_sky)
+MATERIALX_SKY = replace(MATERIALX, cube=_SKY)
 GODOT = replace(GLSL, name="Godot's shading language", suffix=".gdshader", frame=_godot)

@@ -58,7 +58,7 @@ class Program:
     layers: int = 0
     tables: Tables = ()
     function: str = "evaluate"
-    parameters: tuple[str, str] = ("wi", "wo")
+    parameters: tuple[str, ...] = ("wi", "wo")
     first: int = 0
 
 

@@ -1,5 +1,6 @@
 """A sphere of a three.js export, or of a glTF look-alike, drawn by three.js in a browser, for programs and tests."""
 
+import base64
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from homofact.errors import MissingDependency
-from homofact.rendering.light import DirectionalLight
+from homofact.rendering.light import DirectionalLight, EnvironmentMap
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.shared.headless import served
@@ -20,7 +21,7 @@ PAGE = """<!doctype html>
  "three/addons/": "./three/examples/jsm/"}}</script>
 <script type="module">
 import * as THREE from "three";
-window.drawn = async function (folder, size, radius, lights, parameters) {
+window.drawn = async function (folder, size, radius, lights, { environment, ...parameters }) {
   let material;
   if (parameters.glb) {
     const { GLTFLoader } = await import("three/addons/loaders/GLTFLoader.js");
@@ -48,6 +49,16 @@ window.drawn = async function (folder, size, radius, lights, parameters) {
     light.position.set(x, y, z);
     scene.add(light);
   }
+  if (environment) {
+    const { rows, columns, texels } = environment;
+    const data = new Float32Array(Uint8Array.from(atob(texels), (letter) => letter.charCodeAt(0)).buffer);
+    const map = new THREE.DataTexture(data, columns, rows, THREE.RGBAFormat, THREE.FloatType);
+    map.mapping = THREE.EquirectangularReflectionMapping;
+    map.minFilter = map.magFilter = THREE.LinearFilter;
+    map.wrapS = THREE.RepeatWrapping;
+    map.needsUpdate = true;
+    scene.environment = new THREE.PMREMGenerator(renderer).fromEquirectangular(map).texture;
+  }
   const camera = new THREE.OrthographicCamera(-1 / radius, 1 / radius, 1 / radius, -1 / radius, 0.1, 10);
   camera.position.z = 5;
   const target = new THREE.WebGLRenderTarget(size, size, { type: THREE.FloatType });
@@ -61,9 +72,18 @@ document.documentElement.dataset.ready = "yes";
 </script>"""
 
 
+def equirectangular(light: EnvironmentMap) -> dict[str, Any]:
+    """A map as three lays it out, rows from the bottom, -z a quarter of its width from the left; floats in base64."""
+    rows, columns, channels = light.radiance.shape
+    texels = np.ones((rows, columns, 4), np.float32)
+    texels[..., :3] = light.radiance.numpy() if channels == 3 else np.repeat(light.radiance.numpy(), 3, 2)
+    turned = np.roll(texels, -round((light.turn / (2 * np.pi) + 0.25) * columns), 1)[::-1]
+    return {"rows": rows, "columns": columns, "texels": base64.b64encode(turned.tobytes()).decode()}
+
+
 def three_sphere(
-    driver: Any, place: Path, folder: Path, size: int, radius: float, lights: Sequence[DirectionalLight],
-    **parameters: Any,
+    driver: Any, place: Path, folder: Path, size: int, radius: float, lights: Sequence[DirectionalLight] = (),
+    environment: EnvironmentMap | None = None, **parameters: Any,
 ) -> np.ndarray:  # fmt: skip
     """Linear radiance (size, size, 3) of the unit sphere as `render_sphere` frames it, rows from the top.
 
@@ -78,6 +98,8 @@ def three_sphere(
     (place / "export").symlink_to(folder.resolve())
     (place / "page.html").write_text(PAGE, encoding="utf-8")
     given = [[*light.direction, *light.levels()] for light in lights]
+    if environment is not None:
+        parameters["environment"] = equirectangular(environment)
     with served(place) as address:
         driver.get(f"{address}/page.html")
         found = driver.execute_async_script(

@@ -1,6 +1,8 @@
 """One material under one lamp as it is, by our renderer, and by engines that load its exports: a picture and a table.
 
-    python scripts/engines/engine_pictures.py [--data FOLDER] [--size 256] [--out docs/pictures/engines.jpg]
+    python scripts/engines/engine_pictures.py [--data FOLDER] [--size 256] [--sky FILE.hdr] [--out FILE.jpg]
+
+With `--sky` the spheres are under that lat-long map instead of the lamp, and ours are integrated without noise.
 
 A row each for a satin paint of the RGL database (Dupuy and Jakob 2018) and for Ward's brushed aluminium (Ward 1992),
 fitted with three textures of 32². Every engine gets what `homofact export --engine` writes. The table says how far an
@@ -18,15 +20,18 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import open_source
 from homofact.brdf.source_names import HELD_OUT
 from homofact.containers.formats import format_named
 from homofact.evaluation.compare import fit_and_measure
+from homofact.exporting.engines.gltf import NAME as LOOK_ALIKE
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import exported, write_exported
 from homofact.methods.search import Search
-from homofact.rendering.light import DEFAULT_LIGHT
-from homofact.rendering.sphere import render_sphere
+from homofact.rendering.environment import read_environment
+from homofact.rendering.filtered import draw_sphere
+from homofact.rendering.light import DEFAULT_LIGHT, EnvironmentMap
 from homofact.rendering.surface import RADIUS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -52,28 +57,34 @@ def difference(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
     return float(np.median(off)), float(np.quantile(off, 0.99))
 
 
-def drawn(driver: Any, place: Path, path: str, size: int, effort: Any) -> tuple[list[np.ndarray], list[list[str]]]:
+def drawn(
+    driver: Any, place: Path, path: str, size: int, effort: Any, sky: EnvironmentMap | None
+) -> tuple[list[np.ndarray], list[list[str]]]:
     """The six spheres (size, size, 3), linear, and the rows of the table: engine, median, 99th percentile."""
+
+    def ours(reflectance: Reflectance) -> np.ndarray:
+        return draw_sphere(reflectance, sky or DEFAULT_LIGHT, size).radiance.expand(-1, -1, 3).numpy()
+
     source = open_source(path, count=45_000 if isinstance(effort, str) else 2000)
     settings = Search(textures=3, size=32 if isinstance(effort, str) else 4, effort=effort)
     fit = fit_and_measure(source, settings, HELD_OUT).factorization
-    spheres = [render_sphere(source.reflectance, size=size).radiance.numpy()]
+    spheres = [ours(source.reflectance)]
     made = {}
     for name, engine in ENGINES.items():
         made[name] = exported(fit, format_named(engine.formats[0]))
         write_exported(place / name, made[name], {}, engine=name, files=engine.add(made[name]).files)
-    spheres.append(render_sphere(made["materialx"].stored, size=size).radiance.numpy())
-    lamps = [DEFAULT_LIGHT]
+    spheres.append(ours(made["materialx"].stored))
+    lamps = [] if sky else [DEFAULT_LIGHT]
     draw: dict[str, Callable[[], np.ndarray]] = {
-        "three": lambda: three_sphere(driver, place / "a", place / "three", size, RADIUS, lamps),
-        "materialx": lambda: materialx_sphere(place / "materialx", size, RADIUS, lamps),
-        "godot": lambda: godot_sphere(driver, place / "b", place / "godot", size, RADIUS, lamps),
-        "gltf": lambda: three_sphere(driver, place / "c", place / "gltf", size, RADIUS, lamps, glb="lookalike.glb"),
+        "three": lambda: three_sphere(driver, place / "a", place / "three", size, RADIUS, lamps, sky),
+        "materialx": lambda: materialx_sphere(place / "materialx", size, RADIUS, lamps, sky),
+        "godot": lambda: godot_sphere(driver, place / "b", place / "godot", size, RADIUS, lamps, sky),
+        "gltf": lambda: three_sphere(driver, place / "c", place / "gltf", size, RADIUS, lamps, sky, glb=LOOK_ALIKE),
     }
     rows = []
     for (name, way), title in zip(draw.items(), PANELS[2:], strict=True):
         found = way()
-        stored = render_sphere(made[name].stored, size=size).radiance.numpy()
+        stored = ours(made[name].stored)
         spheres.append(found)
         rows.append([title, *(f"{float(f'{100 * x:.2g}'):g}%" for x in difference(found, stored))])
     return spheres, rows
@@ -106,11 +117,13 @@ def main(arguments: list[str] | None = None) -> int:
     """Fit, export, draw, write the picture and print the table; 2 where the measurement is missing."""
     parser = parser_of(__doc__, "data")
     parser.add_argument("--out", type=Path, default=PLACE, help="where the picture goes")
+    parser.add_argument("--sky", type=Path, help="a lat-long map, .hdr or .exr, in place of the lamp")
     parser.add_argument("--size", type=int, default=256, help="pixels of a sphere's side")
     add_effort(parser, "quick")
     chosen = parser.parse_args(arguments)
     folder = data_folder(chosen.data)
     size, effort = (64, 30) if chosen.short else (chosen.size, chosen.effort)
+    sky = None if chosen.sky is None else read_environment(chosen.sky)
     rows, table = [], []
     with tempfile.TemporaryDirectory() as place, chromium(Path(place) / "profile") as driver:
         for name, path in MATERIALS:
@@ -118,7 +131,7 @@ def main(arguments: list[str] | None = None) -> int:
             if where != path and not Path(where).is_file():
                 print(f"nothing is drawn: no {where} (--data or HOMOFACT_DATA names the measurements)", file=sys.stderr)
                 return 2
-            spheres, off = drawn(driver, Path(place) / name, where, size, effort)
+            spheres, off = drawn(driver, Path(place) / name, where, size, effort, sky)
             rows.append((name, spheres))
             table += [[name, *line] for line in off]
     chosen.out.parent.mkdir(parents=True, exist_ok=True)

@@ -1,12 +1,15 @@
 """How far the split sum of a sky's chain is from the exact integration: a table, and pictures of spheres.
 
-    python scripts/engines/split_sum_errors.py [--data FOLDER] [--effort quick] [--picture PLACE.png] [--short]
+    python scripts/engines/split_sum_errors.py [--data FOLDER] [--effort quick] [--three] [--picture PLACE.png]
 
-Relative RMS of a sphere's picture of 96² pixels against `render_filtered` of the same fit. "2 lobes" under a sky of 256
-texels a side is what `homofact export --prefilter` writes; beside it one lobe, and a sky of 128 texels.
+Relative RMS of a sphere's picture of 96² pixels against `render_filtered` of the same fit, three textures of 32². "own
+chain" is what `homofact export --prefilter` writes; "GGX, 3 lobes" what the export for three.js reads of three's own
+chain, whose kernels are integrated here; with `--three` the pixels of three itself, in a headless Chromium, stand
+beside them, and those of its look-alike. No table was fitted to a sky.
 """
 
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,17 +18,24 @@ import torch
 from matplotlib.figure import Figure
 
 from homofact.brdf.source import open_source
+from homofact.containers.formats import format_named
 from homofact.evaluation.machine import machine
+from homofact.exporting.engine_light import LOBES
+from homofact.exporting.engines.three import KERNELS, THREE
+from homofact.exporting.exported import exported, write_exported
 from homofact.exporting.prefiltered import SIZE, compared, in_halves, picture
+from homofact.factor.fitted import Fitted
 from homofact.files.atomic import replace_file
 from homofact.methods.search import Search
 from homofact.rendering.environment import read_environment
 from homofact.rendering.filtered import render_filtered
 from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.made_skies import MADE_SKIES, made_sky
 from homofact.rendering.prefilter import prefiltered
-from homofact.rendering.sky_chain import SIDE, chain_of
+from homofact.rendering.sky_chain import FilteredSky, chain_of, own_kernels
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.split_sum import response_of
+from homofact.rendering.surface import RADIUS, seen_surface
 from homofact.rendering.tonemap import choose_exposure, tonemap
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -33,16 +43,26 @@ from scripts.shared.harness import add_effort, data_folder, figure, finish, mark
 
 NAMED = ("lafortune-blue-paint", "phong-30", "ward-brushed")
 RGL = ("vch_golden_yellow", "aurora_white", "chm_light_blue")
-# Texels of the sky, and lobes.
-WAYS = ((SIDE, 2), (SIDE, 1), (SIDE // 2, 2))
+SIDE = 256  # texels of a face of our own chain
 SKIES = ("grace_probe_latlong", "stpeters_probe_latlong", "studio_small_03_1k")
 
 
-def made_up() -> EnvironmentMap:
-    """A sky with one soft lamp, where no measured ones are there."""
-    level = torch.ones(32, 64, 1, dtype=torch.float64)
-    level[6:10, 40:48] = 30
-    return EnvironmentMap(level, name="lamp")
+def by_three(fitted: Fitted, lights: Sequence[EnvironmentMap]) -> list[SphereImage]:
+    """The sphere under each light as three draws it with what `homofact export --engine three` writes."""
+    from scripts.engines.draw_three import three_sphere
+    from scripts.shared.headless import chromium
+
+    with tempfile.TemporaryDirectory() as folder, chromium(Path(folder) / "profile") as driver:
+        place = Path(folder)
+        made = exported(fitted, format_named(THREE.formats[0]))
+        write_exported(place / "fit", made, {}, engine=THREE.name, files=THREE.add(made).files)
+        shown = []
+        for k, light in enumerate(lights):
+            pixels = three_sphere(driver, place / f"page{k}", place / "fit", SIZE, RADIUS, (), light)
+            coverage, _ = seen_surface(SIZE, (0.0, 0.0, 1.0))
+            # Pixels that the silhouette crosses are their middle's there, and left out.
+            shown.append(SphereImage(torch.from_numpy(pixels.copy()).double(), (coverage == 1).double()))
+    return shown
 
 
 def drawn(path: Path, rows: list[tuple[str, SphereImage, SphereImage]]) -> None:
@@ -65,6 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table."""
     parser = parser_of(__doc__, "data", "out")
     parser.add_argument("--picture", type=Path, help="spheres under the last environment")
+    parser.add_argument("--three", action="store_true", help="draw by three.js too")
     add_effort(parser, "quick")
     options = parser.parse_args(arguments)
     folder = data_folder(options.data)
@@ -75,38 +96,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not file.is_file():
             print(f"skipped {file.stem}: no {file} (--data FOLDER or HOMOFACT_DATA names it)", file=sys.stderr)
     places |= {name: str(file) for name, file in files.items() if file.is_file()}
-    lights = [read_environment(file) for file in skies if file.is_file()] or [made_up()]
+    lights = [read_environment(file) for file in skies if file.is_file()] + [made_sky(name) for name in MADE_SKIES]
     if options.short:
-        places, lights = {NAMED[1]: places[NAMED[1]]}, [made_up()]
-    effort = 1.0 if options.short else options.effort
-    sides = {side for side, _ in WAYS} if not options.short else {SIDE // 4}
-    ways = [(side if side in sides else SIDE // 4, lobes) for side, lobes in WAYS]
-    skies_of = {(side, light.name): in_halves(chain_of(light, side)) for side in sides for light in lights}
-    rows, spheres = [], []
+        places, lights = {NAMED[1]: places[NAMED[1]]}, lights[-2:-1]
+    effort, size = (1.0, 8) if options.short else (options.effort, 32)
+    side = 64 if options.short else SIDE
+    lobes = 1 if options.short else LOBES
+    known = [(own_kernels(side), 2), (KERNELS, lobes)]
+    chains = {light.name: (in_halves(chain_of(light, side)), FilteredSky.of(light, KERNELS)) for light in lights}
+    rows, spheres, worst = [], [], []
     for name, place in places.items():
         source = open_source(place)
-        method = Search(textures=2, size=16, epsilon=source.default_epsilon, effort=effort)
+        method = Search(textures=3, size=size, epsilon=source.default_epsilon, effort=effort)
         fitted = method.fit(source.samples).factorization
-        responses = [response_of(fitted, side, lobes) for side, lobes in ways]
-        seen = []
-        for k, light in enumerate(lights):
+        responses = [response_of(fitted, kernels, count) for kernels, count in known]
+        drawn_by_three = by_three(fitted, lights) if options.three else [None] * len(lights)
+        seen, errors = [], []
+        for light, three in zip(lights, drawn_by_three, strict=True):
             exact = render_filtered(fitted, light, SIZE)
-            found = [picture(prefiltered(each, skies_of[each.side, light.name]), SIZE) for each in responses]
-            rows.append((name if k == 0 else "", light.name, *(figure(compared(each, exact)) for each in found)))
-            seen.append((name, exact, found[0]))
+            chain, sky = chains[light.name]
+            ours, ggx = responses
+            found = [picture(prefiltered(ours, chain), SIZE), picture(prefiltered(ggx, sky), SIZE)]
+            off = [compared(each, exact) for each in found]
+            if three is not None:
+                off.append(compared(three, SphereImage(exact.radiance, three.coverage)))
+            errors.append(off)
+            rows.append(("" if seen else name, light.name, *map(figure, off)))
+            seen.append((name, exact, found[-1]))
         spheres.append(seen[-1])
-    sizes = ", ".join(
-        f"{skies_of[side, lights[0].name].nbytes / 2**20:.2f} MiB of {side}²" for side in sorted(sides, reverse=True)
-    )
+        columns = list(zip(*errors, strict=True))
+        worst.append((name, *(f"{np.median(column):.3f} ({max(column):.3f})" for column in columns)))
+    ways = (f"own chain, {side}²", f"GGX, {lobes} lobes", *["three.js"] * options.three)
     text = "\n\n".join(
         [
-            markdown(
-                ("material", "environment", *(f"{side}², {lobes} lobe{'s' * (lobes > 1)}" for side, lobes in ways)),
-                rows,
-                2,
-            ),
-            f"A sky for all materials: {sizes}. Fits of two textures of 16², searched with effort {effort}."
-            + f" {machine()}",
+            markdown(("material", "environment", *ways), rows, 2),
+            "Median (worst) of the environments:",
+            markdown(("material", *ways), worst, 1),
+            f"Fits of three textures of {size}², searched with effort {effort}. {machine()}",
         ]
     )
     finish(text, options)

@@ -21,8 +21,8 @@ from homofact.exporting.prefiltered import relative_rms, write_sky
 from homofact.factor.factorization import Factorization
 from homofact.files.archive import write_arrays
 from homofact.rendering.environment import read_environment
-from homofact.rendering.prefilter import Prefiltered
-from homofact.rendering.sky_chain import SkyChain, chain_of
+from homofact.rendering.prefilter import LevelTable, Prefiltered
+from homofact.rendering.sky_chain import SkyChain, chain_of, own_kernels
 
 MODEL = ["material:lafortune-blue-paint", "--count", "3000"]
 
@@ -84,7 +84,9 @@ def test_a_sky_is_filtered_beside_the_material(result: Path, tmp_path: Path, cap
     light = tuple(torch.from_numpy(level[..., :3].astype(np.float64)) for level in levels)
     (irradiance,) = read_ktx2_cube(out / said["irradiance_over_pi"]["file"])
     lit = torch.from_numpy(irradiance[..., :3].astype(np.float64))
-    data = Prefiltered(table.reshape(4, 64, 4), SkyChain(light, lit, torch.zeros(9, 3), said["sky"]["factor"], "sky"))
+    kernels, factor = own_kernels(32), said["sky"]["factor"]
+    chain = SkyChain(light, lit, torch.zeros(9, 3), factor, "sky", kernels)
+    data = Prefiltered(LevelTable(table.reshape(4, 64, 4), factor=factor), chain)
     again = relative_rms(data, homofact.load(str(out)), read_environment(place))
     assert again == pytest.approx(said["relative_rms"], rel=1e-6)
     assert isinstance(homofact.load(str(out)).factorization, Factorization)

@@ -11,7 +11,7 @@ from skies import chain
 
 from homofact.containers.formats import FORMATS
 from homofact.exporting.prefiltered import PrefilteredExport, in_halves
-from homofact.rendering.prefilter import Prefiltered
+from homofact.rendering.prefilter import LevelTable, Prefiltered
 from homofact.rendering.sky_chain import SkyChain
 
 
@@ -20,7 +20,9 @@ def sky() -> SkyChain:
 
 
 def export(form: str, table: torch.Tensor) -> PrefilteredExport:
-    return PrefilteredExport(Prefiltered(table, sky()), FORMATS[form], form == "dds", 0.5)
+    return PrefilteredExport(
+        Prefiltered(LevelTable(table, factor=sky().factor), sky()), FORMATS[form], form == "dds", 0.5
+    )
 
 
 @pytest.mark.parametrize(("form", "read"), [("dds", read_dds_cube), ("ktx2", read_ktx2_cube), ("exr", read_ktx2_cube)])
@@ -46,6 +48,7 @@ def test_the_sky_and_the_table_are_what_the_shader_reads(form: str, read, tmp_pa
 
 def test_a_sky_that_was_scaled_is_scaled_back_in_every_language(tmp_path: Path) -> None:
     made = export("dds", torch.ones(4, 64, 4, dtype=torch.float64))
-    replace(made, data=replace(made.data, sky=replace(sky(), factor=16.0))).put(tmp_path, 3)
+    bright = LevelTable(made.data.material.table, factor=16.0)
+    replace(made, data=Prefiltered(bright, replace(sky(), factor=16.0))).put(tmp_path, 3)
     for suffix in ("glsl", "hlsl", "wgsl", "c"):
         assert "* 16.0" in (tmp_path / f"prefiltered.{suffix}").read_text()

@@ -9,8 +9,9 @@ from scipy.optimize import minimize
 from skies import Planted
 from torch import Tensor
 
+from homofact.rendering.chain_kernels import cosine_power
 from homofact.rendering.lobe_levels import POINTS, _at, _shared, energy, potentials, pull_of
-from homofact.rendering.sky_chain import alphas_of, lobe
+from homofact.rendering.sky_chain import own_kernels
 from homofact.rendering.split_sum import response_of
 
 SIDE = 64
@@ -18,7 +19,7 @@ SIDE = 64
 
 def test_far_from_a_narrow_lobe_its_potential_is_the_green_s_function() -> None:
     """−(ln((1 − cosγ)/2) + 1)/4π, whose mean over the sphere is 0."""
-    known = potentials(256)
+    known = potentials(own_kernels(256))
     gamma = math.pi * (np.arange(POINTS) / (POINTS - 1)) ** 2
     far = gamma > 0.2
     expected = -(np.log((1 - np.cos(gamma[far])) / 2) + 1) / (4 * math.pi)
@@ -29,7 +30,7 @@ def test_far_from_a_narrow_lobe_its_potential_is_the_green_s_function() -> None:
 
 
 def test_an_overlap_is_the_potential_s_mean_over_the_other_lobe() -> None:
-    known, alphas = potentials(SIDE), alphas_of(SIDE)
+    known, alphas = potentials(own_kernels(SIDE)), own_kernels(SIDE).alphas
     generator = np.random.default_rng(0)
     # Directions of the lobe of level 1 round z: 1 − cosᵖ⁺¹γ is even.
     cosine = generator.random(200_000) ** (1 / (alphas[1] ** -2 + 1))
@@ -50,7 +51,7 @@ def test_shares_are_the_best_of_all_that_add_up() -> None:
         def value(w, between=between, pull=pull):
             return w @ between @ w - 2 * w @ pull
 
-        best, shares = _shared(between, pull, whole)
+        best, shares = _shared(between, pull, whole, False)
         assert (shares >= 0).all()
         assert shares.sum() == pytest.approx(whole)
         assert best == pytest.approx(value(shares))
@@ -61,20 +62,22 @@ def test_shares_are_the_best_of_all_that_add_up() -> None:
 
 def test_the_energy_is_least_at_the_lobe_that_it_is_asked_for() -> None:
     """Flux of level 1.5 round a leaning direction: no other level or lean is as good, and all goes to that lobe."""
-    known, generator = potentials(SIDE), np.random.default_rng(1)
-    alphas = alphas_of(SIDE)
+    known, generator = potentials(own_kernels(SIDE)), np.random.default_rng(1)
+    alphas = own_kernels(SIDE).alphas
     mirror = np.array([-math.sin(0.6), 0.0, math.cos(0.6)])
     axis = mirror + np.array([0, 0, 0.2])
     axis /= np.linalg.norm(axis)
     x = generator.normal(size=(40_000, 3))
     wi = x / np.linalg.norm(x, axis=1, keepdims=True)
     gamma = np.arccos((wi @ axis).clip(-1, 1))
-    density = (lobe(alphas[1], gamma) + lobe(alphas[2], gamma)) / 2 * (4 * math.pi / len(wi))
+    density = (cosine_power(alphas[1], gamma) + cosine_power(alphas[2], gamma)) / 2 * (4 * math.pi / len(wi))
     flux = np.ascontiguousarray(np.stack((0.5 * density, 0.2 * density), 1))
     matte = pull_of(np.array([0.0, 0.0, 1.0]), len(alphas) - 1.0, wi, flux, known.potential)
 
     def at(level: float, tilt: float):
-        return energy(np.array([[level, tilt]]), mirror, wi, flux, flux.sum(0), matte, *known)
+        tilted = mirror + np.array([0, 0, tilt])
+        axes = (tilted / np.linalg.norm(tilted))[None, None]
+        return energy(axes, np.array([level]), wi, flux[None], flux.sum(0), matte, *known, False)
 
     best, shares = at(1.5, 0.2)
     assert shares[0] == pytest.approx([0.5, 0.2], rel=0.05)
@@ -85,13 +88,13 @@ def test_the_energy_is_least_at_the_lobe_that_it_is_asked_for() -> None:
 
 @pytest.mark.parametrize("lobes", [1, 2])
 def test_a_material_made_of_a_level_is_put_on_it(lobes: int) -> None:
-    alpha = alphas_of(SIDE)[1]
+    alpha = own_kernels(SIDE).alphas[1]
 
     def value(wi: Tensor, wo: Tensor) -> Tensor:
         gamma = torch.acos((wi * wo * wo.new_tensor((-1, -1, 1))).sum(1).clamp(-1, 1))
-        return 0.7 * torch.from_numpy(lobe(alpha, gamma.numpy())) / wi[:, 2].clamp_min(1e-6)
+        return 0.7 * torch.from_numpy(cosine_power(alpha, gamma.numpy())) / wi[:, 2].clamp_min(1e-6)
 
-    found = response_of(Planted(value), SIDE, lobes)
+    found = response_of(Planted(value), own_kernels(SIDE), lobes)
     steep = slice(30, None)
     used = found.shares[steep, :lobes, 0] > 0.05
     assert used.any(1).all()

@@ -10,24 +10,25 @@ from torch import Tensor
 
 from homofact.errors import BadInput
 from homofact.geometry.directions import normalize
+from homofact.rendering.chain_kernels import cosine_power
 from homofact.rendering.cube import directions_of
 from homofact.rendering.light import EnvironmentMap
-from homofact.rendering.sky_chain import LAST, alphas_of, chain_of, lobe, sides_of
+from homofact.rendering.sky_chain import LAST, chain_of, own_kernels, sides_of
 
 
 def test_lobes_are_of_flux_one_and_the_last_is_the_cosine() -> None:
     gamma = (np.arange(200_000) + 0.5) * (math.pi / 2 / 200_000)
-    for alpha in alphas_of(256):
-        flux = 2 * math.pi * (lobe(alpha, gamma) * np.sin(gamma)).sum() * (math.pi / 2 / len(gamma))
+    for alpha in own_kernels(256).alphas:
+        flux = 2 * math.pi * (cosine_power(alpha, gamma) * np.sin(gamma)).sum() * (math.pi / 2 / len(gamma))
         assert flux == pytest.approx(1, abs=1e-6)
-    assert lobe(1.0, gamma) == pytest.approx(np.cos(gamma) / math.pi)
-    assert (lobe(0.5, np.array([1.6, 3.0])) == 0).all()
+    assert cosine_power(1.0, gamma) == pytest.approx(np.cos(gamma) / math.pi)
+    assert (cosine_power(0.5, np.array([1.6, 3.0])) == 0).all()
 
 
 def test_sides_halve_and_widths_grow_geometrically_to_one() -> None:
     assert sides_of(256) == [256, 128, 64, 32, 16, 8]
     assert sides_of(32) == [32, 16, LAST]
-    alphas = alphas_of(256)
+    alphas = own_kernels(256).alphas
     assert alphas[0] == pytest.approx(4 / 256)
     assert alphas[-1] == 1
     assert np.diff(np.log(alphas)) == pytest.approx(np.log(64) / 5)
@@ -42,7 +43,7 @@ def test_other_sides_are_refused(side: int) -> None:
 def test_every_level_of_a_gradient_is_known() -> None:
     """Of 1 + s·ω the mean over cosᵖ is 1 + (p + 1)/(p + 2) s·m, on the last level E/π = 1 + ⅔ s·n."""
     slope, known = (0.3, 0.4, -0.2), chain("gradient", 64)
-    for level, alpha in zip((*known.levels, known.irradiance), (*alphas_of(64), 1.0), strict=True):
+    for level, alpha in zip((*known.levels, known.irradiance), (*own_kernels(64).alphas, 1.0), strict=True):
         power = alpha**-2
         m = directions_of(level.shape[1])
         expected = (1 + (power + 1) / (power + 2) * m @ m.new_tensor(slope))[..., None] * m.new_tensor((1, 2, 3))
@@ -54,7 +55,7 @@ def test_every_level_of_a_band_is_known() -> None:
     sky = gradient((0.0, 0.0, 1.0), 128)
     band = EnvironmentMap(3 * (sky.radiance[..., :1] - 1) ** 2, name="band")
     known = chain_of(band, 64)
-    for level, alpha in zip(known.levels, alphas_of(64), strict=True):
+    for level, alpha in zip(known.levels, own_kernels(64).alphas, strict=True):
         z = directions_of(level.shape[1])[..., 2]
         gain = 3 * (alpha**-2 + 1) / (alpha**-2 + 3) - 1
         assert torch.allclose(level[..., 0], 1 + gain * (3 * z * z - 1) / 2, atol=2e-2)
@@ -71,14 +72,14 @@ def averaged(light: EnvironmentMap, towards: Tensor, alpha: float) -> Tensor:
     t, a = torch.meshgrid(theta, around, indexing="ij")
     w = torch.stack((t.sin() * a.sin(), t.cos(), -t.sin() * a.cos()), -1).reshape(-1, 3)
     angle = torch.acos((towards @ w.T).clamp(-1, 1))
-    weight = torch.from_numpy(lobe(alpha, angle.numpy())) * t.sin().reshape(-1)
+    weight = torch.from_numpy(cosine_power(alpha, angle.numpy())) * t.sin().reshape(-1)
     return weight @ light.radiance.reshape(-1, light.radiance.shape[2]) / weight.sum(1, keepdim=True)
 
 
 def test_lamps_are_averaged_as_by_brute_force() -> None:
     light = lamps(rows=128)
     known = chain_of(light, 32)
-    for level, alpha in zip((*known.levels, known.irradiance), (*alphas_of(32), 1.0), strict=True):
+    for level, alpha in zip((*known.levels, known.irradiance), (*own_kernels(32).alphas, 1.0), strict=True):
         every = max(level[..., 0].numel() // 150, 1)
         d, found = directions_of(level.shape[1]).reshape(-1, 3)[::every], level.reshape(-1, 3)[::every]
         expected = averaged(light, d, alpha)

@@ -22,8 +22,8 @@ from homofact.exporting.prefiltered import compared, in_halves, picture
 from homofact.geometry.directions import from_spherical
 from homofact.geometry.quadrature import hemisphere_nodes
 from homofact.rendering.filtered import render_filtered
-from homofact.rendering.prefilter import Prefiltered, prefiltered, program_of_light
-from homofact.rendering.sky_chain import SkyChain
+from homofact.rendering.prefilter import Prefiltered, prefiltered
+from homofact.rendering.sky_chain import SkyChain, own_kernels
 from homofact.rendering.split_sum import COLUMNS, LOBES, Response, response_of
 from homofact.shading.cube_code import c_light
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
@@ -40,7 +40,7 @@ def blob(wi: Tensor, wo: Tensor) -> Tensor:
 
 @cache
 def response(name: str, lobes: int = LOBES) -> Response:
-    return response_of(material(name).model, SIDE, lobes)
+    return response_of(material(name).model, own_kernels(SIDE), lobes)
 
 
 def sky(name: str = "lamps") -> SkyChain:
@@ -57,7 +57,7 @@ def albedo(reflectance: Reflectance, cosine: Tensor) -> Tensor:
 @pytest.mark.parametrize("name", ["lafortune-blue-paint", "phong-30"])
 def test_the_table_keeps_the_albedo(name: str) -> None:
     found, model = response(name), material(name).model
-    assert found.lobes.shape == (COLUMNS, LOBES, 2)
+    assert found.lobes.shape == (COLUMNS, LOBES, 3)
     assert found.shares.shape == (COLUMNS, LOBES + 1, 3)
     assert float(found.shares.min()) >= 0
     assert 0 <= float(found.lobes[..., 0].min()) <= float(found.lobes[..., 0].max()) <= len(sky().levels) - 1
@@ -67,7 +67,7 @@ def test_the_table_keeps_the_albedo(name: str) -> None:
 
 @pytest.mark.parametrize("reflectance", [LAMBERT, material("cook-torrance-plastic").model], ids=["lambert", "plastic"])
 def test_in_a_furnace_it_is_the_albedo(reflectance: Reflectance) -> None:
-    data = prefiltered(response_of(reflectance, 32), chain("constant"))
+    data = prefiltered(response_of(reflectance, own_kernels(32)), chain("constant"))
     n, wo = normals(60)
     cosine = (n * wo).sum(1)
     seen = cosine > 0.15
@@ -77,7 +77,7 @@ def test_in_a_furnace_it_is_the_albedo(reflectance: Reflectance) -> None:
 
 def test_a_matte_surface_has_the_irradiance_and_no_lobe() -> None:
     """Of L = 1 + s·ω it is π (1 + ⅔ s·n)."""
-    slope, found = (0.3, 0.4, -0.2), response_of(LAMBERT, SIDE)
+    slope, found = (0.3, 0.4, -0.2), response_of(LAMBERT, own_kernels(SIDE))
     assert found.shares[:, -1].flatten().tolist() == pytest.approx([0.6] * COLUMNS, abs=5e-3)
     n, wo = normals()
     expected = (1 + 2 / 3 * n @ n.new_tensor(slope))[:, None] * n.new_tensor((1, 2, 3))
@@ -87,7 +87,7 @@ def test_a_matte_surface_has_the_irradiance_and_no_lobe() -> None:
 def test_a_narrow_lobe_shows_the_light_itself() -> None:
     """Where the light changes little over the lobe: L at the mirror direction times the albedo, every way round."""
     slope = (0.3, 0.4, -0.2)
-    data = prefiltered(response_of(Planted(blob), SIDE), sky("gradient"))
+    data = prefiltered(response_of(Planted(blob), own_kernels(SIDE)), sky("gradient"))
     n, wo = normals()
     cosine = (n * wo).sum(1)
     clear = cosine > 0.5
@@ -98,7 +98,7 @@ def test_a_narrow_lobe_shows_the_light_itself() -> None:
 
 
 def test_a_black_material_reflects_nothing() -> None:
-    found = response_of(Planted(lambda wi, wo: torch.zeros_like(wi[:, 0])), 32)
+    found = response_of(Planted(lambda wi, wo: torch.zeros_like(wi[:, 0])), own_kernels(32))
     assert float(found.shares.abs().max()) == 0
     assert torch.isfinite(found.lobes).all()
 
@@ -126,7 +126,9 @@ def test_what_looks_different_by_channel_and_angle_wants_two_lobes() -> None:
 
     model = Two(blob)
     exact = render_filtered(model, lamps(), 48)
-    one, two = (compared(picture(prefiltered(response_of(model, SIDE, k), sky()), 48), exact) for k in (1, 2))
+    one, two = (
+        compared(picture(prefiltered(response_of(model, own_kernels(SIDE), k), sky()), 48), exact) for k in (1, 2)
+    )
     assert two < 0.035
     assert two < 0.8 * one
 
@@ -140,9 +142,11 @@ def test_one_sky_serves_all_materials_and_a_table_fits_its_sky_alone() -> None:
 
 def test_the_factor_of_a_bright_sky_is_multiplied_back() -> None:
     data = prefiltered(response("phong-30"), sky())
-    scaled = SkyChain(tuple(level / 8 for level in sky().levels), sky().irradiance / 8, sky().harmonics, 8.0, "lamps")
+    scaled = SkyChain(
+        tuple(level / 8 for level in sky().levels), sky().irradiance / 8, sky().harmonics, 8.0, "lamps", sky().kernels
+    )
     n, wo = normals(50)
-    assert torch.allclose(replace(data, sky=scaled).radiance(n, wo), data.radiance(n, wo))
+    assert torch.allclose(prefiltered(response("phong-30"), scaled).radiance(n, wo), data.radiance(n, wo))
 
 
 def test_what_is_no_picture_is_refused() -> None:
@@ -153,15 +157,15 @@ def test_what_is_no_picture_is_refused() -> None:
             return super().evaluate(wi, wo).expand(-1, 2)
 
     with pytest.raises(BadInput, match="found 2 channels"):
-        response_of(Two(blob))
+        response_of(Two(blob), own_kernels(SIDE))
     with pytest.raises(BadInput, match="not finite"):
-        response_of(Planted(lambda wi, wo: torch.full_like(wi[:, 0], math.nan)))
+        response_of(Planted(lambda wi, wo: torch.full_like(wi[:, 0], math.nan)), own_kernels(SIDE))
     with pytest.raises(BadInput, match="found 100 texels a side"):
-        response_of(LAMBERT, 100)
+        response_of(LAMBERT, own_kernels(100))
 
 
 def test_equal_bits() -> None:
-    one, two = (response_of(Planted(blob), 32, 1) for _ in range(2))
+    one, two = (response_of(Planted(blob), own_kernels(32), 1) for _ in range(2))
     assert all(torch.equal(a, b) for a, b in zip(one[:2], two[:2], strict=True))
 
 
@@ -171,15 +175,15 @@ MAIN = wgsl_main("values[id.x] = vec4<f32>(sky_reflected(lights[id.x].xyz, viewe
 @pytest.fixture(scope="module")
 def data() -> Prefiltered:
     found = prefiltered(response("phong-30"), in_halves(sky()))
-    return replace(found, table=found.table.float().double())
+    return replace(found, material=found.material.rounded(np.float32))
 
 
 def test_a_gpu_gives_what_python_gives(data: Prefiltered) -> None:
     """By its own cube maps: faces, edges, levels and the table are read as by `rendering.cube`."""
     n, wo = normals(4000)
-    code = shader(program_of_light(data, ("light",), 0), WGSL, "sky") + MAIN
+    code = shader(data.program(("light",), 0), WGSL, "sky") + MAIN
     cubes = [level.numpy() for level in data.sky.levels], [data.sky.irradiance.numpy()]
-    images = [Image.of(data.table.numpy().astype(np.float32)), *map(Image.cube, cubes)]
+    images = [Image.of(data.material.table.numpy().astype(np.float32)), *map(Image.cube, cubes)]
     found = Gpu().run(code, images, n, wo, 3)[:, :3]
     expected = data.radiance(n, wo).numpy()
     assert np.median(np.abs(found / expected - 1)) < 1e-3
@@ -191,7 +195,7 @@ def test_c_gives_what_python_gives(data: Prefiltered, tmp_path: Path) -> None:
     if COMPILER is None:
         pytest.skip("no C compiler (cc, gcc or clang) on the PATH")
     n, wo = normals(4000)
-    code = c_light(program_of_light(data, ("light",), 0), data.table.numpy().astype(np.float32), "sky")
+    code = c_light(data.program(("light",), 0), data.material.table.numpy().astype(np.float32), "sky")
     code += (
         "\nvoid many(int n, const float *s, const float *e, const float *a, const float *b, float *out)\n{\n"
         "    for (int k = 0; k < n; k++)\n        sky_reflected(s, e, a + 3 * k, b + 3 * k, out + 3 * k);\n}\n"
@@ -211,7 +215,7 @@ def test_c_gives_what_python_gives(data: Prefiltered, tmp_path: Path) -> None:
 
 
 def test_glsl_and_hlsl_compile(data: Prefiltered, tmp_path: Path) -> None:
-    program = program_of_light(data, ("light",), 3)
+    program = data.program(("light",), 3)
     value = "sky_reflected(n, wo)"
     main = f"in vec3 n;\nin vec3 wo;\nout vec4 f;\nvoid main() {{\n    f = vec4({value}, 1.0);\n}}\n"
     glslang("#version 300 es\nprecision highp float;\n" + shader(program, GLSL, "sky") + main, tmp_path, "frag")

@@ -21,8 +21,9 @@ from homofact.exporting.exported import exported, write_exported
 from homofact.exporting.layered import codes, exported_layers
 from homofact.exporting.prefiltered import PrefilteredExport
 from homofact.factor.projection import Warp, fixed_projection
+from homofact.rendering.chain_kernels import ChainKernels
 from homofact.rendering.cube import directions_of
-from homofact.rendering.prefilter import Prefiltered, program_of_light
+from homofact.rendering.prefilter import LevelTable, Prefiltered
 from homofact.rendering.sky_chain import SkyChain
 from homofact.shading.functions import functions_text, sampling_functions
 from homofact.shading.languages import HLSL, shader
@@ -143,12 +144,14 @@ def light() -> Prefiltered:
         slope = torch.rand(3, 3, generator=generator).double() - 0.5
         return 1 + 0.5 * directions_of(side) @ slope
 
-    sky = SkyChain(tuple(smooth(side) for side in (16, 8)), smooth(8), torch.zeros(9, 3), 1.0, "random")
-    return Prefiltered(torch.rand(4, 17, 4, generator=generator).double(), sky)
+    sky = SkyChain(
+        tuple(smooth(side) for side in (16, 8)), smooth(8), torch.zeros(9, 3), 1.0, "random", ChainKernels((0.5, 1.0))
+    )
+    return Prefiltered(LevelTable(torch.rand(4, 17, 4, generator=generator).double()), sky)
 
 
 def test_prefiltered_light(light: Prefiltered, gpu: Gpu) -> None:
-    text = shader(program_of_light(light, ("light",), 0), HLSL, "sky")
+    text = shader(light.program(("light",), 0), HLSL, "sky")
     main = hlsl_main("values[id.x] = float4(sky_reflected(lights[id.x].xyz, viewers[id.x].xyz), 0.0);")
     n, wo = normals(2000)
     cubes = [level.numpy() for level in light.sky.levels], [light.sky.irradiance.numpy()]

@@ -8,6 +8,7 @@ import numpy as np
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
+from homofact.exporting.engine_light import EngineLight
 from homofact.exporting.exported import Exported
 from homofact.files.template import AT, filled
 from homofact.shading.encoding import Encoded
@@ -15,10 +16,14 @@ from homofact.shading.encoding import Encoded
 
 @dataclass(frozen=True)
 class Added:
-    """`files` by name, text or bytes; `looks` are reflectances in them other than the fit, by what they are called."""
+    """`files` by name, text or bytes; `looks` are reflectances in them other than the fit, by what they are called.
+
+    `light` is how the fit itself reflects the engine's own sky, where it does.
+    """
 
     files: Mapping[str, str | bytes]
     looks: Mapping[str, Reflectance] = field(default_factory=dict)
+    light: EngineLight | None = None
 
 
 @dataclass(frozen=True)

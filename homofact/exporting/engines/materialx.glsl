@@ -3,7 +3,23 @@
 #include "libraries/stdlib/genglsl/lib/$fileTransformUv"
 
 @PROGRAM@
-void mx_@NAME@(ClosureData closureData, float weight, vec3 base_color, float metallic, float roughness, @SAMPLERS@vec3 N, vec3 X, inout BSDF bsdf)
+// The environment averaged by GGX as seen from the direction itself; levels are even steps of roughness.
+vec3 @NAME@_light_sky_1(vec3 direction, float level)
+{
+    vec3 towards = normalize(direction);
+    vec3 across = abs(towards.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0);
+    float roughness = clamp(level / @STEPS@, 0.0, 1.0);
+    vec2 alpha = clamp(vec2(roughness * roughness), M_FLOAT_EPS, 1.0);
+    FresnelData white = mx_init_fresnel_schlick(vec3(1.0), vec3(1.0), vec3(1.0), 5.0, 0.0, 1.5);
+    return mx_environment_radiance(towards, towards, across, alpha, 0, white)
+        / mx_ggx_dir_albedo(1.0, alpha.x, vec3(1.0), vec3(1.0));
+}
+vec3 @NAME@_light_sky_2(vec3 n, float level)
+{
+    return mx_environment_irradiance(n);
+}
+@LIGHT@
+void mx_@NAME@(ClosureData closureData, float weight, @SAMPLERS@vec3 N, vec3 X, inout BSDF bsdf)
 {
     bsdf.throughput = vec3(0.0);
     if (weight < M_FLOAT_EPS)
@@ -11,25 +27,16 @@ void mx_@NAME@(ClosureData closureData, float weight, vec3 base_color, float met
         return;
     }
     N = mx_forward_facing_normal(N, closureData.V);
+    vec3 t = normalize(X - dot(X, N) * N);
+    vec3 b = cross(N, t);
     if (closureData.closureType == CLOSURE_TYPE_REFLECTION)
     {
-        // Lights: the fit.
-        vec3 t = normalize(X - dot(X, N) * N);
-        vec3 b = cross(N, t);
         vec3 wi = vec3(dot(closureData.L, t), dot(closureData.L, b), dot(closureData.L, N));
         vec3 wo = vec3(dot(closureData.V, t), dot(closureData.V, b), dot(closureData.V, N));
         bsdf.response = vec3(@NAME@_evaluate(wi, wo@GIVEN@)) * max(wi.z, 0.0) * closureData.occlusion * weight;
     }
     else if (closureData.closureType == CLOSURE_TYPE_INDIRECT)
     {
-        // Environments: the metallic-roughness material that looks most like it.
-        float cosine = clamp(dot(N, closureData.V), M_FLOAT_EPS, 1.0);
-        vec2 alpha = clamp(vec2(roughness * roughness), M_FLOAT_EPS, 1.0);
-        vec3 facing = mix(vec3(0.04), base_color, metallic);
-        FresnelData fresnel = mx_init_fresnel_schlick(facing, vec3(1.0), vec3(1.0), 5.0, 0.0, 1.5);
-        vec3 coat = mx_ggx_dir_albedo(cosine, alpha.x, vec3(0.04), vec3(1.0));
-        vec3 base = base_color * (1.0 - metallic) * (1.0 - coat);
-        vec3 mirrored = mx_environment_radiance(N, closureData.V, X, alpha, 0, fresnel);
-        bsdf.response = (mirrored + mx_environment_irradiance(N) * base) * weight;
+        bsdf.response = @NAME@_light_reflected(@FRAME@, closureData.V, @TABLE@) * weight;
     }
 }

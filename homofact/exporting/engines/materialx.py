@@ -1,24 +1,32 @@
 """A MaterialX node of type BSDF with the generated GLSL as its implementation, in a document with a material of it.
 
-Lights are reflected by the fit, environments by the metallic-roughness material that looks most like it: of these the
-generators for GLSL give a node what a lobe of GGX reflects, and the irradiance. For OSL there is no implementation: its
-closures are the renderer's own.
+Lights are reflected by the fit, environments by its table for lobes of GGX (`engine_light`): of an environment the
+generators for GLSL give a node what such a lobe reflects, and the irradiance. A lobe that is seen from its own mirror
+direction averages light round it, with Smith's masking and shadowing. For OSL there is no implementation: its closures
+are the renderer's own.
 """
 
 import re
+import tempfile
+from pathlib import Path
 from xml.etree import ElementTree
 
-from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
-from homofact.exporting.as_source import knows_no_azimuth
+import numpy as np
+
+from homofact.containers.formats import format_named
+from homofact.exporting.engine_light import engine_light
 from homofact.exporting.engines.base import Added, Engine, check_colour, template
 from homofact.exporting.exported import Exported
-from homofact.exporting.gltf_fit import fit_metallic_roughness
 from homofact.files.words import in_markdown
-from homofact.shading.languages import MATERIALX, shader
+from homofact.rendering.chain_kernels import ggx_kernels
+from homofact.shading.languages import MATERIALX, MATERIALX_SKY, shader
 from homofact.shading.program import name_of
 from homofact.version import __version__
 
-DOCUMENT, CODE = "brdf.mtlx", "brdf_materialx.glsl"
+DOCUMENT, CODE, TABLE = "brdf.mtlx", "brdf_materialx.glsl", "light_table.exr"
+# Even steps of roughness, close enough that between two of them their mean is the lobe between.
+STEPS = 16
+KERNELS = ggx_kernels(tuple(k / STEPS for k in range(STEPS + 1)), 0.004, "Smith")
 VERSION = "1.39"
 _LONGEST = 200
 
@@ -29,33 +37,48 @@ def _files(made: Exported) -> Added:
     # No longer than a name in GLSL can be.
     called = "homofact_" + (re.sub("[^A-Za-z0-9]+", "_", given)[:_LONGEST].strip("_") or "brdf")
     names = [f"{called}_texture_{k}" for k in range(len(made.names))]
+    table = f"{called}_light_texture_0"
+    light = engine_light(made.stored, KERNELS)
     code = template(
         "materialx.glsl",
         # "$" begins a token of the generator's.
         PROGRAM=shader(made.program, MATERIALX, called).replace("$", " "),
         NAME=called,
-        SAMPLERS="".join(f"sampler2D {name}, " for name in names),
+        LIGHT=light.code(MATERIALX_SKY, f"{called}_light"),
+        STEPS=f"{STEPS}.0",
+        SAMPLERS="".join(f"sampler2D {name}, " for name in (*names, table)),
         GIVEN="".join(f", {name}" for name in names),
+        FRAME="N" if light.table.across is None else "N, t, b",
+        TABLE=table,
     )
-    look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored), extensions=False)
-    words = template("materialx.md", NAME=in_markdown(given), MATERIALX=VERSION, CALLED=called, VERSION=__version__)
-    return Added(
-        {DOCUMENT: _document(made, look, called, names), CODE: code, "README.md": words}, {"environment": look}
+    files = dict(zip((*names, table), (*made.names, TABLE), strict=True))
+    words = template(
+        "materialx.md",
+        NAME=in_markdown(given),
+        MATERIALX=VERSION,
+        CALLED=called,
+        VERSION=__version__,
+        ERRORS=light.off(),
     )
+    texels = _exr(light.texels)
+    return Added({DOCUMENT: _document(made, called, files), CODE: code, TABLE: texels, "README.md": words}, light=light)
 
 
-def _document(made: Exported, look: MetallicRoughness, called: str, names: list[str]) -> str:
+def _exr(texels: np.ndarray) -> bytes:
+    """An EXR of half floats of texels (rows, columns, 4)."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / TABLE
+        format_named("exr16").write(place, texels.astype(np.float32), tuple("RGBA"))
+        return place.read_bytes()
+
+
+def _document(made: Exported, called: str, files: dict[str, str]) -> str:
     root = ElementTree.Element("materialx", version=VERSION)
     definition = ElementTree.SubElement(root, "nodedef", name=f"ND_{called}", node=called, nodegroup="pbr", bsdf="R")
     definition.set("doc", f"The BRDF of {name_of(made.stored.provenance)}.")
-    colour = look.base_colour if len(look.base_colour) == 3 else look.base_colour * 3
-    seen = {"uimin": "0.0", "uimax": "1.0", "doc": "Of what reflects environments; lights are reflected by the fit."}
     for name, kind, more in (
         ("weight", "float", {"value": "1.0", "uimin": "0.0", "uimax": "1.0"}),
-        ("base_color", "color3", {"value": ", ".join(f"{x:.6f}" for x in colour), "doc": seen["doc"]}),
-        ("metallic", "float", {"value": f"{look.metallic:.6f}", **seen}),
-        ("roughness", "float", {"value": f"{look.roughness:.6f}", **seen}),
-        *((name, "filename", {"value": file, "uniform": "true"}) for name, file in zip(names, made.names, strict=True)),
+        *((name, "filename", {"value": file, "uniform": "true"}) for name, file in files.items()),
         ("normal", "vector3", {"defaultgeomprop": "Nworld"}),
         ("tangent", "vector3", {"defaultgeomprop": "Tworld"}),
     ):

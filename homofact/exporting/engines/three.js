@@ -4,9 +4,11 @@
 //     mesh.material = new BrdfMaterial();
 //
 // Lights are exact (directional, point and spot, with their shadows; radiance is f cosθ times three's light colour times
-// intensity, an irradiance). Environments and ambient light are reflected by color, metalness and roughness, the glTF
-// material that looks most like the fit. The surface frame is the geometry's tangents where the material has
-// vertexTangents = true, else the direction of increasing longitude about the object's y axis.
+// intensity, an irradiance). Environments are reflected by the fit too: a table over the viewer's angle says which levels
+// of three's own filtered environment to read, in which directions, with which weights. A three that filters otherwise
+// shows them by color, metalness and roughness, the glTF material that looks most like the fit, and says so. The surface
+// frame is the geometry's tangents where the material has vertexTangents = true, else the direction of increasing
+// longitude about the object's y axis.
 import * as THREE from "three";
 
 const DATA = @DATA@;
@@ -27,18 +29,19 @@ function texture({ columns, rows, kind, texels }) {
 export const textures = DATA.textures.map(texture);
 // homofact_evaluate(wi, wo) in GLSL ES 3.00, with its samplers homofact_texture_0 ...
 export const glsl = DATA.glsl;
-// What environments see.
+// homofact_light_reflected(n, wo), which environments are reflected by, and how far off a sphere is under three skies.
+export const light = { glsl: DATA.light.glsl, errors: DATA.light.errors };
+// What a three of other environments shows in its place.
 export const lookalike = DATA.lookalike;
+
+const table = texture(DATA.light.table);
+const GIVEN = "const in vec3 geometryPosition, const in vec3 geometryNormal, const in vec3 geometryViewDir, "
+  + "const in vec3 geometryClearcoatNormal, const in PhysicalMaterial material, inout ReflectedLight reflectedLight";
 
 const DIRECT = `
 varying vec3 vHomofactAlong;
 ${DATA.glsl}
-void RE_Direct_Homofact(
-  const in IncidentLight directLight, const in vec3 geometryPosition, const in vec3 geometryNormal,
-  const in vec3 geometryViewDir, const in vec3 geometryClearcoatNormal, const in PhysicalMaterial material,
-  inout ReflectedLight reflectedLight
-) {
-  vec3 n = geometryNormal;
+mat3 homofactFrame(const in vec3 n) {
   #ifdef HOMOFACT_TANGENTS
     vec3 across = vHomofactAlong - dot(vHomofactAlong, n) * n;
   #else
@@ -46,18 +49,59 @@ void RE_Direct_Homofact(
   #endif
   float size = length(across);
   vec3 t = size > 1e-6 ? across / size : normalize(cross(vec3(0.0, 0.0, 1.0), n) + vec3(1e-6, 0.0, 0.0));
-  vec3 b = cross(n, t);
-  vec3 wi = vec3(dot(directLight.direction, t), dot(directLight.direction, b), dot(directLight.direction, n));
-  vec3 wo = vec3(dot(geometryViewDir, t), dot(geometryViewDir, b), dot(geometryViewDir, n));
+  return mat3(t, cross(n, t), n);
+}
+void RE_Direct_Homofact(const in IncidentLight directLight, ${GIVEN}) {
+  mat3 frame = homofactFrame(geometryNormal);
+  vec3 wi = directLight.direction * frame;
+  vec3 wo = geometryViewDir * frame;
   reflectedLight.directSpecular += vec3(homofact_evaluate(wi, wo)) * max(wi.z, 0.0) * directLight.color;
 }
 #undef RE_Direct
 #define RE_Direct RE_Direct_Homofact
 `;
 
+// Ambient light is a sky that is the same everywhere. The chain that the table is for is three's of
+// faces of 256; of larger faces it is one or two levels longer.
+const ENVIRONMENT = `
+vec3 homofactAmbient = vec3(0.0);
+vec3 homofactSky(const in vec3 direction, const in float level) {
+  #if defined(USE_ENVMAP) && defined(ENVMAP_TYPE_PMREM)
+    vec3 world = envMapRotation * transformDirectionByInverseViewMatrix(direction, viewMatrix);
+    return homofactAmbient + textureLod(envMap, world, level * ENVMAP_MAX_LOD).rgb * envMapIntensity;
+  #else
+    return homofactAmbient;
+  #endif
+}
+vec3 homofact_light_sky_1(const in vec3 direction, const in float level) {
+  return homofactSky(direction, level / ${(DATA.light.levels - 1).toFixed(1)});
+}
+vec3 homofact_light_sky_2(const in vec3 n, const in float level) {
+  return homofactSky(n, 1.0);
+}
+${DATA.light.glsl}
+void RE_IndirectDiffuse_Homofact(const in vec3 irradiance, ${GIVEN}) {
+  homofactAmbient = irradiance * RECIPROCAL_PI;
+}
+void RE_IndirectSpecular_Homofact(
+  const in vec3 radiance, const in vec3 iblIrradiance, const in vec3 clearcoatRadiance, ${GIVEN}
+) {
+  mat3 frame = homofactFrame(geometryNormal);
+  reflectedLight.indirectSpecular += homofact_light_reflected(${DATA.light.given});
+}
+#undef RE_IndirectDiffuse
+#define RE_IndirectDiffuse RE_IndirectDiffuse_Homofact
+#undef RE_IndirectSpecular
+#define RE_IndirectSpecular RE_IndirectSpecular_Homofact
+`;
+
 const CHUNK = "#include <lights_physical_pars_fragment>";
+// A three whose environments are cube maps filtered by GGX.
+const KNOWN = (THREE.ShaderChunk.envmap_physical_pars_fragment ?? "").includes("ENVMAP_TYPE_PMREM");
+if (!KNOWN)
+  console.warn(`three ${THREE.REVISION}: environments are filtered otherwise than in 187, and shown by a look-alike`);
 // One program for all materials of this fit, none with another fit's.
-const KEY = `homofact ${DATA.glsl}`;
+const KEY = `homofact ${DATA.glsl} ${DATA.light.glsl}`;
 
 export class BrdfMaterial extends THREE.MeshPhysicalMaterial {
   constructor({ vertexTangents = false, ...parameters } = {}) {
@@ -73,6 +117,7 @@ export class BrdfMaterial extends THREE.MeshPhysicalMaterial {
   onBeforeCompile(shader) {
     if (!shader.fragmentShader.includes(CHUNK)) throw new Error(`three ${THREE.REVISION}: no ${CHUNK} to replace`);
     textures.forEach((each, k) => (shader.uniforms[`homofact_texture_${k}`] = { value: each }));
+    if (KNOWN) shader.uniforms.homofact_light_texture_0 = { value: table };
     const along = this.vertexTangents
       ? "(modelViewMatrix * vec4(tangent.xyz, 0.0)).xyz"
       : "normalize(normalMatrix * vec3(0.0, 1.0, 0.0))";
@@ -82,7 +127,7 @@ export class BrdfMaterial extends THREE.MeshPhysicalMaterial {
       shader.vertexShader.replace("#include <project_vertex>", `#include <project_vertex>\n  vHomofactAlong = ${along};`);
     const tangents = this.vertexTangents ? "#define HOMOFACT_TANGENTS\n" : "";
     // A function, whose text is put in as it stands: "$'" in the fit's name would bring in the shader's rest.
-    shader.fragmentShader = tangents + shader.fragmentShader.replace(CHUNK, () => CHUNK + DIRECT);
+    shader.fragmentShader = tangents + shader.fragmentShader.replace(CHUNK, () => CHUNK + DIRECT + (KNOWN ? ENVIRONMENT : ""));
   }
 
   customProgramCacheKey() {

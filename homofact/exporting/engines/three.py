@@ -1,43 +1,53 @@
 """A three.js material as a folder that npm installs: one module with texels and shader in it, an example page.
 
-The material is three's own physical one, its direct light replaced by the fit's program (`RE_Direct` of its shader).
-Environments are reflected by the glTF material that looks most like the fit (`gltf_fit`, without extensions).
+The material is three's own physical one, its direct light replaced by the fit's program (`RE_Direct` of its shader),
+its indirect light by the fit's table for three's own filtered environments (`engine_light`). A three that filters them
+otherwise reflects them by the glTF material that looks most like the fit (`gltf_fit`, without extensions).
 """
 
 import base64
 import html
 import json
+import math
 import re
+from typing import Any
+
+import numpy as np
 
 from homofact.exporting.as_source import knows_no_azimuth
+from homofact.exporting.engine_light import engine_light
 from homofact.exporting.engines.base import Added, Engine, check_colour, rgba, template, template_text
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
 from homofact.files.template import source_digest
 from homofact.files.words import in_markdown
-from homofact.shading.languages import GLSL, shader
+from homofact.rendering.chain_kernels import ggx_kernels
+from homofact.shading.languages import GLSL, THREE_SKY, shader
 from homofact.shading.program import name_of
 from homofact.version import __version__
 
 _KINDS = {"float16": "half", "float32": "float", "unorm8": "byte"}
+# three's chain of faces of 256 texels: level k of 5 is filtered for roughness 1 − √(1 − k/5), the first is the sky.
+LEVELS = 6
+KERNELS = ggx_kernels(tuple(1 - math.sqrt(1 - k / (LEVELS - 1)) for k in range(LEVELS)), 0.004)
 
 
 def _files(made: Exported) -> Added:
     check_colour(made, "three")
     look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored), extensions=False)
     colour = look.base_colour if len(look.base_colour) == 3 else look.base_colour * 3
-    textures = [
-        {
-            "columns": texture.stored.shape[1],
-            "rows": texture.stored.shape[0],
-            "kind": _KINDS[texture.storage],
-            "texels": base64.b64encode(rgba(texture).tobytes()).decode(),
-        }
-        for texture in made.textures
-    ]
+    light = engine_light(made.stored, KERNELS)
+    frame = "frame[2]" if light.table.across is None else "frame[2], frame[0], frame[1]"
     data = {
-        "textures": textures,
+        "textures": [_texture(rgba(texture), _KINDS[texture.storage]) for texture in made.textures],
         "glsl": shader(made.program, GLSL),
+        "light": {
+            "table": _texture(light.texels, "half"),
+            "glsl": light.code(THREE_SKY),
+            "given": f"{frame}, geometryViewDir",
+            "levels": LEVELS,
+            "errors": {name: round(error, 4) for name, error in light.errors.items()},
+        },
         "lookalike": {"color": list(colour), "metalness": look.metallic, "roughness": look.roughness},
     }
     called = name_of(made.stored.provenance)
@@ -51,7 +61,9 @@ def _files(made: Exported) -> Added:
         "files": ["index.js", "index.html", "README.md", "manifest.json", "brdf.glsl"],
         "peerDependencies": {"three": ">=0.160.0"},
     }
-    names = {"NAME": in_markdown(called), "PACKAGE": package["name"], "VERSION": __version__}
+    names = {
+        "NAME": in_markdown(called), "PACKAGE": package["name"], "VERSION": __version__, "ERRORS": light.off()
+    }  # fmt: skip
     return Added(
         {
             # A script would end at "</script>", a comment at "*/": neither stands in JSON that is escaped like this.
@@ -60,8 +72,14 @@ def _files(made: Exported) -> Added:
             "package.json": json.dumps(package, indent=2, ensure_ascii=False) + "\n",
             "README.md": template("three.md", **names),
         },
-        {"environment": look},
+        light=light,
     )
+
+
+def _texture(texels: np.ndarray, kind: str) -> dict[str, Any]:
+    """What the module makes a texture of, from texels (rows, columns, 4)."""
+    rows, columns, _ = texels.shape
+    return {"columns": columns, "rows": rows, "kind": kind, "texels": base64.b64encode(texels.tobytes()).decode()}
 
 
 def page(called: str) -> str:

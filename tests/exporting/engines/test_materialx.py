@@ -74,7 +74,7 @@ def test_the_document_names_what_lies_beside_it(tmp_path: Path) -> None:
     root = ElementTree.parse(tmp_path / "fit" / "brdf.mtlx").getroot()
     files = [each.get("value") for each in root.iter("input") if each.get("type") == "filename"]
     files += [each.get("file") for each in root.iter("implementation")]
-    assert files == ["texture_0.exr", "texture_1.exr", "brdf_materialx.glsl"]
+    assert files == ["texture_0.exr", "texture_1.exr", "light_table.exr", "brdf_materialx.glsl"]
     assert all((tmp_path / "fit" / str(name)).is_file() for name in files)
 
 

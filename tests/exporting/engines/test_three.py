@@ -162,3 +162,26 @@ def test_what_three_does_not_take_is_refused() -> None:
     )  # fmt: skip
     with pytest.raises(BadInput, match="three: found channels a, b, c, d, expected R, G, B or one alone"):
         THREE.add(exported(four, format_named("exr16")))
+
+
+def test_a_three_of_other_environments_shows_the_look_alike_and_says_so(page: tuple[Any, Path, str]) -> None:
+    driver, folder, address = page
+    engine_folder(folder / "other", isotropic(), "three")
+    opened(driver, f"{address}/page.html")
+    found = driver.execute_async_script(
+        "const done = arguments[0]; (async () => { const THREE = await import('three');"
+        " const chunk = 'envmap_physical_pars_fragment', words = [];"
+        " THREE.ShaderChunk[chunk] = THREE.ShaderChunk[chunk].replaceAll('ENVMAP_TYPE_PMREM', 'ENVMAP_TYPE_CUBE_UV');"
+        " const warn = console.warn; console.warn = (text) => words.push(text);"
+        " const { BrdfMaterial } = await import('./other/index.js'); console.warn = warn;"
+        " const fragmentShader = '#include <lights_physical_pars_fragment>';"
+        " const shader = { uniforms: {}, vertexShader: '', fragmentShader };"
+        " new BrdfMaterial().onBeforeCompile(shader);"
+        " return [words, Object.keys(shader.uniforms), shader.fragmentShader.includes('RE_Direct_Homofact'),"
+        " shader.fragmentShader.includes('RE_IndirectSpecular_Homofact')]; })().then(done, (e) => done(String(e)));"
+    )
+    words, uniforms, direct, indirect = found
+    assert len(words) == 1
+    assert "look-alike" in words[0]
+    assert uniforms == ["homofact_texture_0", "homofact_texture_1"]
+    assert (direct, indirect) == (True, False)
