@@ -159,7 +159,8 @@ def _main(asked: Path, out: Path) -> None:
         def loadImage(self, path: Any) -> Any:
             """The image of a file."""
             channels = read_exr(path.asString())
-            texels = np.stack([channels.get(name, next(iter(channels.values()))) for name in "RGB"], 2)
+            names = "RGBA" if "A" in channels else "RGB"
+            texels = np.stack([channels.get(name, next(iter(channels.values()))) for name in names], 2)
             return _image(render, texels[::-1] if request["flip"] else texels)
 
     search = mx.getDefaultDataSearchPath()
