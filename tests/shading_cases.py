@@ -97,7 +97,7 @@ def grain(ratio: float, turn: float) -> tuple[float, float, float]:
     return float(matrix[0, 0]), float(matrix[0, 1]), float(matrix[1, 1])
 
 
-def mixture(seed: int, scale: float, grain: tuple[float, float, float] = ROUND) -> LobeMixture:
+def mixture(seed: int, scale: float, grain: tuple[float, float, float] = ROUND, grained: bool = False) -> LobeMixture:
     """A lobe with a random, rough table and random shares of the cosine."""
     generator = torch.Generator().manual_seed(seed)
     lobe, turns = (
@@ -107,7 +107,9 @@ def mixture(seed: int, scale: float, grain: tuple[float, float, float] = ROUND) 
     # Little at the horizon, where a step would be hard to integrate.
     peak = (1.02 - place) / (1 + (place - 0.3).square() * 30)
     cosine = 0.05 + 0.3 * torch.rand(THETAS, generator=generator, dtype=torch.float64)
-    return LobeMixture(halves(lobe * peak), halves(turns[..., 0]), halves(cosine), scale, grain)
+    return LobeMixture(
+        halves(lobe * peak), halves(turns[..., 0]), halves(cosine), scale, grain, grained or grain != ROUND
+    )
 
 
 MIXTURES = {

@@ -26,7 +26,7 @@ from homofact.shading.functions import functions_in_c, functions_text, sampling_
 from homofact.shading.labels import label_lookup, label_lookup_in_c
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
 from homofact.shading.lobe_mixture import LobeMixture
-from homofact.shading.mixture_fit import fitted_mixture
+from homofact.shading.mixture_fit import fitted_mixtures
 from homofact.shading.program import Program, check_count, program_of
 from homofact.version import __version__
 
@@ -79,7 +79,7 @@ def exported_layers(fit: Layered, form: Format) -> LayeredExport:
 
 def with_sampling(made: LayeredExport) -> LayeredExport:
     """With a mixture fitted to each layer's stored texels."""
-    return replace(made, sampling=tuple(fitted_mixture(layer) for layer in made.stored.layers))
+    return replace(made, sampling=fitted_mixtures(made.stored.layers))
 
 
 def codes(made: LayeredExport) -> dict[str, str]:

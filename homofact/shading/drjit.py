@@ -73,7 +73,7 @@ class DrJitMixture:
 
     def __init__(self, mixture: LobeMixture, mi: Any) -> None:
         """Keep the statements; `mi` is the mitsuba module with a variant set."""
-        self._mi, grained = mi, not mixture.isotropic
+        self._mi, grained = mi, mixture.grained
         self._sample, self._density = sample_statements(grained), density_statements(grained)
         self._constants = mixture.constants()
 

@@ -39,12 +39,15 @@ def sampling_functions(mixture: LobeMixture) -> tuple[Function, Function]:
 
 
 def sampling_of_layers(mixtures: Sequence[LobeMixture]) -> tuple[Function, Function]:
-    """`PREFIX_sample(wo, u, layer)` and `PREFIX_density(wi, wo, layer)`: layer k has the mixture number k."""
+    """`PREFIX_sample(wo, u, layer)` and `PREFIX_density(wi, wo, layer)`: layer k has the mixture number k.
+
+    The mixtures have the same coordinates (`mixture_fit.fitted_mixtures`).
+    """
     return _sampling(mixtures, *parameter_tables(mixtures))
 
 
 def _sampling(mixtures: Sequence[LobeMixture], values: Mapping[str, Any], tables: Tables) -> tuple[Function, Function]:
-    grained = not all(mixture.isotropic for mixture in mixtures)
+    grained = mixtures[0].grained
     sample = printed(needed(sample_statements(grained), variable("wi", 3)), values)
     density = printed(needed(density_statements(grained), variable("density", 1)), values)
     of_layer = " of the layer" * bool(tables)

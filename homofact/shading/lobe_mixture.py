@@ -36,7 +36,8 @@ class LobeMixture:
     """The density of the module's head.
 
     `lobe` (THETAS, PHIS, RADII) is g and `turns` (THETAS, PHIS) is m, both > 0 and of any scale; `cosine` (THETAS,) is
-    c in (0, 1]. All are float64 and half floats. `scale` is σ > 0, `grain` the entries xx, xy, yy of A.
+    c in (0, 1]. All are float64 and half floats. `scale` is σ > 0, `grain` the entries xx, xy, yy of A, and
+    `grained` whether the coordinates are those of an anisotropic material, which an isotropic one may have as well.
     """
 
     lobe: Tensor
@@ -44,6 +45,7 @@ class LobeMixture:
     cosine: Tensor
     scale: float
     grain: tuple[float, float, float] = ROUND
+    grained: bool = False
 
     @property
     def isotropic(self) -> bool:
@@ -63,12 +65,12 @@ class LobeMixture:
     def density(self, wi: Tensor, wo: Tensor) -> Tensor:
         """p(ωi | ωo) (N,) in sr⁻¹ of unit vectors (N, 3); 0 where a direction is under the horizon."""
         values = self._values(wo) | {"wi": list(wi.unbind(-1))}
-        return interpret(density_statements(not self.isotropic), values, TORCH)["density"][0]
+        return interpret(density_statements(self.grained), values, TORCH)["density"][0]
 
     def draw(self, wo: Tensor, u: Tensor) -> Tensor:
         """ωi (N, 3) for viewers (N, 3) and points u (N, 3) of the unit cube; unit, above the horizon."""
         values = self._values(wo) | {"u": list(u.unbind(-1))}
-        return torch.stack(interpret(sample_statements(not self.isotropic), values, TORCH)["wi"], -1)
+        return torch.stack(interpret(sample_statements(self.grained), values, TORCH)["wi"], -1)
 
     def _values(self, wo: Tensor) -> dict[str, Any]:
         constants = {name: list(wo.new_tensor(numbers)) for name, numbers in self.constants().items()}
@@ -85,6 +87,7 @@ class LobeMixture:
             "kind": "cosine and a table round the mirror direction",
             "scale": self.scale,
             "grain": list(self.grain),
+            "grained": self.grained,
             "cosine": self.cosine.tolist(),
             "turns": self.turns.tolist(),
             "lobe": self.lobe.tolist(),
@@ -94,7 +97,7 @@ class LobeMixture:
 def restored(record: Mapping[str, Any]) -> LobeMixture:
     """The mixture that `LobeMixture.describe` wrote."""
     lobe, turns, cosine = (torch.tensor(record[name], dtype=torch.float64) for name in ("lobe", "turns", "cosine"))
-    return LobeMixture(lobe, turns, cosine, record["scale"], tuple(record["grain"]))
+    return LobeMixture(lobe, turns, cosine, record["scale"], tuple(record["grain"]), record["grained"])
 
 
 def halves(values: Tensor) -> Tensor:

@@ -16,6 +16,7 @@ that of the lobe.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -53,21 +54,29 @@ _ROUND = 1.05
 _SHAPE_STEPS, _SHAPE_VIEWERS = 40, (6, 5)
 
 
-def fitted_mixture(reflectance: Reflectance) -> LobeMixture:
+def fitted_mixtures(reflectances: Sequence[Reflectance]) -> tuple[LobeMixture, ...]:
+    """The mixtures of layers: in the coordinates of anisotropic materials where one of the layers is anisotropic."""
+    grained = not all(find_symmetry(each).isotropic for each in reflectances)
+    return tuple(fitted_mixture(each, grained) for each in reflectances)
+
+
+def fitted_mixture(reflectance: Reflectance, grained: bool = False) -> LobeMixture:
     """The mixture for a reflectance, from about 3·10⁵ evaluations of it (10⁶ if it is anisotropic).
 
+    `grained` asks for the coordinates of anisotropic materials, whatever the reflectance.
     Of nothing, or nothing finite, the cosine alone. Raises nothing.
     """
     isotropic = find_symmetry(reflectance).isotropic
     grain = ROUND if isotropic else _grain(reflectance)
-    problems = [_Problem(reflectance, grain, scale, isotropic) for scale in _SCALES]
+    grained = grained or grain != ROUND
+    problems = [_Problem(reflectance, grain, grained, scale, isotropic) for scale in _SCALES]
     if not all(len(problem.target) for problem in problems):
         even = torch.ones(THETAS, PHIS, RADII, dtype=torch.float64)
-        return LobeMixture(even, even[..., 0].clone(), even[:, 0, 0].clone(), 1.0)
+        return LobeMixture(even, even[..., 0].clone(), even[:, 0, 0].clone(), 1.0, ROUND, grained)
     tried = [problem.solved(problem.start(), _TRIED) for problem in problems]
     best = min(range(len(_SCALES)), key=lambda k: tried[k][1])
     lobe, turns, cosine = problems[best].tables(torch.from_numpy(problems[best].solved(tried[best][0], _STEPS)[0]))
-    return LobeMixture(halves(lobe), halves(turns), halves(cosine), _SCALES[best], grain)
+    return LobeMixture(halves(lobe), halves(turns), halves(cosine), _SCALES[best], grain, grained)
 
 
 def viewers(heights: Tensor, azimuths: int) -> Tensor:
@@ -127,7 +136,12 @@ class _Problem:
     """The mean log ∫ q²/p and its slope over the logarithms of the table, for one σ."""
 
     def __init__(
-        self, reflectance: Reflectance, grain: tuple[float, float, float], scale: float, isotropic: bool
+        self,
+        reflectance: Reflectance,
+        grain: tuple[float, float, float],
+        grained: bool,
+        scale: float,
+        isotropic: bool,
     ) -> None:
         wo = viewers(_heights(isotropic), _AZIMUTHS[isotropic])
         around = (torch.arange(_TURNS, dtype=torch.float64) + 0.5) * ((PHIS - 1) / _TURNS)
@@ -141,7 +155,6 @@ class _Problem:
             "scale": [torch.tensor(scale, dtype=torch.float64)],
             "grain": [*grain],
         }
-        grained = grain != ROUND
         place = Let("place", variable("share", 1) * variable("limit", 1))
         interpret(
             [*viewer_statements(grained), *ray_statements(grained), place, *found_statements(grained)], values, TORCH

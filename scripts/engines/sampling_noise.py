@@ -163,10 +163,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             cost = (
                 f"{mixture.nbytes} bytes, {counts[0]} + {counts[1]} operations on scalars to draw and for the density"
             )
-            progress(name, way, f"{seconds[-1]:.1f} s")
             rows += rows_of(mi, name, way, file, fitted, mixture)
-            if way == next(iter(ways)):
-                pictures.append(picture_row(mi, name, file, place, options.size, options.spp))
+            progress(name, way, f"{seconds[-1]:.1f} s", *rows[-3:])
+    for file in files:
+        name = file.name.removesuffix(FILE.format(""))
+        place = folder / f"{name}.{next(iter(ways))}.npz"
+        pictures.append(picture_row(mi, name, file, place, options.size, options.spp))
+        progress(*pictures[-1])
     angles = tuple(f"{angle:.0f}°" for angle in ANGLES)
     header = ("file", "drawn from", *angles, "albedo", "lost", "clipped")
     shown = ("file", "noise, `measured`", "noise, ours", "ratio", "seconds, `measured`", "seconds, ours",
@@ -176,8 +179,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             markdown(header, rows, 2),
             markdown(shown, pictures),
             f"Fits of three textures of 32², effort {options.effort}, seed 0. The density takes {cost}; it was fitted"
-            f" in {sorted(seconds)[len(seconds) // 2]:.1f} s (median). Pictures of {options.size}² pixels, {options.spp}"
-            f" samples a pixel, seed 0, Mitsuba {mi.__version__}. {machine()}",
+            f" in {sorted(seconds)[len(seconds) // 2]:.1f} s (median). Pictures of {options.size}² pixels,"
+            f" {options.spp} samples a pixel, seed 0, Mitsuba {mi.__version__}. {machine()}",
         ]
     )
     return finish(text, options)

@@ -6,7 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+from mitsuba_cases import variant
 
+from homofact.brdf.adaptive import tabulated
+from homofact.brdf.formats import rgl
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
 from homofact.brdf.neural import LAYERS, NeuralBrdf
@@ -43,18 +46,22 @@ def test_costs_of_shaders(script, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_noise_of_sampling(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        script("engines.sampling_noise").main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "s.md")])
-        == 0
-    )
-    streams = capsys.readouterr()
-    assert (tmp_path / "s.md").read_text(encoding="utf-8") == streams.out
-    assert "skipped vch_golden_yellow" in streams.err
-    cosine, _, _, two, _ = rows(streams.out)
-    assert cosine[1] == "cosine"
-    # The material's name stands in its first line alone.
-    assert float(two[4]) < float(cosine[5]) / 5
-    assert (two[0], two[-1]) == ("2 lobes", "80")
+    variant("llvm_ad_rgb")
+    main = script("engines.sampling_noise").main
+    assert main(["--short", "--data", str(tmp_path)]) == 2
+    assert "no RGL files" in capsys.readouterr().err
+    (tmp_path / "rgl").mkdir()
+    rgl.write(tmp_path / "rgl" / "phong_rgb.bsdf", tabulated(material("phong-30").model, True, side=32, thetas=8))
+    assert main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "s.md")]) == 0
+    shown = capsys.readouterr().out
+    assert (tmp_path / "s.md").read_text(encoding="utf-8") == shown
+    cosine, ggx, ours, measured, _, picture = rows(shown)
+    assert [each[1] for each in (cosine, ggx, ours, measured)] == ["cosine", "GGX × 1", "ours", "`measured`"]
+    for angle in range(2, 6):
+        assert float(ours[angle]) < float(ggx[angle]) < float(cosine[angle])
+    assert float(ours[6].rstrip("%")) < 0.5
+    assert ours[7:9] == ["0", "0"]
+    assert picture[0] == "phong"
 
 
 def test_whole_texels(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

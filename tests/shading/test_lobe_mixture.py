@@ -133,7 +133,7 @@ def test_the_chi_square_test_sees_another_density() -> None:
         replace(mixture, cosine=mixture.cosine + 0.03),
         replace(mixture, lobe=lobe),
         replace(mixture, turns=mixture.turns.flip(1)),
-        replace(mixture, grain=grain(1.2, 0.3)),
+        replace(mixture, grained=True),
     )
     for other in others:
         assert p_value(wi, wo, other.density) < 1e-4
