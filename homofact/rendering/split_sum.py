@@ -41,6 +41,7 @@ from homofact.rendering.surface import ToRgb, shader
 
 COLUMNS, LOBES = 64, 2
 GRAZING = math.radians(89.0)  # what stands for θo = 90°, where nothing is seen
+_STEEP = 1e-4  # radians
 _NODES = (64, 32)
 _AZIMUTHS = 4  # of half a turn: the other half is alike where lobes are
 _LEAST_TILT, _MOST_TILT, _MOST_SPREAD = -0.5, 2.0, 2.0
@@ -132,7 +133,8 @@ def _seen(shade, theta: float, across: float | None, known: Potentials) -> _Seen
     """What viewers at θo see; of what is isotropic one viewer."""
     turns = 1 if across is None else _AZIMUTHS
     turn = torch.arange(turns, dtype=torch.float64) * (math.pi / turns)
-    wo = from_spherical(torch.full_like(turn, theta), turn)
+    # At the normal itself a viewer has no azimuth for the nodes to turn with.
+    wo = from_spherical(torch.full_like(turn, theta if across is None else max(theta, _STEEP)), turn)
     wi, angles = hemisphere_nodes(wo, *_NODES)
     f = shade(wi.reshape(-1, 3), wo[:, None].expand_as(wi).reshape(-1, 3)).clamp_min(0)
     weight = angles * wi[..., 2].clamp_min(0)
