@@ -41,7 +41,7 @@ SECTIONS = (
         "Guides",
         (
             "python", "formats", "results", "verdict", "artefacts", "suspicion", "robustness", "export", "interchange",
-            "mitsuba", "planning", "relighting", "editing", "sweep", "report", "papers",
+            "mitsuba", "sampling", "planning", "relighting", "editing", "sweep", "report", "papers",
         ),
     ),
     Section("Gallery", ("gallery", "editing_gallery")),
