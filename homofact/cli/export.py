@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from homofact.api.exporting import SKY_SIDE
+from homofact.api.exporting import SKY_SIDE, ExportResult
 from homofact.cli import options as o
 from homofact.cli.screen import Screen
 from homofact.cli.tables import appearance_tables, stored_table
@@ -99,12 +99,8 @@ def export(
             result, to, format=form, quantize=quantize, engine=engine, prefilter=prefilter,
             prefilter_side=prefilter_side, source=source, force=force, progress=progress,
         )  # fmt: skip
-    if found.caution:
-        why = found.caution if found.source_found else f"no error on samples: {found.caution}; --source names it"
-        screen.note(f"homofact: {why}")
-    for judged in (found.likeness, found.light):
-        if judged is not None and judged.warning:
-            screen.note(f"homofact: {judged.warning}")
+    for warning in _warnings(found):
+        screen.note(f"homofact: {warning}")
     if not quiet:
         cost, looks = found.cost, found.looks or {}
         screen.show(
@@ -114,14 +110,20 @@ def export(
                 f" ({cost.scalar} on scalars), {cost.nbytes} bytes of texels."
             ),
             Text(_noise_line(found.noise)),
-            *([] if found.prefiltered is None else [Text(found.prefiltered.sentence())]),
-            *([] if found.light is None else [Text(found.light.sentence())]),
+            *(Text(part.sentence()) for part in (found.prefiltered, found.light) if part is not None),
             *appearance_tables(looks),
             *(look["said"] for look in looks.values() if look["said"]),
             *([] if found.likeness is None else [Text(found.likeness.phrase)]),
             f"{to}: {', '.join(found.files)}",
         )
     screen.answer(found.record())
+
+
+def _warnings(found: ExportResult) -> list[str]:
+    """What to beware of."""
+    why = found.caution if found.source_found else f"no error on samples: {found.caution}; --source names it"
+    told = [part.warning for part in (found.likeness, found.light) if part is not None]
+    return [each for each in (why if found.caution else "", *told) if each]
 
 
 def _noise_line(measured: Sequence[Mapping[str, float]]) -> str:

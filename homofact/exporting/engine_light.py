@@ -83,7 +83,7 @@ class EngineLight:
             return ""
         return (
             f"under small bright lights the engine's own sky holds this material's lobes within {self.worst:.0%} only;"
-            " --prefilter SKY filters a sky for it"
+            " `prefilter='SKY'` filters a sky for it"
         )
 
 

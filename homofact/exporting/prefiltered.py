@@ -109,7 +109,8 @@ class PrefilteredExport:
                     *["each lobe's spread a: r mirrors at the half vector n + a g"] * (material.across is not None),
                 ],
                 "bytes": self.nbytes,
-            },
+            }
+            | ({} if material.across is None else {"across": material.across}),
             "sky": {
                 "file": light,
                 "side": sky.side,

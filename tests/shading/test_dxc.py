@@ -155,7 +155,7 @@ def test_prefiltered_light(light: Prefiltered, gpu: Gpu) -> None:
     main = hlsl_main("values[id.x] = float4(sky_reflected(lights[id.x].xyz, viewers[id.x].xyz), 0.0);")
     n, wo = normals(2000)
     cubes = [level.numpy() for level in light.sky.levels], [light.sky.irradiance.numpy()]
-    images = [Image.of(light.table.numpy().astype(np.float32)), *map(Image.cube, cubes)]
+    images = [Image.of(light.material.table.numpy().astype(np.float32)), *map(Image.cube, cubes)]
     found = gpu.run(spirv(text + main), images, n, wo, SAMPLER)[:, :3]
     apart = np.abs(found / light.radiance(n, wo).numpy() - 1)
     assert np.median(apart) < 1e-3
