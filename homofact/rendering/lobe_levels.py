@@ -96,13 +96,13 @@ def pull_of(axis, level, wi, flux, potential):  # pragma: no cover (compiled)
 
 
 @kernel(nogil=True)
-def energy(axes, levels, wi, flux, albedo, matte, potential, overlap, signed):  # pragma: no cover (compiled)
+def energy(axes, levels, wi, flux, whole, potential, overlap, signed):  # pragma: no cover (compiled)
     """(E less a constant, the best shares (K + 1, C)) of lobes of `levels` (K,), and of the last level round n.
 
     E is the mean over T azimuths of the viewer, at each of which the lobes stand round unit `axes` (T, K, 3), and the
-    material's own flux (T, M, C) comes from `wi` (M, 3); `albedo` (C,) is its sum, the mean of all azimuths, and
-    `matte` (C,) the mean of its `pull` on the last level round n. The shares add up to the albedo in every channel;
-    they are ≥ 0 unless `signed`.
+    material's own flux (T, M, C) comes from `wi` (M, 3). `whole` (2, C) are the means of all azimuths of its sum, the
+    albedo, and of its `pull` on the last level round n. The shares add up to the albedo in every channel; they are ≥ 0
+    unless `signed`.
     """
     turns, lobes = axes.shape[0], axes.shape[1]
     count, channels, last = lobes + 1, flux.shape[2], len(potential) - 1.0
@@ -129,10 +129,10 @@ def energy(axes, levels, wi, flux, albedo, matte, potential, overlap, signed):  
                 lower = (1 - part) * _between(overlap[low], own[j], cosine)
                 between[j, k] += (lower + part * _between(overlap[low + 1], own[j], cosine)) / turns
                 between[k, j] = between[j, k]
-    pull[lobes] = matte
+    pull[lobes] = whole[1]
     total, shares = 0.0, np.zeros((count, channels))
     for channel in range(channels):
-        value, best = _shared(between, pull[:, channel], albedo[channel], signed)
+        value, best = _shared(between, pull[:, channel], whole[0, channel], signed)
         total += value
         shares[:, channel] = best
     return total, shares

@@ -76,16 +76,15 @@ class Response(NamedTuple):
 class _Seen(NamedTuple):
     """What viewers at θo see, as `energy` wants it, in the frame where each is at azimuth 0.
 
-    `grains` (T, 3) are g, `towards` (M, 3) ωi, `flux` (T, M, C) f cosθi dω; `albedo` and `matte` (C,) its sum and its
-    pull, the means of all azimuths.
+    `grains` (T, 3) are g, `towards` (M, 3) ωi, `flux` (T, M, C) f cosθi dω; `whole` (2, C) the means of all azimuths of
+    its sum, the albedo, and of its pull on the last level.
     """
 
     theta: float
     grains: np.ndarray
     towards: np.ndarray
     flux: np.ndarray
-    albedo: np.ndarray
-    matte: np.ndarray
+    whole: np.ndarray
 
     def axes(self, lobes: np.ndarray) -> np.ndarray:
         """The lobes' directions (T, K, 3) from levels, tilts and spreads (K, 3)."""
@@ -157,7 +156,7 @@ def _seen(shade, theta: float, across: float | None, known: Potentials) -> _Seen
     towards, flux = (each.contiguous().numpy() for each in (towards[bright], flux[:, bright]))
     up = np.array([0.0, 0.0, 1.0])
     matte = pull_of(up, len(known.potential) - 1.0, towards, np.ascontiguousarray(flux.mean(0)), known.potential)
-    return _Seen(theta, grains, towards, flux, albedo, matte)
+    return _Seen(theta, grains, towards, flux, np.stack((albedo, matte)))
 
 
 @dataclass(frozen=True)
@@ -206,7 +205,7 @@ def _tracked(
     total, x = 0.0, None
     for k in order:
         # Of a black material nothing depends on it.
-        scale = float((seen[k].albedo ** 2).sum()) * known.overlap[-1, -1, 0] or 1.0
+        scale = float((seen[k].whole[0] ** 2).sum()) * known.overlap[-1, -1, 0] or 1.0
 
         def reflected(tried: np.ndarray, own: _Seen = seen[k]) -> tuple[float, np.ndarray]:
             lobes = layout.lobes(tried)

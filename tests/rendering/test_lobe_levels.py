@@ -77,7 +77,7 @@ def test_the_energy_is_least_at_the_lobe_that_it_is_asked_for() -> None:
     def at(level: float, tilt: float):
         tilted = mirror + np.array([0, 0, tilt])
         axes = (tilted / np.linalg.norm(tilted))[None, None]
-        return energy(axes, np.array([level]), wi, flux[None], flux.sum(0), matte, *known, False)
+        return energy(axes, np.array([level]), wi, flux[None], np.stack((flux.sum(0), matte)), *known, False)
 
     best, shares = at(1.5, 0.2)
     assert shares[0] == pytest.approx([0.5, 0.2], rel=0.05)
