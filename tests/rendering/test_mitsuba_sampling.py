@@ -50,7 +50,7 @@ def chi_square(mi: Any, bsdf: Any, wo: Tensor, steps: int = 16) -> Any:
     def draw(points: Any) -> tuple[Any, Any]:
         si = seen_from(mi, wo.expand(dr.width(points), 3))
         found, _ = bsdf.sample(context, si, points[0], mi.Point2f(points[1], points[2]))
-        # Directions that are lost under the horizon count for nothing.
+        # Directions under the horizon, of which rounding makes a few, count for nothing.
         return found.wo, dr.select(found.pdf > 0, mi.Float(1), 0)
 
     def density(direction: Any) -> Any:
@@ -73,9 +73,8 @@ def test_directions_are_drawn_from_the_density(mi: Any, fits: dict[str, Path], n
         test = chi_square(mi, bsdf, at(degrees), steps)
         assert test.run(0.01, test_count=len(VIEWS) * len(DRAWN), quiet=True), f"{degrees}°: {test.messages}"
         total = float(np.ravel(test.pdf_sum)[0])
-        assert total < 1 + 2e-3
-        if sampling == "cosine":
-            assert total == pytest.approx(1, abs=2e-3)
+        # Nothing is lost under the horizon; of a sharp lobe the test's own quadrature is coarse.
+        assert total == pytest.approx(1, abs=2e-3 if sampling == "cosine" else 2e-2)
 
 
 @pytest.mark.parametrize("name", ["phong", "ward"])

@@ -163,7 +163,8 @@ def test_a_name_brings_nothing_of_threes_shader_into_the_fits(tmp_path: Path) ->
     for k, name in enumerate(("$' $` $&", "paint")):
         module = texts(named("material", name), "three")["index.js"]
         stub = "const THREE = { HalfFloatType: 1, FloatType: 2, UnsignedByteType: 3, MeshPhysicalMaterial: class {\n"
-        stub += "color = { setRGB() {} }; setValues() {} }, DataTexture: class {} };\n"
+        chunk = "ShaderChunk: { envmap_physical_pars_fragment: 'ENVMAP_TYPE_PMREM' }"
+        stub += "color = { setRGB() {} }; setValues() {} }, DataTexture: class {}, " + chunk + " };\n"
         module = module.replace('import * as THREE from "three";', stub)
         module += "const shader = { uniforms: {}, vertexShader: '', fragmentShader: `before ${CHUNK} after` };\n"
         module += "new BrdfMaterial().onBeforeCompile(shader);\nconsole.log(shader.fragmentShader);\n"
