@@ -57,7 +57,7 @@ class EngineLight:
         return shader(self.table.program(((levels, 6, 0, 0), (1, 6, 0, 0)), _TITLE), language, prefix)
 
     def record(self) -> dict[str, Any]:
-        """JSON-able, for the manifest."""
+        """JSON-able, for the report of the export."""
         return {
             "reads": self.table.lobes + 1,
             "bytes": self.texels.nbytes,

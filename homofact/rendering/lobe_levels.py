@@ -63,20 +63,10 @@ def _angles() -> np.ndarray:
 
 
 @kernel(nogil=True, inline="always")
-def _at(row, cosine):  # pragma: no cover (compiled)
-    """A tabulated function at an angle given by its cosine."""
-    place = math.sqrt(math.acos(min(max(cosine, -1.0), 1.0)) / math.pi) * (POINTS - 1)
-    low = min(int(place), POINTS - 2)
-    part = place - low
-    return (1 - part) * row[low] + part * row[low + 1]
-
-
-@kernel(nogil=True, inline="always")
 def _between(table, level, cosine):  # pragma: no cover (compiled)
-    """One that is tabulated for every level, linear between two."""
+    """A tabulated function of a level and of an angle, given by its cosine: linear between two of either."""
     low = max(min(int(level), len(table) - 2), 0)
     up = level - low
-    # As `_at` of both, their place found once.
     place = math.sqrt(math.acos(min(max(cosine, -1.0), 1.0)) / math.pi) * (POINTS - 1)
     k = min(int(place), POINTS - 2)
     part = place - k

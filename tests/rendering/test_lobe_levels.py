@@ -10,7 +10,7 @@ from skies import Planted
 from torch import Tensor
 
 from homofact.rendering.chain_kernels import cosine_power
-from homofact.rendering.lobe_levels import POINTS, _at, _shared, energy, potentials, pull_of
+from homofact.rendering.lobe_levels import POINTS, _between, _shared, energy, potentials, pull_of
 from homofact.rendering.sky_chain import own_kernels
 from homofact.rendering.split_sum import response_of
 
@@ -39,7 +39,7 @@ def test_an_overlap_is_the_potential_s_mean_over_the_other_lobe() -> None:
         seen = cosine * math.cos(angle) + sine * np.cos(phi) * math.sin(angle)
         place = np.sqrt(np.arccos(seen.clip(-1, 1)) / math.pi) * (POINTS - 1)
         mean = np.interp(place, np.arange(POINTS), known.potential[2]).mean()
-        assert _at(known.overlap[1, 2], math.cos(angle)) == pytest.approx(mean, abs=3e-4)
+        assert _between(known.overlap[1], 2.0, math.cos(angle)) == pytest.approx(mean, abs=3e-4)
 
 
 def test_shares_are_the_best_of_all_that_add_up() -> None:
