@@ -180,11 +180,13 @@ def apply_curves(
     from homofact.editing.edited_fit import chosen_material, fit_edit
     from homofact.editing.result import read_report
     from homofact.editing.scene_file import read_edit_scene
+    from homofact.scene.file_fits import FileFits
 
     place, steps = Path(scene), ProgressSteps(progress)
     with nullcontext() if folder is None else claimed(folder):
         file = read_report(place)[0] if place.is_dir() else read_edit_scene(place)
-        materials = open_edit_materials(file, steps.stage)
+        fits = FileFits(place if place.is_dir() else None, progress=steps)
+        materials = open_edit_materials(file, steps.stage, fits)
         if isinstance(curves, str | os.PathLike):
             given = read_curves(curves, [own.material for own in materials])
             try:
@@ -209,9 +211,11 @@ def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":
     from homofact.editing.errors import light_error, rank_errors
     from homofact.editing.precompute import prepare
     from homofact.editing.result import EditResult
+    from homofact.scene.file_fits import FileFits
 
     begun = time.perf_counter()
-    scene = open_edit_scene(file, steps.stage)
+    fits = FileFits(progress=steps)
+    scene = open_edit_scene(file, steps.stage, fits)
     for line in scene.notes:
         steps.note(line)
     opened = time.perf_counter()
@@ -229,7 +233,8 @@ def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":
         "materials": opened - begun, "precompute": done - opened, "errors": time.perf_counter() - done,
     }  # fmt: skip
     report["notes"] = list(scene.notes)
-    return EditResult(file, prepared, report, parts)
+    report["fits"] = {words: fit.record() for words, fit in fits.made.items()}
+    return EditResult(file, prepared, report, parts, tuple(fits.made.values()))
 
 
 def _report(

@@ -75,7 +75,7 @@ def relight(
         A scene's file in TOML. With `material` a mesh: a `Mesh`, an OBJ, PLY or glTF file, or "shape:sphere" or
         "shape:knot".
     material : Reflectance or path, optional
-        The mesh's material: a fit, a model, a measurement's file, or "material:NAME".
+        The mesh's material: a fit, a model, "material:NAME", or a measurement's file, which is fitted first.
     to : path, optional
         The folder of the relit scene, which `homofact view` shows. Nothing is written unless it is given. A run that
         was stopped goes on where it was.
@@ -161,9 +161,11 @@ def _relit_scene(
     from homofact.relighting.build import open_relight_scene, relit_objects
     from homofact.relighting.errors import dense_colours, scene_errors
     from homofact.relighting.result import RelightResult
+    from homofact.scene.file_fits import FileFits
 
     begun = time.perf_counter()
-    scene = open_relight_scene(file, steps.stage)
+    fits = FileFits(blocks, blocks is not None, steps)
+    scene = open_relight_scene(file, steps.stage, fits)
     for line in (*scene.notes, *(plan.warning for plan in scene.plans if plan.warning)):
         steps.note(line)
     steps.note(scene.cost.describe())
@@ -228,8 +230,9 @@ def _relit_mesh(
     from homofact.relighting.factoring import MAP_SIZE, SHARE, factor
     from homofact.relighting.precompute import TransportSettings, transport
     from homofact.relighting.relight import RelitMesh
+    from homofact.scene.file_fits import FileFits
     from homofact.scene.lighting import open_environment
-    from homofact.scene.materials import open_reflectance
+    from homofact.scene.materials import open_material
     from homofact.scene.meshes import MeshGroup, open_mesh
 
     unknown = settings.keys() - {"cube", "rays", "kept", "tolerance"}
@@ -240,13 +243,13 @@ def _relit_mesh(
     given, notes = prepared(mesh if isinstance(mesh, Mesh) else open_mesh(os.fspath(mesh)))
     given_material: Any = getattr(material, "factorization", material)
     reflectance: Any = given_material
+    steps = ProgressSteps(progress)
+    place = None if folder is None else Path(folder)
     if isinstance(material, str | os.PathLike):
-        reflectance = open_reflectance(os.fspath(material))
+        reflectance = open_material(os.fspath(material), FileFits(place, True, steps)).reflectance
     under = open_environment(os.fspath(light)) if isinstance(light, str | os.PathLike) else light
     share, size = SHARE if share is None else share, MAP_SIZE if map_size is None else map_size
     factors = factor(reflectance, terms, share, size, error, under)
-    steps = ProgressSteps(progress)
-    place = None if folder is None else Path(folder)
     occluder = MeshGroup([given, *among]).occluder
 
     def traced_block(done: int, count: int) -> None:
@@ -267,6 +270,7 @@ def _report(
             {
                 "mesh": relit.mesh.name,
                 "material": relit.material,
+                "fit": None if relit.fit is None else relit.fit.record(),
                 "vertices": made.vertices,
                 "terms": made.factors.terms,
                 "form": relit.form,

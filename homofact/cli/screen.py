@@ -1,7 +1,8 @@
 """What a command shows: tables and one JSON object on stdout, notes and the progress bar on stderr.
 
 With --json stdout carries exactly one JSON object and nothing else. With -q there are no notes and no bar,
-and a command whose product is a file prints nothing. The bar runs on a terminal only.
+and a command whose product is a file prints nothing. The bar runs on a terminal; elsewhere lines say where a long
+command is, but for --json.
 """
 
 import json
@@ -10,13 +11,14 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as ProgressBar
 from rich.segment import Segment
 
 from homofact.api.progress import Progress, ProgressStep, ProgressSteps
 from homofact.cli.flags import with_options
 from homofact.cli.interrupts import told
+from homofact.cli.progress_lines import ProgressLines
 from homofact.errors import Report, Status
 from homofact.files.plain import plain
 from homofact.files.words import harmless
@@ -75,15 +77,25 @@ class Screen:
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:
-        """What shows the steps of a call: its notes, and on a terminal a bar on stderr while the block runs."""
-        if self.quiet or not self._err.is_terminal:
+        """What shows the steps of a call: its notes, and on stderr a bar, or lines, while the block runs."""
+        if self.quiet or (self.as_json and not self._err.is_terminal):
             yield self._say
+            return
+        if not self._err.is_terminal:
+            with ProgressLines(lambda line: self.note(f"homofact: {line}")).running() as take:
+
+                def show_lines(step: ProgressStep) -> None:
+                    self._say(step)
+                    take(step)
+
+                yield show_lines
             return
         columns = (
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=None),
             TextColumn("{task.fields[figures]}", markup=False),
             TimeElapsedColumn(),
+            TimeRemainingColumn(),
         )
         # transient: a finished bar says nothing that the table does not.
         with ProgressBar(*columns, console=self._err, transient=True, expand=True) as bar:

@@ -16,6 +16,7 @@ from homofact.editing.scene import EditObject, EditScene
 from homofact.editing.scene_file import HD, HF, OWN, EditGroundTable, EditObjectTable, EditSceneFile
 from homofact.errors import BadInput
 from homofact.files.kinds import FACTORIZATION
+from homofact.scene.file_fits import FileFits
 from homofact.scene.materials import MATT, OpenedMaterial, Stage, open_materials
 from homofact.scene.objects import place_objects
 
@@ -31,18 +32,23 @@ class EditMaterial:
     material: Editable
 
 
-def open_edit_materials(file: EditSceneFile, stage: Stage | None = None) -> tuple[EditMaterial, ...]:
+def open_edit_materials(
+    file: EditSceneFile, stage: Stage | None = None, fits: FileFits | None = None
+) -> tuple[EditMaterial, ...]:
     """The materials of the objects and of the ground, with their curves.
 
     Raises BadInput for what cannot be read, curves that a material cannot have, and a name that is there twice.
     """
-    return _with_curves(file, open_materials(_tables(file).values(), stage), stage)
+    return _with_curves(file, open_materials(_tables(file).values(), stage, fits), stage)
 
 
-def open_edit_scene(file: EditSceneFile, stage: Stage | None = None) -> EditScene:
-    """Read and place everything. Raises BadInput for what cannot be read, and what `EditScene` refuses."""
+def open_edit_scene(file: EditSceneFile, stage: Stage | None = None, fits: FileFits | None = None) -> EditScene:
+    """Read and place everything; `fits` has the fits that stand for files of measurements.
+
+    Raises BadInput for what cannot be read, and what `EditScene` refuses.
+    """
     lighting = file.lighting.lighting(Path())
-    placed, notes = place_objects(file.objects, file.ground, stage)
+    placed, notes = place_objects(file.objects, file.ground, stage, fits)
     edited = _with_curves(file, [thing.material for thing in placed], stage)
     remarks = [f"{each.material.name}: {note}" for each in edited for note in each.material.notes]
     objects = tuple(EditObject(thing.mesh, each.material) for thing, each in zip(placed, edited, strict=True))

@@ -25,6 +25,7 @@ from homofact.files.fields import Fields
 from homofact.files.kinds import PREPARED
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import choose_exposure, tonemap
+from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.folders import is_scene_folder, report_name, write_scene_folder
 from homofact.scene.materials import Stage
 
@@ -47,12 +48,15 @@ class EditResult:
         The JSON form, as in the folder's edit.json.
     parts : tuple of PartError
         The low rank's error of every term in every view; none where the scene was read from its folder.
+    fits : tuple of FileFit
+        The fits that stand for files of measurements.
     """
 
     file: EditSceneFile
     prepared: PreparedScene
     report: dict[str, Any]
     parts: tuple[PartError, ...] = ()
+    fits: tuple[FileFit, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -90,7 +94,7 @@ class EditResult:
             "scene": self.file.record(target),
             "report": self.report,
         }
-        write_scene_folder(target, PREPARED, archive, record, self.pictures, force)
+        write_scene_folder(target, PREPARED, archive, record, self.pictures, force, self.fits)
 
 
 def pictures(prepared: PreparedScene) -> list[np.ndarray]:
@@ -112,8 +116,10 @@ def open_edit(place: Path, stage: Stage | None = None) -> EditResult:
     Raises BadInput where the folder is none, where they are gone, and where they are not those that it was made with.
     """
     file, report = read_report(place)
-    scene = open_edit_scene(file, stage)
-    return EditResult(file, read_prepared(_folder(place) / PREPARED.mark, scene), report)
+    fits = FileFits(_folder(place))
+    scene = open_edit_scene(file, stage, fits)
+    prepared = read_prepared(_folder(place) / PREPARED.mark, scene)
+    return EditResult(file, prepared, report, fits=tuple(fits.made.values()))
 
 
 def read_report(place: Path) -> tuple[EditSceneFile, dict[str, Any]]:

@@ -20,6 +20,7 @@ from homofact.rendering.prefilter import LevelTable, Prefiltered, level_table
 from homofact.rendering.sky_chain import FilteredSky
 from homofact.rendering.split_sum import response_of
 from homofact.shading.languages import Language, shader
+from homofact.shading.program import Program
 
 PREFIX = "homofact_light"
 LOBES = 3
@@ -53,8 +54,11 @@ class EngineLight:
 
     def code(self, language: Language, prefix: str = PREFIX) -> str:
         """`PREFIX_reflected(n, wo)`, of an anisotropic material (n, t, b, wo), its one texture the table."""
-        levels = len(self.kernels.alphas)
-        return shader(self.table.program(((levels, 6, 0, 0), (1, 6, 0, 0)), _TITLE), language, prefix)
+        return shader(self.program(), language, prefix)
+
+    def program(self) -> Program:
+        """What `code` prints."""
+        return self.table.program(((len(self.kernels.alphas), 6, 0, 0), (1, 6, 0, 0)), _TITLE)
 
     def record(self) -> dict[str, Any]:
         """JSON-able, for the report of the export."""

@@ -17,6 +17,7 @@ from homofact.relighting.precompute import TransportCost, TransportSettings, Wav
 from homofact.relighting.relight import Relit, light_coefficients
 from homofact.relighting.scene_file import RelightSceneFile
 from homofact.rendering.light import EnvironmentMap
+from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.materials import Stage
 from homofact.scene.meshes import MeshGroup
 from homofact.scene.objects import SceneObject, place_objects
@@ -41,12 +42,16 @@ class TransportChoice:
 
 @dataclass(frozen=True)
 class RelitObject:
-    """An object with its transport, and the compact form where it was asked for."""
+    """An object with its transport, and the compact form where it was asked for.
+
+    `fit` stands for the material where that is a file of measurements.
+    """
 
     mesh: Mesh
     material: str
     transport: WaveletTransport
     compact: Clustered | Harmonic | None
+    fit: FileFit | None = None
 
     @property
     def form(self) -> str:
@@ -110,9 +115,14 @@ class RelightScene:
         return TransportCost(sum(c.rays for c in costs), stored, peak, sum(c.disk_bytes for c in costs))
 
 
-def open_relight_scene(file: RelightSceneFile, stage: Stage | None = None) -> RelightScene:
-    """Read and place everything. Raises BadInput for what cannot be read or has more channels than three."""
-    objects, notes = place_objects(file.objects, file.ground, stage)
+def open_relight_scene(
+    file: RelightSceneFile, stage: Stage | None = None, fits: FileFits | None = None
+) -> RelightScene:
+    """Read and place everything; `fits` has the fits that stand for files of measurements.
+
+    Raises BadInput for what cannot be read or has more channels than three.
+    """
+    objects, notes = place_objects(file.objects, file.ground, stage, fits)
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
     tables = [*file.objects, *([] if file.ground is None else [file.ground])]
     factored: dict[tuple[object, ...], InOutFactors] = {}
@@ -160,5 +170,5 @@ def relit_objects(
         elif file.clusters:
             count = None if file.clusters < 0 else min(file.clusters, made.vertices)
             compact = clustered(made, file.components, clusters=count, seed=file.seed)
-        objects.append(RelitObject(placed.mesh, placed.material.words, made, compact))
+        objects.append(RelitObject(placed.mesh, placed.material.words, made, compact, placed.material.fit))
     return tuple(objects)

@@ -115,7 +115,8 @@ class RelightResult:
         def archive(file: Path) -> None:
             save_scene(file, self)
 
-        write_scene_folder(Path(folder), RELIT, archive, self.report, self.pictures, force)
+        fits = {each.fit.name: each.fit for each in self.objects if each.fit is not None}
+        write_scene_folder(Path(folder), RELIT, archive, self.report, self.pictures, force, fits.values())
 
 
 def save_scene(file: Path, scene: RelightResult) -> None:

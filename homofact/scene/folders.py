@@ -1,9 +1,10 @@
-"""The folders of scenes that `relight` and `edit` write: an archive, a report in JSON and a picture a camera.
+"""The folders of scenes that `relight` and `edit` write: an archive, a report in JSON, a picture a camera, and the
+fits that stand for files of measurements.
 
 Each is written whole or not at all, and is known by its archive (`files.kinds`); the report has the same name in JSON.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from homofact.files.archive import member_names, read_arrays, read_header
 from homofact.files.folder import check_new_folder, write_folder
 from homofact.files.kinds import FolderKind
 from homofact.files.reading import read_bytes
+from homofact.scene.file_fits import FileFit
 
 
 def report_name(kind: FolderKind) -> str:
@@ -34,9 +36,11 @@ def write_scene_folder(
     report: dict[str, Any],
     pictures: Sequence[np.ndarray],
     force: bool = False,
+    fits: Iterable[FileFit] = (),
 ) -> None:
     """Write a folder: `save` writes the archive to the file that it is called with; `pictures` are 8-bit (H, W, 3).
 
+    `fits` are saved by their names.
     Raises BadInput as `files.folder.write_folder`.
     """
     check_new_folder(folder, kind, force)
@@ -46,6 +50,8 @@ def write_scene_folder(
         write_json(place / report_name(kind), report)
         for number, pixels in enumerate(pictures, 1):
             write_png(place / f"picture_{number}.png", pixels)
+        for each in fits:
+            each.fit.save(place / each.name)
 
     write_folder(folder, kind, fill, force)
 

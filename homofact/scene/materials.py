@@ -13,6 +13,7 @@ from homofact.errors import BadInput
 from homofact.exporting.as_source import is_fit
 from homofact.exporting.result import open_result
 from homofact.files.reading import split_member
+from homofact.scene.file_fits import FileFit, FileFits
 
 MATT, FIT, SOURCE = "matt", "fit", "source"
 Stage = Callable[[str], object]
@@ -47,35 +48,48 @@ class MaterialTable:
 class OpenedMaterial:
     """A material of a scene: as `words` name it, and the reflectance that it is.
 
-    `kind` is "fit", a result of `factorize`, "source", what `brdf.source.open_source` takes, or "matt", an albedo.
+    `kind` is "fit", a result of `factorize` or the `fit` that stands for a file, "source", a named material, or "matt",
+    an albedo.
     """
 
     words: str
     kind: str
     reflectance: Reflectance
+    fit: FileFit | None = None
 
 
-def open_materials(tables: Iterable[MaterialTable], stage: Stage | None = None) -> tuple[OpenedMaterial, ...]:
-    """The materials of tables, each opened once. Raises BadInput for what cannot be read."""
+def open_materials(
+    tables: Iterable[MaterialTable], stage: Stage | None = None, fits: FileFits | None = None
+) -> tuple[OpenedMaterial, ...]:
+    """The materials of tables, each opened once; files by way of `fits`. Raises BadInput for what cannot be read."""
     opened: dict[str, OpenedMaterial] = {}
+    fits = fits or FileFits()
     materials = []
     for table in tables:
         words = table.words
         if words not in opened:
             if stage is not None:
                 stage(f"opening {Path(words).name}")
-            if table.albedo:
-                rgb = table.albedo * 3 if len(table.albedo) == 1 else table.albedo
-                opened[words] = OpenedMaterial(words, MATT, Lambert(rgb))
-            else:
-                opened[words] = OpenedMaterial(words, FIT if is_fit(words) else SOURCE, open_reflectance(words))
+            opened[words] = _matt(words, table.albedo) if table.albedo else open_material(words, fits)
         materials.append(opened[words])
     return tuple(materials)
 
 
-def open_reflectance(text: str) -> Reflectance:
-    """A material's name, a measurement's file, or a fit: the folder or the file that `factorize` wrote."""
-    return open_result(Path(text)) if is_fit(text) else open_source(text).reflectance
+def open_material(words: str, fits: FileFits) -> OpenedMaterial:
+    """A material's name, a fit (the folder or the file that `factorize` wrote), or a file, for which a fit stands.
+
+    Raises BadInput for what cannot be read.
+    """
+    if words.startswith(MATERIAL_PREFIX):
+        return OpenedMaterial(words, SOURCE, open_source(words).reflectance)
+    if is_fit(words):
+        return OpenedMaterial(words, FIT, open_result(Path(words)))
+    found = fits.of(words)
+    return OpenedMaterial(words, FIT, found.fit, found)
+
+
+def _matt(words: str, albedo: tuple[float, ...]) -> OpenedMaterial:
+    return OpenedMaterial(words, MATT, Lambert(albedo * 3 if len(albedo) == 1 else albedo))
 
 
 def found_source(text: str, folder: Path, where: str) -> str:

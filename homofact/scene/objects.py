@@ -17,6 +17,7 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.prepare import prepared
 from homofact.meshes.shapes import ground
 from homofact.scene.cameras import check_point
+from homofact.scene.file_fits import FileFits
 from homofact.scene.materials import MaterialTable, OpenedMaterial, Stage, found_source, open_materials
 from homofact.scene.meshes import SHAPE_PREFIX, lowest, open_mesh, shape
 from homofact.settings.options import option
@@ -81,11 +82,12 @@ def found_tables(
 
 
 def place_objects(
-    objects: Sequence[ObjectTable], plane: GroundTable | None, stage: Stage | None = None
+    objects: Sequence[ObjectTable], plane: GroundTable | None, stage: Stage | None = None, fits: FileFits | None = None
 ) -> tuple[tuple[SceneObject, ...], tuple[str, ...]]:
     """(objects in their places, the ground last; what was found on the way, a line each).
 
-    `stage` is called with what is being read. Raises BadInput for what cannot be read.
+    `stage` is called with what is being read, `fits` has the fits that stand for files of measurements. Raises BadInput
+    for what cannot be read.
     """
     meshes, notes = [], []
     for table in objects:
@@ -98,7 +100,9 @@ def place_objects(
     if plane is not None:
         meshes.append(ground(plane.half, lowest(meshes), plane.steps))
         tables.append(plane)
-    materials = open_materials(tables, stage)
+    materials = open_materials(tables, stage, fits)
+    stand = {each.words: each.fit for each in materials if each.fit is not None}
+    notes += [fit.sentence(words) for words, fit in stand.items()]
     return tuple(map(SceneObject, meshes, materials)), tuple(notes)
 
 

@@ -6,9 +6,10 @@ With `--sky` the spheres are under that lat-long map instead of the lamp, and ou
 
 A row each for a satin paint of the RGL database (Dupuy and Jakob 2018) and for Ward's brushed aluminium (Ward 1992),
 fitted with three textures of 32². Every engine gets what `homofact export --engine` writes. The table says how far an
-engine's linear pixels are from our renderer's of the same stored texels, but for the silhouette. Needed are packages of
-npm (`npm ci --prefix tests/containers/node`), Debian's chromium, chromium-driver and xvfb, and MaterialX
-(`pip install 'homofact[materialx]'`).
+engine's linear pixels are from our renderer's of the same stored texels, but for the silhouette; below it stands what
+the exports need on a GPU. Mitsuba gets the fit itself, by our plugin. Needed are packages of npm (`npm ci --prefix
+tests/containers/node`), Debian's chromium, chromium-driver and xvfb, MaterialX and Mitsuba
+(`pip install 'homofact[materialx,mitsuba]'`).
 """
 
 import sys
@@ -25,26 +26,31 @@ from homofact.brdf.source import open_source
 from homofact.brdf.source_names import HELD_OUT
 from homofact.containers.formats import format_named
 from homofact.evaluation.compare import fit_and_measure
+from homofact.exporting.engines.base import Added
 from homofact.exporting.engines.gltf import NAME as LOOK_ALIKE
 from homofact.exporting.engines.table import ENGINES
-from homofact.exporting.exported import exported, write_exported
+from homofact.exporting.exported import Exported, exported, write_exported
 from homofact.methods.search import Search
 from homofact.rendering.environment import read_environment
 from homofact.rendering.filtered import draw_sphere
 from homofact.rendering.light import DEFAULT_LIGHT, EnvironmentMap
 from homofact.rendering.surface import RADIUS
+from homofact.shading.cost import cost_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.engines.draw_godot import godot_sphere
 from scripts.engines.draw_materialx import materialx_sphere
+from scripts.engines.draw_mitsuba import mitsuba_sphere
 from scripts.engines.draw_three import three_sphere
 from scripts.shared.harness import ROOT, add_effort, data_folder, markdown, parser_of
 from scripts.shared.headless import chromium
 
 PLACE = ROOT / "docs" / "pictures" / "engines.jpg"
 MATERIALS = (("golden yellow", "rgl/vch_golden_yellow_rgb.bsdf"), ("brushed aluminium", "material:ward-brushed"))
-PANELS = ("source", "homofact's renderer", "three.js", "MaterialX", "Godot 4", "glTF look-alike, three.js")
+PANELS = ("source", "homofact's renderer", "three.js", "MaterialX", "Mitsuba 3", "Godot 4", "glTF look-alike, three.js")
 BOUND = 0.85  # of the radius: beyond, a pixel's mean and its middle differ
+DRAWN = ("three", "materialx", "godot", "gltf")
+COSTS = ("bytes of texels", "operations for a lamp", "bytes for skies", "operations for a sky")
 MARGIN, CAPTION = 10, 34
 
 
@@ -59,8 +65,8 @@ def difference(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
 
 def drawn(
     driver: Any, place: Path, path: str, size: int, effort: Any, sky: EnvironmentMap | None
-) -> tuple[list[np.ndarray], list[list[str]]]:
-    """The six spheres (size, size, 3), linear, and the rows of the table: engine, median, 99th percentile."""
+) -> tuple[list[np.ndarray], list[list[str]], list[str]]:
+    """The spheres (size, size, 3), linear; rows of the table: engine, median, 99th percentile; and the costs."""
 
     def ours(reflectance: Reflectance) -> np.ndarray:
         return draw_sphere(reflectance, sky or DEFAULT_LIGHT, size).radiance.expand(-1, -1, 3).numpy()
@@ -69,25 +75,37 @@ def drawn(
     settings = Search(textures=3, size=32 if isinstance(effort, str) else 4, effort=effort)
     fit = fit_and_measure(source, settings, HELD_OUT).factorization
     spheres = [ours(source.reflectance)]
-    made = {}
-    for name, engine in ENGINES.items():
+    made, added = {}, {}
+    for name in DRAWN:
+        engine = ENGINES[name]
         made[name] = exported(fit, format_named(engine.formats[0]))
-        write_exported(place / name, made[name], {}, engine=name, files=engine.add(made[name]).files)
+        added[name] = engine.add(made[name])
+        write_exported(place / name, made[name], {}, engine=name, files=added[name].files)
+    fit.save(place / "fit.npz")
     spheres.append(ours(made["materialx"].stored))
     lamps = [] if sky else [DEFAULT_LIGHT]
     draw: dict[str, Callable[[], np.ndarray]] = {
         "three": lambda: three_sphere(driver, place / "a", place / "three", size, RADIUS, lamps, sky),
         "materialx": lambda: materialx_sphere(place / "materialx", size, RADIUS, lamps, sky),
+        "mitsuba": lambda: mitsuba_sphere(place / "fit.npz", size, RADIUS, lamps, sky),
         "godot": lambda: godot_sphere(driver, place / "b", place / "godot", size, RADIUS, lamps, sky),
         "gltf": lambda: three_sphere(driver, place / "c", place / "gltf", size, RADIUS, lamps, sky, glb=LOOK_ALIKE),
     }
     rows = []
     for (name, way), title in zip(draw.items(), PANELS[2:], strict=True):
         found = way()
-        stored = ours(made[name].stored)
+        stored = ours(made[name].stored if name in made else fit)
         spheres.append(found)
         rows.append([title, *(f"{float(f'{100 * x:.2g}'):g}%" for x in difference(found, stored))])
-    return spheres, rows
+    return spheres, rows, costs(made["three"], added["three"])
+
+
+def costs(made: Exported, added: Added) -> list[str]:
+    """Bytes of the texels and scalar operations of a lamp, of the sky's table and of the sky, as three.js gets them."""
+    light = added.light
+    assert light is not None
+    sky = cost_of(light.program(), light.texels.nbytes)
+    return [f"{made.cost.nbytes:,}", f"{made.cost.scalar}", f"{sky.nbytes:,}", f"{sky.scalar}"]
 
 
 def sheet(rows: list[tuple[str, list[np.ndarray]]]) -> Image.Image:
@@ -124,19 +142,21 @@ def main(arguments: list[str] | None = None) -> int:
     folder = data_folder(chosen.data)
     size, effort = (64, 30) if chosen.short else (chosen.size, chosen.effort)
     sky = None if chosen.sky is None else read_environment(chosen.sky)
-    rows, table = [], []
+    rows, table, spent = [], [], []
     with tempfile.TemporaryDirectory() as place, chromium(Path(place) / "profile") as driver:
         for name, path in MATERIALS:
             where = path if path.startswith("material:") else str(folder / path)
             if where != path and not Path(where).is_file():
                 print(f"nothing is drawn: no {where} (--data or HOMOFACT_DATA names the measurements)", file=sys.stderr)
                 return 2
-            spheres, off = drawn(driver, Path(place) / name, where, size, effort, sky)
+            spheres, off, cost = drawn(driver, Path(place) / name, where, size, effort, sky)
             rows.append((name, spheres))
             table += [[name, *line] for line in off]
+            spent.append([name, *cost])
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
     sheet(rows).save(chosen.out, quality=90)
     print(markdown(("material", "engine", "median", "99th percentile"), table, 2))
+    print(markdown(("material", *COSTS), spent, 1))
     return 0
 
 

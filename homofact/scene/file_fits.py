@@ -1,0 +1,103 @@
+"""Files of measurements in a scene: each is fitted once, and the fit stands for it.
+
+Relighting and editing ask a material for millions of values. A fit answers in a microsecond, a table or an
+interpolation of samples in fifty to a hundred and fifty. What is stated of a scene's light is therefore against the
+fit; how far the fit is from the file stands beside it.
+"""
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from homofact.brdf.source import open_source
+from homofact.errors import BadInput
+from homofact.evaluation.compare import fit_and_measure
+from homofact.factor.fitted import Fitted
+from homofact.files.reading import read_bytes, split_member
+from homofact.methods.fitting import ProgressCallback
+from homofact.methods.saved import open_saved
+from homofact.methods.search import Search
+
+METHOD = Search(textures=3, size=32, effort="quick")
+_FACTS = "stands_for"
+
+
+@dataclass(frozen=True)
+class FileFit:
+    """A fit that stands for a file, saved as `name`.
+
+    `errors` has "held_out", the mean absolute error of the logarithms on samples that were held out, and "sky", the
+    relative error of a sphere's radiance under a sky (None of a file that is known at its samples alone).
+    """
+
+    name: str
+    fit: Fitted
+
+    @property
+    def errors(self) -> dict[str, float | None]:
+        """How far the fit is from the file."""
+        return self.fit.provenance[_FACTS]["errors"]
+
+    def record(self) -> dict[str, Any]:
+        """JSON-able."""
+        return {"file": self.name, **self.errors}
+
+    def sentence(self, words: str) -> str:
+        """What the fit is, and how far off."""
+        held_out, sky = self.errors["held_out"], self.errors["sky"]
+        shown = "" if sky is None else f", a sphere under a sky off by {sky:.1%}"
+        size = f"{METHOD.textures} textures of {METHOD.size}²"
+        return f"{Path(words).name}: a fit of {size} stands for it, MALE {held_out:.3f} on held-out samples{shown}"
+
+
+@dataclass
+class FileFits:
+    """The fits of a scene's files: read from `folder` where they are there, else made and, if `writes`, kept there.
+
+    `progress` is called while one is made. `made` holds them by the words that name the file.
+    """
+
+    folder: Path | None = None
+    writes: bool = False
+    progress: ProgressCallback | None = None
+    made: dict[str, FileFit] = field(default_factory=dict)
+
+    def of(self, words: str) -> FileFit:
+        """The fit of a file. Raises BadInput for a file that cannot be read or fitted."""
+        if words not in self.made:
+            self.made[words] = self._kept(words) or self._fitted(words)
+        return self.made[words]
+
+    def _kept(self, words: str) -> FileFit | None:
+        if self.folder is None:
+            return None
+        place = self.folder / _name_of(words)
+        if not place.is_file():
+            return None
+        fit = open_saved(place)
+        if not {"held_out", "sky"} <= fit.provenance.get(_FACTS, {}).get("errors", {}).keys():
+            raise BadInput(where=place, found="no errors in it", expected="a fit of a scene's file, or delete it")
+        return FileFit(place.name, fit)
+
+    def _fitted(self, words: str) -> FileFit:
+        name = _name_of(words)
+        row = fit_and_measure(open_source(words), METHOD, progress=self.progress)
+        sky = None if row.appearance is None else row.appearance.off_sky
+        errors = {"held_out": row.held_out.log_mae, "sky": sky}
+        fit: Any = row.factorization
+        fit = replace(fit, provenance=fit.provenance | {_FACTS: {"file": Path(words).name, "errors": errors}})
+        found = FileFit(name, fit)
+        if self.folder is not None and self.writes:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            fit.save(self.folder / name)
+        return found
+
+
+def _name_of(words: str) -> str:
+    """The name of the fit's file: the source's own, and a digest of its bytes and of how it is fitted."""
+    place, member = split_member(words)
+    digest = hashlib.sha256(repr((METHOD, member)).encode())
+    digest.update(read_bytes(Path(place), "a measurement"))
+    stem = Path(member or place).stem
+    return f"fit_{stem}_{digest.hexdigest()[:16]}.npz"

@@ -1,0 +1,79 @@
+"""Lines that say where a command is: the first after some seconds, then now and then, none of a short command."""
+
+import time
+
+import pytest
+
+from homofact.api.progress import ProgressStep
+from homofact.cli import progress_lines
+from homofact.cli.progress_lines import ProgressLines, duration
+from homofact.cli.screen import Screen
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress_lines, "FIRST", 0.1)
+    monkeypatch.setattr(progress_lines, "EVERY", 0.1)
+
+
+def until(lines: list[str], count: int) -> None:
+    begun = time.monotonic()
+    while len(lines) < count:
+        assert time.monotonic() - begun < 20
+        time.sleep(0.01)
+
+
+def test_a_long_command_says_where_it_is_and_how_long_it_takes() -> None:
+    lines: list[str] = []
+    with ProgressLines(lines.append).running() as show:
+        until(lines, 1)
+        show(ProgressStep("tracing", 10, 40))
+        time.sleep(0.1)
+        show(ProgressStep("tracing", 30, 40, "9 rays"))
+        show(ProgressStep(note="a note"))
+        until(lines, len(lines) + 2)
+        show(ProgressStep("writing"))
+        until(lines, len(lines) + 2)
+    assert lines[0].startswith("starting")
+    assert any(line.startswith("tracing, 9 rays, about ") and line.endswith(" s left") for line in lines)
+    assert lines[-1].startswith("writing")
+    assert not any("note" in line for line in lines)
+
+
+def test_the_time_left_is_of_this_stage_alone() -> None:
+    lines: list[str] = []
+    with ProgressLines(lines.append).running() as show:
+        show(ProgressStep("slow", 0, 4))
+        time.sleep(0.3)
+        # A stage of as many parts: what the first one took says nothing of it.
+        show(ProgressStep("slow", 4, 4))
+        show(ProgressStep("fast", 0, 4))
+        count = len(lines)
+        until(lines, count + 2)
+    assert not any("left" in line for line in lines[count + 1 :])
+
+
+def test_a_short_command_and_one_that_answers_in_json_say_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    with Screen(False, False).progress() as show:
+        show(ProgressStep("quick"))
+    for screen in (Screen(True, False), Screen(False, True)):
+        with screen.progress() as show:
+            show(ProgressStep("slow"))
+            time.sleep(0.3)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_stderr_gets_the_lines(capfd: pytest.CaptureFixture[str]) -> None:
+    with Screen(False, False).progress() as show:
+        show(ProgressStep("slow"))
+        time.sleep(0.5)
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "homofact: slow" in err
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.2, "1 s"), (119, "119 s"), (121, "3 min"), (3600, "60 min"), (7300, "2 h 2 min")]
+)
+def test_durations(seconds: float, words: str) -> None:
+    assert duration(seconds) == words
