@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Place = str | os.PathLike[str]
 # Stages of the error that take seconds; the others take minutes.
-QUICK_STAGES = ("truncation", "quantisation", "harmonics", "clusters", "together")
+QUICK_STAGES = ("truncation", "quantisation", "harmonics", "clusters", "together", "rim", "picture")
 
 
 @overload
@@ -80,7 +80,7 @@ def relight(
         The folder of the relit scene, which `homofact view` shows. Nothing is written unless it is given. A run that
         was stopped goes on where it was.
     vertices : int, optional
-        At how many vertices of each object the error is measured; 0 is none.
+        At how many vertices, and pixels, of each object the error is measured; 0 is none.
     every_stage : bool, optional
         Measure every stage of the error by itself. This takes minutes.
     reference : bool, optional

@@ -57,13 +57,18 @@ def _edit_rows(found: Mapping[str, Any]) -> dict[str, Any]:
 def _relit_rows(found: Mapping[str, Any]) -> dict[str, Any]:
     objects = {}
     for each in found["objects"]:
-        error = "not measured" if each["error"] is None else f"{each['error']['together']:.2%} (relative RMS)"
+        error = "not measured" if each["error"] is None else f"{_whole(each['error']):.2%} (relative RMS)"
         objects[f"object {each['mesh']}"] = (
             f"{each['material']}; {each['vertices']} vertices,"
             f" {counted(each['terms'], 'term')}, {each['form']}, {each['coefficients_per_vector']:.0f} numbers a"
             f" vector; error {error}"
         )
     return {"light": found["light"], "cube": f"{found['cube']}²", **objects, "stored": _stored(found["bytes"])}
+
+
+def _whole(errors: Mapping[str, float]) -> float:
+    """The error of the picture; of the vertices where the object is beside it."""
+    return errors.get("picture", errors["together"])
 
 
 def _stored(count: int) -> str:

@@ -78,13 +78,17 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
 
 def error_table(objects: Sequence[Mapping[str, Any]]) -> Table:
     """A line an object: relative root mean square errors of its light by stage, as seen from the first camera."""
-    aside = ("below_zero", "vertices")
+    aside = ("psnr", "below_zero", "vertices")
     errors = [entry["error"] for entry in objects]
     names = list(dict.fromkeys(name for found in errors if found for name in found if name not in aside))
     table = plain_table("Relative RMS error of the light towards the first camera")
     add_names(table)
-    add_figures(table, *names, "below zero")
+    add_figures(table, *names, "PSNR", "below zero")
     for entry, found in zip(objects, errors, strict=True):
-        values = ["not seen"] if found is None else [figure(found[name]) for name in names]
-        table.add_row(entry["mesh"], *values, *([] if found is None else [f"{found['below_zero']:.2%}"]))
+        if found is None:
+            table.add_row(entry["mesh"], "not seen")
+            continue
+        values = [figure(found[name]) if name in found else "–" for name in names]
+        decibels = f"{found['psnr']:.1f} dB" if "psnr" in found else "–"
+        table.add_row(entry["mesh"], *values, decibels, f"{found['below_zero']:.2%}")
     return table

@@ -2,7 +2,8 @@
 
 The reference is the sum over all texels of a cube map with the reflectance itself, its cosine and the visibility of
 each texel, nothing left out, at the vertices: B = Σ_j L_j f(ω_j, ωo) V_j cosθ_j Δω_j. Errors are relative root mean
-squares over vertices that the eye sees, all channels together: √(Σ|B̂ − B|²/Σ|B|²).
+squares over vertices that the eye sees, by the area that they take in its picture, all channels together:
+√(Σ|B̂ − B|²/Σ|B|²).
 
     terms         K terms of f, their functions asked of f itself wherever they are needed
     maps          the same terms read from maps of M × M texels
@@ -13,17 +14,24 @@ squares over vertices that the eye sees, all channels together: √(Σ|B̂ − B
     clusters      means and components instead of every vertex's own transport
     interpolation a picture's points between vertices against the vertices' own light mixed over the triangle
     together      everything that is in use against the reference
+    rim           the same where cosθo is below `seen.RIM`
+    picture       the same at pixels of the camera, whose light is mixed between vertices: the whole error
 
+The `psnr` in dB is of those pixels as 8-bit sRGB, tone-mapped as pictures are.
 `below zero` is the light that negative residues take away: Σ max(−B̂, 0)/Σ|B̂|.
 """
 
 import contextlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+import torch
 
 from homofact.errors import BadInput
+from homofact.evaluation.image_metrics import psnr as psnr_of
 from homofact.meshes.mesh import Mesh
 from homofact.relighting import cube
 from homofact.relighting.build import RelightScene, RelitObject, lit_tuples
@@ -32,15 +40,21 @@ from homofact.relighting.factoring import factor
 from homofact.relighting.factors import InOutFactors, view_values
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.kernels import transport_vectors
+from homofact.relighting.picture import displayed_picture
 from homofact.relighting.precompute import WaveletTransport
-from homofact.relighting.relight import Relit, light_coefficients
-from homofact.relighting.seen import SeenVertices, seen_vertices
+from homofact.relighting.relight import Relit, light_coefficients, shaded
+from homofact.relighting.seen import SeenPixels, SeenVertices, seen_pixels, seen_vertices
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.sphere import SphereImage
+from homofact.rendering.tonemap import choose_exposure
 
-FINE = 4
+FINE, _RIM_PART = 4, 4
 _FINE_MAPS, _TRIANGLES = 128, 200
-STAGES = ("terms", "maps", "cube", "truncation", "quantisation", "harmonics", "clusters", "interpolation", "together")
+STAGES = (
+    "terms", "maps", "cube", "truncation", "quantisation", "harmonics", "clusters", "interpolation", "together", "rim",
+    "picture",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -50,14 +64,16 @@ class RelightErrors:
     errors: dict[str, float]
     below_zero: float
     vertices: int
+    psnr: float | None = None
 
     def record(self) -> dict[str, float]:
         """The JSON form."""
-        return {**self.errors, "below_zero": self.below_zero, "vertices": self.vertices}
+        psnr = {} if self.psnr is None or not math.isfinite(self.psnr) else {"psnr": self.psnr}
+        return {**self.errors, **psnr, "below_zero": self.below_zero, "vertices": self.vertices}
 
 
 def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
-    """Each object's light (V, 3) towards the first camera by the dense sum; NaN where the camera does not see it well.
+    """Each object's light (V, 3) towards the first camera by the dense sum; NaN where the camera does not see it.
 
     `light` is a cube map of radiance (6, n, n, 3).
     """
@@ -67,7 +83,7 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
         eye = scene.file.cameras[0].eye
         # An object may be out of the camera's sight as a whole.
         with contextlib.suppress(BadInput):
-            seen = seen_vertices(placed.mesh, placed.material.reflectance, scene.occluder, eye, len(colours))
+            seen = seen_vertices(placed.mesh, placed.material.reflectance, scene.occluder, eye, None)
             colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1])
         found.append(colours)
     return found
@@ -76,17 +92,25 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
 def scene_errors(
     scene: RelightScene, objects: Sequence[RelitObject], vertices: int, stages: Sequence[str]
 ) -> list[RelightErrors | None]:
-    """The error of each object at so many vertices that the first camera sees; None where it sees none of it."""
+    """The error of each object at so many vertices and pixels of the first camera; None where it sees none of it."""
     found: list[RelightErrors | None] = []
-    eye = scene.file.cameras[0].eye
-    for placed, relit in zip(scene.objects, objects, strict=True):
+    camera, seed, meshes = scene.file.cameras[0], scene.file.seed, [relit.mesh for relit in objects]
+    for number, (placed, relit) in enumerate(zip(scene.objects, objects, strict=True)):
+        given = (relit.mesh, placed.material.reflectance, scene.occluder, camera.eye)
+        pixels, rim = None, None
         try:
-            reflectance = placed.material.reflectance
-            seen = seen_vertices(relit.mesh, reflectance, scene.occluder, eye, vertices, scene.file.seed)
+            seen = seen_vertices(*given, vertices, seed)
         except BadInput:
             found.append(None)
             continue
-        found.append(measured_errors(seen, relit.transport, scene.file.light, relit.compact, stages))
+        # What turns no rim to the camera has none; what stands beside the picture has no pixels.
+        if "rim" in stages:
+            with contextlib.suppress(BadInput):
+                rim = seen_vertices(*given, max(vertices // _RIM_PART, 1), seed, rim=True)
+        if "picture" in stages:
+            with contextlib.suppress(BadInput):
+                pixels = seen_pixels(meshes, number, *given[1:3], camera, vertices, seed)
+        found.append(measured_errors(seen, relit.transport, scene.file.light, relit.compact, stages, pixels, rim))
     return found
 
 
@@ -96,8 +120,13 @@ def measured_errors(
     light: EnvironmentMap,
     compact: Clustered | Harmonic | None = None,
     stages: Sequence[str] = STAGES,
+    pixels: SeenPixels | None = None,
+    rim: SeenVertices | None = None,
 ) -> RelightErrors:
-    """Every stage of `stages` by itself, under one light and from one eye. Raises BadInput for an unknown stage."""
+    """Every stage of `stages` by itself, under one light and from one eye; of `pixels` and of the `rim` where given.
+
+    Raises BadInput for an unknown stage and where no light reaches the vertices.
+    """
     unknown = [each for each in stages if each not in STAGES]
     if unknown:
         raise BadInput(where="stage", found=repr(unknown[0]), expected=f"one of {', '.join(STAGES)}")
@@ -107,23 +136,24 @@ def measured_errors(
     if not (truth != 0).any():
         raise BadInput("none reaches the vertices that are seen", where="light", expected="some")
     errors: dict[str, float] = {}
+    apart = partial(relative, weights=seen.weights)
     factors = transport.factors
     if {"terms", "maps"} & {*stages}:
         fine = factor(seen.reflectance, terms=factors.terms, map_size=_FINE_MAPS)
         exact = seen.dense(radiance, size, fine)
         if "terms" in stages:
-            errors["terms"] = relative(exact, truth)
+            errors["terms"] = apart(exact, truth)
         if "maps" in stages:
-            errors["maps"] = relative(seen.dense(radiance, size, factors), exact)
+            errors["maps"] = apart(seen.dense(radiance, size, factors), exact)
     if "cube" in stages:
         much = seen.dense(cube.environment_cube(light, FINE * size), FINE * size)
-        errors["cube"] = relative(truth, much)
+        errors["cube"] = apart(truth, much)
     if {"truncation", "quantisation"} & {*stages}:
         whole, cut, stored = _vectors(seen, transport, radiance)
         if "truncation" in stages:
-            errors["truncation"] = relative(cut, whole)
+            errors["truncation"] = apart(cut, whole)
         if "quantisation" in stages:
-            errors["quantisation"] = relative(stored, cut)
+            errors["quantisation"] = apart(stored, cut)
     relit = Relit(transport)
     relit.relight(radiance)
     used = relit.tuples
@@ -131,19 +161,35 @@ def measured_errors(
     if compact is not None and {stage, "together"} & {*stages}:
         used = lit_tuples(transport, compact, radiance)
         if stage in stages:
-            errors[stage] = relative(_seen_of(seen, factors, used), _seen_of(seen, factors, relit.tuples))
+            errors[stage] = apart(_seen_of(seen, factors, used), _seen_of(seen, factors, relit.tuples))
     shown = _seen_of(seen, factors, used)
     if "interpolation" in stages:
         errors["interpolation"] = _interpolation(seen, radiance, size)
     if "together" in stages:
-        errors["together"] = relative(shown, truth)
+        errors["together"] = apart(shown, truth)
+    if rim is not None:
+        errors["rim"] = relative(_seen_of(rim, factors, used), rim.dense(radiance, size))
+    psnr = None
+    if pixels is not None:
+        mixed = pixels.mixed(shaded(transport, used, seen.eye).astype(np.float64))
+        exact = pixels.points.dense(radiance, size)
+        errors["picture"], psnr = relative(mixed, exact), _psnr(mixed, exact)
     below = float(np.maximum(-shown, 0).sum() / np.abs(shown).sum())
-    return RelightErrors({name: errors[name] for name in STAGES if name in errors}, below, len(seen.which))
+    return RelightErrors({name: errors[name] for name in STAGES if name in errors}, below, len(seen.which), psnr)
 
 
-def relative(found: np.ndarray, truth: np.ndarray) -> float:
-    """√(Σ|found − truth|²/Σ|truth|²)."""
-    return float(np.sqrt(((found - truth) ** 2).sum() / (truth**2).sum()))
+def relative(found: np.ndarray, truth: np.ndarray, weights: np.ndarray | None = None) -> float:
+    """√(Σw|found − truth|²/Σw|truth|²) of rows of numbers, w 1 unless given."""
+    w = 1.0 if weights is None else weights[:, None]
+    return float(np.sqrt((w * (found - truth) ** 2).sum() / (w * truth**2).sum()))
+
+
+def _psnr(found: np.ndarray, truth: np.ndarray) -> float:
+    """Of pixels (S, 3) as 8-bit sRGB at the exposure that suits the truth."""
+    cover = np.ones((len(truth), 1))
+    exposure = choose_exposure(SphereImage(torch.from_numpy(truth[:, None]), torch.from_numpy(cover)))
+    shown, wanted = (displayed_picture(each[:, None], cover, exposure) / 255.0 for each in (found, truth))
+    return psnr_of(torch.from_numpy(shown), torch.from_numpy(wanted), torch.from_numpy(cover > 0))
 
 
 def _seen_of(seen: SeenVertices, factors: InOutFactors, tuples: np.ndarray) -> np.ndarray:
@@ -197,5 +243,5 @@ def _interpolation(seen: SeenVertices, radiance: np.ndarray, size: int) -> float
     corners, place = np.unique(triangles, return_inverse=True)
     around = SeenVertices(mesh, seen.reflectance, seen.occluder, seen.eye, corners)
     mixed = around.dense(radiance, size)[place.reshape(triangles.shape)].mean(1)
-    facing = own.wo[:, 2] > 0.1
+    facing = own.wo[:, 2] > 0
     return relative(mixed[facing], own.dense(radiance, size)[facing])

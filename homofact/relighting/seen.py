@@ -1,7 +1,12 @@
-"""Vertices that an eye sees, and the exact sum of their light: what every approximation is held against."""
+"""Places that an eye sees, and the exact sum of their light: what every approximation is held against.
+
+Vertices count by the area that they take in a picture: a third of the solid angle of each triangle that they belong to.
+They are drawn in proportion to it, with one random number and even steps, so that a mean over those drawn is one over
+the picture. The rim is a part of it like any other.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -13,17 +18,24 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting import cube
 from homofact.relighting.tracer import Tracer
+from homofact.scene.cameras import Camera
+
+RIM = 0.2  # the rim is where cosθo is below this: 4% of a sphere's picture
 
 
 @dataclass
 class SeenVertices:
-    """Vertices that an eye sees, with what their light is summed from."""
+    """Vertices that an eye sees, with what their light is summed from.
+
+    `weights` (S,) are their parts of the picture, alike unless given.
+    """
 
     mesh: Mesh
     reflectance: Reflectance
     occluder: Occluder
     eye: np.ndarray
     which: np.ndarray
+    weights: np.ndarray | None = None
     rows: np.ndarray = field(init=False)
     wo: np.ndarray = field(init=False)
 
@@ -53,21 +65,86 @@ class SeenVertices:
 
 
 def seen_vertices(
-    mesh: Mesh, reflectance: Reflectance, occluder: Occluder, eye: Sequence[float], most: int, seed: int = 0
+    mesh: Mesh,
+    reflectance: Reflectance,
+    occluder: Occluder,
+    eye: Sequence[float],
+    most: int | None,
+    seed: int = 0,
+    rim: bool = False,
 ) -> SeenVertices:
-    """At most so many vertices, drawn by the seed, that face the eye and that nothing hides from it.
+    """So many vertices that face the eye and that nothing hides from it, drawn by the seed in proportion to their area.
 
-    Raises BadInput where the eye sees none.
+    One that takes much of the picture may be drawn several times. All of them, weighted, where `most` is None; with
+    `rim` those of the rim alone. Raises BadInput where the eye sees none.
     """
     point = np.asarray(eye, np.float64)
     towards = point - mesh.positions
-    distance = np.linalg.norm(towards, axis=1)
-    towards /= distance[:, None]
-    # At grazing angles a vertex is hardly a pixel, and measured reflectance is a guess.
-    facing = np.flatnonzero((towards * mesh.normals).sum(1) > 0.1)
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    along = (towards * mesh.normals).sum(1)
+    area = vertex_areas(mesh, point)
+    facing = np.flatnonzero((along > 0) & (area > 0) & ((along < RIM) | (not rim)))
     start = mesh.positions[facing] + occluder.offset * mesh.normals[facing]
     open_ = facing[~occluder.blocked(start, towards[facing])]
     if not len(open_):
         raise BadInput(f"no vertex is seen from {tuple(point.tolist())}", where=mesh.name, expected="another eye")
-    drawn = np.random.default_rng(seed).permutation(open_)[:most]
-    return SeenVertices(mesh, reflectance, occluder, point, np.sort(drawn))
+    if most is None:
+        return SeenVertices(mesh, reflectance, occluder, point, open_, area[open_])
+    return SeenVertices(mesh, reflectance, occluder, point, open_[_drawn(area[open_], most, seed)])
+
+
+def vertex_areas(mesh: Mesh, eye: np.ndarray) -> np.ndarray:
+    """The solid angle (V,) that each vertex stands for, as the eye sees it: of triangles whose normals face it."""
+    corners = mesh.positions[mesh.triangles]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    # The side that the vertices' normals are on.
+    outward = np.sign((area * mesh.normals[mesh.triangles].sum(1)).sum(1))
+    towards = eye - corners.mean(1)
+    seen = (outward * (area * towards).sum(1)).clip(0) / np.linalg.norm(towards, axis=1) ** 3
+    return np.bincount(mesh.triangles.ravel(), np.repeat(seen / 3, 3), len(mesh.positions))
+
+
+@dataclass(frozen=True)
+class SeenPixels:
+    """Pixels of a camera that see a mesh: their `points`, each mixed of the vertices `corners` (S, 3) by `shares`."""
+
+    points: SeenVertices
+    corners: np.ndarray
+    shares: np.ndarray
+
+    def mixed(self, colours: np.ndarray) -> np.ndarray:
+        """The pixels' values (S, 3) of the mesh's vertices' (V, 3)."""
+        return (colours[self.corners] * self.shares[..., None]).sum(1)
+
+
+def seen_pixels(
+    meshes: Sequence[Mesh], number: int, reflectance: Reflectance, occluder: Occluder, camera: Camera, most: int,
+    seed: int = 0,
+) -> SeenPixels:  # fmt: skip
+    """So many of the camera's pixels that see a mesh, `number` of the `meshes` that the occluder holds in this order.
+
+    Points and normals are interpolated; a pixel whose normal is turned away from the eye is left out. Raises BadInput
+    where no pixel sees the mesh.
+    """
+    mesh, eye = meshes[number], np.asarray(camera.eye, np.float64)
+    rays = camera.rays().reshape(-1, 3)
+    triangle, shares = occluder.first(eye[None], rays)
+    first = sum(len(each.triangles) for each in meshes[:number])
+    own = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
+    corners, shares = mesh.triangles[triangle[own] - first], shares[own, :, None]
+    normals = (mesh.normals[corners] * shares).sum(1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
+    kept = np.flatnonzero((normals * rays[own]).sum(1) < 0)
+    if not len(kept):
+        raise BadInput(f"no pixel sees it from {tuple(eye.tolist())}", where=mesh.name, expected="another camera")
+    kept = kept[_drawn(np.ones(len(kept)), min(most, len(kept)), seed)]
+    positions = (mesh.positions[corners[kept]] * shares[kept]).sum(1)
+    points = replace(mesh, positions=positions, normals=normals[kept], triangles=mesh.triangles[:0])
+    seen = SeenVertices(points, reflectance, occluder, eye, np.arange(len(kept)))
+    return SeenPixels(seen, corners[kept], shares[kept, :, 0])
+
+
+def _drawn(weights: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """So many places, rising, in proportion to the weights: even steps from a random start."""
+    places = (np.arange(count) + np.random.default_rng(seed).random()) * (weights.sum() / count)
+    return np.searchsorted(weights.cumsum(), places).clip(0, len(weights) - 1)

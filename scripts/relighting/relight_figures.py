@@ -91,7 +91,7 @@ def highlight(mesh: Mesh, light: EnvironmentMap, target: Path, pixels: int, size
         mesh, factor(reflectance, max(TERMS)), TransportSettings(size, kept=min(1024, 6 * size**2)), occluder
     )
     camera = Camera((2.2, 0.9, 2.6), (0.0, 0.0, 0.0), 32.0, (pixels, pixels))
-    seen = seen_vertices(mesh, reflectance, occluder, camera.eye, len(mesh.positions))
+    seen = seen_vertices(mesh, reflectance, occluder, camera.eye, None)
     shots, exact, errors = by_terms(made, seen, light)
     others = {"one distant light of 4 degrees half width": lamp(SUN, 4, 0.02)}
     studio = named_lighting("studio").lights[0]
@@ -101,7 +101,7 @@ def highlight(mesh: Mesh, light: EnvironmentMap, target: Path, pixels: int, size
     for name, other in others.items():
         pairs = zip(TERMS, by_terms(made, seen, other)[2], strict=True)
         words.append(f"under {name}: " + ", ".join(f"K = {terms} {error:.0%}" for terms, error in pairs))
-    # Vertices at grazing angles are not asked in full: they get the most terms.
+    # Vertices turned away are mixed into the silhouette's pixels: they get the most terms.
     edge = np.setdiff1d(np.arange(len(exact)), seen.which)
     exact[edge] = shots[-1][edge]
     pictures = [picture([mesh], [each], occluder, camera, light) for each in (*shots, exact)]
@@ -126,7 +126,7 @@ def by_terms(
         cut = relit.tuples.copy()
         cut[:, terms:] = 0
         shots.append(shaded(made, cut, seen.eye).astype(np.float64))
-    return shots, exact, [relative(each[seen.which], exact[seen.which]) for each in shots]
+    return shots, exact, [relative(each[seen.which], exact[seen.which], seen.weights) for each in shots]
 
 
 def shadow(mesh: Mesh, target: Path, pixels: int, steps: int) -> None:
@@ -140,7 +140,7 @@ def shadow(mesh: Mesh, target: Path, pixels: int, steps: int) -> None:
     light = lamp((-0.7, 0.6, -0.2), 6, 0.15)
     camera = Camera((0.0, 2.6, 2.2), (0.15, -0.7, 0.0), 38.0, (pixels, pixels * 3 // 4))
     # What the camera sees of the ground: the rest is not in the picture.
-    seen = seen_vertices(floor, reflectance, occluder, camera.eye, len(floor.positions)).which
+    seen = seen_vertices(floor, reflectance, occluder, camera.eye, None)
     shown, titles = [], []
     exact = None
     grey = np.full(mesh.positions.shape, 0.05)
@@ -150,7 +150,7 @@ def shadow(mesh: Mesh, target: Path, pixels: int, steps: int) -> None:
         colours = relit.shade(camera.eye).astype(np.float64)
         exact = colours if exact is None else exact
         shown.append(picture([mesh, floor], [grey, colours], occluder, camera, light))
-        error = f", error {relative(colours[seen], exact[seen]):.0%}" if kept != whole else ""
+        error = f", error {relative(colours[seen.which], exact[seen.which], seen.weights):.0%}" if kept != whole else ""
         titles.append(f"N = {kept}" + error if kept != whole else "N = 4,096")
     # Room above the lit ground, which too few coefficients leave too bright.
     exposure = 0.7 * exposure_of(shown[0][0], shown[0][1])

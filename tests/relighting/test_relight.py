@@ -20,13 +20,13 @@ from homofact.relighting.factoring import factor
 from homofact.relighting.light_kernels import add_columns
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import Relit
-from homofact.relighting.seen import SeenVertices, seen_vertices
+from homofact.relighting.seen import SeenVertices, seen_vertices, vertex_areas
 from homofact.rendering.light import EnvironmentMap
 
 SMALL = TransportSettings(8, kept=384)
 
 
-def seen(most: int = 40) -> SeenVertices:
+def seen(most: int | None = 40) -> SeenVertices:
     return seen_vertices(knot(), SHINY, occluder(), EYE, most)
 
 
@@ -199,7 +199,7 @@ def test_the_ledger_names_each_stage_by_itself() -> None:
     compact = clustered(made, 4, 100, 3)
     those = seen(12)
     found = measured_errors(those, made, sky(), compact)
-    assert set(found.errors) == set(STAGES) - {"harmonics"}
+    assert set(found.errors) == set(STAGES) - {"harmonics", "rim", "picture"}
     assert found.vertices == 12
     assert found.errors["quantisation"] < 1e-3 < found.errors["truncation"]
     assert 0 < found.errors["maps"] < 0.05
@@ -219,14 +219,17 @@ def test_stages_without_transport_are_what_they_say() -> None:
     found = measured_errors(those, whole(), sky(), None, ("cube",))
     coarse, fine = (those.dense(environment_cube(sky(), size), size) for size in (8, 32))
     assert found.errors == {"cube": pytest.approx(relative(coarse, fine))}
-    every = seen(len(knot().positions)).which
+    every = seen(None).which
     towards = np.array(EYE) - knot().positions
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     hidden = occluder().blocked(knot().positions + occluder().offset * knot().normals, towards)
-    facing = (towards * knot().normals).sum(1) > 0.1
+    along = (towards * knot().normals).sum(1)
     assert not hidden[every].any()
-    assert set(every) == set(np.flatnonzero(facing & ~hidden))
-    assert (facing & hidden).any()
+    assert (along[every] > 0).all()
+    # Missing are those alone whose every triangle is turned away.
+    missing = set(np.flatnonzero((along > 0) & ~hidden)) - set(every.tolist())
+    assert (vertex_areas(knot(), np.array(EYE))[sorted(missing)] == 0).all()
+    assert ((along > 0) & hidden).any()
 
 
 def test_between_vertices_light_is_mixed_from_all_corners() -> None:
@@ -236,7 +239,7 @@ def test_between_vertices_light_is_mixed_from_all_corners() -> None:
     made = transport(mesh, matt(), TransportSettings(8, kept=384), around)
     smooth = EnvironmentMap(torch.linspace(2, 0, 16, dtype=torch.float64)[:, None, None].expand(16, 32, 1))
     those = seen_vertices(mesh, MATT, around, EYE, 40)
-    assert measured_errors(those, made, smooth, None, ("interpolation",)).errors["interpolation"] < 0.03
+    assert measured_errors(those, made, smooth, None, ("interpolation",)).errors["interpolation"] < 0.04
 
 
 def test_clusters_are_part_of_all_together() -> None:
