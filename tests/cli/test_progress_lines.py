@@ -1,6 +1,7 @@
 """Lines that say where a command is: the first after some seconds, then now and then, none of a short command."""
 
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -40,17 +41,28 @@ def test_a_long_command_says_where_it_is_and_how_long_it_takes() -> None:
     assert not any("note" in line for line in lines)
 
 
-def test_the_time_left_is_of_this_stage_alone() -> None:
+def test_the_time_left_is_of_this_stage_and_of_what_it_has_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(progress_lines, "time", SimpleNamespace(monotonic=lambda: now[0]))
     lines: list[str] = []
+
+    def said(seconds: float, step: ProgressStep) -> str:
+        now[0] = seconds
+        show(step)
+        until(lines, len(lines) + 2)
+        return lines[-1]
+
     with ProgressLines(lines.append).running() as show:
-        show(ProgressStep("slow", 0, 4))
-        time.sleep(0.3)
+        assert said(0, ProgressStep("slow", 0, 4)) == "slow"
+        assert said(100, ProgressStep("slow", 1, 4)) == "slow, about 5 min left"
         # A stage of as many parts: what the first one took says nothing of it.
-        show(ProgressStep("slow", 4, 4))
-        show(ProgressStep("fast", 0, 4))
-        count = len(lines)
-        until(lines, count + 2)
-    assert not any("left" in line for line in lines[count + 1 :])
+        assert said(110, ProgressStep("fast", 0, 4)) == "fast"
+        assert said(112, ProgressStep("fast", 1, 4)) == "fast, about 6 s left"
+        # A run that goes on has blocks that took no time: 10 of 20 were there, 5 took 50 s.
+        assert said(200, ProgressStep("blocks", 10, 20)) == "blocks"
+        assert said(250, ProgressStep("blocks", 15, 20)) == "blocks, about 50 s left"
+        assert said(300, ProgressStep("writing")) == "writing"
+        assert said(340, ProgressStep("reading")).startswith("reading")
 
 
 def test_a_short_command_and_one_that_answers_in_json_say_nothing(capfd: pytest.CaptureFixture[str]) -> None:

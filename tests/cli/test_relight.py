@@ -137,7 +137,7 @@ def test_each_camera_has_its_own_picture_and_each_object_its_own_line(
     assert record["notes"] == ["ball.obj: 1 degenerate triangles of 121 are left out"]
     assert f"homofact: {record['notes'][0]}" in said.err
     assert record["error"]["ground"] is None
-    measured = {"truncation", "quantisation", "together", "rim", "picture", "psnr", "below_zero", "vertices"}
+    measured = {"truncation", "together", "rim", "picture", "psnr", "below_zero", "vertices"}
     assert set(record["error"]["ball.obj"]) == measured
     assert record["bytes"] == sum(each["bytes"] for each in record["objects"])
     assert (record["kept"], record["tolerance"]) == (None, 0.2)
