@@ -1,6 +1,7 @@
 """A fit under an engine's own sky: its error is the sphere's, said and warned of; made-up skies are what they say."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,17 @@ def test_what_is_said_is_what_was_measured() -> None:
     assert "2.0% (a sky)" in made.off()
     assert "2560 bytes" in made.sentence()
     assert made.off() in made.sentence()
+
+
+def test_an_error_above_a_tenth_is_warned_of() -> None:
+    made = light_of(LAMBERT, KERNELS)
+    assert replace(made, errors={"room": 0.02, "sun": 0.099}).warning == ""
+    assert "11%" in replace(made, errors={"room": 0.02, "sun": 0.112}).warning
+
+
+def test_the_table_has_the_lobes_that_it_should(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "LOBES", 2)
+    assert engine_light(LAMBERT, KERNELS).table.lobes == 2
 
 
 @pytest.mark.parametrize(("language", "given"), [(THREE_SKY, ""), (MATERIALX_SKY, ", sampler2D paint_texture_0")])

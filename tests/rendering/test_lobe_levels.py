@@ -9,7 +9,8 @@ from scipy.optimize import minimize
 from skies import Planted
 from torch import Tensor
 
-from homofact.rendering.chain_kernels import cosine_power
+from homofact.rendering import lobe_levels
+from homofact.rendering.chain_kernels import cosine_power, ggx_kernels
 from homofact.rendering.lobe_levels import POINTS, _between, _shared, energy, potentials, pull_of
 from homofact.rendering.sky_chain import own_kernels
 from homofact.rendering.split_sum import response_of
@@ -40,6 +41,21 @@ def test_an_overlap_is_the_potential_s_mean_over_the_other_lobe() -> None:
         place = np.sqrt(np.arccos(seen.clip(-1, 1)) / math.pi) * (POINTS - 1)
         mean = np.interp(place, np.arange(POINTS), known.potential[2]).mean()
         assert _between(known.overlap[1], 2.0, math.cos(angle)) == pytest.approx(mean, abs=3e-4)
+
+
+def test_an_engine_s_chain_is_judged_by_small_lamps_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An even spectrum adds the kernel itself to its potential, but for its mean over the sphere."""
+    kernels = ggx_kernels((0.5, 0.8, 1.0), 0.02)
+    gamma = math.pi * (np.arange(POINTS) / (POINTS - 1)) ** 2
+    both = potentials.__wrapped__(kernels).potential
+    monkeypatch.setattr(lobe_levels, "FLAT", 0.0)
+    natural = potentials.__wrapped__(kernels).potential
+    flat = (both - natural) / 1e-3
+    inside = gamma < 1.3
+    for level in range(2):
+        assert flat[level][inside] == pytest.approx(
+            kernels.at(level, gamma[inside]) - 1 / (4 * math.pi), rel=0.03, abs=1e-3
+        )
 
 
 def test_shares_are_the_best_of_all_that_add_up() -> None:
