@@ -65,7 +65,7 @@ def test_the_rim_is_drawn_by_itself() -> None:
 def test_pixels_are_of_the_mesh_that_is_asked_for_and_mixed_of_its_corners() -> None:
     meshes = [knot(), ground(2.0, -1.2, 6)]
     camera, both = Camera(EYE, pixels=(24, 18)), around(*meshes)
-    whole = 0
+    rays, whole = camera.rays().reshape(-1, 3), 0
     for number, mesh in enumerate(meshes):
         found = seen_pixels(meshes, number, MATT, both, camera, 10_000)
         whole += len(found.corners)
@@ -74,7 +74,6 @@ def test_pixels_are_of_the_mesh_that_is_asked_for_and_mixed_of_its_corners() -> 
         # They lie along the camera's rays, and nothing stands before them.
         towards = points - np.array(EYE)
         distance = np.linalg.norm(towards, axis=1)
-        rays = camera.rays().reshape(-1, 3)
         nearest = (towards / distance[:, None] @ rays.T).max(1)
         assert nearest == pytest.approx(1, abs=1e-9)
         assert not both.blocked(points + 1e-3 * (np.array(EYE) - points), np.array(EYE) - points).any()
