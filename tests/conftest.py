@@ -20,6 +20,9 @@ settings.register_profile("ci", max_examples=100, deadline=None)
 settings.register_profile("nightly", max_examples=2000, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
+# A busy machine takes seconds for anything: what commands say must not depend on it, here and in other processes.
+os.environ["HOMOFACT_PROGRESS"] = "0"
+
 ROOT = Path(__file__).resolve().parent.parent
 # Seconds that an experiment (marked slow) may take; of other tests pyproject.toml says it.
 SLOW = 3600

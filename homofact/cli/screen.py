@@ -2,10 +2,11 @@
 
 With --json stdout carries exactly one JSON object and nothing else. With -q there are no notes and no bar,
 and a command whose product is a file prints nothing. The bar runs on a terminal; elsewhere lines say where a long
-command is, but for --json.
+command is, but for --json and where the environment's HOMOFACT_PROGRESS is 0.
 """
 
 import json
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -22,6 +23,9 @@ from homofact.cli.progress_lines import ProgressLines
 from homofact.errors import Report, Status
 from homofact.files.plain import plain
 from homofact.files.words import harmless
+
+# Of the environment: "0" for no lines on a stderr that is no terminal.
+PROGRESS = "HOMOFACT_PROGRESS"
 
 
 class _Console(Console):
@@ -78,10 +82,11 @@ class Screen:
     @contextmanager
     def progress(self) -> Iterator[Progress]:
         """What shows the steps of a call: its notes, and on stderr a bar, or lines, while the block runs."""
-        if self.quiet or (self.as_json and not self._err.is_terminal):
+        terminal = self._err.is_terminal
+        if self.quiet or (not terminal and (self.as_json or os.environ.get(PROGRESS) == "0")):
             yield self._say
             return
-        if not self._err.is_terminal:
+        if not terminal:
             with ProgressLines(lambda line: self.note(f"homofact: {line}")).running() as take:
 
                 def show_lines(step: ProgressStep) -> None:

@@ -8,13 +8,14 @@ import pytest
 from homofact.api.progress import ProgressStep
 from homofact.cli import progress_lines
 from homofact.cli.progress_lines import ProgressLines, duration
-from homofact.cli.screen import Screen
+from homofact.cli.screen import PROGRESS, Screen
 
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress_lines, "FIRST", 0.1)
     monkeypatch.setattr(progress_lines, "EVERY", 0.1)
+    monkeypatch.delenv(PROGRESS)
 
 
 def until(lines: list[str], count: int) -> None:
@@ -65,13 +66,19 @@ def test_the_time_left_is_of_this_stage_and_of_what_it_has_done(monkeypatch: pyt
         assert said(340, ProgressStep("reading")).startswith("reading")
 
 
-def test_a_short_command_and_one_that_answers_in_json_say_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_short_command_and_one_that_answers_in_json_say_nothing(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     with Screen(False, False).progress() as show:
         show(ProgressStep("quick"))
     for screen in (Screen(True, False), Screen(False, True)):
         with screen.progress() as show:
             show(ProgressStep("slow"))
             time.sleep(0.3)
+    monkeypatch.setenv(PROGRESS, "0")
+    with Screen(False, False).progress() as show:
+        show(ProgressStep("slow"))
+        time.sleep(0.3)
     assert capfd.readouterr() == ("", "")
 
 
