@@ -3,8 +3,9 @@
 Positions are moved and scaled so that the smallest box round the mesh is centred and the mesh's farthest corner
 lies on the unit sphere, unless the file's own units are asked for. Normals that the file has are kept; else each
 vertex gets the sum of its triangles' normals, weighted by their areas, over all vertices at the same place (an OBJ
-splits them along texture seams). A mesh wound inside out, which encloses a negative volume, is turned, and every
-triangle is wound so that it faces the side of its normals. Polygons become fans. Texture coordinates, colours, groups
+splits them along texture seams); triangles that are wound against their neighbours are turned first (`meshes.winding`).
+A mesh wound inside out, which encloses a negative volume, is turned, and every triangle is wound so that it faces the
+side of its normals. Polygons become fans. Texture coordinates, colours, groups
 and materials are passed over.
 """
 
@@ -18,6 +19,7 @@ from homofact.errors import BadInput
 from homofact.files.reading import read_bytes
 from homofact.meshes.files import parse_obj, parse_ply
 from homofact.meshes.gltf import parse_gltf
+from homofact.meshes.winding import wound_alike
 
 # Of coordinates: a box that is wider is not finite; in the file's own units, squares are to be finite in float32.
 _MOST, _MOST_OWN = 1e300, 1e9
@@ -25,12 +27,16 @@ _MOST, _MOST_OWN = 1e300, 1e9
 
 @dataclass(frozen=True)
 class Mesh:
-    """`positions` (V, 3) and unit `normals` (V, 3) float64, `triangles` (T, 3) int64 into them; `name` for captions."""
+    """`positions` (V, 3) and unit `normals` (V, 3) float64, `triangles` (T, 3) int64 into them; `name` for captions.
+
+    `remarks` say what was mended when it was read.
+    """
 
     positions: np.ndarray
     normals: np.ndarray
     triangles: np.ndarray
     name: str
+    remarks: tuple[str, ...] = ()
 
 
 def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
@@ -72,14 +78,20 @@ def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
         # Before lengths: they are squares.
         largest = np.abs(normals).max(1, keepdims=True)
         normals = normals / np.where(largest > 0, largest, 1.0)
+    remarks: tuple[str, ...] = ()
     if normals is None or not np.linalg.norm(normals, axis=1).all():
+        triangles, turned = wound_alike(positions, triangles)
+        if turned:
+            wound = f"{turned} of {len(triangles)} triangles are wound against their neighbours; they are turned"
+            remarks = (f"{target.name}: {wound}",)
         triangles = _outward(positions, triangles)
         computed = _vertex_normals(positions, triangles)
         given = np.zeros(len(positions), bool) if normals is None else np.linalg.norm(normals, axis=1) > 0
         normals = computed if normals is None else np.where(given[:, None], normals, computed)
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     triangles = _facing(positions, normals, triangles)
-    return Mesh(positions if fitted else positions * (radius * extent) + middle, normals, triangles, target.name)
+    placed = positions if fitted else positions * (radius * extent) + middle
+    return Mesh(placed, normals, triangles, target.name, remarks)
 
 
 def _face_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -9,6 +9,8 @@ from homofact.meshes.mesh import Mesh
 
 # Of the largest triangle's area: below it a triangle has no direction in float32 and blocks nothing.
 _DEGENERATE = 1e-12
+# More than rays' own accuracy, less than a picture shows.
+_THICKNESS = 1e-3
 
 
 def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
@@ -17,7 +19,7 @@ def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
     An open mesh is kept as it is and named: light may enter it from behind. Normals are turned only where they enclose
     a negative volume and the mesh is closed. Raises BadInput where no triangle is left.
     """
-    notes = []
+    notes = list(mesh.remarks)
     a, b, c = (mesh.positions[mesh.triangles[:, k]] for k in range(3))
     faces = np.cross(b - a, c - a)
     area = np.linalg.norm(faces, axis=1)
@@ -36,6 +38,18 @@ def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
         notes.append(f"{mesh.name}: its normals point inwards; they are turned")
         mesh = replace(mesh, normals=-mesh.normals, triangles=mesh.triangles[:, ::-1].copy())
     return mesh, tuple(notes)
+
+
+def two_sided(mesh: Mesh) -> Mesh:
+    """The mesh with a back: its triangles once more, turned, `_THICKNESS` of its size behind themselves."""
+    size = float(np.linalg.norm(np.ptp(mesh.positions, axis=0)))
+    behind = mesh.positions - _THICKNESS * size * mesh.normals
+    return replace(
+        mesh,
+        positions=np.concatenate((mesh.positions, behind)),
+        normals=np.concatenate((mesh.normals, -mesh.normals)),
+        triangles=np.concatenate((mesh.triangles, mesh.triangles[:, ::-1] + len(mesh.positions))),
+    )
 
 
 def open_edges(mesh: Mesh) -> int:

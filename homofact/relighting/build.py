@@ -122,7 +122,7 @@ def open_relight_scene(
 
     Raises BadInput for what cannot be read or has more channels than three.
     """
-    objects, notes = place_objects(file.objects, file.ground, stage, fits)
+    objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
     tables = [*file.objects, *([] if file.ground is None else [file.ground])]
     factored: dict[tuple[object, ...], InOutFactors] = {}

@@ -14,13 +14,17 @@ import numpy as np
 from homofact.errors import BadInput
 from homofact.files.embedded import located
 from homofact.meshes.mesh import Mesh
-from homofact.meshes.prepare import prepared
+from homofact.meshes.prepare import open_edges, prepared, two_sided
 from homofact.meshes.shapes import ground
-from homofact.scene.cameras import check_point
+from homofact.scene.cameras import Camera, check_point
 from homofact.scene.file_fits import FileFits
 from homofact.scene.materials import MaterialTable, OpenedMaterial, Stage, found_source, open_materials
-from homofact.scene.meshes import SHAPE_PREFIX, lowest, open_mesh, shape
+from homofact.scene.meshes import SHAPE_PREFIX, MeshGroup, lowest, open_mesh, shape
+from homofact.scene.visibility import seen_from_behind
 from homofact.settings.options import option
+
+# The share of an open mesh's pixels that see its inside, above which it is shown.
+_BEHIND = 0.01
 
 
 @dataclass(frozen=True)
@@ -82,12 +86,16 @@ def found_tables(
 
 
 def place_objects(
-    objects: Sequence[ObjectTable], plane: GroundTable | None, stage: Stage | None = None, fits: FileFits | None = None
+    objects: Sequence[ObjectTable],
+    plane: GroundTable | None,
+    cameras: Sequence[Camera],
+    stage: Stage | None = None,
+    fits: FileFits | None = None,
 ) -> tuple[tuple[SceneObject, ...], tuple[str, ...]]:
     """(objects in their places, the ground last; what was found on the way, a line each).
 
-    `stage` is called with what is being read, `fits` has the fits that stand for files of measurements. Raises BadInput
-    for what cannot be read.
+    An open mesh that a camera sees from behind gets a back. `stage` is called with what is being read, `fits` has the
+    fits that stand for files of measurements. Raises BadInput for what cannot be read.
     """
     meshes, notes = [], []
     for table in objects:
@@ -96,6 +104,10 @@ def place_objects(
         mesh, remarks = prepared(placed_mesh(table))
         meshes.append(mesh)
         notes += remarks
+    for number, share in enumerate(seen_from_behind(MeshGroup(meshes), cameras).tolist()):
+        if share > _BEHIND and open_edges(meshes[number]):
+            meshes[number] = two_sided(meshes[number])
+            notes.append(f"{meshes[number].name}: {share:.0%} of its pixels see it from behind; it is given a back")
     tables: list[MaterialTable] = list(objects)
     if plane is not None:
         meshes.append(ground(plane.half, lowest(meshes), plane.steps))

@@ -1,5 +1,6 @@
 """What a camera sees: one surface point a pixel, with its frame and the direction to the viewer."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +9,8 @@ from homofact.meshes.tangents import frames
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import MeshGroup
 
+# Of the unit normal along the ray: less is a silhouette of coarse triangles.
+_AWAY = 0.2
 PIXEL_ARRAYS = ("numbers", "objects", "points", "frames", "wo")
 
 
@@ -51,3 +54,18 @@ def visible_pixels(meshes: MeshGroup, camera: Camera) -> VisiblePixels:
     kept = wo[:, 2] > 0
     owners = meshes.owners[triangle[hit]]
     return VisiblePixels(hit[kept], owners[kept], points[kept], frame[kept], wo[kept])
+
+
+def seen_from_behind(meshes: MeshGroup, cameras: Iterable[Camera]) -> np.ndarray:
+    """The share (M,) of each mesh's pixels in all cameras whose normals are turned away; 0 of what is not seen."""
+    count = int(meshes.owners.max()) + 1
+    whole, away = np.zeros(count), np.zeros(count)
+    for camera in cameras:
+        rays = camera.rays().reshape(-1, 3)
+        triangle, weights = meshes.occluder.first(np.array(camera.eye, np.float64)[None], rays)
+        hit = np.flatnonzero(triangle >= 0)
+        normals = (meshes.normals[meshes.triangles[triangle[hit]]] * weights[hit, :, None]).sum(1)
+        owners = meshes.owners[triangle[hit]]
+        whole += np.bincount(owners, minlength=count)
+        away += np.bincount(owners, (normals * rays[hit]).sum(1) > _AWAY, count)
+    return away / np.maximum(whole, 1)
