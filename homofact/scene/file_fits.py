@@ -1,8 +1,8 @@
 """Files of measurements in a scene: each is fitted once, and the fit stands for it.
 
-Relighting and editing ask a material for millions of values. A fit answers in a microsecond, a table or an
-interpolation of samples in fifty to a hundred and fifty. What is stated of a scene's light is therefore against the
-fit; how far the fit is from the file stands beside it.
+Relighting and editing ask a material for millions of values, and an interpolation of samples takes several times as
+long as a fit. A table, which does not, is fitted too: edits go into a fit's textures, and the fit can be exported. What
+is stated of a scene's light is against the fit; how far the fit is from the file stands beside it.
 """
 
 import hashlib
@@ -66,13 +66,14 @@ class FileFits:
     def of(self, words: str) -> FileFit:
         """The fit of a file. Raises BadInput for a file that cannot be read or fitted."""
         if words not in self.made:
-            self.made[words] = self._kept(words) or self._fitted(words)
+            name = _name_of(words)
+            self.made[words] = self._kept(name) or self._fitted(words, name)
         return self.made[words]
 
-    def _kept(self, words: str) -> FileFit | None:
+    def _kept(self, name: str) -> FileFit | None:
         if self.folder is None:
             return None
-        place = self.folder / _name_of(words)
+        place = self.folder / name
         if not place.is_file():
             return None
         fit = open_saved(place)
@@ -80,8 +81,7 @@ class FileFits:
             raise BadInput(where=place, found="no errors in it", expected="a fit of a scene's file, or delete it")
         return FileFit(place.name, fit)
 
-    def _fitted(self, words: str) -> FileFit:
-        name = _name_of(words)
+    def _fitted(self, words: str, name: str) -> FileFit:
         row = fit_and_measure(open_source(words), METHOD, progress=self.progress)
         sky = None if row.appearance is None else row.appearance.off_sky
         errors = {"held_out": row.held_out.log_mae, "sky": sky}
