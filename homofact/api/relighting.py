@@ -90,8 +90,9 @@ def relight(
     progress : callable, optional
         Called with a `ProgressStep` on the way.
     **transport
-        Of a mesh: `terms`, `error` or `share` (how many in-out factors), `light` (which the `error` is under),
-        `map_size`, `cube`, `rays`, `kept`, `tolerance` (as in `relighting.precompute.TransportSettings`), `among`
+        Of a mesh: `terms`, `error` or `share` (how many in-out factors), `lobe` ("apart", "terms" or "chosen": whether
+        a sharp lobe is summed apart from them), `light` (which the `error` is under), `map_size`, `cube`, `rays`,
+        `kept`, `tolerance` (as in `relighting.precompute.TransportSettings`), `among`
         (other meshes, which throw shadows on it), and `folder` (keeps finished blocks for a later run).
 
     Returns
@@ -200,13 +201,12 @@ def _relit_scene(
 def _pictures(scene: "RelightScene", objects: "Sequence[RelitObject]", light: "np.ndarray") -> "list[np.ndarray]":
     """8-bit pictures of all cameras, under the cube map of radiance."""
     from homofact.relighting.picture import displayed_picture, picture
-    from homofact.relighting.relight import shaded
 
-    tuples = [relit.tuples(light) for relit in objects]
+    lit = [relit.lit(light) for relit in objects]
     meshes, pictures = [relit.mesh for relit in objects], []
     for camera in scene.file.cameras:
-        colours = [shaded(relit.transport, own, camera.eye) for relit, own in zip(objects, tuples, strict=True)]
-        pictures.append(displayed_picture(*picture(meshes, colours, scene.occluder, camera, scene.file.light)))
+        colours = [each.terms(camera.eye) for each in lit]
+        pictures.append(displayed_picture(*picture(meshes, colours, scene.occluder, camera, scene.file.light, lit)))
     return pictures
 
 
@@ -218,6 +218,7 @@ def _relit_mesh(
     terms: int | None = None,
     error: float | None = None,
     share: float | None = None,
+    lobe: str = "chosen",
     light: "EnvironmentMap | Place | None" = None,
     map_size: int | None = None,
     among: "Sequence[Mesh]" = (),
@@ -227,7 +228,10 @@ def _relit_mesh(
     """The transport of one mesh among others."""
     from homofact.meshes.mesh import Mesh
     from homofact.meshes.prepare import prepared
-    from homofact.relighting.factoring import MAP_SIZE, SHARE, factor
+    from homofact.relighting.apart import factored
+    from homofact.relighting.factoring import MAP_SIZE
+    from homofact.relighting.lobe import ApartLobe
+    from homofact.relighting.lobe_light import kept_sight
     from homofact.relighting.precompute import TransportSettings, transport
     from homofact.relighting.relight import RelitMesh
     from homofact.scene.file_fits import FileFits
@@ -237,7 +241,7 @@ def _relit_mesh(
 
     unknown = settings.keys() - {"cube", "rays", "kept", "tolerance"}
     if unknown:
-        known = "terms, error, share, light, map_size, cube, rays, kept, tolerance, among, folder"
+        known = "terms, error, share, lobe, light, map_size, cube, rays, kept, tolerance, among, folder"
         raise BadInput(f"no such setting {min(unknown)!r}", where="relight", expected=f"one of {known}")
     kept = TransportSettings(**settings)
     given, notes = prepared(mesh if isinstance(mesh, Mesh) else open_mesh(os.fspath(mesh)))
@@ -248,14 +252,18 @@ def _relit_mesh(
     if isinstance(material, str | os.PathLike):
         reflectance = open_material(os.fspath(material), FileFits(place, True, steps)).reflectance
     under = open_environment(os.fspath(light)) if isinstance(light, str | os.PathLike) else light
-    share, size = SHARE if share is None else share, MAP_SIZE if map_size is None else map_size
-    factors = factor(reflectance, terms, share, size, error, under)
+    size = MAP_SIZE if map_size is None else map_size
+    made = factored(reflectance, lobe, terms, share, error, size, under)
     occluder = MeshGroup([given, *among]).occluder
 
     def traced_block(done: int, count: int) -> None:
         steps.run(f"transport of {given.name}", min(done, count - 1), count)
 
-    return RelitMesh(given, transport(given, factors, kept, occluder, place, traced_block), notes)
+    moved = transport(given, made.factors, kept, occluder, place, traced_block)
+    apart = None
+    if made.lobe is not None:
+        apart = ApartLobe(made.lobe, kept_sight(given, occluder, kept.cube, place))
+    return RelitMesh(given, moved, notes, apart)
 
 
 def _report(

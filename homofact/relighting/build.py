@@ -8,15 +8,15 @@ import numpy as np
 
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
+from homofact.relighting.apart import FactoredMaterial, factored
 from homofact.relighting.clusters import Clustered, clustered
-from homofact.relighting.factoring import SHARE, factor
-from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import Harmonic, harmonic
+from homofact.relighting.lit import LitObject
+from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.lobe_light import kept_sight
 from homofact.relighting.plan import ObjectPlan, plan_object
 from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
-from homofact.relighting.relight import Relit, light_coefficients
 from homofact.relighting.scene_file import RelightSceneFile
-from homofact.rendering.light import EnvironmentMap
 from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.materials import Stage
 from homofact.scene.meshes import MeshGroup
@@ -30,12 +30,12 @@ _CLUSTERED = 8
 
 @dataclass(frozen=True)
 class TransportChoice:
-    """How an object's transport will be made: its material's factors, and what is kept.
+    """How an object's transport will be made: its material's factors and lobe, and what is kept.
 
     `plan` says why, where the scene has a tolerance.
     """
 
-    factors: InOutFactors
+    material: FactoredMaterial
     settings: TransportSettings
     plan: ObjectPlan | None = None
 
@@ -44,7 +44,7 @@ class TransportChoice:
 class RelitObject:
     """An object with its transport, and the compact form where it was asked for.
 
-    `fit` stands for the material where that is a file of measurements.
+    `fit` stands for the material where that is a file of measurements, `lobe` is what of it stands apart.
     """
 
     mesh: Mesh
@@ -52,34 +52,25 @@ class RelitObject:
     transport: WaveletTransport
     compact: Clustered | Harmonic | None
     fit: FileFit | None = None
+    lobe: ApartLobe | None = None
 
     @property
     def form(self) -> str:
         """How its transport is held: for tables."""
+        held = "all frequencies" if self.compact is None else "all frequencies, clustered"
         if isinstance(self.compact, Harmonic):
-            return f"harmonics to order {self.compact.order}"
-        return "all frequencies" if self.compact is None else "all frequencies, clustered"
+            held = f"harmonics to order {self.compact.order}"
+        return held if self.lobe is None else f"{held}, lobe apart"
 
     @property
     def nbytes(self) -> int:
-        """What relighting reads: the compact form where there is one, and the view maps."""
+        """What relighting reads: the compact form where there is one, the view maps, and what a lobe apart needs."""
         stored = self.transport.nbytes if self.compact is None else self.compact.nbytes
-        return stored + self.transport.factors.view.nbytes
+        return stored + self.transport.factors.view.nbytes + (0 if self.lobe is None else self.lobe.nbytes)
 
-    def tuples(self, light: np.ndarray) -> np.ndarray:
-        """K-tuples (V, K, 3) under a cube map of radiance, by the form that is used."""
-        return lit_tuples(self.transport, self.compact, light)
-
-
-def lit_tuples(
-    transport: WaveletTransport, compact: Clustered | Harmonic | None, light: EnvironmentMap | np.ndarray
-) -> np.ndarray:
-    """K-tuples (V, K, 3) under a light, by the compact form where there is one. Raises BadInput for no light."""
-    if isinstance(compact, Harmonic):
-        return compact.tuples(light_coefficients(light, transport.settings.cube))
-    relit = Relit(transport if compact is None else compact.basis)
-    relit.relight(light)
-    return relit.tuples if compact is None else compact.mixed(relit.tuples)
+    def lit(self, light: np.ndarray) -> LitObject:
+        """The object under a cube map of radiance, by the form that is used."""
+        return LitObject.of(self.transport, self.compact, self.lobe, light)
 
 
 @dataclass(frozen=True)
@@ -104,7 +95,7 @@ class RelightScene:
     def cost(self) -> TransportCost:
         """What all of its transport will take, at most, with its blocks on disk; memory that of the meshes too."""
         costs = [
-            cost(len(placed.mesh.positions), choice.factors.terms, choice.settings, on_disk=True)
+            cost(len(placed.mesh.positions), choice.material.factors.terms, choice.settings, on_disk=True)
             for placed, choice in zip(self.objects, self.choices, strict=True)
         ]
         positions, triangles = self.occluder.arrays
@@ -125,7 +116,7 @@ def open_relight_scene(
     objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
     tables = [*file.objects, *([] if file.ground is None else [file.ground])]
-    factored: dict[tuple[object, ...], InOutFactors] = {}
+    known: dict[tuple[object, ...], FactoredMaterial] = {}
     choices = []
     for placed, table in zip(objects, tables, strict=True):
         mesh, words, reflectance = placed.mesh, placed.material.words, placed.material.reflectance
@@ -134,17 +125,17 @@ def open_relight_scene(
                 stage(f"planning {mesh.name}")
             plan = plan_object(
                 mesh, words, reflectance, occluder, file.light, file.cameras[0].eye, file.reflected, file.settings,
-                table.terms, file.seed,
+                table.terms, file.seed, table.lobe,
             )  # fmt: skip
-            choices.append(TransportChoice(plan.factors, plan.settings(file.settings), plan))
+            choices.append(TransportChoice(plan.factored, plan.settings(file.settings), plan))
             continue
-        key = (words, table.terms, table.error, table.share)
-        if key not in factored:
+        key = (words, table.lobe, table.terms, table.error, table.share)
+        if key not in known:
             if stage is not None:
                 stage(f"factoring {Path(words).name}")
-            share = SHARE if table.share is None else table.share
-            factored[key] = factor(reflectance, table.terms, share, error=table.error, light=file.light)
-        choices.append(TransportChoice(factored[key], file.settings))
+            rule = (table.terms, table.share, table.error)
+            known[key] = factored(reflectance, table.lobe, *rule, light=file.light)
+        choices.append(TransportChoice(known[key], file.settings))
     return RelightScene(file, objects, tuple(choices), occluder, notes)
 
 
@@ -163,12 +154,16 @@ def relit_objects(
                 progress(name, done, count)
 
         folder = None if blocks is None else blocks / f"object_{number}"
-        made = transport(placed.mesh, choice.factors, choice.settings, scene.occluder, folder, tell)
+        made = transport(placed.mesh, choice.material.factors, choice.settings, scene.occluder, folder, tell)
+        lobe = None
+        if choice.material.lobe is not None:
+            sight = kept_sight(placed.mesh, scene.occluder, choice.settings.cube, folder)
+            lobe = ApartLobe(choice.material.lobe, sight)
         compact = None
         if choice.plan is not None and choice.plan.chosen.order is not None:
             compact = harmonic(made, choice.plan.chosen.order)
         elif file.clusters:
             count = None if file.clusters < 0 else min(file.clusters, made.vertices)
             compact = clustered(made, file.components, clusters=count, seed=file.seed)
-        objects.append(RelitObject(placed.mesh, placed.material.words, made, compact, placed.material.fit))
+        objects.append(RelitObject(placed.mesh, placed.material.words, made, compact, placed.material.fit, lobe))
     return tuple(objects)

@@ -57,7 +57,8 @@ class WeightedTerms:
     `order` (R,) of azimuth. `right` (R, C, nodes) are the unit singular vectors of the view; `excited` (R, rows) the
     light that makes each of them, at the nodes of `rows`: σ v(ωo) = ∫ f p(ωi) cosθi dωi. `white` are the singular
     values for white light, each as often as it counts. `sent` (R, L + 1) is what of light that has the power 1 in every
-    coefficient of order l each sends back, and `total` (L + 1,) what all do; `power` (L + 1,) the light's.
+    coefficient of order l each sends back, and `total` (L + 1,) what all do; `power` (L + 1,) the light's. `whole` is
+    the energy that errors are relative to, that of all unless given.
     """
 
     grid: DirectionGrid
@@ -73,6 +74,7 @@ class WeightedTerms:
     power: Tensor
     isotropic: bool
     even: bool
+    whole: float | None = None
 
     def under(self, light: EnvironmentMap | None) -> "WeightedTerms":
         """The same terms reckoned for this light's powers."""
@@ -92,7 +94,7 @@ class WeightedTerms:
         """Which are kept: as many as the rule asks for; or greedily, a pair only where there is room for both."""
         if error is not None:
             left = self.energy - self.parts.cumsum(0)
-            enough = (left <= error**2 * self.energy).nonzero()
+            enough = (left <= error**2 * (self.energy if self.whole is None else self.whole)).nonzero()
             first = int(enough[0, 0]) if len(enough) else len(left) - 1
             terms = min(int(self.multiplicity[: first + 1].sum()), MOST_TERMS)
         elif terms is None:
@@ -112,9 +114,11 @@ class WeightedTerms:
         draw = self._rings if self.isotropic else self._texels
         light, view = map(fitted_texels, draw(reflectance, picked, size))
         strength = (self.sent @ self.power)[picked].repeat_interleave(double)
+        whole = self.energy if self.whole is None else self.whole
         return InOutFactors(
-            light.float().numpy(), view.float().numpy(), strength.numpy(), self.energy, tuple(reflectance.channels)
-        )
+            light.float().numpy(), view.float().numpy(), strength.numpy(), whole, tuple(reflectance.channels),
+            whole - self.energy,
+        )  # fmt: skip
 
     def _rings(self, reflectance: Reflectance, picked: list[int], size: int) -> tuple[Tensor, Tensor]:
         """From tables over the radius times the waves of the azimuth."""

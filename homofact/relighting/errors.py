@@ -6,6 +6,7 @@ squares over vertices that the eye sees, by the area that they take in its pictu
 √(Σ|B̂ − B|²/Σ|B|²).
 
     terms         K terms of f, their functions asked of f itself wherever they are needed
+    lobe          the lobe that stands apart, as it is summed, against the sum over every texel
     maps          the same terms read from maps of M × M texels
     cube          the reference on this cube map against one of `FINE` times as many texels along a face
     truncation    of the wavelets of the transport, all but the kept left out, not rounded
@@ -17,7 +18,8 @@ squares over vertices that the eye sees, by the area that they take in its pictu
     rim           the same where cosθo is below `seen.RIM`
     picture       the same at pixels of the camera, whose light is mixed between vertices: the whole error
 
-The `psnr` in dB is of those pixels as 8-bit sRGB, tone-mapped as pictures are.
+Where a lobe stands apart, the stages of terms, maps, truncation and so on are those of what is left of f, against the
+light of all of f. The `psnr` in dB is of those pixels as 8-bit sRGB, tone-mapped as pictures are.
 `below zero` is the light that negative residues take away: Σ max(−B̂, 0)/Σ|B̂|.
 """
 
@@ -30,19 +32,23 @@ from functools import partial
 import numpy as np
 import torch
 
+from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.evaluation.image_metrics import psnr as psnr_of
 from homofact.meshes.mesh import Mesh
 from homofact.relighting import cube
-from homofact.relighting.build import RelightScene, RelitObject, lit_tuples
+from homofact.relighting.apart import FactoredMaterial
+from homofact.relighting.build import RelightScene, RelitObject
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.factoring import factor
 from homofact.relighting.factors import InOutFactors, view_values
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.kernels import transport_vectors
+from homofact.relighting.lit import LitObject
+from homofact.relighting.lobe import ApartLobe, SurfacePoints
 from homofact.relighting.picture import displayed_picture
 from homofact.relighting.precompute import WaveletTransport
-from homofact.relighting.relight import Relit, light_coefficients, shaded
+from homofact.relighting.relight import light_coefficients
 from homofact.relighting.seen import SeenPixels, SeenVertices, seen_pixels, seen_vertices
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
@@ -52,8 +58,8 @@ from homofact.rendering.tonemap import choose_exposure
 FINE, _RIM_PART = 4, 4
 _FINE_MAPS, _TRIANGLES = 128, 200
 STAGES = (
-    "terms", "maps", "cube", "truncation", "quantisation", "harmonics", "clusters", "interpolation", "together", "rim",
-    "picture",
+    "terms", "maps", "lobe", "cube", "truncation", "quantisation", "harmonics", "clusters", "interpolation", "together",
+    "rim", "picture",
 )  # fmt: skip
 
 
@@ -110,7 +116,8 @@ def scene_errors(
         if "picture" in stages:
             with contextlib.suppress(BadInput):
                 pixels = seen_pixels(meshes, number, *given[1:3], camera, vertices, seed)
-        found.append(measured_errors(seen, relit.transport, scene.file.light, relit.compact, stages, pixels, rim))
+        light = scene.file.light
+        found.append(measured_errors(seen, relit.transport, light, relit.compact, stages, pixels, rim, relit.lobe))
     return found
 
 
@@ -122,8 +129,11 @@ def measured_errors(
     stages: Sequence[str] = STAGES,
     pixels: SeenPixels | None = None,
     rim: SeenVertices | None = None,
+    lobe: ApartLobe | None = None,
 ) -> RelightErrors:
     """Every stage of `stages` by itself, under one light and from one eye; of `pixels` and of the `rim` where given.
+
+    The transport is that of the rest where a `lobe` stands apart.
 
     Raises BadInput for an unknown stage and where no light reaches the vertices.
     """
@@ -136,52 +146,63 @@ def measured_errors(
     if not (truth != 0).any():
         raise BadInput("none reaches the vertices that are seen", where="light", expected="some")
     errors: dict[str, float] = {}
-    apart = partial(relative, weights=seen.weights)
     factors = transport.factors
+    part = FactoredMaterial(factors, None if lobe is None else lobe.table).part(seen.reflectance)
+    # What a part errs by counts against the light of all.
+    apart = partial(relative, weights=seen.weights, of=None if lobe is None else truth)
     if {"terms", "maps"} & {*stages}:
-        fine = factor(seen.reflectance, terms=factors.terms, map_size=_FINE_MAPS)
+        fine = factor(part, terms=factors.terms, map_size=_FINE_MAPS)
         exact = seen.dense(radiance, size, fine)
         if "terms" in stages:
-            errors["terms"] = apart(exact, truth)
+            errors["terms"] = apart(exact, truth if lobe is None else seen.dense(radiance, size, part))
         if "maps" in stages:
             errors["maps"] = apart(seen.dense(radiance, size, factors), exact)
     if "cube" in stages:
         much = seen.dense(cube.environment_cube(light, FINE * size), FINE * size)
         errors["cube"] = apart(truth, much)
     if {"truncation", "quantisation"} & {*stages}:
-        whole, cut, stored = _vectors(seen, transport, radiance)
+        every, cut, stored = _vectors(seen, transport, radiance)
         if "truncation" in stages:
-            errors["truncation"] = apart(cut, whole)
+            errors["truncation"] = apart(cut, every)
         if "quantisation" in stages:
             errors["quantisation"] = apart(stored, cut)
-    relit = Relit(transport)
-    relit.relight(radiance)
-    used = relit.tuples
+    whole = LitObject.of(transport, None, lobe, radiance)
+    used = whole if compact is None else LitObject.of(transport, compact, lobe, radiance)
     stage = "harmonics" if isinstance(compact, Harmonic) else "clusters"
-    if compact is not None and {stage, "together"} & {*stages}:
-        used = lit_tuples(transport, compact, radiance)
-        if stage in stages:
-            errors[stage] = apart(_seen_of(seen, factors, used), _seen_of(seen, factors, relit.tuples))
-    shown = _seen_of(seen, factors, used)
+    shown = _seen_of(seen, factors, used.tuples)
+    if compact is not None and stage in stages:
+        errors[stage] = apart(shown, _seen_of(seen, factors, whole.tuples))
+    own = used.lobe_at(_vertices(seen))
+    if lobe is not None and "lobe" in stages:
+        errors["lobe"] = apart(own, seen.dense(radiance, size, lobe.table))
+    shown = shown + own
     if "interpolation" in stages:
-        errors["interpolation"] = _interpolation(seen, radiance, size)
+        errors["interpolation"] = _interpolation(seen, part, radiance, size)
     if "together" in stages:
         errors["together"] = apart(shown, truth)
     if rim is not None:
-        errors["rim"] = relative(_seen_of(rim, factors, used), rim.dense(radiance, size))
+        at_rim = _seen_of(rim, factors, used.tuples) + used.lobe_at(_vertices(rim))
+        errors["rim"] = relative(at_rim, rim.dense(radiance, size))
     psnr = None
     if pixels is not None:
-        mixed = pixels.mixed(shaded(transport, used, seen.eye).astype(np.float64))
+        mixed = used.between(pixels.mixture, seen.eye)
         exact = pixels.points.dense(radiance, size)
         errors["picture"], psnr = relative(mixed, exact), _psnr(mixed, exact)
     below = float(np.maximum(-shown, 0).sum() / np.abs(shown).sum())
     return RelightErrors({name: errors[name] for name in STAGES if name in errors}, below, len(seen.which), psnr)
 
 
-def relative(found: np.ndarray, truth: np.ndarray, weights: np.ndarray | None = None) -> float:
-    """√(Σw|found − truth|²/Σw|truth|²) of rows of numbers, w 1 unless given."""
+def relative(
+    found: np.ndarray, truth: np.ndarray, weights: np.ndarray | None = None, of: np.ndarray | None = None
+) -> float:
+    """√(Σw|found − truth|²/Σw|of|²) of rows of numbers, w 1 and `of` the truth unless given."""
     w = 1.0 if weights is None else weights[:, None]
-    return float(np.sqrt((w * (found - truth) ** 2).sum() / (w * truth**2).sum()))
+    whole = truth if of is None else of
+    return float(np.sqrt((w * (found - truth) ** 2).sum() / (w * whole**2).sum()))
+
+
+def _vertices(seen: SeenVertices) -> SurfacePoints:
+    return SurfacePoints.at_vertices(seen.rows, seen.wo, seen.which)
 
 
 def _psnr(found: np.ndarray, truth: np.ndarray) -> float:
@@ -225,8 +246,8 @@ def _vectors(
     return whole, cut, stored
 
 
-def _interpolation(seen: SeenVertices, radiance: np.ndarray, size: int) -> float:
-    """Of points in the middle of triangles: light mixed from the corners against the light of the point itself."""
+def _interpolation(seen: SeenVertices, part: Reflectance, radiance: np.ndarray, size: int) -> float:
+    """Of points in the middle of triangles: a part's light mixed from the corners against that of the point itself."""
     mesh = seen.mesh
     shown = np.zeros(len(mesh.positions), bool)
     shown[seen.which] = True
@@ -242,6 +263,7 @@ def _interpolation(seen: SeenVertices, radiance: np.ndarray, size: int) -> float
     own = SeenVertices(points, seen.reflectance, seen.occluder, seen.eye, np.arange(len(middle)))
     corners, place = np.unique(triangles, return_inverse=True)
     around = SeenVertices(mesh, seen.reflectance, seen.occluder, seen.eye, corners)
-    mixed = around.dense(radiance, size)[place.reshape(triangles.shape)].mean(1)
+    mixed = around.dense(radiance, size, part)[place.reshape(triangles.shape)].mean(1)
     facing = own.wo[:, 2] > 0
-    return relative(mixed[facing], own.dense(radiance, size)[facing])
+    exact = own.dense(radiance, size, part)[facing]
+    return relative(mixed[facing], exact, of=own.dense(radiance, size)[facing])

@@ -9,6 +9,7 @@ of an environment map whose own powers are taken.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
@@ -49,8 +50,12 @@ def factors_of_sizes(
     share: float = SHARE,
     error: float | None = None,
     light: EnvironmentMap | None = None,
+    whole: float | None = None,
 ) -> list[InOutFactors]:
-    """`factor` on maps of several sizes: the same terms, decomposed once. Raises BadInput as `factor`."""
+    """`factor` on maps of several sizes: the same terms, decomposed once. Raises BadInput as `factor`.
+
+    `whole` is the energy that errors are relative to, the reflectance's own unless given: of a part of a material.
+    """
     if terms is not None and not 1 <= terms <= MOST_TERMS:
         raise BadInput(where="terms", found=terms, expected=f"1 to {MOST_TERMS}")
     if terms is not None and error is not None:
@@ -66,6 +71,7 @@ def factors_of_sizes(
     before, found, picked = None, None, []
     for split in decompositions(reflectance):
         found = split().under(light)
+        found = found if whole is None else replace(found, whole=whole)
         picked = found.chosen(terms, share, error)
         # Settled where the next finer grid finds the same: the number of terms, or with a given one their share.
         now = float(len(picked)) if terms is None else float(found.parts[picked].sum()) / found.energy

@@ -6,7 +6,7 @@ side everywhere, and what is lost at each peak of a term adds up over all of the
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,8 +21,8 @@ class InOutFactors:
     """Light maps `light` (K, M, M) and view maps `view` (K, M, M, C), float32, f in sr⁻¹ without the cosine.
 
     `strength` (K,) is each term's part of `energy`, the expected Σ_c B² cosθo dωo of the light B that natural light,
-    or the light that `factor` was given, sends back. Texel (i, j) lies at
-    (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
+    or the light that `factor` was given, sends back; `beside` is the part of it that a lobe apart takes, which may be
+    below 0. Texel (i, j) lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
     """
 
     light: np.ndarray
@@ -30,6 +30,7 @@ class InOutFactors:
     strength: np.ndarray
     energy: float
     channels: tuple[str, ...]
+    beside: float = 0.0
 
     @property
     def terms(self) -> int:
@@ -38,8 +39,8 @@ class InOutFactors:
 
     @property
     def share(self) -> float:
-        """The part of the energy that the terms hold."""
-        return float(self.strength.sum() / self.energy)
+        """The part of the energy that the terms hold, with what is held beside them."""
+        return float((self.strength.sum() + self.beside) / self.energy)
 
     @property
     def expected_error(self) -> float:
@@ -68,7 +69,7 @@ class InOutFactors:
 
     def first(self, terms: int) -> "InOutFactors":
         """The strongest `terms` alone."""
-        return InOutFactors(self.light[:terms], self.view[:terms], self.strength[:terms], self.energy, self.channels)
+        return replace(self, light=self.light[:terms], view=self.view[:terms], strength=self.strength[:terms])
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """Values (N, C) of the maps in sr⁻¹, negative ones included; 0 under the horizon."""

@@ -8,7 +8,7 @@ times `MARGIN` has to be within the tolerance, since other vertices are not thos
 """
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,14 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
+from homofact.relighting.apart import APART, CHOSEN, MOST_SHARED, FactoredMaterial, apart
+from homofact.relighting.cube import environment_cube
 from homofact.relighting.factoring import factors_of_sizes
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import MOST_ORDER
+from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.precompute import TransportSettings
-from homofact.relighting.probe import ProbedErrors, ProbedVertices, measured
+from homofact.relighting.probe import ProbedErrors, ProbedVertices, lobe_beside, measured
 from homofact.relighting.seen import seen_vertices
 from homofact.rendering.light import EnvironmentMap
 
@@ -40,7 +43,7 @@ class PlannedTransport:
 
     `order` is of the harmonics, None for all frequencies; `tolerance` what of a vertex's root sum square is left out,
     `coefficients` how many numbers a vector has on average. `of_terms`, `of_maps` and `of_transport` are the errors
-    whose root sum square `error` is.
+    whose root sum square `error` is, with `of_lobe` where a lobe stands apart, as it is summed.
     """
 
     terms: int
@@ -52,16 +55,18 @@ class PlannedTransport:
     of_terms: float
     of_maps: float
     of_transport: float
+    of_lobe: float | None = None
 
     @property
     def error(self) -> float:
         """Relative RMS of the light."""
-        return math.hypot(self.of_terms, self.of_maps, self.of_transport)
+        return math.hypot(self.of_terms, self.of_maps, self.of_transport, self.of_lobe or 0.0)
 
     @property
     def form(self) -> str:
         """For tables."""
-        return "all frequencies" if self.order is None else f"harmonics to order {self.order}"
+        held = "all frequencies" if self.order is None else f"harmonics to order {self.order}"
+        return held if self.of_lobe is None else f"{held}, lobe apart"
 
     def record(self) -> dict[str, Any]:
         """The JSON form."""
@@ -77,7 +82,7 @@ class ObjectPlan:
     reflected: float
     choices: tuple[PlannedTransport, ...]
     chosen: PlannedTransport
-    factors: InOutFactors
+    factored: FactoredMaterial
 
     @property
     def met(self) -> bool:
@@ -120,43 +125,80 @@ def plan_object(
     settings: TransportSettings,
     terms: int | None = None,
     seed: int = 0,
+    lobe: str = CHOSEN,
 ) -> ObjectPlan:
     """Choose for one object of a scene; `terms` fixes K. `reflected` is the tolerance, of `settings` the cube counts.
 
-    Raises BadInput as `factoring.factor` and where no light reaches the vertices drawn.
+    A `lobe` that is "chosen" stands apart where the tolerance is met with it alone, or asks for more than `MOST_SHARED`
+    terms otherwise. Raises BadInput as `apart.factored` and where no light reaches the vertices drawn.
     """
-    sizes = (*SIZES, _FINE)
     allowed = reflected / MARGIN
     error = _PARTS[-1] * allowed if terms is None else None
-    made = factors_of_sizes(reflectance, sizes, terms, error=error, light=light)
-    counts = candidate_terms(made[0], allowed) if terms is None else [made[0].terms]
-    whole = [each.first(counts[-1]) for each in made]
-    groups = np.searchsorted(counts, np.arange(counts[-1]), side="right")
     probed = _probed(mesh, reflectance, occluder, eye, seed)
-    orders = tuple(range(1, MOST_ORDER + 1))
-    found = measured(probed, whole, len(SIZES) - 1, groups, light, settings.cube, orders)
-    errors = [whole[0].first(each).expected_error for each in counts]
-    choices = [
-        choice
-        for g, count in enumerate(counts)
-        for m in range(len(SIZES))
-        for choice in _choices(found, g, m, count, errors[g], allowed, len(mesh.positions), whole[0].view.shape[3])
-    ]
-    if not choices:
-        # Nothing meets the tolerance: the most terms on the largest maps.
-        allowed = 0.3 * math.hypot(errors[-1], found.maps[-1, len(SIZES) - 1])
-        last = len(counts) - 1, len(SIZES) - 1
-        vertices, channels = len(mesh.positions), whole[0].view.shape[3]
-        choices = [_wavelets(found, *last, allowed, counts[-1], errors[-1], vertices, channels)]
-    shown = _best_of_each(choices)
-    chosen = min(shown, key=lambda each: each.bytes)
-    factors = whole[SIZES.index(chosen.map_size)].first(chosen.terms)
-    return ObjectPlan(mesh.name, material, reflected, shown, chosen, factors)
+    under = _Considered(probed, light, settings.cube, allowed, terms is not None)
+    sizes = (*SIZES, _FINE)
+    found: list[tuple[PlannedTransport, list[FactoredMaterial]]] = []
+    if lobe != APART:
+        made = [
+            FactoredMaterial(each) for each in factors_of_sizes(reflectance, sizes, terms, error=error, light=light)
+        ]
+        found += [(each, made) for each in under.choices(made)]
+    shared = any(each.error <= allowed * (1 + 1e-9) and each.terms <= MOST_SHARED for each, _ in found)
+    if lobe == APART or (lobe == CHOSEN and terms is None and not shared):
+        made = apart(reflectance, sizes, terms, error, light)
+        found += [(each, made) for each in under.choices(made)]
+    enough = [each for each in found if each[0].error <= allowed * (1 + 1e-9)]
+    # Where nothing is within the tolerance, what errs least.
+    chosen, made = min(enough, key=lambda each: each[0].bytes) if enough else min(found, key=lambda each: each[0].error)
+    shown = _best_of_each([each for each, _ in enough] or [chosen])
+    own = made[SIZES.index(chosen.map_size)]
+    held = FactoredMaterial(own.factors.first(chosen.terms), own.lobe)
+    return ObjectPlan(mesh.name, material, reflected, shown, chosen, held)
+
+
+@dataclass(frozen=True)
+class _Considered:
+    """Ways to hold an object whose `probed` vertices stand for it; `allowed` is the error, K is given where `fixed`."""
+
+    probed: ProbedVertices
+    light: EnvironmentMap
+    cube: int
+    allowed: float
+    fixed: bool
+
+    def choices(self, made: list[FactoredMaterial]) -> list[PlannedTransport]:
+        """Those of a material factored on maps of every size; where none will do, the most terms and largest maps."""
+        first = made[0].factors
+        counts = [first.terms] if self.fixed else candidate_terms(first, self.allowed)
+        whole = [each.factors.first(counts[-1]) for each in made]
+        groups = np.searchsorted(counts, np.arange(counts[-1]), side="right")
+        orders = tuple(range(1, MOST_ORDER + 1))
+        found = measured(self.probed, whole, len(SIZES) - 1, groups, self.light, self.cube, orders)
+        table, of_lobe, stored = made[0].lobe, None, 0
+        if table is not None:
+            radiance = environment_cube(self.light, self.cube)
+            share, of_lobe = lobe_beside(self.probed, table, radiance, found.sent[:, -1].sum(1)[:, :3])
+            found = found.beside(share)
+            stored = table.nbytes + 8 * sight_words(self.cube) * len(self.probed.mesh.positions)
+        errors = [whole[0].first(each).expected_error for each in counts]
+        vertices, channels = len(self.probed.mesh.positions), whole[0].view.shape[3]
+        allowed = math.sqrt(max(self.allowed**2 - (of_lobe or 0.0) ** 2, 0.0))
+        ways = [
+            way
+            for g, count in enumerate(counts)
+            for m in range(len(SIZES))
+            for way in _choices(found, g, m, count, errors[g], allowed, vertices, channels)
+        ]
+        if not ways:
+            least = 0.3 * math.hypot(errors[-1], found.maps[-1, len(SIZES) - 1], of_lobe or 0.0)
+            last = len(counts) - 1, len(SIZES) - 1
+            ways = [_wavelets(found, *last, least, counts[-1], errors[-1], vertices, channels)]
+        return [replace(each, of_lobe=of_lobe, bytes=each.bytes + stored) for each in ways]
 
 
 def candidate_terms(factors: InOutFactors, allowed: float) -> list[int]:
     """Numbers of terms, rising, whose own error takes a part of what is allowed; all that there are where none does."""
-    left = 1 - factors.strength.astype(np.float64).cumsum() / factors.energy
+    left = 1 - (factors.beside + factors.strength.astype(np.float64).cumsum()) / factors.energy
     # A pair is kept whole: its two strengths are the same number.
     whole = np.append(factors.strength[1:] != factors.strength[:-1], True)
     found = set()
@@ -198,9 +240,9 @@ def _wavelets(
 
 def _best_of_each(choices: list[PlannedTransport]) -> tuple[PlannedTransport, ...]:
     """Of each form and number of terms the cheapest map, cheapest first."""
-    best: dict[tuple[int, int | None], PlannedTransport] = {}
+    best: dict[tuple[int, int | None, bool], PlannedTransport] = {}
     for each in choices:
-        key = (each.terms, each.order)
+        key = (each.terms, each.order, each.of_lobe is None)
         if key not in best or each.bytes < best[key].bytes:
             best[key] = each
     return tuple(sorted(best.values(), key=lambda each: (each.bytes, each.error)))

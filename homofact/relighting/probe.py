@@ -8,7 +8,7 @@ turn is in another. Errors are relative RMS over vertices, turns and channels, a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -21,7 +21,11 @@ from homofact.relighting import cube
 from homofact.relighting.factors import InOutFactors, look_up, view_values
 from homofact.relighting.harmonic import harmonic_maps
 from homofact.relighting.kernels import binned, transport_vectors
+from homofact.relighting.lobe import ApartLobe, SurfacePoints
+from homofact.relighting.lobe_light import LightCells, traced_sight
+from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.relight import light_coefficients
+from homofact.relighting.seen import SeenVertices
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
 
@@ -45,7 +49,7 @@ class ProbedErrors:
 
     `maps` (G, M) is the error of maps of each size against the last; `counts` (S, G, B) coefficients of the bins,
     `squares` alike; `sent` (S, G, B, T·3) the light of each; `smooth` (S, G, N, T·3) the light by harmonics up to each
-    order of `orders`.
+    order of `orders`. `share` is what `beside` says.
     """
 
     maps: np.ndarray
@@ -54,11 +58,16 @@ class ProbedErrors:
     sent: np.ndarray
     smooth: np.ndarray
     orders: tuple[int, ...]
+    share: float = 1.0
+
+    def beside(self, share: float) -> "ProbedErrors":
+        """The same where the light is this share of what a vertex sends, root mean squares."""
+        return replace(self, maps=self.maps * share, share=share)
 
     def harmonics(self, group: int) -> np.ndarray:
         """Errors (N,) of harmonics up to each order, of the first `group` + 1 groups' terms."""
         whole = self.sent[:, group].sum(1)
-        return np.array([_relative(self.smooth[:, group, n], whole) for n in range(len(self.orders))])
+        return self.share * np.array([_relative(self.smooth[:, group, n], whole) for n in range(len(self.orders))])
 
     def truncated(self, group: int, allowed: float) -> tuple[float, float, float]:
         """(tolerance, its error, coefficients a vertex): the largest tolerance whose error is at most `allowed`."""
@@ -71,7 +80,7 @@ class ProbedErrors:
             bins = (gone <= tolerance**2 * gone[:, -1:]).sum(1) - 1
             rows = np.arange(len(bins))
             out = np.where((bins >= 0)[:, None], left[rows, bins], 0.0)
-            error = _relative(whole - out, whole)
+            error = self.share * _relative(whole - out, whole)
             if error > allowed:
                 break
             lost = np.where(bins >= 0, self.counts[:, group].cumsum(1)[rows, bins], 0)
@@ -146,3 +155,21 @@ def measured(
 
 def _relative(found: np.ndarray, truth: np.ndarray) -> float:
     return float(np.sqrt(((found - truth) ** 2).sum() / max((truth**2).sum(), 1e-300)))
+
+
+def lobe_beside(
+    probed: ProbedVertices, table: LobeTable, radiance: np.ndarray, rest: np.ndarray
+) -> tuple[float, float]:
+    """(the rest's share of the light, the lobe's error), root mean squares over that of all light at the vertices.
+
+    `radiance` (6, n, n, 3) is the light; `rest` (S, 3) what the vertices send back of it without the lobe.
+    """
+    which = probed.which
+    seen = SeenVertices(probed.mesh, table, probed.occluder, np.full(3, np.inf), which, view=probed.wo)
+    exact = seen.dense(radiance, radiance.shape[1])
+    lobe = ApartLobe(table, traced_sight(probed.mesh, probed.occluder, radiance.shape[1], which))
+    points = SurfacePoints.at_vertices(seen.rows, probed.wo, np.arange(len(which)))
+    found = lobe.at(points, LightCells.of(radiance))
+    whole = exact + rest
+    every = max(float((whole**2).sum()), 1e-300)
+    return float(np.sqrt((rest**2).sum() / every)), float(np.sqrt(((found - exact) ** 2).sum() / every))

@@ -20,6 +20,8 @@ from homofact.meshes.mesh import Mesh
 from homofact.relighting import cube
 from homofact.relighting.haar import transformed
 from homofact.relighting.light_kernels import add_columns, relight_all, shade_all
+from homofact.relighting.lobe import ApartLobe, checked_eye
+from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.precompute import WaveletTransport
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.lighting import open_environment
@@ -37,8 +39,8 @@ def opened_light(light: Light) -> EnvironmentMap | np.ndarray:
     return light
 
 
-def light_coefficients(light: Light, size: int) -> np.ndarray:
-    """Haar coefficients (6·n², 3) float64 of an environment map, or of a cube map (6, n, n, 3) of radiance.
+def light_cube(light: Light, size: int) -> np.ndarray:
+    """Radiance (6, n, n, 3) of an environment map on a cube map, or the cube map that is given.
 
     Raises BadInput for what is no light, and for a cube map of another shape or with values that are negative or not
     finite.
@@ -52,7 +54,12 @@ def light_coefficients(light: Light, size: int) -> np.ndarray:
     # The products are of float32: a little more than any camera's or star's radiance.
     if given.max() > _MOST_RADIANCE:
         raise BadInput(where="light", found=f"a radiance of {given.max():.3g}", expected=f"at most {_MOST_RADIANCE:g}")
-    return np.moveaxis(transformed(np.moveaxis(given, -1, 0)), 0, -1).reshape(-1, 3)
+    return given
+
+
+def light_coefficients(light: Light, size: int) -> np.ndarray:
+    """Haar coefficients (6·n², 3) float64 of a light. Raises BadInput as `light_cube`."""
+    return _transformed(light_cube(light, size))
 
 
 def shaded(transport: WaveletTransport, tuples: np.ndarray, eye: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -60,9 +67,7 @@ def shaded(transport: WaveletTransport, tuples: np.ndarray, eye: Sequence[float]
 
     0 where a vertex is seen from behind. Raises BadInput for an eye that is no point.
     """
-    point = np.asarray(eye, np.float64)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise BadInput(where="eye", found=eye, expected="a point of 3 finite numbers")
+    point = checked_eye(eye)
     out = np.empty((transport.vertices, 3), np.float32)
     lit = np.ascontiguousarray(tuples, np.float32)
     maps = transport.factors.packed_view
@@ -74,11 +79,12 @@ class Relit:
     """An object under a light: `tuples` (V, K, 3), Σ over the light of each transport vector, and views of it.
 
     A light is an `EnvironmentMap`, a cube map of radiance (6, n, n, 3), a .hdr or .exr file, or the name of one of
-    `scene.lighting.NAMED` that is a map.
+    `scene.lighting.NAMED` that is a map. A `lobe` that stands apart has the light as soon as it is named.
     """
 
-    def __init__(self, transport: WaveletTransport) -> None:
-        self.transport = transport
+    def __init__(self, transport: WaveletTransport, lobe: ApartLobe | None = None) -> None:
+        self.transport, self.lobe = transport, lobe
+        self._cells: LightCells | None = None
         self._light = np.zeros((cube.FACES * transport.settings.cube**2, 3))
         self._target: np.ndarray | None = None
         self._change = np.zeros_like(self._light)
@@ -87,13 +93,13 @@ class Relit:
 
     def relight(self, light: Light) -> None:
         """Change to another light at once, from nothing."""
-        self._light = light_coefficients(light, self.transport.settings.cube)
+        self._light = self._named(light)
         self._target = None
         self._sum()
 
     def ask(self, light: Light) -> None:
         """Name the light that `step` will lead to."""
-        self._target = light_coefficients(light, self.transport.settings.cube)
+        self._target = self._named(light)
         self._change = self._target - self._light
         size = np.abs(self._change).max(1) * self._columns[3]
         # What reaches no transport vector changes nothing.
@@ -119,7 +125,16 @@ class Relit:
 
     def shade(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
         """Radiance (V, 3) float32 of every vertex towards a point `eye` (3,); negative residues stay in it."""
-        return shaded(self.transport, self.tuples, eye)
+        found = shaded(self.transport, self.tuples, eye)
+        if self.lobe is not None and self._cells is not None:
+            found += self.lobe.at_vertices(self.transport.positions, self.transport.frames, eye, self._cells)
+        return found
+
+    def _named(self, light: Light) -> np.ndarray:
+        """The coefficients of a light, which the lobe has from now on."""
+        radiance = light_cube(light, self.transport.settings.cube)
+        self._cells = None if self.lobe is None else LightCells.of(radiance)
+        return _transformed(radiance)
 
     def _sum(self) -> None:
         given = self.transport
@@ -152,6 +167,12 @@ class Relit:
 class RelitMesh(Relit):
     """`Relit` with its `mesh`, whose vertices it shades, and `notes` of what was wrong with it."""
 
-    def __init__(self, mesh: Mesh, transport: WaveletTransport, notes: tuple[str, ...] = ()) -> None:
-        super().__init__(transport)
+    def __init__(
+        self, mesh: Mesh, transport: WaveletTransport, notes: tuple[str, ...] = (), lobe: ApartLobe | None = None
+    ) -> None:
+        super().__init__(transport, lobe)
         self.mesh, self.notes = mesh, notes
+
+
+def _transformed(radiance: np.ndarray) -> np.ndarray:
+    return np.moveaxis(transformed(np.moveaxis(radiance, -1, 0)), 0, -1).reshape(-1, 3)

@@ -18,7 +18,7 @@ from homofact.relighting.cube import environment_cube
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.page.skies import PageSky, page_sky
 from homofact.relighting.plan import ObjectPlan
-from homofact.relighting.relight import Light, opened_light, shaded
+from homofact.relighting.relight import Light, opened_light
 from homofact.relighting.saved import (
     FACTORS,
     VECTORS,
@@ -34,7 +34,7 @@ from homofact.scene.folders import is_scene_folder, read_scene_archive, report_n
 
 REPORT = report_name(RELIT)
 _EXPECTED = "a relit scene that homofact wrote"
-_FORMAT, _VERSION = "homofact relit scene", 2
+_FORMAT, _VERSION = "homofact relit scene", 3
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,7 @@ class RelightResult:
         cubes = {
             size: opened if isinstance(opened, np.ndarray) else environment_cube(opened, size) for size in {*sizes}
         }
-        pairs = zip(self.objects, sizes, strict=True)
-        return [shaded(thing.transport, thing.tuples(cubes[size]), eye) for thing, size in pairs]
+        return [thing.lit(cubes[size]).shade(eye) for thing, size in zip(self.objects, sizes, strict=True)]
 
     def save(self, folder: str | os.PathLike[str], force: bool = False) -> None:
         """Write the folder that `homofact view` shows, whole or not at all; `force` replaces one that is there.
@@ -135,6 +134,8 @@ def save_scene(file: Path, scene: RelightResult) -> None:
         elif each.compact is not None:
             own |= {f"basis_{name}": getattr(each.compact.basis, name) for name in VECTORS}
             own |= {name: getattr(each.compact, name) for name in ("cluster", "weights", "steps")}
+        if each.lobe is not None:
+            own |= {"lobe_values": each.lobe.table.values, "lobe_sight": each.lobe.sight}
         arrays |= {f"object_{number}_{name}": array for name, array in own.items()}
         entries.append(
             {
@@ -142,6 +143,8 @@ def save_scene(file: Path, scene: RelightResult) -> None:
                 "material": each.material,
                 "channels": list(factors.channels),
                 "energy": factors.energy,
+                "beside": factors.beside,
+                "lobe": None if each.lobe is None else each.lobe.record(),
                 "compact": "harmonic" if isinstance(each.compact, Harmonic) else each.compact is not None,
                 "settings": asdict(made.settings),
             }

@@ -17,6 +17,9 @@ from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import MOST_ORDER, Harmonic
+from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.lobe_light import sight_words
+from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import TransportSettings, WaveletTransport
 from homofact.rendering.light import LEAST_LIGHT, MOST_LIGHT
@@ -78,12 +81,13 @@ def read_object(arrays: Arrays, number: int, entry: Fields) -> RelitObject:
     if view.shape[1] != view.shape[2]:
         raise part.refuse("factors_view", f"is of shape {view.shape}", "square maps")
     strength = part.floats("factors_strength", (terms,), least=0.0, dtype=np.float64)
-    factors = InOutFactors(light, view, strength, entry.number("energy", above=0), channels)
+    factors = InOutFactors(light, view, strength, entry.number("energy", above=0), channels, entry.number("beside"))
     mesh = _mesh(part, entry.text("name"))
     count = len(mesh.positions)
     positions, rows = mesh.positions.astype(np.float32), part.rotations("frames", count)
     made = WaveletTransport(positions, rows, factors, settings, *_vectors(part, count * terms, settings))
-    return RelitObject(mesh, entry.text("material"), made, _compact(part, entry, made))
+    lobe = _lobe(part, entry, made) if entry.found.get("lobe") is not None else None
+    return RelitObject(mesh, entry.text("material"), made, _compact(part, entry, made), lobe=lobe)
 
 
 def read_sky(arrays: Arrays, name: str) -> PageSky:
@@ -174,6 +178,17 @@ def _vectors(part: Part, count: int, settings: TransportSettings) -> tuple[np.nd
     if len(index) != total:
         raise part.refuse("index", f"holds {len(index)} places", f"{total}")
     return start, index, part.wholes("number", np.int16, (total,)), part.floats("scale", (count,), least=0.0)
+
+
+def _lobe(part: Part, entry: Fields, made: WaveletTransport) -> ApartLobe:
+    numbers = entry.inner("lobe")
+    values = part.floats("lobe_values", (None, None, None, None, 3))
+    levels, turns, rows, columns, _ = values.shape
+    if min(levels, rows) < 2 or turns < 1 or rows != columns:
+        raise part.refuse("lobe_values", f"is of shape {values.shape}", "square grids of two nodes or more")
+    width, period = numbers.number("width", above=0), numbers.number("period", above=0)
+    sight = part.wholes("lobe_sight", np.uint64, (made.vertices, sight_words(made.settings.cube)))
+    return ApartLobe(LobeTable(values, width, period), sight)
 
 
 def _compact(part: Part, entry: Fields, made: WaveletTransport) -> Harmonic | Clustered | None:

@@ -17,6 +17,7 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting import cube
+from homofact.relighting.lobe import SurfacePoints
 from homofact.relighting.tracer import Tracer
 from homofact.scene.cameras import Camera
 
@@ -27,7 +28,8 @@ RIM = 0.2  # the rim is where cosθo is below this: 4% of a sphere's picture
 class SeenVertices:
     """Vertices that an eye sees, with what their light is summed from.
 
-    `weights` (S,) are their parts of the picture, alike unless given.
+    `weights` (S,) are their parts of the picture, alike unless given; `view` (S, 3) is the view in their frames,
+    where it is not the eye's.
     """
 
     mesh: Mesh
@@ -36,12 +38,16 @@ class SeenVertices:
     eye: np.ndarray
     which: np.ndarray
     weights: np.ndarray | None = None
+    view: np.ndarray | None = None
     rows: np.ndarray = field(init=False)
     wo: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         """Frames of the vertices, and the eye's direction in them."""
         self.rows = frames(self.mesh.normals[self.which])
+        if self.view is not None:
+            self.wo = self.view
+            return
         towards = self.eye - self.mesh.positions[self.which]
         towards /= np.linalg.norm(towards, axis=1, keepdims=True)
         self.wo = np.einsum("vij,vj->vi", self.rows, towards)
@@ -106,15 +112,10 @@ def vertex_areas(mesh: Mesh, eye: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SeenPixels:
-    """Pixels of a camera that see a mesh: their `points`, each mixed of the vertices `corners` (S, 3) by `shares`."""
+    """Pixels of a camera that see a mesh: the `points` there, and how each is mixed of the mesh's vertices."""
 
     points: SeenVertices
-    corners: np.ndarray
-    shares: np.ndarray
-
-    def mixed(self, colours: np.ndarray) -> np.ndarray:
-        """The pixels' values (S, 3) of the mesh's vertices' (V, 3)."""
-        return (colours[self.corners] * self.shares[..., None]).sum(1)
+    mixture: SurfacePoints
 
 
 def seen_pixels(
@@ -141,7 +142,7 @@ def seen_pixels(
     positions = (mesh.positions[corners[kept]] * shares[kept]).sum(1)
     points = replace(mesh, positions=positions, normals=normals[kept], triangles=mesh.triangles[:0])
     seen = SeenVertices(points, reflectance, occluder, eye, np.arange(len(kept)))
-    return SeenPixels(seen, corners[kept], shares[kept, :, 0])
+    return SeenPixels(seen, SurfacePoints(seen.rows, seen.wo, corners[kept], shares[kept, :, 0]))
 
 
 def _drawn(weights: np.ndarray, count: int, seed: int) -> np.ndarray:

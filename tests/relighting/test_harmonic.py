@@ -10,7 +10,7 @@ from relighting_cases import EYE, MATT, ball, knot, occluder, whole
 from homofact.errors import BadInput
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting import cube
-from homofact.relighting.build import lit_tuples
+from homofact.relighting.lit import lit_tuples
 from homofact.relighting.errors import measured_errors, relative
 from homofact.relighting.factoring import factor
 from homofact.relighting.harmonic import harmonic

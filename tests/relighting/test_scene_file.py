@@ -78,7 +78,7 @@ def test_the_scene_says_what_stands_where(ready: RelightScene) -> None:
     assert floor.mesh.positions[:, 1] == pytest.approx(-0.25)
     assert len(floor.mesh.positions) == 49
     assert [ready.file.objects[0].words] == ["albedo 0.5"]
-    assert [choice.factors.terms for choice in ready.choices] == [1, 1]
+    assert [choice.material.factors.terms for choice in ready.choices] == [1, 1]
     assert ready.cost.rays == (len(ball.mesh.positions) + 49) * 192
     # The ball blocks the ground's light, and the ground the ball's from below.
     assert ready.occluder.blocked(np.array([[0.0, -0.24, 0.0]]), np.array([[0.0, 1.0, 0.0]])).all()
@@ -88,7 +88,7 @@ def test_clustering_needs_memory_for_the_largest_object(ready: RelightScene) -> 
     """Objects are clustered one after another: the peak grows by what the largest one needs, eight times its size."""
     plain = replace(ready, file=replace(ready.file, clusters=0))
     pairs = zip(ready.objects, ready.choices, strict=True)
-    sizes = [cost(len(own.mesh.positions), how.factors.terms, how.settings).most_bytes for own, how in pairs]
+    sizes = [cost(len(own.mesh.positions), how.material.factors.terms, how.settings).most_bytes for own, how in pairs]
     assert max(sizes) > 2 * min(sizes)
     assert ready.cost.peak_bytes - plain.cost.peak_bytes == 8 * max(sizes)
 
@@ -108,28 +108,28 @@ def test_what_the_file_says_of_factors_and_clusters_is_asked_for(
 ) -> None:
     """Each material by its own rule for K, under the scene's light; clusters with its seed, at most one a vertex."""
     asked: list[tuple[object, ...]] = []
-    made, grouped = build.factor, build.clustered
+    made, grouped = build.factored, build.clustered
 
-    def factor(reflectance: object, terms: int | None, share: float, *, error: float | None, light: object) -> object:
+    def factored(reflectance: object, *rule: object, light: object) -> object:
         assert isinstance(light, EnvironmentMap)
-        asked.append((terms, share, error))
-        return made(reflectance, terms, share, error=error, light=light)  # type: ignore[arg-type]
+        asked.append(rule)
+        return made(reflectance, *rule, light=light)  # type: ignore[arg-type]
 
     def clustered(transport: object, components: int, *, clusters: int | None, seed: int) -> object:
         asked.append((components, clusters, seed))
         return grouped(transport, components, clusters=clusters, seed=seed)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(build, "factor", factor)
+    monkeypatch.setattr(build, "factored", factored)
     monkeypatch.setattr(build, "clustered", clustered)
     text = "seed = 7\n" + TEXT.replace("size = 0.5", "size = 0.5\nshare = 0.5").replace("steps = 6", "steps = 2")
     objects = relit_objects(open_relight_scene(read(tmp_path, text)))
-    assert asked == [(None, 0.5, None), (None, 0.99, None), (3, 2, 7), (3, 2, 7)]
+    assert asked == [("chosen", None, 0.5, None), ("chosen", None, None, None), (3, 2, 7), (3, 2, 7)]
     # What is used is the compact form.
     for each in objects:
         assert each.compact is not None
         plain = Relit(each.transport)
         plain.relight(light(8))
-        assert not np.array_equal(each.tuples(light(8)), plain.tuples)
+        assert not np.array_equal(each.lit(light(8)).tuples, plain.tuples)
     monkeypatch.setattr(build, "clustered", grouped)
     text = TEXT.replace("steps = 6", "steps = 2").replace("clusters = 2", "clusters = 12")
     assert (
@@ -164,7 +164,7 @@ def test_a_folder_holds_everything_and_comes_back(ready: RelightScene, tmp_path:
         assert after.mesh.name == before.mesh.name
         for name in ("positions", "normals", "triangles"):
             assert np.array_equal(getattr(after.mesh, name), getattr(before.mesh, name))
-        assert (after.tuples(light(8)) == before.tuples(light(8))).all()
+        assert (after.lit(light(8)).tuples == before.lit(light(8)).tuples).all()
         mine, theirs = Relit(before.transport), Relit(after.transport)
         mine.relight(light(8))
         theirs.relight(light(8))
@@ -253,7 +253,7 @@ def test_a_damaged_scene_is_refused_in_a_line_or_shown(kind: str, tmp_path: Path
             opened = open_relit(tmp_path / "out")
             shown += 1
             for thing in opened.objects:
-                problem = "" if np.isfinite(thing.tuples(light(thing.transport.settings.cube))).all() else "no number"
+                problem = "" if np.isfinite(thing.lit(light(thing.transport.settings.cube)).tuples).all() else "no number"
             # A page takes a while: of every twelfth.
             if shown % 12 == 1:
                 write_relit_page(tmp_path / "page.html", opened)
@@ -408,7 +408,7 @@ def test_a_planned_scene_keeps_its_forms_in_the_folder(tmp_path: Path) -> None:
         assert each.compact.order == plan.chosen.order
         assert back.transport.settings.tolerance == plan.chosen.tolerance
         assert back.form == each.form == plan.chosen.form
-        assert (back.tuples(light(8)) == each.tuples(light(8))).all()
+        assert (back.lit(light(8)).tuples == each.lit(light(8)).tuples).all()
         assert each.nbytes == plan.chosen.bytes
     size = write_relit_page(tmp_path / "page.html", saved)
     page = (tmp_path / "page.html").read_text()
@@ -429,7 +429,7 @@ def test_terms_follow_the_rule_that_is_named(tmp_path: Path) -> None:
     counts = {}
     for rule in ("error = 0.05", "error = 0.2", "share = 0.9", ""):
         text = TEXT.replace("albedo = [0.5]", f"{shiny}\n{rule}").replace(GROUND, "")
-        factors = open_relight_scene(read(tmp_path, text)).choices[0].factors
+        factors = open_relight_scene(read(tmp_path, text)).choices[0].material.factors
         counts[rule] = factors.terms
         if rule.startswith("error"):
             assert factors.expected_error <= float(rule.split("=")[1])
@@ -442,7 +442,7 @@ def test_a_huge_sun_stays_finite(ready: RelightScene) -> None:
     made = relit_objects(ready)[0]
     sky = np.full((6, 8, 8, 3), 1e-3)
     sky[2, 4, 4] = 1e12
-    found = shaded(made.transport, made.tuples(sky), (0, 1.5, 3))
+    found = shaded(made.transport, made.lit(sky).tuples, (0, 1.5, 3))
     assert np.isfinite(found).all()
 
 

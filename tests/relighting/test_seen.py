@@ -68,9 +68,9 @@ def test_pixels_are_of_the_mesh_that_is_asked_for_and_mixed_of_its_corners() -> 
     rays, whole = camera.rays().reshape(-1, 3), 0
     for number, mesh in enumerate(meshes):
         found = seen_pixels(meshes, number, MATT, both, camera, 10_000)
-        whole += len(found.corners)
+        whole += len(found.mixture.corners)
         points = found.points.mesh.positions
-        assert found.mixed(mesh.positions) == pytest.approx(points)
+        assert found.mixture.mixed(mesh.positions) == pytest.approx(points)
         # They lie along the camera's rays, and nothing stands before them.
         towards = points - np.array(EYE)
         distance = np.linalg.norm(towards, axis=1)

@@ -9,7 +9,7 @@ import torch
 from relighting_cases import EYE, MATT, SHINY, knot, occluder, shiny
 
 from homofact.errors import BadInput
-from homofact.relighting.build import lit_tuples
+from homofact.relighting.lit import lit_tuples
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import measured_errors, relative
 from homofact.relighting.factoring import factor
@@ -123,12 +123,12 @@ def test_a_plan_holds_at_vertices_that_it_has_not_seen(reflected: float) -> None
     assert plan.warning is None
     assert plan.chosen.bytes == min(each.bytes for each in plan.choices)
     assert all(each.error * MARGIN <= reflected * 1.001 for each in plan.choices)
-    made = transport(knot(), plan.factors, plan.settings(TransportSettings(CUBE)), occluder())
+    made = transport(knot(), plan.factored.factors, plan.settings(TransportSettings(CUBE)), occluder())
     found = measured_errors(seen(60, 9), made, STUDIO, None, ("together",)).errors["together"]
     assert 0.2 * reflected < found < reflected
-    stored = made.nbytes + plan.factors.view.nbytes
+    stored = made.nbytes + plan.factored.factors.view.nbytes
     assert plan.chosen.bytes == pytest.approx(stored, rel=0.15)
-    assert (plan.factors.terms, plan.factors.view.shape[1]) == (plan.chosen.terms, plan.chosen.map_size)
+    assert (plan.factored.factors.terms, plan.factored.factors.view.shape[1]) == (plan.chosen.terms, plan.chosen.map_size)
 
 
 def test_a_wider_tolerance_is_cheaper() -> None:
@@ -142,12 +142,12 @@ def test_smooth_light_takes_nine_numbers_and_a_lamp_does_not() -> None:
     assert smooth.chosen.coefficients == 9
     assert sharp.chosen.form == "all frequencies"
     assert smooth.chosen.bytes < sharp.chosen.bytes / 4
-    made = transport(knot(), smooth.factors, smooth.settings(TransportSettings(CUBE)), occluder())
+    made = transport(knot(), smooth.factored.factors, smooth.settings(TransportSettings(CUBE)), occluder())
     compact = harmonic(made, 2)
     light = named_environment("overcast")
     own = seen_vertices(knot(), MATT, occluder(), EYE, 60, 9)
     assert measured_errors(own, made, light, compact, ("together",)).errors["together"] < 0.02
-    assert smooth.chosen.bytes == compact.nbytes + smooth.factors.view.nbytes
+    assert smooth.chosen.bytes == compact.nbytes + smooth.factored.factors.view.nbytes
 
 
 def test_equal_seed_equal_plan() -> None:

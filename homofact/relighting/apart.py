@@ -1,0 +1,76 @@
+"""Whether a material's lobe stands apart from its in-out factors, and the factors of what is left.
+
+Of a sharp lobe there would be hundreds of terms: each takes `kept` coefficients of every vertex. Where the rule for the
+number of terms asks for more than `MOST_SHARED` of them, the lobe is summed apart (`lobe_table`, `lobe`), which takes a
+bit a texel of every vertex, and the factors are those of the rest. Their number has the rule `error` then, of the light
+of the whole material.
+"""
+
+from dataclasses import dataclass
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.errors import BadInput
+from homofact.relighting.decomposition import decompositions
+from homofact.relighting.factoring import MAP_SIZE, SHARE, factor, factors_of_sizes
+from homofact.relighting.factors import InOutFactors
+from homofact.relighting.lobe_table import LobeTable, Rest, lobe_table
+from homofact.rendering.light import EnvironmentMap
+
+APART, TERMS, CHOSEN = "apart", "terms", "chosen"
+LOBES = (CHOSEN, APART, TERMS)
+MOST_SHARED = 32
+ERROR = 0.02
+
+
+@dataclass(frozen=True)
+class FactoredMaterial:
+    """In-out `factors` of a material, or of what it is without its `lobe`."""
+
+    factors: InOutFactors
+    lobe: LobeTable | None = None
+
+    def part(self, reflectance: Reflectance) -> Reflectance:
+        """What the factors are of, the material being `reflectance`."""
+        return reflectance if self.lobe is None else Rest(reflectance, self.lobe)
+
+
+def factored(
+    reflectance: Reflectance,
+    lobe: str = CHOSEN,
+    terms: int | None = None,
+    share: float | None = None,
+    error: float | None = None,
+    map_size: int = MAP_SIZE,
+    light: EnvironmentMap | None = None,
+) -> FactoredMaterial:
+    """The factors of a reflectance, and its lobe where that stands apart: `lobe` is one of `LOBES`.
+
+    `terms`, `share`, `error`, `map_size` and `light` are those of `factoring.factor`. Where `terms` or a `share` are
+    given a lobe stands apart only if that is asked for. The rest has the rule `error`, `ERROR` where it is not given,
+    unless there are `terms`. Raises BadInput as `factor`, for another `lobe`, and for a `share` with a lobe apart.
+    """
+    if lobe not in LOBES:
+        raise BadInput(where="lobe", found=repr(lobe), expected=f"one of {', '.join(LOBES)}")
+    if lobe == APART and share is not None:
+        raise BadInput(where="share", found="it beside a lobe apart", expected="terms or an error")
+    if lobe != APART:
+        found = factor(reflectance, terms, SHARE if share is None else share, map_size, error, light)
+        given = terms is not None or share is not None
+        if lobe == TERMS or given or found.terms <= MOST_SHARED:
+            return FactoredMaterial(found)
+    return apart(reflectance, (map_size,), terms, error, light)[0]
+
+
+def apart(
+    reflectance: Reflectance,
+    map_sizes: tuple[int, ...],
+    terms: int | None = None,
+    error: float | None = None,
+    light: EnvironmentMap | None = None,
+) -> list[FactoredMaterial]:
+    """The lobe apart, and the factors of the rest on maps of several sizes. Raises BadInput as `factored`."""
+    table = lobe_table(reflectance)
+    whole = decompositions(reflectance)[1]().under(light).energy
+    allowed = None if terms is not None else ERROR if error is None else error
+    made = factors_of_sizes(Rest(reflectance, table), map_sizes, terms, error=allowed, light=light, whole=whole)
+    return [FactoredMaterial(each, table) for each in made]

@@ -1,0 +1,83 @@
+"""The light of a lobe that stands apart from an object's in-out factors: summed where it is seen, for every view.
+
+Nothing of it is precomputed but what each vertex sees, so that a change of light costs nothing. A view sums the cells
+of the sky that the lobe reaches (`lobe_kernels`), some hundreds a vertex whatever the lobe's width.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.relighting.lobe_kernels import sum_lobe
+from homofact.relighting.lobe_light import LightCells
+from homofact.relighting.lobe_table import LobeTable
+
+
+@dataclass(frozen=True)
+class SurfacePoints:
+    """Points between vertices: `frames` (S, 3, 3), rows tangent, binormal, normal, and the view `wo` (S, 3) in them.
+
+    Each is mixed of the vertices `corners` (S, 3) by `shares` (S, 3).
+    """
+
+    frames: np.ndarray
+    wo: np.ndarray
+    corners: np.ndarray
+    shares: np.ndarray
+
+    @classmethod
+    def at_vertices(cls, frames: np.ndarray, wo: np.ndarray, which: np.ndarray) -> "SurfacePoints":
+        """The vertices `which` (S,) themselves."""
+        corners = np.repeat(which[:, None], 3, 1)
+        return cls(frames, wo, corners, np.broadcast_to(np.array([1.0, 0.0, 0.0]), corners.shape))
+
+    def mixed(self, values: np.ndarray) -> np.ndarray:
+        """Values (S, C) between those of the vertices (V, C)."""
+        return (values[self.corners] * self.shares[..., None]).sum(1)
+
+
+@dataclass(frozen=True)
+class ApartLobe:
+    """A lobe and what every vertex `sight` (V, words) sees of the sky, as `lobe_light.traced_sight` makes it."""
+
+    table: LobeTable
+    sight: np.ndarray
+
+    @property
+    def nbytes(self) -> int:
+        """The table and what the vertices see."""
+        return self.table.nbytes + self.sight.nbytes
+
+    def record(self) -> dict[str, float]:
+        """The numbers of the table, beside its values."""
+        return {"width": self.table.width, "period": self.table.period}
+
+    def at(self, points: SurfacePoints, cells: LightCells) -> np.ndarray:
+        """Radiance (S, 3) float32 of the lobe towards the viewer; 0 where a point is seen from behind."""
+        out = np.zeros((len(points.frames), 3), np.float32)
+        table = self.table
+        sum_lobe(
+            np.ascontiguousarray(points.frames, np.float32), np.ascontiguousarray(points.wo, np.float32),
+            np.ascontiguousarray(points.corners, np.int64), np.ascontiguousarray(points.shares, np.float32),
+            self.sight, cells.light, cells.places, cells.starts, table.values, table.width, table.period, out,
+        )  # fmt: skip
+        return out
+
+    def at_vertices(
+        self, positions: np.ndarray, frames: np.ndarray, eye: Sequence[float] | np.ndarray, cells: LightCells
+    ) -> np.ndarray:
+        """Radiance (V, 3) float32 of all vertices towards a point `eye` (3,). Raises BadInput for no point."""
+        towards = checked_eye(eye) - positions
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        wo = np.einsum("vij,vj->vi", frames, towards)
+        return self.at(SurfacePoints.at_vertices(frames, wo, np.arange(len(positions))), cells)
+
+
+def checked_eye(eye: Sequence[float] | np.ndarray) -> np.ndarray:
+    """The point (3,) float64. Raises BadInput for what is no point."""
+    point = np.asarray(eye, np.float64)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise BadInput(where="eye", found=eye, expected="a point of 3 finite numbers")
+    return point

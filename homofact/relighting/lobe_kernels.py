@@ -1,0 +1,122 @@
+"""The sum over a cube map's cells of a lobe's light: fine cells where the lobe is, coarse ones around it."""
+
+import math
+
+import numpy as np
+from numba import prange
+
+from homofact.linear.kernels import kernel
+from homofact.relighting.lobe_light import seen_part
+from homofact.relighting.lobe_table import STEEPEST
+
+# The widest cell, in steps of the square that the lobe's table lies in, which is 2 across; the least cosθo.
+WIDEST = 0.35
+_LEAST = math.cos(STEEPEST)
+_ROOT_CELLS = 64
+
+
+@kernel(nogil=True, parallel=True, fastmath=True)
+def sum_lobe(  # pragma: no cover (compiled)
+    frames, views, corners, shares, sight, light, places, starts, table, width, period, out
+):
+    """Radiance `out` (P, 3) of a lobe at points with `frames` (P, 3, 3) in the world, towards `views` (P, 3) in them.
+
+    What a point sees is that of the vertices `corners` (P, 3), mixed by `shares` (P, 3); `sight` (V, words). `light`,
+    `places` and `starts` are those of `LightCells`, `table`, `width` and `period` those of `LobeTable`.
+    """
+    levels, turns, nodes = table.shape[0], table.shape[1], table.shape[2]
+    top = len(starts) - 1
+    texels = np.int64(64) << (2 * top)
+    sights = sight.shape[1] * 64 // 6
+    finer = 0
+    while (sights << (2 * finer)) < texels:
+        finer += 1
+    one, half, mid = np.float32(1), np.float32(0.5), np.float32(nodes - 1) / np.float32(2)
+    w, widest = np.float32(width), np.float32(WIDEST)
+    for p in prange(len(frames)):
+        ox, oy, oz = views[p, 0], views[p, 1], views[p, 2]
+        out[p, 0], out[p, 1], out[p, 2] = 0, 0, 0
+        if oz <= 0:
+            continue
+        level = (one - math.sqrt(max(one - math.acos(min(oz, one)) / np.float32(STEEPEST), 0.0))) * (levels - 1)
+        low = min(int(level), levels - 2)
+        up = np.float32(min(level - low, 1.0))
+        across = math.sqrt(ox * ox + oy * oy)
+        ca, sa = one, np.float32(0)
+        if across > 1e-6:
+            ca, sa = ox / across, oy / across
+        turn = math.atan2(oy, ox) / period
+        turn = (turn - math.floor(turn)) * turns
+        first = int(turn) % turns
+        over = np.float32(turn - int(turn))
+        second = (first + 1) % turns
+        fx, fy, fz = frames[p, 0], frames[p, 1], frames[p, 2]
+        red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+        for face in range(6):
+            place, k = np.int64(0), top
+            while place < texels:
+                cell = starts[k] + ((face * texels + place) >> (2 * k))
+                dx, dy, dz, wide = places[cell, 0], places[cell, 1], places[cell, 2], places[cell, 3]
+                z = fz[0] * dx + fz[1] * dy + fz[2] * dz
+                extent = abs(wide)
+                divided = False
+                if z > -half * extent - half * half * extent:
+                    x = fx[0] * dx + fx[1] * dy + fx[2] * dz
+                    y = fy[0] * dx + fy[1] * dy + fy[2] * dz
+                    short = one / (max(z, np.float32(0)) + oz)
+                    hx, hy = (x + ox) * short, (y + oy) * short
+                    scale = one / (w + math.sqrt(hx * hx + hy * hy))
+                    divided = k > 0 and (wide < 0 or extent * short * scale > widest)
+                    if not divided and z > 0:
+                        size = np.int64(1) << (2 * max(k - finer, 0))
+                        at = place >> (2 * finer)
+                        seen = np.float32(0)
+                        for c in range(3):
+                            if shares[p, c] > 0:
+                                seen += shares[p, c] * seen_part(sight[corners[p, c]], face, at, size, sights)
+                        if seen > 0:
+                            a = ((ca * hx + sa * hy) * scale + one) * mid
+                            b = ((ca * hy - sa * hx) * scale + one) * mid
+                            i, j = min(int(a), nodes - 2), min(int(b), nodes - 2)
+                            a, b = a - np.float32(i), b - np.float32(j)
+                            f0, f1, f2 = np.float32(0), np.float32(0), np.float32(0)
+                            for step in range(4 if turns > 1 else 2):
+                                own = up if step & 1 else one - up
+                                chosen = first
+                                if turns > 1:
+                                    own *= over if step & 2 else one - over
+                                    chosen = second if step & 2 else first
+                                t = table[low + (step & 1), chosen]
+                                w00, w01 = own * (one - a) * (one - b), own * (one - a) * b
+                                w10, w11 = own * a * (one - b), own * a * b
+                                f0 += (
+                                    w00 * t[i, j, 0]
+                                    + w01 * t[i, j + 1, 0]
+                                    + w10 * t[i + 1, j, 0]
+                                    + w11 * t[i + 1, j + 1, 0]
+                                )
+                                f1 += (
+                                    w00 * t[i, j, 1]
+                                    + w01 * t[i, j + 1, 1]
+                                    + w10 * t[i + 1, j, 1]
+                                    + w11 * t[i + 1, j + 1, 1]
+                                )
+                                f2 += (
+                                    w00 * t[i, j, 2]
+                                    + w01 * t[i, j + 1, 2]
+                                    + w10 * t[i + 1, j, 2]
+                                    + w11 * t[i + 1, j + 1, 2]
+                                )
+                            seen *= extent * extent
+                            red += seen * f0 * light[cell, 0]
+                            green += seen * f1 * light[cell, 1]
+                            blue += seen * f2 * light[cell, 2]
+                if divided:
+                    k -= 1
+                else:
+                    place += np.int64(1) << (2 * k)
+                    while k < top and (place >> (2 * k)) & 3 == 0:
+                        k += 1
+        # The cosine of the light is in the table; that of the view is not.
+        short = one / max(oz, np.float32(_LEAST))
+        out[p, 0], out[p, 1], out[p, 2] = red * short, green * short, blue * short

@@ -1,0 +1,188 @@
+"""A material's lobe apart from the rest of it, as a table: f = lobe + rest, of which the rest needs few in-out factors.
+
+A sharp lobe needs hundreds of in-out factors. What is left without it is smooth. The lobe is
+
+    lobe(ωi, ωo) = T(θo, φo, s)/(cosθi cosθo),    s = (hx, hy)/hz,    h = ωi + ωo,
+
+with h turned so that the viewer's azimuth is 0: T is linear between the nodes of a grid. Highlights stay where they are
+in the half vector, whatever θo, so that few θo do. The nodes of h lie evenly in the square of u = s/(w + |s|), w a few
+widths of the lobe: |s| = w halfway to the rim, which is infinitely far away. Those of θo lie densest near the
+horizon, θ = STEEPEST (1 − (1 − t)²) at even t. An isotropic material has one φo.
+
+T is (f − b) cosθi cosθo, b the least f of that ωo: what is like it stays in the rest. Both cosines take off what grows
+towards the horizon. A node whose ωi lies under the horizon takes the f of the nearest s on the way to s = 0 whose ωi
+does not, times its own cosθi < 0: T then goes straight through 0 at the horizon, where light ends. With q = (tanθo, 0)
+such s fulfil |s|² (1 + z) − 2 s·q ≤ 1 − z, z = cos(STEEPEST)/cosθo: a disc around 0.
+
+The rest is f − lobe, whatever T is: the two add up to f. What the grid does not hold of f is in the rest, and of that
+as much is kept as its in-out factors hold.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.brdf.in_kind import answering_in_kind
+from homofact.brdf.reflectance import Derived, Reflectance
+from homofact.brdf.symmetry import find_symmetry
+from homofact.geometry.directions import from_spherical
+
+STEEPEST = math.radians(89.7)
+LEVELS, NODES, TURNS = 40, 41, 24
+_WIDTHS = 3.0  # of the lobe at half height, where the grid is halfway to its rim
+_RIM = 0.995  # of the grid, at most
+_BASE_COSINE = 0.2  # the least f is looked for at larger cosθi
+_SLOPES = torch.logspace(-3, 0.5, 400, dtype=torch.float64)
+_HALF_VIEW, _HALF_AZIMUTHS = 0.5, 8
+
+
+@dataclass(frozen=True)
+class LobeTable:
+    """T as `values` (LEVELS, turns, N, N, 3) float32 in sr⁻¹; `width` is w; φo has the `period` in radians.
+
+    A `Reflectance` of three channels: the lobe.
+    """
+
+    values: np.ndarray
+    width: float
+    period: float
+    channels: tuple[str, ...] = ("R", "G", "B")
+
+    @property
+    def turns(self) -> int:
+        """At how many φo."""
+        return self.values.shape[1]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the table."""
+        return self.values.nbytes
+
+    @property
+    def fetches(self) -> int:
+        """A bilinear look-up at two θo, of an anisotropic material at two φo each."""
+        return 2 if self.turns == 1 else 4
+
+    @answering_in_kind
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Values (N, 3) of the lobe in sr⁻¹, without the cosine; 0 under the horizon."""
+        wi, wo = wi.double(), wo.double()
+        values = torch.from_numpy(self.values).double()
+        levels, turns, nodes = values.shape[:3]
+        level = _level_of(torch.acos(wo[:, 2].clamp(0, 1)), levels).clamp(0, levels - 1)
+        low = level.long().clamp_max(levels - 2)
+        across = wo[:, :2].norm(dim=1)
+        c = torch.where(across > 1e-9, wo[:, 0] / across, 1.0)
+        s = torch.where(across > 1e-9, wo[:, 1] / across, 0.0)
+        h = wi + wo
+        slope = h[:, :2] / h[:, 2:].clamp_min(1e-9)
+        slope = torch.stack((c * slope[:, 0] + s * slope[:, 1], c * slope[:, 1] - s * slope[:, 0]), 1)
+        u = slope / (self.width + slope.norm(dim=1, keepdim=True))
+        at = (u + 1) / 2 * (nodes - 1)
+        (i, j), part = at.long().clamp_max(nodes - 2).unbind(1), at - at.long().clamp_max(nodes - 2)
+        turn = (torch.atan2(wo[:, 1], wo[:, 0]) / self.period % 1) * turns
+        first = turn.long() % turns
+        found = torch.zeros(len(wi), 3, dtype=torch.float64)
+        up, over = level - low, turn - turn.long()
+        for k, share in ((first, 1 - over), ((first + 1) % turns, over)):
+            for above in (0, 1):
+                own = share * (up if above else 1 - up)
+                for a in (0, 1):
+                    for b in (0, 1):
+                        w = own * (part[:, 0] if a else 1 - part[:, 0]) * (part[:, 1] if b else 1 - part[:, 1])
+                        found += w[:, None] * values[low + above, k, i + a, j + b]
+        least = math.cos(STEEPEST)
+        found /= wo[:, 2:].clamp_min(least) * wi[:, 2:].clamp_min(1e-3)
+        return torch.where(((wi[:, 2] > 0) & (wo[:, 2] > 0))[:, None], found, 0.0)
+
+
+@dataclass(frozen=True)
+class Rest(Derived):
+    """What a reflectance is without a `lobe`; has three channels."""
+
+    lobe: LobeTable
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Those of the lobe."""
+        return self.lobe.channels
+
+    @answering_in_kind
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Values (N, 3) in sr⁻¹ without the cosine, below 0 too."""
+        return self.base.evaluate(wi, wo).double().expand(-1, 3) - self.lobe.evaluate(wi, wo)
+
+
+def lobe_table(reflectance: Reflectance) -> LobeTable:
+    """The lobe of a reflectance of 1 or 3 channels."""
+    symmetry = find_symmetry(reflectance)
+    turns = 1 if symmetry.isotropic else TURNS
+    period = math.pi if symmetry.half_turn and turns > 1 else 2 * math.pi
+    width = _WIDTHS * half_width(reflectance)
+    along = torch.linspace(-1, 1, NODES, dtype=torch.float64)
+    u = torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)
+    rim = u.norm(dim=-1, keepdim=True)
+    slope = u / rim.clamp_min(1e-12) * (width * rim.clamp_max(_RIM) / (1 - rim.clamp_max(_RIM)))
+    theta = STEEPEST * (1 - (1 - torch.linspace(0, 1, LEVELS, dtype=torch.float64)) ** 2)
+    values = torch.zeros(LEVELS, turns, NODES, NODES, 3, dtype=torch.float64)
+    for level, angle in enumerate(theta.tolist()):
+        wo = from_spherical(*torch.tensor([angle, 0.0], dtype=torch.float64))
+        # The cosθi of the nodes themselves, below 0 under the horizon.
+        cosine = _mirrored(slope, wo)[..., 2]
+        held = _above(slope, angle)
+        wi = _mirrored(held, wo).reshape(-1, 3)
+        for turn in range(turns):
+            phi = turn * period / turns
+            asked = [_turned(w, phi) for w in (wi, wo.expand(len(wi), 3))]
+            f = reflectance.evaluate(*asked).double().expand(-1, 3)
+            least = f[wi[:, 2] > _BASE_COSINE].amin(0)
+            values[level, turn] = (f - least).reshape(NODES, NODES, 3) * (cosine * wo[2])[..., None]
+    return LobeTable(values.float().numpy(), width, period, _channels(reflectance))
+
+
+def half_width(reflectance: Reflectance) -> float:
+    """|s| at which the lobe has fallen to half of its height above the least, from 29°: of 8 azimuths."""
+    wo = from_spherical(*torch.tensor([_HALF_VIEW, 0.0], dtype=torch.float64))[None]
+    logs = []
+    for k in range(_HALF_AZIMUTHS):
+        turn = 2 * math.pi * (k + 0.5) / _HALF_AZIMUTHS
+        slope = _SLOPES[:, None] * torch.tensor([math.cos(turn), math.sin(turn)], dtype=torch.float64)
+        wi = _mirrored(slope, wo[0])
+        f = reflectance.evaluate(wi, wo.expand_as(wi)).double().mean(1)[wi[:, 2] > 0.1]
+        below = (f - f.min() < (f[0] - f.min()) / 2).nonzero()
+        logs.append(math.log(float(_SLOPES[int(below[0, 0])]) if len(below) else 1.0))
+    return math.exp(sum(logs) / len(logs))
+
+
+def _level_of(theta: Tensor, levels: int) -> Tensor:
+    return (1 - (1 - theta / STEEPEST).clamp_min(0).sqrt()) * (levels - 1)
+
+
+def _mirrored(slope: Tensor, wo: Tensor) -> Tensor:
+    """ωi (..., 3) that mirrors ωo (3,) at half vectors of these slopes (..., 2)."""
+    h = torch.cat((slope, torch.ones_like(slope[..., :1])), -1)
+    h = h / h.norm(dim=-1, keepdim=True)
+    return 2 * (h @ wo)[..., None] * h - wo
+
+
+def _above(slope: Tensor, theta: float) -> Tensor:
+    """Slopes (..., 2) on the way to 0 whose ωi is above the horizon, as the head says."""
+    z = math.cos(STEEPEST) / math.cos(theta)
+    square = (slope**2).sum(-1).clamp_min(1e-12)
+    along = slope[..., 0] * math.tan(theta)
+    part = (along + torch.sqrt(along**2 + square * (1 + z) * max(1 - z, 0.0))) / (square * (1 + z))
+    return slope * part.clamp(0, 1)[..., None]
+
+
+def _turned(w: Tensor, phi: float) -> Tensor:
+    c, s = math.cos(phi), math.sin(phi)
+    return torch.stack((c * w[:, 0] - s * w[:, 1], s * w[:, 0] + c * w[:, 1], w[:, 2]), 1)
+
+
+def _channels(reflectance: Reflectance) -> tuple[str, ...]:
+    names = tuple(reflectance.channels)
+    return cast("tuple[str, ...]", names * 3 if len(names) == 1 else names)
