@@ -10,7 +10,8 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground, sphere, torus_knot
-from homofact.relighting.factoring import SHARE, factor
+from homofact.relighting.apart import CHOSEN, FactoredMaterial, factored
+from homofact.relighting.factoring import factor
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.precompute import TransportSettings, WaveletTransport, transport
 from homofact.rendering.light import EnvironmentMap
@@ -24,22 +25,23 @@ EYE = (0.5, 0.8, 3.0)
 
 def factored_once(
     reflectance: Reflectance,
+    lobe: str = CHOSEN,
     terms: int | None = None,
-    share: float = SHARE,
-    *,
+    share: float | None = None,
     error: float | None = None,
+    *,
     light: EnvironmentMap | None = None,
-) -> InOutFactors:
-    """`factor`, made once for each analytic material, light and rule: for tests that are about something else."""
+) -> FactoredMaterial:
+    """`factored`, made once for each analytic material, light and rule: for tests that are about something else."""
     assert isinstance(reflectance, Phong | Lambert)
     sky = None if light is None else (light.radiance.numpy().tobytes(), light.turn)
-    key = (repr(reflectance), terms, share, error, sky)
+    key = (repr(reflectance), lobe, terms, share, error, sky)
     if key not in _FACTORED:
-        _FACTORED[key] = factor(reflectance, terms, share, error=error, light=light)
+        _FACTORED[key] = factored(reflectance, lobe, terms, share, error, light=light)
     return _FACTORED[key]
 
 
-_FACTORED: dict[tuple[object, ...], InOutFactors] = {}
+_FACTORED: dict[tuple[object, ...], FactoredMaterial] = {}
 
 
 @cache

@@ -17,6 +17,7 @@ from homofact.brdf.analytic import (
     TorranceSparrow,
     Ward,
 )
+from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.errors import BadInput
 
 
@@ -144,6 +145,12 @@ _MATERIALS = (
         "ward-brushed",
         Ward(_grey(0.15), _grey(0.19), alpha_x=0.088, alpha_y=0.13),
         "Ward 1992, table 1, lightly brushed aluminum: .15, .19, .088, .13; the same in R, G and B",
+    ),
+    NamedMaterial(
+        "car-paint-red",
+        MetallicRoughness((0.5, 0.02, 0.02), metallic=0.3, roughness=0.5, clearcoat=1.0, clearcoat_roughness=0.15),
+        "glTF's metallic-roughness model with its clear coat: a red base with some metal in it under a glossy coat;"
+        " all numbers are our choice",
     ),
 )
 MATERIALS = {item.name: item for item in _MATERIALS}

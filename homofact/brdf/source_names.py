@@ -10,6 +10,7 @@ MATERIAL_PREFIX = "material:"
 MATERIAL_NAMES = (
     "lafortune-blue-paint", "lafortune-clay", "lafortune-skin", "cook-torrance-plastic", "ashikhmin-shirley-wang",
     "phong-10", "phong-30", "blinn-phong-50", "torrance-sparrow-20", "ward-brushed",
+    "car-paint-red",
 )  # fmt: skip
 GAINS = ("rings", "rows")  # what `brdf.quality.gains` can divide out
 TILT, AUTOMATIC, NOTHING = "tilt", "auto", "none"

@@ -19,6 +19,9 @@ from homofact.rendering.light import EnvironmentMap
 APART, TERMS, CHOSEN = "apart", "terms", "chosen"
 LOBES = (CHOSEN, APART, TERMS)
 MOST_SHARED = 32
+# What more terms of a rest would hold is what the lobe's table misses between its nodes near the horizon: a hundred of
+# terms for a percent. An odd number, since all but the strongest come in pairs.
+MOST_REST = 9
 ERROR = 0.02
 
 
@@ -73,4 +76,5 @@ def apart(
     whole = decompositions(reflectance)[1]().under(light).energy
     allowed = None if terms is not None else ERROR if error is None else error
     made = factors_of_sizes(Rest(reflectance, table), map_sizes, terms, error=allowed, light=light, whole=whole)
-    return [FactoredMaterial(each, table) for each in made]
+    few = [each.first(MOST_REST) if terms is None else each for each in made]
+    return [FactoredMaterial(each, table) for each in few]

@@ -9,8 +9,9 @@ from homofact.linear.kernels import kernel
 from homofact.relighting.lobe_light import seen_part
 from homofact.relighting.lobe_table import STEEPEST
 
-# The widest cell, in steps of the square that the lobe's table lies in, which is 2 across; the least cosθo.
-WIDEST = 0.35
+# The widest cell, its extent in slopes of h as a part of the table's width w. Beyond slopes of `CORE` w it may grow
+# with the slope.
+WIDEST, CORE = 0.25, 0.7
 _LEAST = math.cos(STEEPEST)
 _ROOT_CELLS = 64
 
@@ -32,12 +33,16 @@ def sum_lobe(  # pragma: no cover (compiled)
     while (sights << (2 * finer)) < texels:
         finer += 1
     one, half, mid = np.float32(1), np.float32(0.5), np.float32(nodes - 1) / np.float32(2)
-    w, widest = np.float32(width), np.float32(WIDEST)
+    w, widest, tail = np.float32(width), np.float32(WIDEST), np.float32(1 - CORE)
     for p in prange(len(frames)):
         ox, oy, oz = views[p, 0], views[p, 1], views[p, 2]
         out[p, 0], out[p, 1], out[p, 2] = 0, 0, 0
         if oz <= 0:
             continue
+        if oz < _LEAST:
+            # Raised to the last level.
+            raised = math.sqrt((one - np.float32(_LEAST * _LEAST)) / max(ox * ox + oy * oy, np.float32(1e-12)))
+            ox, oy, oz = ox * raised, oy * raised, np.float32(_LEAST)
         level = (one - math.sqrt(max(one - math.acos(min(oz, one)) / np.float32(STEEPEST), 0.0))) * (levels - 1)
         low = min(int(level), levels - 2)
         up = np.float32(min(level - low, 1.0))
@@ -65,8 +70,9 @@ def sum_lobe(  # pragma: no cover (compiled)
                     y = fy[0] * dx + fy[1] * dy + fy[2] * dz
                     short = one / (max(z, np.float32(0)) + oz)
                     hx, hy = (x + ox) * short, (y + oy) * short
-                    scale = one / (w + math.sqrt(hx * hx + hy * hy))
-                    divided = k > 0 and (wide < 0 or extent * short * scale > widest)
+                    slope = math.sqrt(hx * hx + hy * hy)
+                    scale = one / (w + slope)
+                    divided = k > 0 and (wide < 0 or extent * short > widest * max(w, slope + tail * w))
                     if not divided and z > 0:
                         size = np.int64(1) << (2 * max(k - finer, 0))
                         at = place >> (2 * finer)
@@ -118,5 +124,5 @@ def sum_lobe(  # pragma: no cover (compiled)
                     while k < top and (place >> (2 * k)) & 3 == 0:
                         k += 1
         # The cosine of the light is in the table; that of the view is not.
-        short = one / max(oz, np.float32(_LEAST))
+        short = one / oz
         out[p, 0], out[p, 1], out[p, 2] = red * short, green * short, blue * short

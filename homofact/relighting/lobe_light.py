@@ -23,7 +23,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.relighting import cube
 from homofact.relighting.tracer import Tracer
 
-SIGHT, BRIGHT = 32, 1e-3
+SIGHT, BRIGHT = 64, 1e-3
 _ROOTS = 8  # cells along a face of the coarsest level
 _WORD = 64
 _BLOCK = 256

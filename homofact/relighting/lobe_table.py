@@ -7,7 +7,7 @@ A sharp lobe needs hundreds of in-out factors. What is left without it is smooth
 with h turned so that the viewer's azimuth is 0: T is linear between the nodes of a grid. Highlights stay where they are
 in the half vector, whatever θo, so that few θo do. The nodes of h lie evenly in the square of u = s/(w + |s|), w a few
 widths of the lobe: |s| = w halfway to the rim, which is infinitely far away. Those of θo lie densest near the
-horizon, θ = STEEPEST (1 − (1 − t)²) at even t. An isotropic material has one φo.
+horizon, θ = STEEPEST (1 − (1 − t)²) at even t; a view beyond is raised to it. An isotropic material has one φo.
 
 T is (f − b) cosθi cosθo, b the least f of that ωo: what is like it stays in the rest. Both cosines take off what grows
 towards the horizon. A node whose ωi lies under the horizon takes the f of the nearest s on the way to s = 0 whose ωi
@@ -70,7 +70,8 @@ class LobeTable:
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """Values (N, 3) of the lobe in sr⁻¹, without the cosine; 0 under the horizon."""
-        wi, wo = wi.double(), wo.double()
+        shown = (wi[:, 2] > 0) & (wo[:, 2] > 0)
+        wi, wo = wi.double(), _raised(wo.double())
         values = torch.from_numpy(self.values).double()
         levels, turns, nodes = values.shape[:3]
         level = _level_of(torch.acos(wo[:, 2].clamp(0, 1)), levels).clamp(0, levels - 1)
@@ -95,9 +96,8 @@ class LobeTable:
                     for b in (0, 1):
                         w = own * (part[:, 0] if a else 1 - part[:, 0]) * (part[:, 1] if b else 1 - part[:, 1])
                         found += w[:, None] * values[low + above, k, i + a, j + b]
-        least = math.cos(STEEPEST)
-        found /= wo[:, 2:].clamp_min(least) * wi[:, 2:].clamp_min(1e-3)
-        return torch.where(((wi[:, 2] > 0) & (wo[:, 2] > 0))[:, None], found, 0.0)
+        found /= wo[:, 2:] * wi[:, 2:].clamp_min(1e-3)
+        return torch.where(shown[:, None], found, 0.0)
 
 
 @dataclass(frozen=True)
@@ -131,8 +131,7 @@ def lobe_table(reflectance: Reflectance) -> LobeTable:
     values = torch.zeros(LEVELS, turns, NODES, NODES, 3, dtype=torch.float64)
     for level, angle in enumerate(theta.tolist()):
         wo = from_spherical(*torch.tensor([angle, 0.0], dtype=torch.float64))
-        # The cosθi of the nodes themselves, below 0 under the horizon.
-        cosine = _mirrored(slope, wo)[..., 2]
+        cosine = _mirrored(slope, wo)[..., 2].clamp_min(0)
         held = _above(slope, angle)
         wi = _mirrored(held, wo).reshape(-1, 3)
         for turn in range(turns):
@@ -160,6 +159,13 @@ def half_width(reflectance: Reflectance) -> float:
 
 def _level_of(theta: Tensor, levels: int) -> Tensor:
     return (1 - (1 - theta / STEEPEST).clamp_min(0).sqrt()) * (levels - 1)
+
+
+def _raised(wo: Tensor) -> Tensor:
+    """Views (N, 3) below `STEEPEST`, those under it raised to it."""
+    z = wo[:, 2:].clamp_min(math.cos(STEEPEST))
+    across = wo[:, :2].norm(dim=1, keepdim=True)
+    return torch.cat((wo[:, :2] * ((1 - z**2).sqrt() / across.clamp_min(1e-12)).clamp_max(1e6), z), 1)
 
 
 def _mirrored(slope: Tensor, wo: Tensor) -> Tensor:

@@ -41,7 +41,7 @@ def once(monkeypatch: pytest.MonkeyPatch) -> None:
 
     from homofact.relighting import build
 
-    monkeypatch.setattr(build, "factor", factored_once)
+    monkeypatch.setattr(build, "factored", factored_once)
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ from relighting_cases import EYE, MATT, ball, knot, occluder, whole
 from homofact.errors import BadInput
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting import cube
-from homofact.relighting.lit import lit_tuples
 from homofact.relighting.errors import measured_errors, relative
 from homofact.relighting.factoring import factor
 from homofact.relighting.harmonic import harmonic
+from homofact.relighting.lit import lit_tuples
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import light_coefficients
 from homofact.relighting.seen import SeenVertices, seen_vertices

@@ -58,7 +58,7 @@ components = 3
 def once() -> Iterator[None]:
     """Materials that many scenes here share are decomposed once."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(build, "factor", factored_once)
+        patch.setattr(build, "factored", factored_once)
         yield
 
 
@@ -206,7 +206,7 @@ def test_files_that_are_none_are_refused(ready: RelightScene, tmp_path: Path) ->
     with pytest.raises(BadInput, match="holds no object_1_scale"):
         open_relit(tmp_path / "out")
     write_archive(file, header | {"version": 9}, arrays)
-    with pytest.raises(BadInput, match="format version 9, expected at most 2"):
+    with pytest.raises(BadInput, match="format version 9, expected at most 3"):
         open_relit(tmp_path / "out")
 
 
@@ -253,7 +253,9 @@ def test_a_damaged_scene_is_refused_in_a_line_or_shown(kind: str, tmp_path: Path
             opened = open_relit(tmp_path / "out")
             shown += 1
             for thing in opened.objects:
-                problem = "" if np.isfinite(thing.lit(light(thing.transport.settings.cube)).tuples).all() else "no number"
+                problem = (
+                    "" if np.isfinite(thing.lit(light(thing.transport.settings.cube)).tuples).all() else "no number"
+                )
             # A page takes a while: of every twelfth.
             if shown % 12 == 1:
                 write_relit_page(tmp_path / "page.html", opened)

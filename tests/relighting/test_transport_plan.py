@@ -9,12 +9,12 @@ import torch
 from relighting_cases import EYE, MATT, SHINY, knot, occluder, shiny
 
 from homofact.errors import BadInput
-from homofact.relighting.lit import lit_tuples
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import measured_errors, relative
 from homofact.relighting.factoring import factor
 from homofact.relighting.factors import view_values
 from homofact.relighting.harmonic import harmonic
+from homofact.relighting.lit import lit_tuples
 from homofact.relighting.plan import MARGIN, ObjectPlan, _choices, candidate_terms, plan_object
 from homofact.relighting.precompute import TransportSettings, WaveletTransport, transport
 from homofact.relighting.probe import TURNS, ProbedErrors, ProbedVertices, measured
@@ -128,7 +128,10 @@ def test_a_plan_holds_at_vertices_that_it_has_not_seen(reflected: float) -> None
     assert 0.2 * reflected < found < reflected
     stored = made.nbytes + plan.factored.factors.view.nbytes
     assert plan.chosen.bytes == pytest.approx(stored, rel=0.15)
-    assert (plan.factored.factors.terms, plan.factored.factors.view.shape[1]) == (plan.chosen.terms, plan.chosen.map_size)
+    assert (plan.factored.factors.terms, plan.factored.factors.view.shape[1]) == (
+        plan.chosen.terms,
+        plan.chosen.map_size,
+    )
 
 
 def test_a_wider_tolerance_is_cheaper() -> None:

@@ -1,0 +1,236 @@
+"""The sum of a lobe over the sky's cells: against sums over every texel that are written apart, and its bookkeeping."""
+
+import math
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from relighting_cases import EYE, ball, knot, light, occluder
+
+import homofact
+from homofact.brdf.analytic import AshikhminShirley, Phong
+from homofact.brdf.reflectance import Reflectance
+from homofact.errors import BadInput
+from homofact.meshes.shapes import ground
+from homofact.meshes.tangents import frames
+from homofact.relighting import cube
+from homofact.relighting.apart import factored
+from homofact.relighting.errors import relative
+from homofact.relighting.lit import LitObject
+from homofact.relighting.lobe import ApartLobe, SurfacePoints
+from homofact.relighting.lobe_light import (
+    BRIGHT,
+    SIGHT,
+    LightCells,
+    kept_sight,
+    morton_order,
+    sight_words,
+    traced_sight,
+)  # fmt: skip
+from homofact.relighting.lobe_table import LobeTable, lobe_table
+from homofact.relighting.picture import picture, surface_points
+from homofact.relighting.precompute import TransportSettings, transport
+from homofact.relighting.relight import RelitMesh
+from homofact.relighting.seen import SeenVertices, seen_vertices
+from homofact.relighting.tracer import Tracer
+from homofact.rendering.light import EnvironmentMap
+from homofact.scene.cameras import Camera
+from homofact.scene.lighting import named_environment
+from homofact.scene.meshes import MeshGroup
+
+ROUND = Phong((0.3, 0.2, 0.1), (0.4,) * 3, 150)
+GRAINED = AshikhminShirley((0.3, 0.2, 0.1), (0.5,) * 3, nu=10, nv=100)
+SIZE = 32
+
+
+@cache
+def studio(size: int = SIZE) -> np.ndarray:
+    return cube.environment_cube(named_environment("studio"), size)
+
+
+@cache
+def lobe_of(material: Reflectance) -> LobeTable:
+    return lobe_table(material)
+
+
+@cache
+def apart(material: Reflectance) -> ApartLobe:
+    return ApartLobe(lobe_of(material), traced_sight(knot(), occluder(), SIZE))
+
+
+@cache
+def seen(count: int = 40) -> SeenVertices:
+    return seen_vertices(knot(), ROUND, occluder(), EYE, count)
+
+
+def points(own: SeenVertices) -> SurfacePoints:
+    return SurfacePoints.at_vertices(own.rows, own.wo, own.which)
+
+
+@pytest.mark.parametrize("material", [ROUND, GRAINED], ids=["round", "grained"])
+@pytest.mark.parametrize("sky", ["studio", "lamp"])
+def test_a_sum_is_that_of_every_texel(material: Reflectance, sky: str) -> None:
+    """Of a lamp of one texel, which lights half of it, and of soft boxes: over vertices that the eye sees."""
+    radiance = studio() if sky == "studio" else light(SIZE)
+    exact = seen().dense(radiance, SIZE, lobe_of(material))
+    found = apart(material).at(points(seen()), LightCells.of(radiance))
+    assert relative(found, exact) < 0.015
+    # Vertices that are turned away send nothing.
+    turned = replace(points(seen()), wo=seen().wo * (1, 1, -1))
+    assert not apart(material).at(turned, LightCells.of(radiance)).any()
+
+
+def test_all_vertices_are_those_one_by_one() -> None:
+    cells, rows = LightCells.of(studio()), frames(knot().normals)
+    every = apart(ROUND).at_vertices(knot().positions, rows, EYE, cells)
+    assert every[seen().which] == pytest.approx(apart(ROUND).at(points(seen()), cells), rel=1e-4, abs=1e-6)
+    with pytest.raises(BadInput):
+        apart(ROUND).at_vertices(knot().positions, rows, (0, math.nan, 0), cells)
+
+
+def test_even_light_gives_the_albedo_of_the_lobe() -> None:
+    """On an open plane under radiance 1: Σ lobe cosθi dω over the hemisphere, by a quadrature of its own."""
+    flat = ground(1.0, 0.0, 2)
+    sight = traced_sight(flat, MeshGroup([flat]).occluder, SIZE)
+    cells = LightCells.of(np.ones((6, SIZE, SIZE, 3)))
+    w = cube.directions(256).reshape(-1, 3)
+    solid = np.tile(cube.solid_angles(256).reshape(-1), 6)
+    for theta in (0.1, 0.9, 1.3):
+        wo = np.array([math.sin(theta), 0.0, math.cos(theta)])
+        up = w[:, 2] > 0
+        wi = torch.from_numpy(w[up])
+        f = lobe_of(ROUND).evaluate(wi, torch.from_numpy(wo).expand(len(wi), 3)).numpy()
+        albedo = (f * (w[up, 2] * solid[up])[:, None]).sum(0)
+        point = SurfacePoints.at_vertices(frames(flat.normals[:1]), wo[None], np.array([0]))
+        found = ApartLobe(lobe_of(ROUND), sight).at(point, cells)[0]
+        assert found == pytest.approx(albedo, rel=0.02)
+
+
+def test_between_vertices_what_is_seen_is_mixed() -> None:
+    """The sum is linear in what a point sees: by shares of its corners' sums with its own frame."""
+    own, cells = points(seen()), LightCells.of(studio())
+    corners = np.stack((own.corners[:, 0], np.roll(own.corners[:, 0], 1), np.roll(own.corners[:, 0], 2)), 1)
+    shares = np.tile([0.5, 0.3, 0.2], (len(corners), 1))
+    mixed = apart(ROUND).at(SurfacePoints(own.frames, own.wo, corners, shares), cells)
+    alone = [
+        apart(ROUND).at(SurfacePoints.at_vertices(own.frames, own.wo, corners[:, k]), cells).astype(float)
+        for k in range(3)
+    ]
+    assert mixed == pytest.approx(0.5 * alone[0] + 0.3 * alone[1] + 0.2 * alone[2], rel=1e-3, abs=1e-5)
+    assert own.mixed(knot().positions) == pytest.approx(knot().positions[own.corners[:, 0]])
+
+
+@pytest.mark.parametrize("size", [8, 16, 64])
+def test_cells_hold_all_the_light_on_every_level(size: int) -> None:
+    radiance = light(size)
+    cells = LightCells.of(radiance)
+    solid = np.tile(cube.solid_angles(size), (6, 1, 1))
+    flux = (radiance * solid[..., None]).sum((0, 1, 2))
+    levels = int(math.log2(size // 8)) + 1
+    assert len(cells.starts) == levels
+    edges = [*cells.starts.tolist(), len(cells.light)]
+    bright = (radiance.mean(-1) * solid).reshape(6, -1) > BRIGHT * flux.mean()
+    for level, (first, last) in enumerate(pairwise(edges)):
+        extent = cells.places[first:last, 3].astype(float)
+        assert (extent**2).sum() == pytest.approx(4 * math.pi, rel=1e-5)
+        assert (cells.light[first:last] * extent[:, None] ** 2).sum(0) == pytest.approx(flux, rel=1e-4)
+        assert np.linalg.norm(cells.places[first:last, :3], axis=1) == pytest.approx(1, abs=1e-5)
+        # Divided where a texel in it is bright; a texel itself never.
+        within = bright[:, morton_order(size)].reshape(6, -1, 4**level).any(2).reshape(-1)
+        assert np.array_equal(extent < 0, within & (level > 0))
+
+
+def test_a_cell_lies_in_the_middle_of_its_parts() -> None:
+    cells = LightCells.of(studio(16))
+    fine = cells.places[: cells.starts[1], :3].astype(float).reshape(-1, 4, 3).mean(1)
+    coarse = cells.places[cells.starts[1] :, :3]
+    assert (fine / np.linalg.norm(fine, axis=1, keepdims=True) * coarse).sum(1).min() > 1 - 1e-3
+
+
+def test_mortons_order_keeps_quarters_together() -> None:
+    assert morton_order(4).tolist() == [0, 1, 4, 5, 2, 3, 6, 7, 8, 9, 12, 13, 10, 11, 14, 15]
+    assert sorted(morton_order(32).tolist()) == list(range(32 * 32))
+
+
+@pytest.mark.parametrize("size", [8, 16, 64])
+def test_what_is_seen_are_the_tracers_bits(size: int) -> None:
+    side = min(size, SIGHT)
+    which = np.array([3, 17, 100])
+    words = traced_sight(knot(), occluder(), size, which)
+    assert words.shape == (3, sight_words(size))
+    bits = np.unpackbits(words.view(np.uint8), axis=1, bitorder="little").reshape(3, 6, -1)
+    tracer = Tracer(knot(), occluder(), side)
+    for row, vertex in zip(bits, which.tolist(), strict=True):
+        seen_texels = np.zeros((6, side * side), bool)
+        seen_texels[:, morton_order(side)] = row > 0
+        assert np.array_equal(seen_texels.reshape(-1), tracer.visible(vertex) > 0)
+    assert np.array_equal(traced_sight(knot(), occluder(), size)[which], words)
+
+
+def test_what_is_seen_is_kept_for_a_later_run(tmp_path: Path) -> None:
+    first = kept_sight(ball(), MeshGroup([ball()]).occluder, 8, tmp_path)
+    # Read, not traced again: another occluder changes nothing.
+    assert np.array_equal(kept_sight(ball(), occluder(), 8, tmp_path), first)
+    for other in (16, 8):
+        mesh = ball() if other == 16 else knot()
+        with pytest.raises(BadInput) as caught:
+            kept_sight(mesh, occluder(), other, tmp_path)
+        assert str(caught.value.where).endswith("sight.npz")
+
+
+def test_a_mesh_relit_with_its_lobe_apart_is_right_where_terms_are_not() -> None:
+    """A lobe that 4 terms lose: against the dense sum of all of f; and light changes at once or stepwise."""
+    radiance = studio()
+    exact = seen().dense(radiance, SIZE, ROUND)
+    made = homofact.relight(knot(), ROUND, lobe="apart", error=0.02, cube=SIZE, kept=6 * SIZE**2)
+    few = homofact.relight(knot(), ROUND, terms=4, cube=SIZE, kept=6 * SIZE**2)
+    made.relight(radiance)
+    few.relight(radiance)
+    assert made.shade(EYE)[seen().which] == pytest.approx(made.shade(EYE)[seen().which])
+    assert relative(made.shade(EYE)[seen().which], exact) < 0.025
+    assert relative(few.shade(EYE)[seen().which], exact) > 0.2
+    # The lobe has the light as soon as it is asked for; the factors step by step.
+    at_once = made.shade(EYE)
+    made.relight(light(SIZE))
+    made.ask(radiance)
+    while made.step(512):
+        pass
+    assert made.shade(EYE) == pytest.approx(at_once, rel=1e-3, abs=1e-4)
+    assert homofact.relight(knot(), ROUND, terms=4, cube=8).lobe is None
+
+
+def test_in_the_dark_a_mesh_is_black() -> None:
+    made = homofact.relight(ball(), ROUND, lobe="apart", cube=8, kept=10)
+    assert isinstance(made, RelitMesh)
+    assert not made.shade(EYE).any()
+
+
+def test_a_picture_has_the_lobe_at_every_pixel() -> None:
+    """Pixels that see the knot alone: the sum at their own points, whatever the light between vertices is."""
+    made = factored(ROUND, "apart", terms=1)
+    moved = transport(knot(), made.factors, TransportSettings(SIZE, kept=200), occluder())
+    lit = LitObject.of(moved, None, apart(ROUND), studio())
+    camera = Camera(EYE, pixels=(40, 30))
+    sky = EnvironmentMap(named_environment("studio").radiance, name="studio")
+    shown, cover = picture([knot()], [lit.terms(EYE)], occluder(), camera, sky, [lit])
+    plain, _ = picture([knot()], [lit.terms(EYE)], occluder(), camera, sky)
+    inside = cover == 1
+    rays = camera.rays(2)[inside][:, 0]
+    triangle, shares = occluder().first(np.array(EYE)[None], rays.reshape(-1, 3))
+    own = lit.lobe_at(surface_points(knot(), triangle, shares, -rays))
+    assert (shown - plain)[inside] == pytest.approx(own, rel=1e-4, abs=1e-6)
+    assert not np.array_equal(shown, plain)
+
+
+def test_a_normal_that_is_turned_away_is_bent_back() -> None:
+    """A little behind the horizon: it is seen at grazing angles; one that is seen stays."""
+    normal = knot().normals[knot().triangles[:5, 0]]
+    tangent = frames(normal)[:, 0]
+    for tilt in (-0.1, 0.3):
+        towards = math.cos(tilt) * tangent + math.sin(tilt) * normal
+        found = surface_points(knot(), np.arange(5), np.tile([1.0, 0, 0], (5, 1)), towards)
+        assert found.wo[:, 2] == pytest.approx(max(math.sin(tilt), 0.02), abs=1e-3)
