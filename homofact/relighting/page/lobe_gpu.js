@@ -16,7 +16,7 @@ uniform int u_starts[4];
 uniform int u_top;
 uniform int u_finer;
 
-const float STEEPEST = ${STEEPEST};
+const float STEEPEST = ${STEEPEST.toFixed(9)};
 const int NODES = ${nodes};
 
 vec4 cellPart(int cell, int part) {
@@ -42,12 +42,13 @@ vec3 tableAt(vec2 at, int turn, int level) {
 
 vec3 lobe(vec3 position, vec3 normal, vec3 tangent) {
   vec3 n = normalize(normal), s = normalize(tangent - dot(tangent, n) * n), b = cross(n, s), w = normalize(u_eye - position);
-  // Seen from behind: as at the horizon, as the terms are.
-  float oz = max(dot(n, w), cos(STEEPEST));
+  // Seen from behind: as at the horizon, as the terms are. Farther behind than a triangle at the outline reaches: not at all.
+  float facing = dot(n, w), oz = facing > 0.0 ? facing : cos(STEEPEST);
+  if (facing < -0.5) return vec3(0.0);
   vec2 aside = vec2(dot(s, w), dot(b, w));
   float across = length(aside);
   vec2 turned = across > 1e-6 ? aside / across : vec2(1.0, 0.0);
-  if (dot(n, w) < 0.0) across = 1.0;
+  if (facing < 0.0) across = 1.0;
   // The frame is turned so that the viewer's azimuth is 0.
   vec3 x = turned.x * s + turned.y * b, y = turned.x * b - turned.y * s;
   float level = (1.0 - sqrt(max(1.0 - acos(min(oz, 1.0)) / STEEPEST, 0.0))) * ${levels - 1}.0;
@@ -87,7 +88,7 @@ ${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, lo
       }
     }
   }
-  return sum * u_lobe_scale / oz;
+  return sum * u_lobe_scale / max(oz, cos(STEEPEST));
 }
 `;
 

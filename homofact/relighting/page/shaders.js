@@ -55,8 +55,8 @@ void main() {
 ${fetched(quads, "t")}
   v_colour = outgoing(a_position, a_normal, a_tangent, t);
 #endif
-${lobe ? "  v_colour += lobe(a_position, a_normal, a_tangent);
-" : ""}  gl_Position = vec4(0.0);
+  ${lobe ? "v_colour += lobe(a_position, a_normal, a_tangent);" : ""}
+  gl_Position = vec4(0.0);
 }
 `;
 
