@@ -18,6 +18,7 @@ from unpacked import unpack, written
 from homofact.relighting import cube
 from homofact.relighting.errors import relative
 from homofact.relighting.lobe_light import LightCells
+from homofact.relighting.page import coarse
 from homofact.relighting.page.build import PageObject, PageReference, write_page
 from homofact.rendering.environment import read_environment
 from homofact.rendering.light import EnvironmentMap
@@ -62,7 +63,10 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page, with a reference that has the lobes."""
     given, path = relit_lobes.scene(), tmp_path_factory.mktemp("lobes") / "lobes.html"
     reference = PageReference([all_of(each, given.skies[0].cube, CAMERA.eye) for each in given.objects])
-    write_page(path, given.objects, given.skies, {}, reference, camera=CAMERA)
+    with pytest.MonkeyPatch.context() as patch:
+        # The knot has few triangles: it gets a coarse form all the same.
+        patch.setattr(coarse, "FEW", 400)
+        write_page(path, given.objects, given.skies, {}, reference, camera=CAMERA)
     return path
 
 
@@ -188,6 +192,19 @@ def test_the_lobe_alone_is_at_vertices_where_pixels_have_the_terms(lobes: Any) -
 
 
 @pytest.mark.parametrize("interpolation", ["vertex", "pixel"])
+def test_the_vertices_of_the_coarse_picture_have_the_lobe_of_all(lobes: Any, interpolation: str) -> None:
+    change(lobes, "picture", interpolation=interpolation)
+    whole, few, triangles = lobes.execute_script(
+        "const v = homofact.view, o = v.stage.objects[0]; v.stage.draw(v, false, false);"
+        "const all = Array.from(o.read()); v.stage.draw(v, false, true); return [all, Array.from(o.read(true)), Array.from(o.object.coarse)]"
+    )
+    _, first = np.unique(triangles, return_index=True)
+    chosen = np.array(triangles)[np.sort(first)]
+    assert 20 < len(chosen) < len(whole) / 3
+    assert np.array_equal(np.array(few).reshape(-1, 3), np.array(whole).reshape(-1, 3)[chosen])
+
+
+@pytest.mark.parametrize("interpolation", ["vertex", "pixel"])
 def test_pixels_at_vertices_have_the_lobes(lobes: Any, interpolation: str) -> None:
     change(lobes, "light-shown", interpolation=interpolation, curve="srgb", stops=-1)
     given = relit_lobes.scene()
@@ -217,6 +234,7 @@ def test_the_figures_have_the_lobes(lobes: Any) -> None:
 
 
 def test_only_an_object_with_a_lobe_has_its_code(lobes: Any) -> None:
+    lobes.execute_script("for (const each of homofact.view.stage.objects) each.programs.clear()")
     for interpolation in ("vertex", "pixel"):
         change(lobes, "picture", interpolation=interpolation)
     texts = lobes.execute_script(
