@@ -196,7 +196,8 @@ def test_the_vertices_of_the_coarse_picture_have_the_lobe_of_all(lobes: Any, int
     change(lobes, "picture", interpolation=interpolation)
     whole, few, triangles = lobes.execute_script(
         "const v = homofact.view, o = v.stage.objects[0]; v.stage.draw(v, false, false);"
-        "const all = Array.from(o.read()); v.stage.draw(v, false, true); return [all, Array.from(o.read(true)), Array.from(o.object.coarse)]"
+        "const all = Array.from(o.read()); v.stage.draw(v, false, true);"
+        "return [all, Array.from(o.read(true)), Array.from(o.object.coarse)]"
     )
     _, first = np.unique(triangles, return_index=True)
     chosen = np.array(triangles)[np.sort(first)]

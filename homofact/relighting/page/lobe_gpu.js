@@ -74,9 +74,10 @@ ${turns === 1 ? "" : `  float turn = fract(atan(turned.y, turned.x) / u_lobe_per
           float seen = seenPart(face * sights + (place >> (2 * u_finer)), 1 << (2 * max(k - u_finer, 0)));
           if (seen > 0.0) {
             vec2 at = (h * scale + 1.0) * ${((nodes - 1) / 2).toFixed(1)};
-${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, low + 1), up);` : `            vec3 f = mix(mix(tableAt(at, first, low), tableAt(at, first, low + 1), up),
-              mix(tableAt(at, second, low), tableAt(at, second, low + 1), up), over);`}
-            sum += seen * extent * extent * f * cellPart(cell, 1).rgb;
+${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, low + 1), up);
+` : `            vec3 f = mix(mix(tableAt(at, first, low), tableAt(at, first, low + 1), up),
+              mix(tableAt(at, second, low), tableAt(at, second, low + 1), up), over);
+`}            sum += seen * extent * extent * f * cellPart(cell, 1).rgb;
           }
         }
       }
