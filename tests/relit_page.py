@@ -9,6 +9,7 @@ import relit_scene
 from browser import headless
 from relit_scene import CAMERA, tuples, whole
 
+from homofact.meshes.occlusion import Occluder
 from homofact.relighting.page.build import PageObject
 from homofact.relighting.relight import shaded
 
@@ -89,7 +90,9 @@ def slide(driver: Any, name: str, value: float) -> None:
     headless.settled(driver)
 
 
-def seen_pixels(driver: Any, given: tuple[PageObject, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def seen_pixels(
+    driver: Any, given: tuple[PageObject, ...], among: Occluder | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(which vertices of all the camera sees well, their (row from below, column), pixels (H, W, 3) 0 … 255)."""
     width, height, data = driver.execute_script(
         "const p = homofact.pixels(), c = homofact.view.stage.canvas; return [c.width, c.height, Array.from(p)]"
@@ -97,7 +100,7 @@ def seen_pixels(driver: Any, given: tuple[PageObject, ...]) -> tuple[np.ndarray,
     mesh, eye = whole(given), eye_of(driver)
     towards = eye - mesh.positions
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    occluder = relit_scene.scene().occluder
+    occluder = relit_scene.scene().occluder if among is None else among
     seen = (towards * mesh.normals).sum(1) > 0.4
     seen &= ~occluder.blocked(mesh.positions + occluder.offset * 20 * mesh.normals, towards)
     # On the ground, where it is not fading yet.

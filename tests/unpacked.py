@@ -1,7 +1,10 @@
 """The arrays of a page again."""
 
 import base64
+import json
+import re
 import zlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,3 +16,12 @@ def unpack(packed: dict[str, Any]) -> np.ndarray:
     grouped = np.frombuffer(zlib.decompress(base64.b64decode(packed["data"])), np.uint8)
     plain = np.ascontiguousarray(grouped.reshape(kind.itemsize, -1).T)
     return plain.view(kind).reshape(packed["shape"]).astype(packed["type"])
+
+
+def written(path: Path) -> dict[str, Any]:
+    """The data in a page."""
+    found = re.search(
+        r'<script type="application/json" id="data">(.*?)</script>', path.read_text(encoding="utf-8"), re.S
+    )
+    assert found is not None
+    return json.loads(found[1])

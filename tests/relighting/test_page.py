@@ -1,6 +1,5 @@
 """What the page is made of, without a browser: skies, packed vectors, and every bad input in one line."""
 
-import json
 import math
 import re
 from collections import deque
@@ -12,27 +11,21 @@ import numpy as np
 import pytest
 import torch
 from relit_scene import CAMERA, SIZE, plain, scene, sky_picture
-from unpacked import unpack
+from unpacked import unpack, written
 
 from homofact.errors import BadInput
 from homofact.meshes.shapes import ground, sphere, torus_knot
 from homofact.relighting import cube
 from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
+from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.lobe_light import sight_words
+from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.build import PageReference, closed, page_objects, shown_name, turns, write_page
 from homofact.relighting.page.order import CACHE, cached_order
 from homofact.relighting.page.skies import page_sky, reduced, rounded
 from homofact.rendering.light import EnvironmentMap
 from homofact.web.packing import halves
-
-
-def written(path: Path) -> dict[str, Any]:
-    """The data in a page."""
-    found = re.search(
-        r'<script type="application/json" id="data">(.*?)</script>', path.read_text(encoding="utf-8"), re.S
-    )
-    assert found is not None
-    return json.loads(found[1])
 
 
 def test_vectors_are_kept_number_for_number(tmp_path: Path) -> None:
@@ -156,13 +149,21 @@ def test_a_relit_scene_s_objects_in_their_compact_form_and_a_ground_that_fades()
     knot, plane = scene().objects
     compact = knot.transport
     assert isinstance(compact, Clustered)
+    apart = lobe(len(knot.mesh.positions))
     relit = [
-        RelitObject(knot.mesh, "paint", compact.basis, compact),
+        RelitObject(knot.mesh, "paint", compact.basis, compact, lobe=apart),
         RelitObject(plane.mesh, "grey", plane.basis, None),
     ]
     found = page_objects(relit)
+    assert [each.lobe for each in found] == [apart, None]
     assert [each.transport for each in found] == [compact, plane.basis]
     assert [each.fade for each in found] == [None, (1.1, 1.96)]
+
+
+def lobe(vertices: int) -> ApartLobe:
+    """One of no light, and vertices that see nothing."""
+    table = LobeTable(np.zeros((2, 1, 2, 2, 3), np.float32), 1.0, 2 * math.pi)
+    return ApartLobe(table, np.zeros((vertices, sight_words(SIZE)), np.uint64))
 
 
 def refused(tmp_path: Path, **given: Any) -> str:
@@ -188,6 +189,8 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     finer = replace(plane.basis, settings=replace(plane.basis.settings, cube=32))
     said = refused(tmp_path, objects=[plane, replace(plane, transport=finer)])
     assert said == "ground: found a cube map of 32 texels, expected 16 as the others"
+    said = refused(tmp_path, objects=[replace(plane, lobe=lobe(vertices=3))])
+    assert said == "ground: found what vertices see of shape (3, 24), expected (49, 24)"
     bad = replace(sky, cube=sky.cube[:, :8, :8])
     assert refused(tmp_path, skies=[bad]) == "sky one: found a cube map of shape (6, 8, 8, 3), expected (6, 16, 16, 3)"
     for value in (np.nan, -1.0):

@@ -5,7 +5,8 @@
 
 WaveletTransport is kept as it is, number for number: vectors in falling order of magnitude, so that the page's N
 largest are the first N, differences of magnitudes, signs apart, places as they come. Positions are rounded to 1/65535
-of their box, surface frames to about 1/30000, skies and the reference to half floats. Nothing else is rounded.
+of their box, surface frames to about 1/30000, skies, the reference and the tables of lobes that stand apart to half
+floats. Nothing else is rounded.
 
 The page is `page.html` with what all pages of scenes have (`web.scene_page`) and the scripts of `SHARED` and `SCRIPTS`.
 """
@@ -24,6 +25,8 @@ from homofact.meshes.mesh import Mesh
 from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.harmonic import Harmonic
+from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.page.coarse import coarse_triangles
 from homofact.relighting.page.order import cached_order
 from homofact.relighting.page.skies import PageSky
@@ -35,8 +38,8 @@ from homofact.web.scene_page import Numbers, write_scene_page
 PACKAGE = "homofact.relighting.page"
 SHARED = ("hdr.js", "latlong.js")
 SCRIPTS = (
-    "cube.js", "sky.js", "turner.js", "transport.js", "relit.js", "shade.js", "shaders.js", "gpu.js", "background.js",
-    "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
+    "cube.js", "sky.js", "turner.js", "lobe.js", "transport.js", "relit.js", "shade.js", "lobe_gpu.js", "shaders.js",
+    "gpu.js", "background.js", "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
 # Endings of files that a name is shown without.
 _ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")
@@ -45,13 +48,17 @@ CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
 
 @dataclass(frozen=True)
 class PageObject:
-    """A mesh with the transport at its vertices; from distances `fade` (near, far) of the y axis on it ends softly."""
+    """A mesh with the transport at its vertices, and the `lobe` that stands apart from that where one does.
+
+    From distances `fade` (near, far) of the y axis on it ends softly.
+    """
 
     name: str
     mesh: Mesh
     transport: WaveletTransport | Clustered
     material: str
     fade: tuple[float, float] | None = None
+    lobe: ApartLobe | None = None
 
     @property
     def basis(self) -> WaveletTransport:
@@ -82,7 +89,8 @@ def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
         if isinstance(made, Harmonic):
             made = made.clustered()
         fade = (0.55 * half, 0.98 * half) if flat else None
-        found.append(PageObject(shown_name(each.mesh.name), each.mesh, made, shown_name(each.material), fade))
+        name, material = shown_name(each.mesh.name), shown_name(each.material)
+        found.append(PageObject(name, each.mesh, made, material, fade, each.lobe))
     return found
 
 
@@ -140,6 +148,10 @@ def _check(objects: Sequence[PageObject], skies: Sequence[PageSky]) -> None:
             given.positions, each.mesh.positions, atol=1e-5
         ):
             raise BadInput(where=each.name, found="transport of another mesh", expected=f"that of {each.mesh.name}")
+        seen = (len(each.mesh.positions), sight_words(size))
+        if each.lobe is not None and each.lobe.sight.shape != seen:
+            found = f"what vertices see of shape {each.lobe.sight.shape}"
+            raise BadInput(where=each.name, found=found, expected=seen)
     for sky in skies:
         if sky.cube.shape != (6, size, size, 3):
             found = f"a cube map of shape {sky.cube.shape}"
@@ -192,7 +204,23 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "basis": _basis(given.basis),
         "mix": mix,
         "reference": None if colours is None else _halves(colours),
-        "bytes": transport.nbytes,
+        "lobe": None if given.lobe is None else _lobe(given.lobe),
+        "bytes": transport.nbytes + (0 if given.lobe is None else given.lobe.nbytes),
+    }
+
+
+def _lobe(lobe: ApartLobe) -> dict[str, Any]:
+    """Words of 64 texels that a vertex sees become two of 32, the lower one first."""
+    table = lobe.table
+    levels, _, nodes = table.values.shape[:3]
+    return {
+        "width": table.width,
+        "period": table.period,
+        "levels": levels,
+        "turns": table.turns,
+        "nodes": nodes,
+        "values": _halves(table.values),
+        "sight": pack(np.ascontiguousarray(lobe.sight, "<u8").view("<u4").astype(np.uint32)),
     }
 
 

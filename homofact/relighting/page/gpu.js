@@ -66,6 +66,7 @@ class ObjectOnGpu {
     this.coarse = object.coarse ? new Surface(gl, object, ...usedVertices(object.coarse, object.vertices)) : null;
     this.makeMaps();
     this.makeTuples();
+    this.lobe = object.lobe ? new LobeOnGpu(gl, object.lobe) : null;
   }
 
   /** The triangles to draw: the few where there are any and they are asked for. */
@@ -105,10 +106,13 @@ class ObjectOnGpu {
 
   /** Whether K-tuples fit beside the rest into what a vertex may pass to pixels. */
   get byPixel() {
-    return this.object.quads + 5 <= this.gl.getParameter(this.gl.MAX_VARYING_VECTORS);
+    return this.object.quads + (this.lobe ? 6 : 5) <= this.gl.getParameter(this.gl.MAX_VARYING_VECTORS);
   }
 
-  /** The program for surfaces, "BY_PIXEL" and "COMPARED" or neither; or for shading vertices; "CHOSEN" of a coarse one. */
+  /**
+   * The program for surfaces: "COLOURED" by what their vertices were shaded with, "BY_PIXEL" or both, "COMPARED" too; or
+   * for shading vertices, "SHADES", "ALONE" of a lobe that stands apart; "CHOSEN" of a coarse one.
+   */
   program(...kinds) {
     const { gl, object } = this, key = kinds.join();
     if (!this.programs.has(key)) {
@@ -133,13 +137,14 @@ class ObjectOnGpu {
     gl.uniform3f(program.at("u_eye"), ...view.orbit.eye);
   }
 
-  /** Shades every vertex of a surface once, into the buffer that drawing reads. */
+  /** Shades every vertex of a surface once, into the buffer that drawing reads: of the terms too unless pixels have them. */
   shade(view, coarse = false) {
-    const { gl } = this, surface = this.surface(coarse);
-    const program = this.program("SHADES", ...(surface === this.coarse ? ["CHOSEN"] : []));
+    const { gl } = this, surface = this.surface(coarse), alone = this.lobe && view.state.interpolation === "pixel";
+    const program = this.program("SHADES", ...(alone ? ["ALONE"] : []), ...(surface === this.coarse ? ["CHOSEN"] : []));
     this.feedback ??= gl.createTransformFeedback();
     gl.useProgram(program.program);
     this.bind(program, view);
+    this.lobe?.bind(program, view.stage.cells);
     gl.bindVertexArray(surface.shading);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
     gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, surface.colours);

@@ -36,7 +36,9 @@ class View {
     by("objects").textContent = objects.map(({ name, material }) => `${name}, ${material}`).join(" · ");
     makeTables(by("numbers"), data.numbers);
     this.turner = new Turner((sky, light) => this.arrive(sky, light));
-    this.relit.relight(this.sky.coefficients(0));
+    const { cube, coefficients } = this.sky.light(0);
+    this.relit.relight(coefficients);
+    this.lightCells(cube);
     this.lit = this.sky;
     this.bring();
     this.expose();
@@ -164,7 +166,7 @@ class View {
     const { state, relit } = this;
     if (this.lightAsked && state.turn === 0) {
       this.turner.forget();
-      this.arrived = [this.sky, this.sky.coefficients(0)];
+      this.arrived = [this.sky, this.sky.light(0)];
     } else if (this.lightAsked) {
       this.turner.ask(this.sky, state.turn);
     }
@@ -172,9 +174,11 @@ class View {
     if (!this.keptAsked && !this.arrived && !relit.pending) return false;
     if (this.keptAsked) relit.keep(state.kept);
     if (this.arrived) {
-      const [sky, light] = this.arrived;
+      const [sky, { cube, coefficients }] = this.arrived;
       this.lit = sky;
-      if (state.pieces) relit.ask(light); else relit.relight(light);
+      if (state.pieces) relit.ask(coefficients); else relit.relight(coefficients);
+      // Lobes that stand apart have all of a new light at once.
+      this.lightCells(cube);
     }
     this.keptAsked = false;
     this.arrived = null;
@@ -197,8 +201,20 @@ class View {
     this.stage.upload();
   }
 
+  /** The light of lobes that stand apart, where there are any. */
+  lightCells(radiance) {
+    if (!this.stage.cells) return;
+    this.cells = lightCells(radiance, this.sky.size);
+    this.stage.cells.upload(this.cells);
+  }
+
+  /** Radiance (3 V) of each object's vertices, on the processor. */
   shade() {
-    return this.objects.map((object) => shade(object, this.orbit.eye, this.state.terms));
+    const { eye } = this.orbit;
+    return this.objects.map((object) => {
+      const found = shade(object, eye, this.state.terms);
+      return object.lobe ? addLobe(object, eye, this.cells, found) : found;
+    });
   }
 
   /** The exposure of this sky: a new sky has a scale of its own. */
@@ -266,6 +282,8 @@ async function begin() {
     view,
     state: view.state,
     environmentCube,
+    lightCells,
+    lobeRadiance,
     readHdr,
     changed: (what = "light") => view.changed(what),
     pixels() {

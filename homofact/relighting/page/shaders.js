@@ -40,23 +40,29 @@ vec4 tuple(int q) {
 
 const fetched = (quads, to) => Array.from({ length: quads }, (_, q) => `  ${to}[${q}] = tuple(${q});`).join("\n");
 
-/** Shades each vertex once; v_colour is what transform feedback keeps. */
-const shadeVertex = ({ terms, quads }) => `
+/** Shades each vertex once; v_colour is what transform feedback keeps. "ALONE": of the lobe that stands apart alone. */
+const shadeVertex = ({ terms, quads, lobe }) => `
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec3 a_normal;
 layout(location = 2) in vec3 a_tangent;
 out vec3 v_colour;
-${TUPLES}${viewMaps(terms)}
+${TUPLES}${viewMaps(terms)}${lobe ? lobeSum(lobe) : ""}
 void main() {
+#ifdef ALONE
+  v_colour = vec3(0.0);
+#else
   vec4 t[QUADS];
 ${fetched(quads, "t")}
   v_colour = outgoing(a_position, a_normal, a_tangent, t);
+#endif
+  ${lobe ? "v_colour += lobe(a_position, a_normal, a_tangent);" : ""}
   gl_Position = vec4(0.0);
 }
 `;
 
 const NOTHING = "void main() {}";
 
+/** By vertex "COLOURED" with what was shaded; "BY_PIXEL" too where that is a lobe that stands apart. */
 const surfaceVertex = ({ quads }) => `
 layout(location = 0) in vec3 a_position;
 uniform mat4 u_camera;
@@ -67,7 +73,8 @@ out vec3 v_normal;
 out vec3 v_tangent;
 out vec4 v_tuple[QUADS];
 ${TUPLES}
-#else
+#endif
+#ifdef COLOURED
 layout(location = 4) in vec3 a_colour;
 out vec3 v_colour;
 #endif
@@ -85,7 +92,8 @@ void main() {
   v_normal = a_normal;
   v_tangent = a_tangent;
 ${fetched(quads, "v_tuple")}
-#else
+#endif
+#ifdef COLOURED
   v_colour = a_colour;
 #endif
 #if defined(BY_PIXEL) || defined(FADES)
@@ -125,7 +133,8 @@ in vec3 v_normal;
 in vec3 v_tangent;
 in vec4 v_tuple[QUADS];
 ${viewMaps(terms)}
-#else
+#endif
+#ifdef COLOURED
 in vec3 v_colour;
 #endif
 #if defined(BY_PIXEL) || defined(FADES)
@@ -143,7 +152,10 @@ void main() {
 #ifdef BY_PIXEL
   vec3 own = outgoing(v_position, v_normal, v_tangent, v_tuple);
 #else
-  vec3 own = v_colour;
+  vec3 own = vec3(0.0);
+#endif
+#ifdef COLOURED
+  own += v_colour;
 #endif
   // From behind a surface gives no light.
   if (!gl_FrontFacing) own = vec3(0.0);

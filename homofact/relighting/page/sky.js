@@ -11,10 +11,14 @@ class Sky {
     this.picture = reducedPicture(picture, 4 * size);
   }
 
-  /** The Haar coefficients of the light, turned by degrees. */
-  coefficients(degrees) {
+  /** The light turned by degrees: its cube map and the Haar coefficients of it. */
+  light(degrees) {
     const cube = degrees === 0 ? this.cube : environmentCube(this.picture, this.size, degrees * DEGREE);
-    return haarCoefficients(cube, this.size);
+    return { cube, coefficients: haarCoefficients(cube, this.size) };
+  }
+
+  coefficients(degrees) {
+    return this.light(degrees).coefficients;
   }
 }
 

@@ -12,6 +12,7 @@ class Stage {
     this.gl = openContext(canvas);
     const { gl } = this;
     this.objects = objects.map((object) => new ObjectOnGpu(gl, object));
+    this.cells = objects.some((object) => object.lobe) ? new CellsOnGpu(gl) : null;
     this.skies = new Map();
     this.sky = makeProgram(gl, shaderText(SKY_VERTEX), shaderText(SKY_FRAGMENT), "the sky");
     this.copy = makeProgram(gl, shaderText(COPY_VERTEX), shaderText(COPY_FRAGMENT), "the sky");
@@ -38,7 +39,7 @@ class Stage {
    */
   draw(view, smooth = true, coarse = false) {
     const { gl } = this, { width, height } = this.canvas;
-    if (view.state.interpolation === "vertex") for (const each of this.objects) each.shade(view, coarse);
+    for (const each of this.objects) if (each.lobe || view.state.interpolation === "vertex") each.shade(view, coarse);
     if (coarse && !smooth) this.drawSmallSky(view, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, smooth ? this.smoothFrame(width, height) : null);
     gl.viewport(0, 0, width, height);
@@ -121,7 +122,7 @@ class Stage {
     const { gl } = this, { state, orbit } = view, { object } = each;
     const byPixel = state.interpolation === "pixel", compared = view.shown !== "picture";
     const surface = each.surface(coarse), chosen = byPixel && surface === each.coarse;
-    const program = each.program(...(byPixel ? ["BY_PIXEL"] : []), ...(chosen ? ["CHOSEN"] : []), ...(compared ? ["COMPARED"] : []));
+    const program = each.program(...(byPixel ? ["BY_PIXEL"] : []), ...(byPixel && !each.lobe ? [] : ["COLOURED"]), ...(chosen ? ["CHOSEN"] : []), ...(compared ? ["COMPARED"] : []));
     gl.useProgram(program.program);
     this.tones(view, program);
     if (byPixel) each.bind(program, view);

@@ -115,7 +115,7 @@ class Transport {
 
 /** Unpacks one object of the page's data. */
 async function unpackTransport(packed, coefficients) {
-  const { basis, mix, map, reference } = packed;
+  const { basis, mix, map, reference, lobe } = packed;
   const all = { positions: packed.positions, turns: packed.frames, triangles: packed.triangles, coarse: packed.coarse, texels: map.texels,
     count: basis.count, index: basis.index, sizes: basis.size, negative: basis.negative, scale: basis.scale,
     ...(mix ?? {}), ...(reference ? { reference: reference.values } : {}) };
@@ -132,6 +132,7 @@ async function unpackTransport(packed, coefficients) {
     cluster: arrays.cluster, weights: arrays.weights, steps: arrays.steps, triangles: arrays.triangles, coarse: arrays.coarse,
     map: { size: map.size, channels: map.channels, texels: arrays.texels },
     reference: reference ? fromHalves(arrays.reference, reference.scale) : null,
+    lobe: lobe ? await unpackLobe(lobe, packed.vertices) : null,
     ...geometry(packed, arrays.positions, arrays.turns),
   });
 }

@@ -6,8 +6,8 @@ const FACES = ${FACES}, FINER = ${FINER}, pictures = new Map();
 ${[texelOf, environmentCube, haarCoefficients, haarStep].join("\n")}
 onmessage = ({ data: { id, picture, size, turn } }) => {
   if (picture) pictures.set(id, picture);
-  const light = haarCoefficients(environmentCube(pictures.get(id), size, turn), size);
-  postMessage(light, [light.buffer]);
+  const cube = environmentCube(pictures.get(id), size, turn), coefficients = haarCoefficients(cube, size);
+  postMessage({ cube, coefficients }, [cube.buffer, coefficients.buffer]);
 };`;
 
 class Turner {
@@ -37,9 +37,9 @@ class Turner {
     return this.asked !== null;
   }
 
-  /** The Haar coefficients of a sky turned by degrees: `done` is told, later, or at once where there is no worker. */
+  /** The light of a sky turned by degrees, as `Sky.light` has it: `done` is told, later, or at once where there is no worker. */
   ask(sky, degrees) {
-    if (!this.worker) this.done(sky, sky.coefficients(degrees));
+    if (!this.worker) this.done(sky, sky.light(degrees));
     else if (this.asked) this.waiting = [sky, degrees];
     else this.send(sky, degrees);
   }

@@ -1,0 +1,210 @@
+// The light of a lobe that stands apart from an object's in-out factors: cells of the sky, and their sum on the processor
+// (lobe_light.py, lobe_kernels.py).
+
+const STEEPEST = (89.7 * Math.PI) / 180, LEAST_COSINE = Math.cos(STEEPEST);
+// The widest cell, in steps of the square that the lobe's table lies in, which is 2 across.
+const WIDEST = 0.35;
+// A cell is always divided where one texel of it holds more of all the light.
+const BRIGHT = 1e-3;
+// Cells along a face of the coarsest level, and of a whole face.
+const ROOTS = 8, ROOT_CELLS = ROOTS * ROOTS;
+// Numbers of a cell: direction, signed size, radiance, one unused.
+const CELL = 8;
+
+/** Row and column of a place in Morton's order: bits of the two in turn, the row's first. */
+function mortonPlace(place) {
+  let row = 0, column = 0;
+  for (let bit = 0; place >> (2 * bit); bit++) {
+    row |= ((place >> (2 * bit + 1)) & 1) << bit;
+    column |= ((place >> (2 * bit)) & 1) << bit;
+  }
+  return [row, column];
+}
+
+/** The point at (a, b) of a face of the cube: texelOf's inverse. */
+function facePoint(face, a, b) {
+  const axis = face & 1 ? -1 : 1;
+  if (face < 2) return [axis, a, b];
+  return face < 4 ? [b, axis, a] : [a, b, axis];
+}
+
+/** Steradians of the texel (i, j) of a face of n × n. */
+function solidAngle(i, j, n) {
+  const corner = (r, c) => {
+    const a = (2 * r) / n - 1, b = (2 * c) / n - 1;
+    return Math.atan((a * b) / Math.sqrt(1 + a * a + b * b));
+  };
+  return corner(i + 1, j + 1) - corner(i, j + 1) - corner(i + 1, j) + corner(i, j);
+}
+
+/** Cells of all levels of a cube map of n × n texels a face, as `LightCells` has them, without light. */
+function cellPlaces(n) {
+  cellPlaces.known ??= new Map();
+  if (cellPlaces.known.has(n)) return cellPlaces.known.get(n);
+  const starts = [];
+  let count = 0;
+  for (let size = n; size >= ROOTS; size /= 2) {
+    starts.push(count);
+    count += FACES * size * size;
+  }
+  const values = new Float32Array(CELL * count), texels = new Uint32Array(FACES * n * n);
+  let solid = Float64Array.from(texels, (_, at) => solidAngle(...mortonPlace(at % (n * n)), n));
+  const angles = [];
+  starts.forEach((start, k) => {
+    const size = n >> k, own = size * size;
+    if (k > 0) solid = Float64Array.from({ length: FACES * own }, (_, at) => solid[4 * at] + solid[4 * at + 1] + solid[4 * at + 2] + solid[4 * at + 3]);
+    angles.push(solid);
+    for (let at = 0; at < FACES * own; at++) {
+      const face = Math.floor(at / own), [row, column] = mortonPlace(at % own);
+      const point = facePoint(face, (2 * row + 1) / size - 1, (2 * column + 1) / size - 1), length = Math.hypot(...point);
+      values.set(point.map((x) => x / length), CELL * (start + at));
+      values[CELL * (start + at) + 3] = Math.sqrt(solid[at]);
+      if (k === 0) texels[at] = (face * n + row) * n + column;
+    }
+  });
+  const made = { n, starts, count, values, texels, angles };
+  cellPlaces.known.set(n, made);
+  return made;
+}
+
+/** The cells of a cube map of radiance (6 n² × 3): `values` has CELL numbers of each, its size below 0 where it is never whole. */
+function lightCells(radiance, n) {
+  const { starts, count, values: places, texels, angles } = cellPlaces(n), values = places.slice();
+  let flux = new Float64Array(3 * texels.length), peak = new Float64Array(texels.length), all = 0;
+  texels.forEach((texel, at) => {
+    for (let c = 0; c < 3; c++) flux[3 * at + c] = radiance[3 * texel + c] * angles[0][at];
+    peak[at] = (flux[3 * at] + flux[3 * at + 1] + flux[3 * at + 2]) / 3;
+    all += peak[at];
+  });
+  starts.forEach((start, k) => {
+    const own = angles[k].length;
+    if (k > 0) {
+      const finer = flux, peaks = peak;
+      flux = new Float64Array(3 * own);
+      peak = new Float64Array(own);
+      for (let at = 0; at < 4 * own; at++) {
+        const to = at >> 2;
+        for (let c = 0; c < 3; c++) flux[3 * to + c] += finer[3 * at + c];
+        peak[to] = Math.max(peak[to], peaks[at]);
+      }
+    }
+    for (let at = 0; at < own; at++) {
+      const to = CELL * (start + at);
+      for (let c = 0; c < 3; c++) values[to + 4 + c] = flux[3 * at + c] / angles[k][at];
+      // A texel itself is not divided.
+      if (k > 0 && peak[at] > BRIGHT * all) values[to + 3] = -values[to + 3];
+    }
+  });
+  return { n, starts, count, values };
+}
+
+/** Levels of the cube map of light that are finer than the one of which vertices know what they see. */
+function finerLevels(words, n) {
+  // Bits of a face against its texels.
+  return Math.max(0, Math.round(Math.log2((n * n) / ((words * 32) / FACES)) / 2));
+}
+
+function bitsSet(word) {
+  word -= (word >>> 1) & 0x55555555;
+  word = (word & 0x33333333) + ((word >>> 2) & 0x33333333);
+  return Math.imul((word + (word >>> 4)) & 0x0f0f0f0f, 0x01010101) >>> 24;
+}
+
+/** Adds the lobe's radiance towards the eye to an object's vertices (3 V); nothing where one is seen from behind. */
+function addLobe(object, eye, cells, found) {
+  const { positions, normals, tangents, vertices } = object, towards = [0, 0, 0];
+  for (let p = 0; p < 3 * vertices; p += 3) {
+    for (let k = 0; k < 3; k++) towards[k] = eye[k] - positions[p + k];
+    const length = Math.hypot(...towards), [dx, dy, dz] = towards.map((x) => x / length);
+    const n = normals.subarray(p, p + 3), t = tangents.subarray(p, p + 3);
+    const oz = n[0] * dx + n[1] * dy + n[2] * dz;
+    if (oz <= 0) continue;
+    const b = [n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2], n[0] * t[1] - n[1] * t[0]];
+    const ox = t[0] * dx + t[1] * dy + t[2] * dz, oy = b[0] * dx + b[1] * dy + b[2] * dz, across = Math.hypot(ox, oy);
+    // The frame is turned so that the viewer's azimuth is 0.
+    const [c, s] = across > 1e-6 ? [ox / across, oy / across] : [1, 0];
+    const tx = [0, 1, 2].map((k) => c * t[k] + s * b[k]), ty = [0, 1, 2].map((k) => c * b[k] - s * t[k]);
+    const sum = lobeAt(object.lobe, p / 3, [...tx, ...ty, ...n], across, oz, tableAt(object.lobe, ox, oy, oz), cells);
+    for (let k = 0; k < 3; k++) found[p + k] += sum[k] / Math.max(oz, LEAST_COSINE);
+  }
+  return found;
+}
+
+/** The lobe's radiance (3 V) alone. */
+function lobeRadiance(object, eye, cells) {
+  return addLobe(object, eye, cells, new Float32Array(3 * object.vertices));
+}
+
+/** [start, share] of the grids of half vectors that a view lies between: of two levels, of two turns each where there are more. */
+function tableAt({ levels, turns, nodes, period }, ox, oy, oz) {
+  const level = (1 - Math.sqrt(Math.max(1 - Math.acos(Math.min(oz, 1)) / STEEPEST, 0))) * (levels - 1);
+  const low = Math.min(Math.floor(level), levels - 2), up = Math.min(level - low, 1);
+  let turn = Math.atan2(oy, ox) / period;
+  turn = (turn - Math.floor(turn)) * turns;
+  const first = Math.floor(turn) % turns, over = turns > 1 ? turn - Math.floor(turn) : 0, second = (first + 1) % turns;
+  const grid = 3 * nodes * nodes, grids = [];
+  for (const [k, part] of turns > 1 ? [[first, 1 - over], [second, over]] : [[0, 1]]) {
+    grids.push([grid * (low * turns + k), (1 - up) * part], [grid * ((low + 1) * turns + k), up * part]);
+  }
+  return grids;
+}
+
+/** The sum over the cells at a vertex with `frame` (turned tangent, binormal, normal), before it is divided by cosθo. */
+function lobeAt(lobe, vertex, frame, across, oz, grids, cells) {
+  const { width, nodes, values, sight, words } = lobe, { n, starts, values: all } = cells;
+  const [xx, xy, xz, yx, yy, yz, zx, zy, zz] = frame, top = starts.length - 1, texels = ROOT_CELLS << (2 * top);
+  const finer = finerLevels(words, n), sights = texels >> (2 * finer), mid = (nodes - 1) / 2, row = 3 * nodes;
+  let red = 0, green = 0, blue = 0;
+  for (let face = 0; face < FACES; face++) {
+    let place = 0, k = top;
+    while (place < texels) {
+      const cell = CELL * (starts[k] + ((face * texels + place) >> (2 * k)));
+      const dx = all[cell], dy = all[cell + 1], dz = all[cell + 2], wide = all[cell + 3], extent = Math.abs(wide);
+      const z = zx * dx + zy * dy + zz * dz;
+      let divided = false;
+      if (z > -0.5 * extent - 0.25 * extent * extent) {
+        const short = 1 / (Math.max(z, 0) + oz);
+        const hx = (xx * dx + xy * dy + xz * dz + across) * short, hy = (yx * dx + yy * dy + yz * dz) * short;
+        const scale = 1 / (width + Math.sqrt(hx * hx + hy * hy));
+        divided = k > 0 && (wide < 0 || extent * short * scale > WIDEST);
+        if (!divided && z > 0) {
+          // At most 16 texels of what a vertex sees: they lie in one word.
+          const size = 1 << (2 * Math.max(k - finer, 0)), at = face * sights + (place >> (2 * finer));
+          const bits = (sight[vertex * words + (at >> 5)] >>> (at & 31)) & ((1 << size) - 1);
+          if (bits) {
+            const seen = (bitsSet(bits) / size) * extent * extent;
+            let a = (hx * scale + 1) * mid, b = (hy * scale + 1) * mid;
+            const i = Math.min(Math.floor(a), nodes - 2), j = Math.min(Math.floor(b), nodes - 2);
+            a -= i;
+            b -= j;
+            let f0 = 0, f1 = 0, f2 = 0;
+            for (const [start, own] of grids) {
+              const t = start + i * row + 3 * j, u = t + row;
+              const w00 = own * (1 - a) * (1 - b), w01 = own * (1 - a) * b, w10 = own * a * (1 - b), w11 = own * a * b;
+              f0 += w00 * values[t] + w01 * values[t + 3] + w10 * values[u] + w11 * values[u + 3];
+              f1 += w00 * values[t + 1] + w01 * values[t + 4] + w10 * values[u + 1] + w11 * values[u + 4];
+              f2 += w00 * values[t + 2] + w01 * values[t + 5] + w10 * values[u + 2] + w11 * values[u + 5];
+            }
+            red += seen * f0 * all[cell + 4];
+            green += seen * f1 * all[cell + 5];
+            blue += seen * f2 * all[cell + 6];
+          }
+        }
+      }
+      if (divided) {
+        k -= 1;
+      } else {
+        place += 1 << (2 * k);
+        while (k < top && ((place >> (2 * k)) & 3) === 0) k += 1;
+      }
+    }
+  }
+  return [red, green, blue];
+}
+
+/** Unpacks an object's lobe. */
+async function unpackLobe(packed, vertices) {
+  const [halves, sight] = await Promise.all([packed.values.values, packed.sight].map(unpack));
+  const { width, period, levels, turns, nodes } = packed, { scale } = packed.values;
+  return { width, period, levels, turns, nodes, halves, scale, values: fromHalves(halves, scale), sight, words: sight.length / vertices };
+}

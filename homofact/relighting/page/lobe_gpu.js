@@ -1,0 +1,153 @@
+// A lobe that stands apart on the graphics card: the sum of lobe.js in a shader, and the textures that it reads.
+
+// Cells in a row of their texture, two texels each.
+const CELLS_ACROSS = 1024;
+const LOBE_UNITS = { cells: 2, table: 3, sight: 4 };
+
+/** `lobe(position, normal, tangent)`, for a vertex NUMBER; u_eye and NUMBER stand before it. */
+const lobeSum = ({ levels, turns, nodes, words }) => `
+uniform highp sampler2D u_cells;
+uniform highp sampler2DArray u_lobe;
+uniform highp usampler2D u_sight;
+uniform float u_lobe_scale;
+uniform float u_lobe_width;
+uniform float u_lobe_period;
+uniform int u_starts[4];
+uniform int u_top;
+uniform int u_finer;
+
+const float STEEPEST = ${STEEPEST.toFixed(9)};
+const int NODES = ${nodes};
+
+vec4 cellPart(int cell, int part) {
+  return texelFetch(u_cells, ivec2(2 * (cell % ${CELLS_ACROSS}) + part, cell / ${CELLS_ACROSS}), 0);
+}
+
+/** The part that is seen of \`size\` texels, 16 at most: they lie in one word. */
+float seenPart(int at, int size) {
+  int number = NUMBER * ${words} + (at >> 5), width = textureSize(u_sight, 0).x;
+  uint word = texelFetch(u_sight, ivec2(number % width, number / width), 0).r;
+  word = (word >> uint(at & 31)) & ((1u << uint(size)) - 1u);
+  word -= (word >> 1u) & 0x55555555u;
+  word = (word & 0x33333333u) + ((word >> 2u) & 0x33333333u);
+  word = (word + (word >> 4u)) & 0x0f0f0f0fu;
+  return float((word * 0x01010101u) >> 24u) / float(size);
+}
+
+/** The grids of the turns lie one under the other, those of the levels are layers. */
+vec3 tableAt(vec2 at, int turn, int level) {
+  vec2 place = vec2(at.y + 0.5, at.x + 0.5 + float(turn * NODES)) / vec2(float(NODES), ${nodes * turns}.0);
+  return textureLod(u_lobe, vec3(place, float(level)), 0.0).rgb;
+}
+
+vec3 lobe(vec3 position, vec3 normal, vec3 tangent) {
+  vec3 n = normalize(normal), s = normalize(tangent - dot(tangent, n) * n), b = cross(n, s), w = normalize(u_eye - position);
+  // Seen from behind: as at the horizon, as the terms are. Farther behind than a triangle at the outline reaches: not at all.
+  float facing = dot(n, w), oz = facing > 0.0 ? facing : cos(STEEPEST);
+  if (facing < -0.5) return vec3(0.0);
+  vec2 aside = vec2(dot(s, w), dot(b, w));
+  float across = length(aside);
+  vec2 turned = across > 1e-6 ? aside / across : vec2(1.0, 0.0);
+  if (facing < 0.0) across = 1.0;
+  // The frame is turned so that the viewer's azimuth is 0.
+  vec3 x = turned.x * s + turned.y * b, y = turned.x * b - turned.y * s;
+  float level = (1.0 - sqrt(max(1.0 - acos(min(oz, 1.0)) / STEEPEST, 0.0))) * ${levels - 1}.0;
+  int low = min(int(level), ${levels - 2});
+  float up = min(level - float(low), 1.0);
+${turns === 1 ? "" : `  float turn = fract(atan(turned.y, turned.x) / u_lobe_period) * ${turns}.0, over = fract(turn);
+  int first = int(turn) % ${turns}, second = (first + 1) % ${turns};
+`}  int texels = ${ROOT_CELLS} << (2 * u_top), sights = texels >> (2 * u_finer);
+  vec3 sum = vec3(0.0);
+  for (int face = 0; face < ${FACES}; face++) {
+    int place = 0, k = u_top;
+    while (place < texels) {
+      int cell = u_starts[k] + ((face * texels + place) >> (2 * k));
+      vec4 d = cellPart(cell, 0);
+      float z = dot(n, d.xyz), extent = abs(d.w);
+      bool divided = false;
+      if (z > -0.5 * extent - 0.25 * extent * extent) {
+        float unit = 1.0 / (max(z, 0.0) + oz);
+        vec2 h = vec2(dot(x, d.xyz) + across, dot(y, d.xyz)) * unit;
+        float scale = 1.0 / (u_lobe_width + length(h));
+        divided = k > 0 && (d.w < 0.0 || extent * unit * scale > ${WIDEST});
+        if (!divided && z > 0.0) {
+          float seen = seenPart(face * sights + (place >> (2 * u_finer)), 1 << (2 * max(k - u_finer, 0)));
+          if (seen > 0.0) {
+            vec2 at = (h * scale + 1.0) * ${((nodes - 1) / 2).toFixed(1)};
+${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, low + 1), up);
+` : `            vec3 f = mix(mix(tableAt(at, first, low), tableAt(at, first, low + 1), up),
+              mix(tableAt(at, second, low), tableAt(at, second, low + 1), up), over);
+`}            sum += seen * extent * extent * f * cellPart(cell, 1).rgb;
+          }
+        }
+      }
+      if (divided) {
+        k -= 1;
+      } else {
+        place += 1 << (2 * k);
+        while (k < u_top && ((place >> (2 * k)) & 3) == 0) k += 1;
+      }
+    }
+  }
+  return sum * u_lobe_scale / max(oz, cos(STEEPEST));
+}
+`;
+
+// The cells of the light, for all objects.
+class CellsOnGpu {
+  constructor(gl) {
+    this.gl = gl;
+    this.texture = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    this.rows = 0;
+  }
+
+  upload(cells) {
+    const { gl } = this, rows = Math.ceil(cells.count / CELLS_ACROSS);
+    this.cells = cells;
+    this.padded ??= new Float32Array(CELL * CELLS_ACROSS * rows);
+    this.padded.set(cells.values);
+    gl.bindTexture(gl.TEXTURE_2D, this.texture);
+    if (this.rows !== rows) gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, 2 * CELLS_ACROSS, rows);
+    this.rows = rows;
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 2 * CELLS_ACROSS, rows, gl.RGBA, gl.FLOAT, this.padded);
+  }
+}
+
+// One object's table, and what its vertices see.
+class LobeOnGpu {
+  constructor(gl, lobe) {
+    this.gl = gl;
+    this.lobe = lobe;
+    const { levels, turns, nodes, halves, sight } = lobe;
+    this.table = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
+    gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGB16F, nodes, nodes * turns, levels, 0, gl.RGB, gl.HALF_FLOAT, halves);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+    const width = Math.min(sight.length, gl.getParameter(gl.MAX_TEXTURE_SIZE), 4096), height = Math.ceil(sight.length / width);
+    const padded = new Uint32Array(width * height);
+    padded.set(sight);
+    this.sight = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R32UI, width, height, 0, gl.RED_INTEGER, gl.UNSIGNED_INT, padded);
+  }
+
+  /** Binds what `lobe` reads. */
+  bind(program, { texture, cells }) {
+    const { gl, lobe } = this;
+    const place = (unit, target, what, name) => {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(target, what);
+      gl.uniform1i(program.at(name), unit);
+    };
+    place(LOBE_UNITS.cells, gl.TEXTURE_2D, texture, "u_cells");
+    place(LOBE_UNITS.table, gl.TEXTURE_2D_ARRAY, this.table, "u_lobe");
+    place(LOBE_UNITS.sight, gl.TEXTURE_2D, this.sight, "u_sight");
+    gl.activeTexture(gl.TEXTURE0);
+    gl.uniform1f(program.at("u_lobe_scale"), lobe.scale);
+    gl.uniform1f(program.at("u_lobe_width"), lobe.width);
+    gl.uniform1f(program.at("u_lobe_period"), lobe.period);
+    const starts = Int32Array.from({ length: 4 }, (_, k) => cells.starts[k] ?? 0);
+    gl.uniform1iv(program.at("u_starts"), starts);
+    gl.uniform1i(program.at("u_top"), cells.starts.length - 1);
+    gl.uniform1i(program.at("u_finer"), finerLevels(lobe.words, cells.n));
+  }
+}
