@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from homofact.errors import BadInput
-from homofact.relighting.lobe_kernels import sum_lobe
+from homofact.relighting.lobe_kernels import CellArrays, PointArrays, TableArrays, sum_lobe
 from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.lobe_table import LobeTable
 
@@ -57,12 +57,12 @@ class ApartLobe:
     def at(self, points: SurfacePoints, cells: LightCells) -> np.ndarray:
         """Radiance (S, 3) float32 of the lobe towards the viewer; 0 where a point is seen from behind."""
         out = np.zeros((len(points.frames), 3), np.float32)
-        table = self.table
-        sum_lobe(
+        given = PointArrays(
             np.ascontiguousarray(points.frames, np.float32), np.ascontiguousarray(points.wo, np.float32),
             np.ascontiguousarray(points.corners, np.int64), np.ascontiguousarray(points.shares, np.float32),
-            self.sight, cells.light, cells.places, cells.starts, table.values, table.width, table.period, out,
         )  # fmt: skip
+        table = TableArrays(self.table.values, self.table.width, self.table.period)
+        sum_lobe(given, self.sight, CellArrays(cells.light, cells.places, cells.starts), table, out)
         return out
 
     def at_vertices(

@@ -1,6 +1,7 @@
 """The sum over a cube map's cells of a lobe's light: fine cells where the lobe is, coarse ones around it."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -16,18 +17,60 @@ _LEAST = math.cos(STEEPEST)
 _ROOT_CELLS = 64
 
 
-@kernel(nogil=True, parallel=True, fastmath=True)
-def sum_lobe(  # pragma: no cover (compiled)
-    frames, views, corners, shares, sight, light, places, starts, table, width, period, out
-):
-    """Radiance `out` (P, 3) of a lobe at points with `frames` (P, 3, 3) in the world, towards `views` (P, 3) in them.
+class PointArrays(NamedTuple):
+    """`SurfacePoints` as the sum reads them."""
 
-    What a point sees is that of the vertices `corners` (P, 3), mixed by `shares` (P, 3); `sight` (V, words). `light`,
-    `places` and `starts` are those of `LightCells`, `table`, `width` and `period` those of `LobeTable`.
+    frames: np.ndarray
+    views: np.ndarray
+    corners: np.ndarray
+    shares: np.ndarray
+
+
+class CellArrays(NamedTuple):
+    """`LightCells` as the sum reads them."""
+
+    light: np.ndarray
+    places: np.ndarray
+    starts: np.ndarray
+
+
+class TableArrays(NamedTuple):
+    """`LobeTable` as the sum reads it."""
+
+    values: np.ndarray
+    width: float
+    period: float
+
+
+@kernel(nogil=True, inline="always", fastmath=True)
+def _added(grid, a, b, own, found):  # pragma: no cover (compiled)
+    """(3 values) with `own` times those of a grid of half vectors at (a, b), bilinear."""
+    nodes = grid.shape[0]
+    i, j = min(int(a), nodes - 2), min(int(b), nodes - 2)
+    a, b = a - np.float32(i), b - np.float32(j)
+    one = np.float32(1)
+    w00, w01 = own * (one - a) * (one - b), own * (one - a) * b
+    w10, w11 = own * a * (one - b), own * a * b
+    near, far = grid[i], grid[i + 1]
+    return (
+        found[0] + w00 * near[j, 0] + w01 * near[j + 1, 0] + w10 * far[j, 0] + w11 * far[j + 1, 0],
+        found[1] + w00 * near[j, 1] + w01 * near[j + 1, 1] + w10 * far[j, 1] + w11 * far[j + 1, 1],
+        found[2] + w00 * near[j, 2] + w01 * near[j + 1, 2] + w10 * far[j, 2] + w11 * far[j + 1, 2],
+    )
+
+
+@kernel(nogil=True, parallel=True, fastmath=True)
+def sum_lobe(points, sight, cells, lobe, out):  # pragma: no cover (compiled)
+    """Radiance `out` (P, 3) of a lobe at points with frames (P, 3, 3) in the world, towards views (P, 3) in them.
+
+    What a point sees is that of the vertices `corners` (P, 3), mixed by `shares` (P, 3); `sight` (V, words).
     """
+    table, width, period = lobe
+    light, places, starts = cells
+    frames, views, corners, shares = points
     levels, turns, nodes = table.shape[0], table.shape[1], table.shape[2]
     top = len(starts) - 1
-    texels = np.int64(64) << (2 * top)
+    texels = np.int64(_ROOT_CELLS) << (2 * top)
     sights = sight.shape[1] * 64 // 6
     finer = 0
     while (sights << (2 * finer)) < texels:
@@ -53,7 +96,7 @@ def sum_lobe(  # pragma: no cover (compiled)
         turn = math.atan2(oy, ox) / period
         turn = (turn - math.floor(turn)) * turns
         first = int(turn) % turns
-        over = np.float32(turn - int(turn))
+        over = np.float32(turn - int(turn)) if turns > 1 else np.float32(0)
         second = (first + 1) % turns
         fx, fy, fz = frames[p, 0], frames[p, 1], frames[p, 2]
         red, green, blue = np.float32(0), np.float32(0), np.float32(0)
@@ -71,52 +114,26 @@ def sum_lobe(  # pragma: no cover (compiled)
                     short = one / (max(z, np.float32(0)) + oz)
                     hx, hy = (x + ox) * short, (y + oy) * short
                     slope = math.sqrt(hx * hx + hy * hy)
-                    scale = one / (w + slope)
                     divided = k > 0 and (wide < 0 or extent * short > widest * max(w, slope + tail * w))
                     if not divided and z > 0:
-                        size = np.int64(1) << (2 * max(k - finer, 0))
-                        at = place >> (2 * finer)
+                        size, at = np.int64(1) << (2 * max(k - finer, 0)), place >> (2 * finer)
                         seen = np.float32(0)
                         for c in range(3):
                             if shares[p, c] > 0:
                                 seen += shares[p, c] * seen_part(sight[corners[p, c]], face, at, size, sights)
                         if seen > 0:
-                            a = ((ca * hx + sa * hy) * scale + one) * mid
-                            b = ((ca * hy - sa * hx) * scale + one) * mid
-                            i, j = min(int(a), nodes - 2), min(int(b), nodes - 2)
-                            a, b = a - np.float32(i), b - np.float32(j)
-                            f0, f1, f2 = np.float32(0), np.float32(0), np.float32(0)
-                            for step in range(4 if turns > 1 else 2):
-                                own = up if step & 1 else one - up
-                                chosen = first
+                            scale = one / (w + slope)
+                            a, b = ((ca * hx + sa * hy) * scale + one) * mid, ((ca * hy - sa * hx) * scale + one) * mid
+                            f = (np.float32(0), np.float32(0), np.float32(0))
+                            for step in range(2):
+                                own = up if step else one - up
+                                f = _added(table[low + step, first], a, b, own * (one - over), f)
                                 if turns > 1:
-                                    own *= over if step & 2 else one - over
-                                    chosen = second if step & 2 else first
-                                t = table[low + (step & 1), chosen]
-                                w00, w01 = own * (one - a) * (one - b), own * (one - a) * b
-                                w10, w11 = own * a * (one - b), own * a * b
-                                f0 += (
-                                    w00 * t[i, j, 0]
-                                    + w01 * t[i, j + 1, 0]
-                                    + w10 * t[i + 1, j, 0]
-                                    + w11 * t[i + 1, j + 1, 0]
-                                )
-                                f1 += (
-                                    w00 * t[i, j, 1]
-                                    + w01 * t[i, j + 1, 1]
-                                    + w10 * t[i + 1, j, 1]
-                                    + w11 * t[i + 1, j + 1, 1]
-                                )
-                                f2 += (
-                                    w00 * t[i, j, 2]
-                                    + w01 * t[i, j + 1, 2]
-                                    + w10 * t[i + 1, j, 2]
-                                    + w11 * t[i + 1, j + 1, 2]
-                                )
+                                    f = _added(table[low + step, second], a, b, own * over, f)
                             seen *= extent * extent
-                            red += seen * f0 * light[cell, 0]
-                            green += seen * f1 * light[cell, 1]
-                            blue += seen * f2 * light[cell, 2]
+                            red += seen * f[0] * light[cell, 0]
+                            green += seen * f[1] * light[cell, 1]
+                            blue += seen * f[2] * light[cell, 2]
                 if divided:
                     k -= 1
                 else:
@@ -124,5 +141,4 @@ def sum_lobe(  # pragma: no cover (compiled)
                     while k < top and (place >> (2 * k)) & 3 == 0:
                         k += 1
         # The cosine of the light is in the table; that of the view is not.
-        short = one / oz
-        out[p, 0], out[p, 1], out[p, 2] = red * short, green * short, blue * short
+        out[p, 0], out[p, 1], out[p, 2] = red / oz, green / oz, blue / oz

@@ -31,7 +31,7 @@ from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.symmetry import find_symmetry
 from homofact.geometry.directions import from_spherical
 
-STEEPEST = math.radians(89.7)
+STEEPEST = math.radians(89.95)
 LEVELS, NODES, TURNS = 40, 41, 24
 _WIDTHS = 3.0  # of the lobe at half height, where the grid is halfway to its rim
 _RIM = 0.995  # of the grid, at most

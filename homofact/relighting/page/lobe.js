@@ -1,9 +1,9 @@
 // The light of a lobe that stands apart from an object's in-out factors: cells of the sky, and their sum on the processor
 // (lobe_light.py, lobe_kernels.py).
 
-const STEEPEST = (89.7 * Math.PI) / 180, LEAST_COSINE = Math.cos(STEEPEST);
-// The widest cell, in steps of the square that the lobe's table lies in, which is 2 across.
-const WIDEST = 0.35;
+const STEEPEST = (89.95 * Math.PI) / 180, LEAST_COSINE = Math.cos(STEEPEST);
+// The widest cell in slopes of h, as a part of the table's width; beyond slopes of CORE widths it may grow with the slope.
+const WIDEST = 0.25, CORE = 0.7;
 // A cell is always divided where one texel of it holds more of all the light.
 const BRIGHT = 1e-3;
 // Cells along a face of the coarsest level, and of a whole face.
@@ -110,6 +110,13 @@ function bitsSet(word) {
   return Math.imul((word + (word >>> 4)) & 0x0f0f0f0f, 0x01010101) >>> 24;
 }
 
+/** The part that is seen of `size` texels, a power of 4, 64 at most, of the vertex whose words begin at `first`. */
+function seenPart(sight, first, at, size) {
+  const word = first + (at >> 5);
+  if (size === 64) return (bitsSet(sight[word]) + bitsSet(sight[word + 1])) / 64;
+  return bitsSet((sight[word] >>> (at & 31)) & ((1 << size) - 1)) / size;
+}
+
 /** Adds the lobe's radiance towards the eye to an object's vertices (3 V); nothing where one is seen from behind. */
 function addLobe(object, eye, cells, found) {
   const { positions, normals, tangents, vertices } = object, towards = [0, 0, 0];
@@ -124,8 +131,10 @@ function addLobe(object, eye, cells, found) {
     // The frame is turned so that the viewer's azimuth is 0.
     const [c, s] = across > 1e-6 ? [ox / across, oy / across] : [1, 0];
     const tx = [0, 1, 2].map((k) => c * t[k] + s * b[k]), ty = [0, 1, 2].map((k) => c * b[k] - s * t[k]);
-    const sum = lobeAt(object.lobe, p / 3, [...tx, ...ty, ...n], across, oz, tableAt(object.lobe, ox, oy, oz), cells);
-    for (let k = 0; k < 3; k++) found[p + k] += sum[k] / Math.max(oz, LEAST_COSINE);
+    // A view beyond the table's last angle is raised to it.
+    const level = Math.max(oz, LEAST_COSINE), aside = oz < LEAST_COSINE ? Math.sin(STEEPEST) : across;
+    const sum = lobeAt(object.lobe, p / 3, [...tx, ...ty, ...n], aside, level, tableAt(object.lobe, ox, oy, level), cells);
+    for (let k = 0; k < 3; k++) found[p + k] += sum[k] / level;
   }
   return found;
 }
@@ -165,14 +174,13 @@ function lobeAt(lobe, vertex, frame, across, oz, grids, cells) {
       if (z > -0.5 * extent - 0.25 * extent * extent) {
         const short = 1 / (Math.max(z, 0) + oz);
         const hx = (xx * dx + xy * dy + xz * dz + across) * short, hy = (yx * dx + yy * dy + yz * dz) * short;
-        const scale = 1 / (width + Math.sqrt(hx * hx + hy * hy));
-        divided = k > 0 && (wide < 0 || extent * short * scale > WIDEST);
+        const slope = Math.sqrt(hx * hx + hy * hy), scale = 1 / (width + slope);
+        divided = k > 0 && (wide < 0 || extent * short > WIDEST * Math.max(width, slope + (1 - CORE) * width));
         if (!divided && z > 0) {
-          // At most 16 texels of what a vertex sees: they lie in one word.
           const size = 1 << (2 * Math.max(k - finer, 0)), at = face * sights + (place >> (2 * finer));
-          const bits = (sight[vertex * words + (at >> 5)] >>> (at & 31)) & ((1 << size) - 1);
-          if (bits) {
-            const seen = (bitsSet(bits) / size) * extent * extent;
+          const part = seenPart(sight, vertex * words, at, size);
+          if (part > 0) {
+            const seen = part * extent * extent;
             let a = (hx * scale + 1) * mid, b = (hy * scale + 1) * mid;
             const i = Math.min(Math.floor(a), nodes - 2), j = Math.min(Math.floor(b), nodes - 2);
             a -= i;

@@ -23,15 +23,22 @@ vec4 cellPart(int cell, int part) {
   return texelFetch(u_cells, ivec2(2 * (cell % ${CELLS_ACROSS}) + part, cell / ${CELLS_ACROSS}), 0);
 }
 
-/** The part that is seen of \`size\` texels, 16 at most: they lie in one word. */
-float seenPart(int at, int size) {
+uint sightWord(int at) {
   int number = NUMBER * ${words} + (at >> 5), width = textureSize(u_sight, 0).x;
-  uint word = texelFetch(u_sight, ivec2(number % width, number / width), 0).r;
-  word = (word >> uint(at & 31)) & ((1u << uint(size)) - 1u);
+  return texelFetch(u_sight, ivec2(number % width, number / width), 0).r;
+}
+
+uint bitsSet(uint word) {
   word -= (word >> 1u) & 0x55555555u;
   word = (word & 0x33333333u) + ((word >> 2u) & 0x33333333u);
   word = (word + (word >> 4u)) & 0x0f0f0f0fu;
-  return float((word * 0x01010101u) >> 24u) / float(size);
+  return (word * 0x01010101u) >> 24u;
+}
+
+/** The part that is seen of \`size\` texels, a power of 4, 64 at most. */
+float seenPart(int at, int size) {
+  if (size == 64) return float(bitsSet(sightWord(at)) + bitsSet(sightWord(at + 32))) / 64.0;
+  return float(bitsSet((sightWord(at) >> uint(at & 31)) & ((1u << uint(size)) - 1u))) / float(size);
 }
 
 /** The grids of the turns lie one under the other, those of the levels are layers. */
@@ -43,12 +50,13 @@ vec3 tableAt(vec2 at, int turn, int level) {
 vec3 lobe(vec3 position, vec3 normal, vec3 tangent) {
   vec3 n = normalize(normal), s = normalize(tangent - dot(tangent, n) * n), b = cross(n, s), w = normalize(u_eye - position);
   // Seen from behind: as at the horizon, as the terms are. Farther behind than a triangle at the outline reaches: not at all.
-  float facing = dot(n, w), oz = facing > 0.0 ? facing : cos(STEEPEST);
+  // A view beyond the table's last angle is raised to it.
+  float facing = dot(n, w), oz = max(facing, cos(STEEPEST));
   if (facing < -0.5) return vec3(0.0);
   vec2 aside = vec2(dot(s, w), dot(b, w));
   float across = length(aside);
   vec2 turned = across > 1e-6 ? aside / across : vec2(1.0, 0.0);
-  if (facing < 0.0) across = 1.0;
+  if (facing < cos(STEEPEST)) across = sin(STEEPEST);
   // The frame is turned so that the viewer's azimuth is 0.
   vec3 x = turned.x * s + turned.y * b, y = turned.x * b - turned.y * s;
   float level = (1.0 - sqrt(max(1.0 - acos(min(oz, 1.0)) / STEEPEST, 0.0))) * ${levels - 1}.0;
@@ -68,8 +76,8 @@ ${turns === 1 ? "" : `  float turn = fract(atan(turned.y, turned.x) / u_lobe_per
       if (z > -0.5 * extent - 0.25 * extent * extent) {
         float unit = 1.0 / (max(z, 0.0) + oz);
         vec2 h = vec2(dot(x, d.xyz) + across, dot(y, d.xyz)) * unit;
-        float scale = 1.0 / (u_lobe_width + length(h));
-        divided = k > 0 && (d.w < 0.0 || extent * unit * scale > ${WIDEST});
+        float slope = length(h), scale = 1.0 / (u_lobe_width + slope);
+        divided = k > 0 && (d.w < 0.0 || extent * unit > ${WIDEST} * max(u_lobe_width, slope + ${(1 - CORE).toFixed(3)} * u_lobe_width));
         if (!divided && z > 0.0) {
           float seen = seenPart(face * sights + (place >> (2 * u_finer)), 1 << (2 * max(k - u_finer, 0)));
           if (seen > 0.0) {
@@ -89,7 +97,7 @@ ${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, lo
       }
     }
   }
-  return sum * u_lobe_scale / max(oz, cos(STEEPEST));
+  return sum * u_lobe_scale / oz;
 }
 `;
 
