@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.cli import options as o
 from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.plan_relight import choice_table
@@ -55,6 +56,9 @@ def relight(
     screen.answer({"folder": str(out), **found.report})
 
 
+_ASIDE = ("psnr", "below_zero", "vertices")
+
+
 def object_table(objects: "tuple[RelitObject, ...]") -> Table:
     """A line an object: its size, form, terms K, numbers N a vector, and what is stored of it."""
     from homofact.relighting.harmonic import Harmonic
@@ -66,7 +70,7 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
         made = relit.transport
         kept = relit.compact.number.shape[2] if isinstance(relit.compact, Harmonic) else None
         table.add_row(
-            f"{relit.mesh.name}, {Path(relit.material).name}",
+            f"{relit.mesh.name}, {Path(relit.material.removeprefix(MATERIAL_PREFIX)).name}",
             str(made.vertices),
             relit.form,
             str(made.factors.terms),
@@ -77,18 +81,14 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
 
 
 def error_table(objects: Sequence[Mapping[str, Any]]) -> Table:
-    """A line an object: relative root mean square errors of its light by stage, as seen from the first camera."""
-    aside = ("psnr", "below_zero", "vertices")
+    """A line a stage: relative root mean square errors of each object's light, as seen from the first camera."""
     errors = [entry["error"] for entry in objects]
-    names = list(dict.fromkeys(name for found in errors if found for name in found if name not in aside))
+    stages = list(dict.fromkeys(name for found in errors for name in found or () if name not in _ASIDE))
     table = plain_table("Relative RMS error of the light towards the first camera")
     add_names(table)
-    add_figures(table, *names, "PSNR", "below zero")
-    for entry, found in zip(objects, errors, strict=True):
-        if found is None:
-            table.add_row(entry["mesh"], "not seen")
-            continue
-        values = [figure(found[name]) if name in found else "–" for name in names]
-        decibels = f"{found['psnr']:.1f} dB" if "psnr" in found else "–"
-        table.add_row(entry["mesh"], *values, decibels, f"{found['below_zero']:.2%}")
+    add_figures(table, *[entry["mesh"] for entry in objects])
+    for stage in stages:
+        table.add_row(stage, *[figure(found[stage]) if found and stage in found else "–" for found in errors])
+    table.add_row("PSNR", *[f"{found['psnr']:.1f} dB" if found and "psnr" in found else "–" for found in errors])
+    table.add_row("below zero", *[f"{found['below_zero']:.2%}" if found else "not seen" for found in errors])
     return table

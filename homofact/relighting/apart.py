@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.relighting.decomposition import decompositions
-from homofact.relighting.factoring import MAP_SIZE, SHARE, factor, factors_of_sizes
+from homofact.relighting.factoring import MAP_SIZE, SHARE, check_channels, factor, factors_of_sizes
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.lobe_table import LobeTable, Rest, lobe_table
 from homofact.rendering.light import EnvironmentMap
@@ -72,6 +72,7 @@ def apart(
     light: EnvironmentMap | None = None,
 ) -> list[FactoredMaterial]:
     """The lobe apart, and the factors of the rest on maps of several sizes. Raises BadInput as `factored`."""
+    check_channels(reflectance)
     table = lobe_table(reflectance)
     whole = decompositions(reflectance)[1]().under(light).energy
     allowed = None if terms is not None else ERROR if error is None else error

@@ -14,7 +14,7 @@ from dataclasses import replace
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.linear.threads import one_thread
-from homofact.relighting.decomposition import MOST_TERMS, decompositions
+from homofact.relighting.decomposition import MOST_TERMS, WeightedTerms, decompositions
 from homofact.relighting.factors import InOutFactors
 from homofact.rendering.light import EnvironmentMap
 from homofact.theory.harmonics import check_share
@@ -66,8 +66,33 @@ def factors_of_sizes(
     for size in map_sizes:
         if not 8 <= size <= 256:
             raise BadInput(where="map size", found=size, expected="8 to 256 texels across")
+    found, picked = _settled(reflectance, terms, share, error, light, whole)
+    return [found.drawn(reflectance, picked, size) for size in map_sizes]
+
+
+@one_thread
+def terms_for(reflectance: Reflectance, error: float, light: EnvironmentMap | None = None) -> int:
+    """How many terms leave an expected error of the light, `MOST_TERMS` at most. Raises BadInput as `factor`."""
+    found, picked = _settled(reflectance, None, SHARE, error, light, None)
+    return int(found.multiplicity[picked].sum())
+
+
+def check_channels(reflectance: Reflectance) -> None:
+    """Raise BadInput for channels that are no picture's."""
     if len(reflectance.channels) not in (1, 3):
         raise BadInput(where="relighting", found=f"{len(reflectance.channels)} channels", expected="1 or 3")
+
+
+def _settled(
+    reflectance: Reflectance,
+    terms: int | None,
+    share: float,
+    error: float | None,
+    light: EnvironmentMap | None,
+    whole: float | None,
+) -> tuple[WeightedTerms, list[int]]:
+    """The terms on the first grid that is fine enough, and which are kept."""
+    check_channels(reflectance)
     before, found, picked = None, None, []
     for split in decompositions(reflectance):
         found = split().under(light)
@@ -79,4 +104,4 @@ def factors_of_sizes(
             break
         before = now
     assert found is not None
-    return [found.drawn(reflectance, picked, size) for size in map_sizes]
+    return found, picked

@@ -33,6 +33,10 @@ class SurfacePoints:
         corners = np.repeat(which[:, None], 3, 1)
         return cls(frames, wo, corners, np.broadcast_to(np.array([1.0, 0.0, 0.0]), corners.shape))
 
+    def only(self, which: np.ndarray) -> "SurfacePoints":
+        """Those numbered."""
+        return SurfacePoints(self.frames[which], self.wo[which], self.corners[which], self.shares[which])
+
     def mixed(self, values: np.ndarray) -> np.ndarray:
         """Values (S, C) between those of the vertices (V, C)."""
         return (values[self.corners] * self.shares[..., None]).sum(1)

@@ -22,7 +22,7 @@ from homofact.scene.cameras import Camera
 from homofact.scene.meshes import MeshGroup
 
 _RAYS = 2
-_LEAST_COSINE = 0.02
+_LEAST_COSINE, _STEEP = 0.02, 0.3
 
 
 def picture(
@@ -36,7 +36,7 @@ def picture(
     """(radiance (H, W, 3) float64, the part of each pixel that objects cover (H, W)).
 
     `colours` are the vertices' radiance (V, 3) towards the camera; `occluder` holds the meshes in this order. The lobes
-    of the objects that are `lit`, in this order too, are added pixel by pixel.
+    of the objects that are `lit`, in this order too, are added pixel by pixel. A level plane ends softly.
     """
     w = camera.rays(_RAYS)
     shape = w.shape[:3]
@@ -45,19 +45,39 @@ def picture(
     corners = MeshGroup(meshes).triangles
     values = np.concatenate(colours).astype(np.float64)
     hit = triangle >= 0
-    found = np.array(np.broadcast_to(light.look_up(torch.from_numpy(flat))[0].numpy(), flat.shape))
+    behind = np.broadcast_to(light.look_up(torch.from_numpy(flat))[0].numpy(), flat.shape)
+    found, cover = behind.copy(), hit.astype(np.float64)
     found[hit] = (values[corners[triangle[hit]]] * weights[hit][..., None]).sum(1)
     first = 0
-    for mesh, each in zip(meshes, lit, strict=bool(lit)):
-        if each.lobe is not None:
-            rays = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
-            # Once a pixel: highlights are smooth within it, outlines come from all of its rays.
-            _, chosen, pixel = np.unique(rays // shape[2], return_index=True, return_inverse=True)
-            own = rays[chosen]
-            points = surface_points(mesh, triangle[own] - first, weights[own], -flat[own])
-            found[rays] += each.lobe_at(points)[pixel]
+    for number, mesh in enumerate(meshes):
+        rays = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
+        own, shares = triangle[rays] - first, weights[rays]
         first += len(mesh.triangles)
-    return found.reshape(*shape, 3).mean(2), hit.reshape(shape).mean(2)
+        if lit and lit[number].lobe is not None:
+            found[rays] += _lobe(lit[number], surface_points(mesh, own, shares, -flat[rays]), rays, shape[2])
+        ends = faded(mesh)
+        if ends is not None:
+            at = (mesh.positions[mesh.triangles[own]] * shares[..., None]).sum(1)
+            x = ((np.hypot(at[:, 0], at[:, 2]) - ends[0]) / (ends[1] - ends[0])).clip(0, 1)
+            clear = x * x * (3 - 2 * x)
+            found[rays] += clear[:, None] * (behind[rays] - found[rays])
+            cover[rays] -= clear
+    return found.reshape(*shape, 3).mean(2), cover.reshape(shape).mean(2)
+
+
+def _lobe(lit: LitObject, points: SurfacePoints, rays: np.ndarray, samples: int) -> np.ndarray:
+    """The lobe at the points of `rays`, `samples` of them a pixel: once a pixel, at outlines once a ray."""
+    key = rays // samples * 2 * samples + np.where(points.wo[:, 2] < _STEEP, samples + rays % samples, 0)
+    _, chosen, own = np.unique(key, return_index=True, return_inverse=True)
+    return lit.lobe_at(points.only(chosen))[own]
+
+
+def faded(mesh: Mesh) -> tuple[float, float] | None:
+    """The distances from the y axis between which a level plane ends softly; None of any other mesh."""
+    if float(np.ptp(mesh.positions[:, 1])) > 0:
+        return None
+    half = float(np.abs(mesh.positions[:, ::2]).max())
+    return 0.55 * half, 0.98 * half
 
 
 def surface_points(mesh: Mesh, triangles: np.ndarray, shares: np.ndarray, towards: np.ndarray) -> SurfacePoints:

@@ -19,7 +19,7 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.apart import APART, CHOSEN, MOST_SHARED, FactoredMaterial, apart
 from homofact.relighting.cube import environment_cube
-from homofact.relighting.factoring import factors_of_sizes
+from homofact.relighting.factoring import factors_of_sizes, terms_for
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import MOST_ORDER
 from homofact.relighting.lobe_light import sight_words
@@ -129,8 +129,8 @@ def plan_object(
 ) -> ObjectPlan:
     """Choose for one object of a scene; `terms` fixes K. `reflected` is the tolerance, of `settings` the cube counts.
 
-    A `lobe` that is "chosen" stands apart where the tolerance is met with it alone, or asks for more than `MOST_SHARED`
-    terms otherwise. Raises BadInput as `apart.factored` and where no light reaches the vertices drawn.
+    A `lobe` that is "chosen" stands apart where more than `MOST_SHARED` terms would be needed. Raises BadInput as
+    `apart.factored` and where no light reaches the vertices drawn.
     """
     allowed = reflected / MARGIN
     error = _PARTS[-1] * allowed if terms is None else None
@@ -138,13 +138,14 @@ def plan_object(
     under = _Considered(probed, light, settings.cube, allowed, terms is not None)
     sizes = (*SIZES, _FINE)
     found: list[tuple[PlannedTransport, list[FactoredMaterial]]] = []
+    if lobe == CHOSEN and terms is None and terms_for(reflectance, _PARTS[0] * allowed, light) > MOST_SHARED:
+        lobe = APART
     if lobe != APART:
         made = [
             FactoredMaterial(each) for each in factors_of_sizes(reflectance, sizes, terms, error=error, light=light)
         ]
         found += [(each, made) for each in under.choices(made)]
-    shared = any(each.error <= allowed * (1 + 1e-9) and each.terms <= MOST_SHARED for each, _ in found)
-    if lobe == APART or (lobe == CHOSEN and terms is None and not shared):
+    if lobe == APART:
         made = apart(reflectance, sizes, terms, error, light)
         found += [(each, made) for each in under.choices(made)]
     enough = [each for each in found if each[0].error <= allowed * (1 + 1e-9)]

@@ -128,6 +128,14 @@ def test_what_no_rule_is_is_refused(given: dict[str, object], where: str) -> Non
     assert caught.value.where == where
 
 
+def test_channels_that_are_no_pictures_are_refused() -> None:
+    two = Phong((0.3, 0.2), (0.4, 0.4), 300, channels=("A", "B"))
+    with pytest.raises(BadInput):
+        factored(two, "apart")
+    with pytest.raises(BadInput):
+        factored(two)
+
+
 def test_a_table_is_a_reflectance() -> None:
     assert isinstance(lobe_table(ROUND), Reflectance)
     assert isinstance(lobe_table(ROUND), LobeTable)

@@ -30,6 +30,7 @@ from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.page.coarse import coarse_triangles
 from homofact.relighting.page.order import cached_order
 from homofact.relighting.page.skies import PageSky
+from homofact.relighting.picture import faded
 from homofact.relighting.precompute import WaveletTransport
 from homofact.scene.cameras import Camera
 from homofact.web.packing import differences, halves, pack
@@ -83,14 +84,11 @@ def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
     """The objects of a relit scene, in their compact form where they have one; a level plane ends softly."""
     found = []
     for each in objects:
-        flat = float(np.ptp(each.mesh.positions[:, 1])) == 0
-        half = float(np.abs(each.mesh.positions[:, ::2]).max())
         made = each.transport if each.compact is None else each.compact
         if isinstance(made, Harmonic):
             made = made.clustered()
-        fade = (0.55 * half, 0.98 * half) if flat else None
         name, material = shown_name(each.mesh.name), shown_name(each.material)
-        found.append(PageObject(name, each.mesh, made, material, fade, each.lobe))
+        found.append(PageObject(name, each.mesh, made, material, faded(each.mesh), each.lobe))
     return found
 
 

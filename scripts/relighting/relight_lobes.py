@@ -1,0 +1,166 @@
+"""Sharp lobes apart: errors of pictures against the sum over every texel, by mesh, material and sky.
+
+    python scripts/relighting/relight_lobes.py [--data FOLDER] [--meshes spot,bunny] [--materials NAMES] [--lobe chosen]
+
+A mesh of the size 2 stands alone under a sky and is seen by a camera of 640 × 480. An error is the relative RMS of
+--pixels pixels that see it, drawn by their area, rim included, against the sum over all 6 × 64² texels with the
+reflectance itself (`picture` of `homofact relight`). The transport keeps what leaves out at most --tolerance of a
+vertex's root sum square; factors are those of natural light. Skies: grace, stpeters and studio of the data, a sun of
+one texel 45° high, and stpeters turned by 90°, for which nothing is made anew. A file stands for its fit. Skies a
+second are changes of the light from nothing, views a second are all vertices towards a new eye.
+"""
+
+import argparse
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from homofact.brdf.analytic import Lambert, Phong
+from homofact.brdf.materials import material
+from homofact.brdf.reflectance import Reflectance
+from homofact.evaluation.machine import machine
+from homofact.meshes.mesh import Mesh, read_mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.meshes.shapes import torus_knot
+from homofact.relighting.apart import LOBES, factored
+from homofact.relighting.cube import environment_cube
+from homofact.relighting.errors import measured_errors
+from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.lobe_light import traced_sight
+from homofact.relighting.precompute import TransportSettings, transport
+from homofact.relighting.relight import RelitMesh
+from homofact.relighting.seen import seen_pixels, seen_vertices
+from homofact.rendering.environment import read_environment
+from homofact.rendering.light import EnvironmentMap
+from homofact.scene.cameras import Camera
+from homofact.scene.file_fits import FileFits
+from homofact.scene.lighting import named_environment
+from homofact.scene.materials import open_material
+from homofact.scene.meshes import MeshGroup
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from scripts.shared.harness import data_folder, finish, listed, markdown, parser_of, progress
+
+MESHES = {"bunny": "bunny.ply", "spot": "spot.obj", "teapot": "teapot_wdas.obj"}
+MODELS: dict[str, Reflectance] = {
+    "lambert": Lambert((0.5, 0.5, 0.5)),
+    "ashikhmin-shirley": material("ashikhmin-shirley-wang").model,
+    "exponent 2000": Phong((0.1, 0.1, 0.1), (0.8, 0.8, 0.8), 2000),
+}
+FILES = {
+    "golden yellow": "rgl/vch_golden_yellow_rgb.bsdf",
+    "aurora white": "rgl/aurora_white_rgb.bsdf",
+    "chm light blue": "rgl/chm_light_blue_rgb.bsdf",
+}
+PANORAMAS = {
+    "grace": "grace_probe_latlong.hdr",
+    "stpeters": "stpeters_probe_latlong.hdr",
+    "studio": "studio_small_03_1k.hdr",
+}
+EYE = (0.9, 0.8, 3.4)
+HEADER = ("mesh", "material", "K", "MB", "precompute, s", "skies/s", "views/s")
+
+
+def skies(folder: Path) -> dict[str, EnvironmentMap]:
+    """The five skies."""
+    found = {name: read_environment(folder / "envmaps" / file) for name, file in PANORAMAS.items()}
+    sun = torch.full((256, 512, 3), 0.02, dtype=torch.float64)
+    # One texel of the cube map holds it, 45° high.
+    sun[63:65, 383:385] = 4000.0
+    found["one-texel sun"] = EnvironmentMap(sun, name="sun")
+    found["stpeters turned"] = found["stpeters"].turned(np.pi / 2)
+    return found
+
+
+def placed(mesh: Mesh) -> Mesh:
+    """In the middle, 2 across."""
+    low, high = mesh.positions.min(0), mesh.positions.max(0)
+    return replace(mesh, positions=(mesh.positions - (low + high) / 2) * (2 / (high - low).max()))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A mesh alone, and the skies."""
+
+    mesh: Mesh
+    occluder: Occluder
+    lights: dict[str, EnvironmentMap]
+    size: int = 64
+
+
+def timed(work: Callable[[], object], least: float = 1.0) -> float:
+    """Calls a second."""
+    work()
+    begun, count = time.perf_counter(), 0
+    while time.perf_counter() - begun < least:
+        work()
+        count += 1
+    return count / (time.perf_counter() - begun)
+
+
+def row_of(mesh_name: str, name: str, given: Reflectance, scene: Scene, chosen: argparse.Namespace) -> list[float]:
+    """K, MB, seconds of precomputing, skies and views a second, and the picture's error under each sky."""
+    mesh, occluder = scene.mesh, scene.occluder
+    made = factored(given, chosen.lobe)
+    begun = time.perf_counter()
+    moved = transport(mesh, made.factors, TransportSettings(scene.size, tolerance=chosen.tolerance), occluder)
+    lobe = None if made.lobe is None else ApartLobe(made.lobe, traced_sight(mesh, occluder, scene.size))
+    spent = time.perf_counter() - begun
+    stored = moved.nbytes + made.factors.view.nbytes + (0 if lobe is None else lobe.nbytes)
+    pixels = seen_pixels([mesh], 0, given, occluder, Camera(EYE, field=36.0, pixels=(640, 480)), chosen.pixels)
+    those = seen_vertices(mesh, given, occluder, EYE, 4)
+    errors = []
+    for light in scene.lights.values():
+        progress(f"{mesh_name}, {name}, {light.name}")
+        errors.append(measured_errors(those, moved, light, None, ("picture",), pixels, None, lobe).errors["picture"])
+    relit = RelitMesh(mesh, moved, (), lobe)
+    radiance = environment_cube(next(iter(scene.lights.values())), scene.size)
+    speeds = timed(lambda: relit.relight(radiance)), timed(lambda: relit.shade(EYE))
+    return [made.factors.terms, stored / 1e6, spent, *speeds, *errors]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure, and print the table."""
+    parser = parser_of(__doc__, "data", "out")
+    parser.add_argument("--meshes", help="of bunny, spot, teapot, by commas; all unless given")
+    parser.add_argument("--materials", help="by commas; all unless given")
+    parser.add_argument("--lobe", choices=LOBES, default="chosen", help="as in a scene's file")
+    parser.add_argument("--pixels", type=int, default=100, help="at which errors are measured")
+    parser.add_argument("--tolerance", type=float, default=0.02, help="of the transport")
+    chosen = parser.parse_args(arguments)
+    folder = data_folder(chosen.data)
+    if not chosen.short and not (folder / "meshes").is_dir():
+        print(f"no {folder / 'meshes'} (--data FOLDER or HOMOFACT_DATA)", file=sys.stderr)
+        return 2
+    meshes = ["knot"] if chosen.short else listed(chosen.meshes, list(MESHES), "--meshes")
+    names = listed("exponent 2000" if chosen.short else chosen.materials, [*MODELS, *FILES], "--materials")
+    materials: dict[str, Reflectance] = {}
+    for name in names:
+        if name in FILES:
+            progress(f"fitting {name}")
+            materials[name] = open_material(str(folder / FILES[name]), FileFits()).reflectance
+        else:
+            materials[name] = MODELS[name]
+    lights = {"studio": named_environment("studio")} if chosen.short else skies(folder)
+    rows, errors = [], []
+    for mesh_name in meshes:
+        mesh = placed(torus_knot(48, 12) if chosen.short else read_mesh(folder / "meshes" / MESHES[mesh_name]))
+        scene = Scene(mesh, MeshGroup([mesh]).occluder, lights, 16 if chosen.short else 64)
+        for name, given in materials.items():
+            terms, stored, spent, light, view, *found = row_of(mesh_name, name, given, scene, chosen)
+            errors += found
+            figures = (f"{terms:.0f}", f"{stored:.0f}", f"{spent:.0f}", f"{light:.1f}", f"{view:.1f}")
+            rows.append([mesh_name, name, *figures, *(f"{each:.1%}" for each in found)])
+    table = markdown((*HEADER, *lights), rows, 2)
+    last = f"Median {statistics.median(errors):.1%}, worst {max(errors):.1%}. {machine()}."
+    return finish(f"{table}\n\n{last}", chosen)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
