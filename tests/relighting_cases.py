@@ -10,7 +10,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground, sphere, torus_knot
-from homofact.relighting.apart import CHOSEN, FactoredMaterial, factored
+from homofact.relighting.apart import AUTO, FactoredMaterial, factored
 from homofact.relighting.factoring import factor
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.precompute import TransportSettings, WaveletTransport, transport
@@ -25,7 +25,7 @@ EYE = (0.5, 0.8, 3.0)
 
 def factored_once(
     reflectance: Reflectance,
-    lobe: str = CHOSEN,
+    lobe: str = AUTO,
     terms: int | None = None,
     share: float | None = None,
     error: float | None = None,

@@ -90,9 +90,9 @@ def relight(
     progress : callable, optional
         Called with a `ProgressStep` on the way.
     **transport
-        Of a mesh: `terms`, `error` or `share` (how many in-out factors), `lobe` ("apart", "terms" or "chosen": whether
-        a sharp lobe is summed apart from them), `light` (which the `error` is under), `map_size`, `cube`, `rays`,
-        `kept`, `tolerance` (as in `relighting.precompute.TransportSettings`), `among`
+        Of a mesh: `terms`, `error` or `share` (how many in-out factors), `lobe` ("auto", "separate" or
+        "factored": whether a sharp lobe is summed separately), `light` (which the `error` is under), `map_size`,
+        `cube`, `rays`, `kept`, `tolerance` (as in `relighting.precompute.TransportSettings`), `among`
         (other meshes, which throw shadows on it), and `folder` (keeps finished blocks for a later run).
 
     Returns
@@ -218,7 +218,7 @@ def _relit_mesh(
     terms: int | None = None,
     error: float | None = None,
     share: float | None = None,
-    lobe: str = "chosen",
+    lobe: str = "auto",
     light: "EnvironmentMap | Place | None" = None,
     map_size: int | None = None,
     among: "Sequence[Mesh]" = (),

@@ -16,8 +16,8 @@ from homofact.relighting.factors import InOutFactors
 from homofact.relighting.lobe_table import LobeTable, Rest, lobe_table
 from homofact.rendering.light import EnvironmentMap
 
-APART, TERMS, CHOSEN = "apart", "terms", "chosen"
-LOBES = (CHOSEN, APART, TERMS)
+AUTO, SEPARATE, FACTORED = "auto", "separate", "factored"
+LOBES = (AUTO, SEPARATE, FACTORED)
 MOST_SHARED = 32
 # What more terms of a rest would hold is what the lobe's table misses between its nodes near the horizon: a hundred of
 # terms for a percent. An odd number, since all but the strongest come in pairs.
@@ -39,7 +39,7 @@ class FactoredMaterial:
 
 def factored(
     reflectance: Reflectance,
-    lobe: str = CHOSEN,
+    lobe: str = AUTO,
     terms: int | None = None,
     share: float | None = None,
     error: float | None = None,
@@ -54,12 +54,12 @@ def factored(
     """
     if lobe not in LOBES:
         raise BadInput(where="lobe", found=repr(lobe), expected=f"one of {', '.join(LOBES)}")
-    if lobe == APART and share is not None:
+    if lobe == SEPARATE and share is not None:
         raise BadInput(where="share", found="it beside a lobe apart", expected="terms or an error")
-    if lobe != APART:
+    if lobe != SEPARATE:
         found = factor(reflectance, terms, SHARE if share is None else share, map_size, error, light)
         given = terms is not None or share is not None
-        if lobe == TERMS or given or found.terms <= MOST_SHARED:
+        if lobe == FACTORED or given or found.terms <= MOST_SHARED:
             return FactoredMaterial(found)
     return apart(reflectance, (map_size,), terms, error, light)[0]
 

@@ -60,7 +60,7 @@ class RelitObject:
         held = "all frequencies" if self.compact is None else "all frequencies, clustered"
         if isinstance(self.compact, Harmonic):
             held = f"harmonics to order {self.compact.order}"
-        return held if self.lobe is None else f"{held}, lobe apart"
+        return held if self.lobe is None else f"{held}, separate lobe"
 
     @property
     def nbytes(self) -> int:

@@ -17,7 +17,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
-from homofact.relighting.apart import APART, CHOSEN, MOST_SHARED, FactoredMaterial, apart
+from homofact.relighting.apart import AUTO, MOST_SHARED, SEPARATE, FactoredMaterial, apart
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.factoring import factors_of_sizes, terms_for
 from homofact.relighting.factors import InOutFactors
@@ -66,7 +66,7 @@ class PlannedTransport:
     def form(self) -> str:
         """For tables."""
         held = "all frequencies" if self.order is None else f"harmonics to order {self.order}"
-        return held if self.of_lobe is None else f"{held}, lobe apart"
+        return held if self.of_lobe is None else f"{held}, separate lobe"
 
     def record(self) -> dict[str, Any]:
         """The JSON form."""
@@ -125,11 +125,11 @@ def plan_object(
     settings: TransportSettings,
     terms: int | None = None,
     seed: int = 0,
-    lobe: str = CHOSEN,
+    lobe: str = AUTO,
 ) -> ObjectPlan:
     """Choose for one object of a scene; `terms` fixes K. `reflected` is the tolerance, of `settings` the cube counts.
 
-    A `lobe` that is "chosen" stands apart where more than `MOST_SHARED` terms would be needed. Raises BadInput as
+    A `lobe` that is "auto" is separate where more than `MOST_SHARED` terms would be needed. Raises BadInput as
     `apart.factored` and where no light reaches the vertices drawn.
     """
     allowed = reflected / MARGIN
@@ -138,14 +138,14 @@ def plan_object(
     under = _Considered(probed, light, settings.cube, allowed, terms is not None)
     sizes = (*SIZES, _FINE)
     found: list[tuple[PlannedTransport, list[FactoredMaterial]]] = []
-    if lobe == CHOSEN and terms is None and terms_for(reflectance, _PARTS[0] * allowed, light) > MOST_SHARED:
-        lobe = APART
-    if lobe != APART:
+    if lobe == AUTO and terms is None and terms_for(reflectance, _PARTS[0] * allowed, light) > MOST_SHARED:
+        lobe = SEPARATE
+    if lobe != SEPARATE:
         made = [
             FactoredMaterial(each) for each in factors_of_sizes(reflectance, sizes, terms, error=error, light=light)
         ]
         found += [(each, made) for each in under.choices(made)]
-    if lobe == APART:
+    if lobe == SEPARATE:
         made = apart(reflectance, sizes, terms, error, light)
         found += [(each, made) for each in under.choices(made)]
     enough = [each for each in found if each[0].error <= allowed * (1 + 1e-9)]

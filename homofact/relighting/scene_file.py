@@ -7,8 +7,8 @@ seed = 0
 terms = 4                          # K of its in-out factors, or one of the two rules of `factoring` for it:
 error = 0.02                       # as many as leave this expected error under the scene's light
 share = 0.99                       # as many as hold this of the material's energy; the rule where none is given
-lobe = "chosen"                    # "apart": a sharp lobe is summed apart from the factors; "terms": it is in them;
-                                   # "chosen", the default, where they would be more than 32 and no number is given
+lobe = "auto"                      # "separate": a sharp lobe is summed for every view; "factored": it is in the terms;
+                                   # "auto", the default: separate if there would be more than 32, and no rule is given
 [ground]                           # terms, error, share or lobe, as above
 [transport]                        # all optional
 cube = 64                          # texels along a face of the cube map: 8, 16, 32 or 64
@@ -26,7 +26,7 @@ from pathlib import Path
 
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml
-from homofact.relighting.apart import APART, CHOSEN, LOBES
+from homofact.relighting.apart import AUTO, LOBES, SEPARATE
 from homofact.relighting.clusters import COMPONENTS
 from homofact.relighting.factoring import MOST_TERMS
 from homofact.relighting.precompute import KEPT, TransportSettings
@@ -47,7 +47,7 @@ class _TermRule(MaterialTable):
     terms: int | None = option(None, "K of its in-out factors", least=1, most=MOST_TERMS)
     error: float | None = option(None, "As many terms as leave this expected error", above=0, most=0.9)
     share: float | None = option(None, "As many terms as hold this of the material's energy", above=0, most=0.9999)
-    lobe: str = option(CHOSEN, "Whether a sharp lobe is apart from the factors", choices=LOBES)
+    lobe: str = option(AUTO, "Whether a sharp lobe is computed separately", choices=LOBES)
 
     def __post_init__(self) -> None:
         """Refuse two rules for K. Raises BadInput."""
@@ -55,8 +55,8 @@ class _TermRule(MaterialTable):
         given = [name for name in ("terms", "error", "share") if _given(self, name)]
         if len(given) > 1:
             raise BadInput(found=" and ".join(given), expected="at most one of terms, error, share")
-        if self.lobe == APART and self.share is not None:
-            raise BadInput(where="share", found='it beside lobe = "apart"', expected="terms or an error")
+        if self.lobe == SEPARATE and self.share is not None:
+            raise BadInput(where="share", found='it beside lobe = "separate"', expected="terms or an error")
 
 
 @dataclass(frozen=True)

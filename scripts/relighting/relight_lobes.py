@@ -1,6 +1,6 @@
-"""Sharp lobes apart: errors of pictures against the sum over every texel, by mesh, material and sky.
+"""Sharp lobes computed separately: errors of pictures against the sum over every texel, by mesh, material and sky.
 
-    python scripts/relighting/relight_lobes.py [--data FOLDER] [--meshes spot,bunny] [--materials NAMES] [--lobe chosen]
+    python scripts/relighting/relight_lobes.py [--data FOLDER] [--meshes spot,bunny] [--materials NAMES] [--lobe auto]
 
 A mesh of the size 2 stands alone under a sky and is seen by a camera of 640 × 480. An error is the relative RMS of
 --pixels pixels that see it, drawn by their area, rim included, against the sum over all 6 × 64² texels with the
@@ -130,7 +130,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = parser_of(__doc__, "data", "out")
     parser.add_argument("--meshes", help="of bunny, spot, teapot, by commas; all unless given")
     parser.add_argument("--materials", help="by commas; all unless given")
-    parser.add_argument("--lobe", choices=LOBES, default="chosen", help="as in a scene's file")
+    parser.add_argument("--lobe", choices=LOBES, default="auto", help="as in a scene's file")
     parser.add_argument("--pixels", type=int, default=100, help="at which errors are measured")
     parser.add_argument("--tolerance", type=float, default=0.02, help="of the transport")
     chosen = parser.parse_args(arguments)

@@ -186,7 +186,7 @@ def test_a_mesh_relit_with_its_lobe_apart_is_right_where_terms_are_not() -> None
     """A lobe that 4 terms lose: against the dense sum of all of f; and light changes at once or stepwise."""
     radiance = studio()
     exact = seen().dense(radiance, SIZE, ROUND)
-    made = homofact.relight(knot(), ROUND, lobe="apart", error=0.02, cube=SIZE, kept=6 * SIZE**2)
+    made = homofact.relight(knot(), ROUND, lobe="separate", error=0.02, cube=SIZE, kept=6 * SIZE**2)
     few = homofact.relight(knot(), ROUND, terms=4, cube=SIZE, kept=6 * SIZE**2)
     made.relight(radiance)
     few.relight(radiance)
@@ -204,14 +204,14 @@ def test_a_mesh_relit_with_its_lobe_apart_is_right_where_terms_are_not() -> None
 
 
 def test_in_the_dark_a_mesh_is_black() -> None:
-    made = homofact.relight(ball(), ROUND, lobe="apart", cube=8, kept=10)
+    made = homofact.relight(ball(), ROUND, lobe="separate", cube=8, kept=10)
     assert isinstance(made, RelitMesh)
     assert not made.shade(EYE).any()
 
 
 def test_a_picture_has_the_lobe_at_every_pixel() -> None:
     """Pixels that see the knot alone: the sum at their own points, whatever the light between vertices is."""
-    made = factored(ROUND, "apart", terms=1)
+    made = factored(ROUND, "separate", terms=1)
     moved = transport(knot(), made.factors, TransportSettings(SIZE, kept=200), occluder())
     lit = LitObject.of(moved, None, apart(ROUND), studio())
     camera = Camera(EYE, pixels=(40, 30))

@@ -27,7 +27,7 @@ TEXT = """
 mesh = "shape:sphere"
 material = "material:blinn-phong-50"
 size = 0.5
-lobe = "apart"
+lobe = "separate"
 terms = 2
 [lighting]
 named = "studio"
@@ -74,7 +74,7 @@ def test_the_ledger_is_of_the_whole_picture(ready: RelightScene) -> None:
 
 def test_a_folder_holds_the_lobe_to_the_bit(ready: RelightScene, tmp_path: Path) -> None:
     relit = relit_objects(ready)
-    assert relit[0].form == "all frequencies, lobe apart"
+    assert relit[0].form == "all frequencies, separate lobe"
     lobe = relit[0].lobe
     assert lobe is not None
     assert relit[0].nbytes == relit[0].transport.nbytes + relit[0].transport.factors.view.nbytes + lobe.nbytes
@@ -108,22 +108,24 @@ def test_blocks_of_a_stopped_run_keep_what_vertices_see(ready: RelightScene, tmp
 
 @pytest.mark.parametrize(
     ("said", "where"),
-    [('lobe = "near"', "lobe"), ('lobe = "apart"\nshare = 0.9', "share")],
+    [('lobe = "near"', "lobe"), ('lobe = "separate"\nshare = 0.9', "share")],
 )
 def test_what_a_file_says_wrong_of_a_lobe_is_named(tmp_path: Path, said: str, where: str) -> None:
     with pytest.raises(BadInput) as caught:
-        read(tmp_path, TEXT.replace('lobe = "apart"\nterms = 2', said))
+        read(tmp_path, TEXT.replace('lobe = "separate"\nterms = 2', said))
     assert where in f"{caught.value.where}"
 
 
 def test_a_tolerance_is_met_with_the_lobe_apart_where_terms_alone_do_not(tmp_path: Path) -> None:
     """Of a narrow lobe: few terms, the error that is measured within the tolerance, fewer bytes than the terms take."""
-    text = TEXT.replace('lobe = "apart"\nterms = 2', "").replace("kept = 400", "") + "[tolerance]\nreflected = 0.04\n"
+    text = (
+        TEXT.replace('lobe = "separate"\nterms = 2', "").replace("kept = 400", "") + "[tolerance]\nreflected = 0.04\n"
+    )
     text = text.replace("blinn-phong-50", "car-paint-red").replace("cube = 16", "cube = 8")
     planned = open_relight_scene(read(tmp_path, text))
     plan = planned.plans[0]
     assert plan.chosen.of_lobe is not None
-    assert plan.chosen.form.endswith("lobe apart")
+    assert plan.chosen.form.endswith("separate lobe")
     assert plan.factored.lobe is not None
     assert plan.chosen.terms <= 9
     relit = relit_objects(planned)
@@ -131,7 +133,7 @@ def test_a_tolerance_is_met_with_the_lobe_apart_where_terms_alone_do_not(tmp_pat
     assert found is not None
     assert found.errors["together"] < 0.04
     assert relit[0].nbytes == pytest.approx(plan.chosen.bytes, rel=0.2)
-    terms = open_relight_scene(read(tmp_path, text.replace("size = 0.5", 'size = 0.5\nlobe = "terms"'))).plans[0]
+    terms = open_relight_scene(read(tmp_path, text.replace("size = 0.5", 'size = 0.5\nlobe = "factored"'))).plans[0]
     assert terms.factored.lobe is None
     assert terms.chosen.of_lobe is None
     assert not terms.met

@@ -90,7 +90,7 @@ def test_an_isotropic_lobe_has_one_azimuth_and_a_grained_one_its_period() -> Non
 
 def test_a_few_terms_hold_the_rest() -> None:
     """Of a lobe that 256 terms do not hold within 5%, one holds the rest within 2%; errors are of the whole light."""
-    shared = factored(ROUND, "terms", error=ERROR)
+    shared = factored(ROUND, "factored", error=ERROR)
     beside = factored(ROUND, error=ERROR)
     assert shared.lobe is None
     assert shared.factors.terms > MOST_SHARED
@@ -107,10 +107,10 @@ def test_a_few_terms_hold_the_rest() -> None:
 
 def test_when_a_lobe_stands_apart() -> None:
     assert factored(MATT).lobe is None
-    assert factored(MATT, "apart").lobe is not None
+    assert factored(MATT, "separate").lobe is not None
     assert factored(ROUND, terms=40).lobe is None
     assert factored(ROUND, share=0.99).lobe is None
-    assert factored(ROUND, "apart", terms=3).factors.terms == 3
+    assert factored(ROUND, "separate", terms=3).factors.terms == 3
     assert factored(ROUND).lobe is not None
 
 
@@ -121,7 +121,9 @@ def test_the_rest_on_maps_of_several_sizes_is_the_same() -> None:
     assert small.factors.first(1).beside == small.factors.beside
 
 
-@pytest.mark.parametrize(("given", "where"), [({"lobe": "away"}, "lobe"), ({"lobe": "apart", "share": 0.9}, "share")])
+@pytest.mark.parametrize(
+    ("given", "where"), [({"lobe": "away"}, "lobe"), ({"lobe": "separate", "share": 0.9}, "share")]
+)
 def test_what_no_rule_is_is_refused(given: dict[str, object], where: str) -> None:
     with pytest.raises(BadInput) as caught:
         factored(ROUND, **given)  # type: ignore[arg-type]
@@ -131,7 +133,7 @@ def test_what_no_rule_is_is_refused(given: dict[str, object], where: str) -> Non
 def test_channels_that_are_no_pictures_are_refused() -> None:
     two = Phong((0.3, 0.2), (0.4, 0.4), 300, channels=("A", "B"))
     with pytest.raises(BadInput):
-        factored(two, "apart")
+        factored(two, "separate")
     with pytest.raises(BadInput):
         factored(two)
 

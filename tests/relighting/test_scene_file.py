@@ -123,7 +123,7 @@ def test_what_the_file_says_of_factors_and_clusters_is_asked_for(
     monkeypatch.setattr(build, "clustered", clustered)
     text = "seed = 7\n" + TEXT.replace("size = 0.5", "size = 0.5\nshare = 0.5").replace("steps = 6", "steps = 2")
     objects = relit_objects(open_relight_scene(read(tmp_path, text)))
-    assert asked == [("chosen", None, 0.5, None), ("chosen", None, None, None), (3, 2, 7), (3, 2, 7)]
+    assert asked == [("auto", None, 0.5, None), ("auto", None, None, None), (3, 2, 7), (3, 2, 7)]
     # What is used is the compact form.
     for each in objects:
         assert each.compact is not None
