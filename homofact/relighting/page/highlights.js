@@ -1,13 +1,15 @@
 // Lobes that stand apart at each pixel of a picture at rest: strip by strip over the one that has them at vertices.
 
-// A frame's share for strips, in milliseconds; the fewest pixels of one; milliseconds a pixel until some were measured.
-const STRIP_BUDGET = 40, LEAST_PIXELS = 500, FIRST_PACE = 0.03;
+// A frame's share for strips, in milliseconds; milliseconds a pixel until some were measured.
+const STRIP_BUDGET = 40, FIRST_PACE = 0.03;
 
 class Highlights {
   constructor(view) {
     this.view = view;
     this.asked = null;
     this.pace = FIRST_PACE;
+    // Programs that drive the page may do without.
+    this.wanted = true;
   }
 
   /** Whether strips are still to be drawn. */
@@ -18,7 +20,7 @@ class Highlights {
   /** Begins anew, a frame later. A reference is known at vertices: beside it the lobe stays there too. */
   begin() {
     this.stop();
-    if (!this.view.stage.cells || this.view.shown !== "picture") return;
+    if (!this.wanted || !this.view.stage.cells || this.view.shown !== "picture") return;
     this.covered = null;
     this.ask();
   }
@@ -64,9 +66,15 @@ class Highlights {
 
   /** [rows, pixels of lobes in them] of the next strip: as many as the last one's pace lets into a frame. */
   strip() {
-    const { covered, from } = this, most = Math.max(STRIP_BUDGET / this.pace, LEAST_PIXELS);
+    const { covered, from } = this, most = STRIP_BUDGET / this.pace;
     let rows = 0, pixels = 0;
-    while (from + rows < covered.length && (rows === 0 || pixels + covered[from + rows] <= most)) pixels += covered[from + rows++];
+    // Two rows at a time: cards shade pixels in squares of four.
+    while (from + rows < covered.length) {
+      const two = covered[from + rows] + (covered[from + rows + 1] ?? 0);
+      if (rows > 0 && pixels + two > most) break;
+      pixels += two;
+      rows += 2;
+    }
     return [rows, pixels];
   }
 }
