@@ -56,8 +56,10 @@ class Stage {
   /** Brings the picture of several samples a pixel to the canvas. */
   show() {
     const { gl } = this, { width, height } = this.canvas;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    // A canvas that was shown counts as empty until something is drawn into it, and then a copy does not.
+    gl.clear(gl.COLOR_BUFFER_BIT);
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.smooth.frame);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
