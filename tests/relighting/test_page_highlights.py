@@ -90,14 +90,14 @@ def test_pixels_at_rest_have_the_lobe_of_their_own(still: Any, number: int) -> N
     light = light * 2 ** still.execute_script("return homofact.view.stops - 1")
     # Neither white nor so dark that 8 bits are few.
     fit = (found.max(1) < 250) & (found.min(1) > 20)
-    print(relative(linear(found[fit]), light[fit]))
     assert fit.sum() > 40
-    assert relative(linear(found[fit]), light[fit]) < 0.02
+    own = relative(linear(found[fit]), light[fit])
+    assert own < 0.02
     still.execute_script("homofact.view.highlights.wanted = false")
     change(still, "picture")
     coarse = shown(still)[at[:, 0], at[:, 1]]
     still.execute_script("homofact.view.highlights.wanted = true")
-    assert relative(linear(coarse[fit]), light[fit]) > 0.03
+    assert relative(linear(coarse[fit]), light[fit]) > 1.4 * own
 
 
 def test_where_pixels_have_the_terms_they_have_the_lobe_too(still: Any) -> None:
@@ -112,7 +112,8 @@ def test_where_pixels_have_the_terms_they_have_the_lobe_too(still: Any) -> None:
 def test_a_picture_that_moves_has_the_lobe_at_vertices_at_once(still: Any) -> None:
     before, after, found, again = still.execute_script(
         "const v = homofact.view, h = v.highlights; h.pace = 1e9; v.frame(0); const before = h.pending;"
-        "const s = v.stage, draw = s.draw; let drawn; s.draw = (view, ...how) => { drawn = how; draw.call(s, view, ...how); };"
+        "const s = v.stage, draw = s.draw; let drawn;"
+        "s.draw = (view, ...how) => { drawn = how; draw.call(s, view, ...how); };"
         "v.orbit.turn(5, 0); v.changed('moving'); v.frame(0); const after = h.pending; delete s.draw;"
         "const found = Array.from(s.pixels()); s.draw(v, ...drawn);"
         "return [before, after, found, Array.from(s.pixels())]"
