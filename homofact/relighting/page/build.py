@@ -40,7 +40,7 @@ PACKAGE = "homofact.relighting.page"
 SHARED = ("hdr.js", "latlong.js")
 SCRIPTS = (
     "cube.js", "sky.js", "turner.js", "lobe.js", "transport.js", "relit.js", "shade.js", "lobe_gpu.js", "shaders.js",
-    "gpu.js", "background.js", "stage.js", "camera.js", "readings.js", "controls.js", "page.js",
+    "gpu.js", "background.js", "stage.js", "highlights.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
 # Endings of files that a name is shown without.
 _ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")

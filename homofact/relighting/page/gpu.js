@@ -1,7 +1,7 @@
 // What lies on the graphics card: an object's buffers and textures.
 
-// The attribute that numbers the vertices of a coarse surface.
-const NUMBER = 6;
+// The attributes that number the vertices of a surface of chosen ones, and the corners of a triangle.
+const NUMBER = 6, CORNERS = 7;
 
 /** The values (`width` a vertex) of the chosen vertices; all where none are chosen. */
 function picked(values, width, chosen) {
@@ -18,16 +18,17 @@ function usedVertices(triangles, vertices) {
   return [own, Uint32Array.from(chosen)];
 }
 
-// An object's triangles with what their vertices are and shine: all of them, or the few that are drawn while it moves.
+// An object's triangles with what their vertices are and shine: all of them, the few that are drawn while it moves, or all
+// with corners of their own.
 class Surface {
-  /** `chosen` numbers the vertices, in the object's arrays; all unless given. */
-  constructor(gl, object, triangles, chosen = null) {
+  /** `chosen` numbers the vertices, in the object's arrays; all unless given. `corners` are three numbers of each. */
+  constructor(gl, object, triangles, chosen = null, corners = null) {
     this.vertices = chosen ? chosen.length : object.vertices;
     this.indices = triangles.length;
     const attribute = (place, width, buffer) => {
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
       gl.enableVertexAttribArray(place);
-      if (place === NUMBER) gl.vertexAttribIPointer(place, width, gl.UNSIGNED_INT, 0, 0);
+      if (place >= NUMBER) gl.vertexAttribIPointer(place, width, gl.UNSIGNED_INT, 0, 0);
       else gl.vertexAttribPointer(place, width, gl.FLOAT, false, 0, 0);
       return buffer;
     };
@@ -46,7 +47,8 @@ class Surface {
     gl.bindVertexArray(this.drawing);
     for (const each of given) attribute(...each);
     this.colours = fill(4, 3, 12 * this.vertices, gl.DYNAMIC_COPY);
-    if (object.reference) {
+    if (corners) fill(CORNERS, 3, corners);
+    if (object.reference && !corners) {
       fill(3, 3, picked(object.reference, 3, chosen));
       fill(5, 1, picked(object.seen, 1, chosen));
     }
@@ -72,6 +74,16 @@ class ObjectOnGpu {
   /** The triangles to draw: the few where there are any and they are asked for. */
   surface(coarse) {
     return (coarse && this.coarse) || this.whole;
+  }
+
+  /** All triangles with corners of their own, each of which knows all three: made where it is asked for. */
+  get corners() {
+    if (!this.apart) {
+      const chosen = new Uint32Array(this.object.triangles), corners = new Uint32Array(3 * chosen.length);
+      for (let k = 0; k < corners.length; k++) corners[k] = chosen[3 * Math.floor(k / 9) + (k % 3)];
+      this.apart = new Surface(this.gl, this.object, Uint32Array.from(chosen, (_, k) => k), chosen, corners);
+    }
+    return this.apart;
   }
 
   /** The view maps as layers of a texture; one channel is grey. */
@@ -111,13 +123,14 @@ class ObjectOnGpu {
 
   /**
    * The program for surfaces: "COLOURED" by what their vertices were shaded with, "BY_PIXEL" or both, "COMPARED" too; or
-   * for shading vertices, "SHADES", "ALONE" of a lobe that stands apart; "CHOSEN" of a coarse one.
+   * for shading vertices, "SHADES", "ALONE" of a lobe that stands apart, "TERMS" of the others; "CHOSEN" of a surface that
+   * is not the whole one. "BETWEEN": by what vertices were shaded with or "BY_PIXEL", and such a lobe by pixel.
    */
   program(...kinds) {
     const { gl, object } = this, key = kinds.join();
     if (!this.programs.has(key)) {
       const defines = Object.fromEntries([["QUADS", object.quads], ...kinds.map((kind) => [kind, 1]), ...(object.fade ? [["FADES", 1]] : [])]);
-      const [vertex, fragment] = kinds[0] === "SHADES" ? [shadeVertex(object), NOTHING] : [surfaceVertex(object), surfaceFragment(object)];
+      const [vertex, fragment] = kinds[0] === "SHADES" ? [shadeVertex(object), NOTHING] : [surfaceVertex(object), surfaceFragment(object, kinds.includes("BETWEEN"))];
       this.programs.set(key, makeProgram(gl, shaderText(vertex, defines), shaderText(fragment, defines), object.name, { kept: kinds[0] === "SHADES" ? "v_colour" : null }));
     }
     return this.programs.get(key);
@@ -139,8 +152,12 @@ class ObjectOnGpu {
 
   /** Shades every vertex of a surface once, into the buffer that drawing reads: of the terms too unless pixels have them. */
   shade(view, coarse = false) {
-    const { gl } = this, surface = this.surface(coarse), alone = this.lobe && view.state.interpolation === "pixel";
-    const program = this.program("SHADES", ...(alone ? ["ALONE"] : []), ...(surface === this.coarse ? ["CHOSEN"] : []));
+    const alone = this.lobe && view.state.interpolation === "pixel";
+    this.shadeSurface(view, this.surface(coarse), ...(alone ? ["ALONE"] : []));
+  }
+
+  shadeSurface(view, surface, ...kinds) {
+    const { gl } = this, program = this.program("SHADES", ...kinds, ...(surface === this.whole ? [] : ["CHOSEN"]));
     this.feedback ??= gl.createTransformFeedback();
     gl.useProgram(program.program);
     this.bind(program, view);

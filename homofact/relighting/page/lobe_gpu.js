@@ -2,10 +2,15 @@
 
 // Cells in a row of their texture, two texels each.
 const CELLS_ACROSS = 1024;
+// The least cosine to the eye of a normal between vertices.
+const BENT = 0.02;
 const LOBE_UNITS = { cells: 2, table: 3, sight: 4 };
 
-/** `lobe(position, normal, tangent)`, for a vertex NUMBER; u_eye and NUMBER stand before it. */
-const lobeSum = ({ levels, turns, nodes, words }) => `
+/**
+ * `lobe(position, normal, tangent)`; u_eye stands before it. For a vertex, NUMBER; `between` the corners of a triangle,
+ * v_corners, by its shares, v_share.
+ */
+const lobeSum = ({ levels, turns, nodes, words }, between = false) => `
 uniform highp sampler2D u_cells;
 uniform highp sampler2DArray u_lobe;
 uniform highp usampler2D u_sight;
@@ -23,8 +28,8 @@ vec4 cellPart(int cell, int part) {
   return texelFetch(u_cells, ivec2(2 * (cell % ${CELLS_ACROSS}) + part, cell / ${CELLS_ACROSS}), 0);
 }
 
-uint sightWord(int at) {
-  int number = NUMBER * ${words} + (at >> 5), width = textureSize(u_sight, 0).x;
+uint sightWord(int vertex, int at) {
+  int number = vertex * ${words} + (at >> 5), width = textureSize(u_sight, 0).x;
   return texelFetch(u_sight, ivec2(number % width, number / width), 0).r;
 }
 
@@ -35,10 +40,16 @@ uint bitsSet(uint word) {
   return (word * 0x01010101u) >> 24u;
 }
 
-/** The part that is seen of \`size\` texels, a power of 4, 64 at most. */
+/** The part that a vertex sees of \`size\` texels, a power of 4, 64 at most. */
+float seenBy(int vertex, int at, int size) {
+  if (size == 64) return float(bitsSet(sightWord(vertex, at)) + bitsSet(sightWord(vertex, at + 32))) / 64.0;
+  return float(bitsSet((sightWord(vertex, at) >> uint(at & 31)) & ((1u << uint(size)) - 1u))) / float(size);
+}
+
 float seenPart(int at, int size) {
-  if (size == 64) return float(bitsSet(sightWord(at)) + bitsSet(sightWord(at + 32))) / 64.0;
-  return float(bitsSet((sightWord(at) >> uint(at & 31)) & ((1u << uint(size)) - 1u))) / float(size);
+${between ? `  ivec3 corners = ivec3(v_corners);
+  return dot(v_share, vec3(seenBy(corners.x, at, size), seenBy(corners.y, at, size), seenBy(corners.z, at, size)));`
+    : "  return seenBy(NUMBER, at, size);"}
 }
 
 /** The grids of the turns lie one under the other, those of the levels are layers. */
@@ -98,6 +109,20 @@ ${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, lo
     }
   }
   return sum * u_lobe_scale / oz;
+}
+`;
+
+/** `lobeBetween(position, normal)`: the lobe at a pixel of a triangle (picture.py, tangents.py). */
+const lobeBetween = (lobe) => `
+flat in highp uvec3 v_corners;
+centroid in vec3 v_share;
+${lobeSum(lobe, true)}
+vec3 lobeBetween(vec3 position, vec3 normal) {
+  vec3 w = normalize(u_eye - position), n = normalize(normal);
+  // A normal that is turned away, at an outline, is bent back until it is seen.
+  n = normalize(n + max(${BENT} - dot(n, w), 0.0) * w);
+  vec3 tangent = vec3((n.y + 1.0) * (n.y + 1.0) + n.z * n.z - n.x * n.x, -2.0 * (n.y + 1.0) * n.x, -2.0 * n.x * n.z);
+  return lobe(position, n, n.y > -0.999999 ? normalize(tangent) : vec3(1.0, 0.0, 0.0));
 }
 `;
 

@@ -26,6 +26,7 @@ class View {
     for (const object of objects) if (object.reference) object.seen = withReference(object, this.orbit.eye);
     this.relit = new Relit(objects, 6 * data.cube ** 2);
     this.stage = new Stage(by("canvas"), objects);
+    this.highlights = new Highlights(this);
     this.times = { light: null, view: null };
     this.frames = 0;
     this.firstFrameMs = this.pending = this.before = null;
@@ -133,13 +134,14 @@ class View {
   /** Whether the picture and all that is said of it are those of the state: for programs that drive the page. */
   get idle() {
     const asked = this.pending !== null || this.lightAsked || this.keptAsked || this.arrived;
-    return !asked && !this.busy && !this.resting && !this.reading;
+    return !asked && !this.busy && !this.resting && !this.reading && !this.highlights.pending;
   }
 
   /** Draws: finely at rest; while something moves as finely as keeps up, by the time from frame to frame. */
   paint() {
     const moving = this.busy, began = performance.now();
     const [scale, smooth, coarse] = LEVELS[moving ? this.level : 0];
+    this.highlights.stop();
     this.fit(scale);
     this.stage.draw(this, smooth, coarse);
     clearTimeout(this.resting);
@@ -148,6 +150,7 @@ class View {
       this.stage.finish();
       this.times.view = performance.now() - began;
       this.last = null;
+      this.highlights.begin();
       return;
     }
     if (this.last !== null && began - this.last < PAUSE) {

@@ -40,7 +40,7 @@ vec4 tuple(int q) {
 
 const fetched = (quads, to) => Array.from({ length: quads }, (_, q) => `  ${to}[${q}] = tuple(${q});`).join("\n");
 
-/** Shades each vertex once; v_colour is what transform feedback keeps. "ALONE": of the lobe that stands apart alone. */
+/** Shades each vertex once; v_colour is what transform feedback keeps. "ALONE": of the lobe that stands apart alone; "TERMS": without it. */
 const shadeVertex = ({ terms, quads, lobe }) => `
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec3 a_normal;
@@ -55,21 +55,35 @@ void main() {
 ${fetched(quads, "t")}
   v_colour = outgoing(a_position, a_normal, a_tangent, t);
 #endif
-  ${lobe ? "v_colour += lobe(a_position, a_normal, a_tangent);" : ""}
+${lobe ? `#ifndef TERMS
+  v_colour += lobe(a_position, a_normal, a_tangent);
+#endif` : ""}
   gl_Position = vec4(0.0);
 }
 `;
 
 const NOTHING = "void main() {}";
 
-/** By vertex "COLOURED" with what was shaded; "BY_PIXEL" too where that is a lobe that stands apart. */
-const surfaceVertex = ({ quads }) => `
+/**
+ * By vertex "COLOURED" with what was shaded; "BY_PIXEL" too where that is a lobe that stands apart; "BETWEEN" the corners
+ * of triangles that share none, such a lobe by pixel.
+ */
+const surfaceVertex = ({ quads, lobe }) => `
 layout(location = 0) in vec3 a_position;
 uniform mat4 u_camera;
-#ifdef BY_PIXEL
+${lobe ? `// Drawn again over itself: the same depth each time.
+invariant gl_Position;` : ""}
+#if defined(BY_PIXEL) || defined(BETWEEN)
 layout(location = 1) in vec3 a_normal;
-layout(location = 2) in vec3 a_tangent;
 out vec3 v_normal;
+#endif
+#ifdef BETWEEN
+layout(location = 7) in uvec3 a_corners;
+flat out highp uvec3 v_corners;
+centroid out vec3 v_share;
+#endif
+#ifdef BY_PIXEL
+layout(location = 2) in vec3 a_tangent;
 out vec3 v_tangent;
 out vec4 v_tuple[QUADS];
 ${TUPLES}
@@ -78,7 +92,7 @@ ${TUPLES}
 layout(location = 4) in vec3 a_colour;
 out vec3 v_colour;
 #endif
-#if defined(BY_PIXEL) || defined(FADES)
+#if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES)
 out vec3 v_position;
 #endif
 #ifdef COMPARED
@@ -88,15 +102,22 @@ out vec4 v_reference;
 #endif
 
 void main() {
-#ifdef BY_PIXEL
+#if defined(BY_PIXEL) || defined(BETWEEN)
   v_normal = a_normal;
+#endif
+#ifdef BETWEEN
+  int corner = gl_VertexID % 3;
+  v_corners = a_corners;
+  v_share = vec3(corner == 0, corner == 1, corner == 2);
+#endif
+#ifdef BY_PIXEL
   v_tangent = a_tangent;
 ${fetched(quads, "v_tuple")}
 #endif
 #ifdef COLOURED
   v_colour = a_colour;
 #endif
-#if defined(BY_PIXEL) || defined(FADES)
+#if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES)
   v_position = a_position;
 #endif
 #ifdef COMPARED
@@ -127,19 +148,24 @@ vec3 compared(vec3 own, vec3 shown) {
 }
 `;
 
-const surfaceFragment = ({ terms }) => `
-#ifdef BY_PIXEL
+const surfaceFragment = ({ terms, lobe }, between) => `
+#if defined(BY_PIXEL) || defined(BETWEEN)
 in vec3 v_normal;
+#endif
+#ifdef BY_PIXEL
 in vec3 v_tangent;
 in vec4 v_tuple[QUADS];
 ${viewMaps(terms)}
+#elif defined(BETWEEN)
+uniform vec3 u_eye;
 #endif
 #ifdef COLOURED
 in vec3 v_colour;
 #endif
-#if defined(BY_PIXEL) || defined(FADES)
+#if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES)
 in vec3 v_position;
 #endif
+${between ? lobeBetween(lobe) : ""}
 uniform int u_signal;
 uniform vec2 u_fade;
 out vec4 colour;
@@ -149,6 +175,10 @@ ${COMPARISON}
 #endif
 
 void main() {
+#if defined(BETWEEN) && defined(FADES)
+  // What lies under a soft end is no longer there: such an end stays as it is.
+  if (length(v_position.xz) > u_fade.x) discard;
+#endif
 #ifdef BY_PIXEL
   vec3 own = outgoing(v_position, v_normal, v_tangent, v_tuple);
 #else
@@ -156,6 +186,9 @@ void main() {
 #endif
 #ifdef COLOURED
   own += v_colour;
+#endif
+#ifdef BETWEEN
+  if (gl_FrontFacing) own += lobeBetween(v_position, v_normal);
 #endif
   // From behind a surface gives no light.
   if (!gl_FrontFacing) own = vec3(0.0);

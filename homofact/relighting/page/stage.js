@@ -50,11 +50,41 @@ class Stage {
     const ordered = this.objects.toSorted((a, b) => Boolean(a.object.fade) - Boolean(b.object.fade));
     for (const each of ordered) this.drawObject(view, each, width, height, coarse);
     gl.bindVertexArray(null);
-    if (!smooth) return;
+    if (smooth) this.show();
+  }
+
+  /** Brings the picture of several samples a pixel to the canvas. */
+  show() {
+    const { gl } = this, { width, height } = this.canvas;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    // A canvas that was shown counts as empty until something is drawn into it, and then a copy does not.
+    gl.clear(gl.COLOR_BUFFER_BIT);
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.smooth.frame);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  /** Draws rows of lobes that stand apart once more, summed at each pixel, over the smooth picture that is there. */
+  drawBetween(view, from, rows) {
+    const { gl } = this, { width, height } = this.canvas;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.smoothFrame(width, height));
+    gl.viewport(0, 0, width, height);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(0, from, width, rows);
+    gl.enable(gl.DEPTH_TEST);
+    // Only what is seen.
+    gl.depthFunc(gl.LEQUAL);
+    for (const each of this.objects) if (each.lobe) this.drawObject(view, each, width, height, false, true);
+    gl.depthFunc(gl.LESS);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.bindVertexArray(null);
+    this.show();
+  }
+
+  /** What vertices shine for `drawBetween`: the terms alone. */
+  shadeBetween(view) {
+    if (view.state.interpolation === "pixel") return;
+    for (const each of this.objects) if (each.lobe) each.shadeSurface(view, each.corners, "TERMS");
   }
 
   /** The sky alone, by way of a picture of at most `SMALL` rows: its own texels are larger. */
@@ -118,14 +148,16 @@ class Stage {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  drawObject(view, each, width, height, coarse = false) {
+  drawObject(view, each, width, height, coarse = false, between = false) {
     const { gl } = this, { state, orbit } = view, { object } = each;
     const byPixel = state.interpolation === "pixel", compared = view.shown !== "picture";
-    const surface = each.surface(coarse), chosen = byPixel && surface === each.coarse;
-    const program = each.program(...(byPixel ? ["BY_PIXEL"] : []), ...(byPixel && !each.lobe ? [] : ["COLOURED"]), ...(chosen ? ["CHOSEN"] : []), ...(compared ? ["COMPARED"] : []));
+    const surface = between ? each.corners : each.surface(coarse), chosen = byPixel && surface !== each.whole;
+    const coloured = between ? !byPixel : !byPixel || each.lobe;
+    const program = each.program(...(byPixel ? ["BY_PIXEL"] : []), ...(coloured ? ["COLOURED"] : []), ...(chosen ? ["CHOSEN"] : []), ...(compared ? ["COMPARED"] : []), ...(between ? ["BETWEEN"] : []));
     gl.useProgram(program.program);
     this.tones(view, program);
-    if (byPixel) each.bind(program, view);
+    if (byPixel || between) each.bind(program, view);
+    if (between) each.lobe.bind(program, this.cells);
     gl.uniformMatrix4fv(program.at("u_camera"), false, orbit.matrix(width / height, this.radius));
     gl.uniform1i(program.at("u_signal"), state.signal ? 1 : 0);
     gl.uniform2f(program.at("u_fade"), ...(object.fade ?? [0, 0]));
@@ -137,7 +169,7 @@ class Stage {
     }
     // Of a closed surface the back is never seen; a plane that ends softly is not there from below.
     if (object.closed || object.fade) gl.enable(gl.CULL_FACE);
-    if (object.fade) {
+    if (object.fade && !between) {
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     }
