@@ -10,7 +10,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground, sphere, torus_knot
-from homofact.relighting.apart import AUTO, FactoredMaterial, factored
+from homofact.relighting.factored_material import AUTO, FactoredMaterial, factored
 from homofact.relighting.factoring import factor
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.precompute import TransportSettings, WaveletTransport, transport

@@ -228,9 +228,9 @@ def _relit_mesh(
     """The transport of one mesh among others."""
     from homofact.meshes.mesh import Mesh
     from homofact.meshes.prepare import prepared
-    from homofact.relighting.apart import factored
+    from homofact.relighting.factored_material import factored
     from homofact.relighting.factoring import MAP_SIZE
-    from homofact.relighting.lobe import ApartLobe
+    from homofact.relighting.lobe import SeparateLobe
     from homofact.relighting.lobe_light import kept_sight
     from homofact.relighting.precompute import TransportSettings, transport
     from homofact.relighting.relight import RelitMesh
@@ -260,10 +260,10 @@ def _relit_mesh(
         steps.run(f"transport of {given.name}", min(done, count - 1), count)
 
     moved = transport(given, made.factors, kept, occluder, place, traced_block)
-    apart = None
+    separate = None
     if made.lobe is not None:
-        apart = ApartLobe(made.lobe, kept_sight(given, occluder, kept.cube, place))
-    return RelitMesh(given, moved, notes, apart)
+        separate = SeparateLobe(made.lobe, kept_sight(given, occluder, kept.cube, place))
+    return RelitMesh(given, moved, notes, separate)
 
 
 def _report(

@@ -8,11 +8,11 @@ import numpy as np
 
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
-from homofact.relighting.apart import FactoredMaterial, factored
 from homofact.relighting.clusters import Clustered, clustered
+from homofact.relighting.factored_material import FactoredMaterial, factored
 from homofact.relighting.harmonic import Harmonic, harmonic
 from homofact.relighting.lit import LitObject
-from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import kept_sight
 from homofact.relighting.plan import ObjectPlan, plan_object
 from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
@@ -44,7 +44,7 @@ class TransportChoice:
 class RelitObject:
     """An object with its transport, and the compact form where it was asked for.
 
-    `fit` stands for the material where that is a file of measurements, `lobe` is what of it stands apart.
+    `fit` stands for the material where that is a file of measurements, `lobe` is its separate lobe.
     """
 
     mesh: Mesh
@@ -52,7 +52,7 @@ class RelitObject:
     transport: WaveletTransport
     compact: Clustered | Harmonic | None
     fit: FileFit | None = None
-    lobe: ApartLobe | None = None
+    lobe: SeparateLobe | None = None
 
     @property
     def form(self) -> str:
@@ -64,7 +64,7 @@ class RelitObject:
 
     @property
     def nbytes(self) -> int:
-        """What relighting reads: the compact form where there is one, the view maps, and what a lobe apart needs."""
+        """What relighting reads: the compact form where there is one, the view maps, and what a separate lobe needs."""
         stored = self.transport.nbytes if self.compact is None else self.compact.nbytes
         return stored + self.transport.factors.view.nbytes + (0 if self.lobe is None else self.lobe.nbytes)
 
@@ -158,7 +158,7 @@ def relit_objects(
         lobe = None
         if choice.material.lobe is not None:
             sight = kept_sight(placed.mesh, scene.occluder, choice.settings.cube, folder)
-            lobe = ApartLobe(choice.material.lobe, sight)
+            lobe = SeparateLobe(choice.material.lobe, sight)
         compact = None
         if choice.plan is not None and choice.plan.chosen.order is not None:
             compact = harmonic(made, choice.plan.chosen.order)

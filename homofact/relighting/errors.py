@@ -6,7 +6,7 @@ squares over vertices that the eye sees, by the area that they take in its pictu
 √(Σ|B̂ − B|²/Σ|B|²).
 
     terms         K terms of f, their functions asked of f itself wherever they are needed
-    lobe          the lobe that stands apart, as it is summed, against the sum over every texel
+    lobe          the separate lobe, as it is summed, against the sum over every texel
     maps          the same terms read from maps of M × M texels
     cube          the reference on this cube map against one of `FINE` times as many texels along a face
     truncation    of the wavelets of the transport, all but the kept left out, not rounded
@@ -18,7 +18,7 @@ squares over vertices that the eye sees, by the area that they take in its pictu
     rim           the same where cosθo is below `seen.RIM`
     picture       the same at pixels of the camera, whose light is mixed between vertices: the whole error
 
-Where a lobe stands apart, the stages of terms, maps, truncation and so on are those of what is left of f, against the
+Where a lobe is separate, the stages of terms, maps, truncation and so on are those of what is left of f, against the
 light of all of f. The `psnr` in dB is of those pixels as 8-bit sRGB, tone-mapped as pictures are.
 `below zero` is the light that negative residues take away: Σ max(−B̂, 0)/Σ|B̂|.
 """
@@ -37,15 +37,15 @@ from homofact.errors import BadInput
 from homofact.evaluation.image_metrics import psnr as psnr_of
 from homofact.meshes.mesh import Mesh
 from homofact.relighting import cube
-from homofact.relighting.apart import FactoredMaterial
 from homofact.relighting.build import RelightScene, RelitObject
 from homofact.relighting.clusters import Clustered
+from homofact.relighting.factored_material import FactoredMaterial
 from homofact.relighting.factoring import factor
 from homofact.relighting.factors import InOutFactors, view_values
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.kernels import transport_vectors
 from homofact.relighting.lit import LitObject
-from homofact.relighting.lobe import ApartLobe, SurfacePoints
+from homofact.relighting.lobe import SeparateLobe, SurfacePoints
 from homofact.relighting.picture import displayed_picture
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.relight import light_coefficients
@@ -129,11 +129,11 @@ def measured_errors(
     stages: Sequence[str] = STAGES,
     pixels: SeenPixels | None = None,
     rim: SeenVertices | None = None,
-    lobe: ApartLobe | None = None,
+    lobe: SeparateLobe | None = None,
 ) -> RelightErrors:
     """Every stage of `stages` by itself, under one light and from one eye; of `pixels` and of the `rim` where given.
 
-    The transport is that of the rest where a `lobe` stands apart.
+    The transport is that of the rest where a `lobe` is separate.
 
     Raises BadInput for an unknown stage and where no light reaches the vertices.
     """

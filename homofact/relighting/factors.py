@@ -21,8 +21,8 @@ class InOutFactors:
     """Light maps `light` (K, M, M) and view maps `view` (K, M, M, C), float32, f in sr⁻¹ without the cosine.
 
     `strength` (K,) is each term's part of `energy`, the expected Σ_c B² cosθo dωo of the light B that natural light,
-    or the light that `factor` was given, sends back; `beside` is the part of it that a lobe apart takes, which may be
-    below 0. Texel (i, j) lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
+    or the light that `factor` was given, sends back; `beside` is the part of it that a separate lobe takes, which may
+    be below 0. Texel (i, j) lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
     """
 
     light: np.ndarray

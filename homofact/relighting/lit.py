@@ -7,7 +7,7 @@ import numpy as np
 
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.harmonic import Harmonic
-from homofact.relighting.lobe import ApartLobe, SurfacePoints
+from homofact.relighting.lobe import SeparateLobe, SurfacePoints
 from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.relight import Light, Relit, light_coefficients, light_cube, shaded
@@ -15,11 +15,11 @@ from homofact.relighting.relight import Light, Relit, light_coefficients, light_
 
 @dataclass(frozen=True)
 class LitObject:
-    """The K-tuples (V, K, 3) of an object's vertices, and the light's `cells` for a `lobe` that stands apart."""
+    """The K-tuples (V, K, 3) of an object's vertices, and the light's `cells` for a separate `lobe`."""
 
     transport: WaveletTransport
     tuples: np.ndarray
-    lobe: ApartLobe | None = None
+    lobe: SeparateLobe | None = None
     cells: LightCells | None = None
 
     @classmethod
@@ -27,7 +27,7 @@ class LitObject:
         cls,
         transport: WaveletTransport,
         compact: Clustered | Harmonic | None,
-        lobe: ApartLobe | None,
+        lobe: SeparateLobe | None,
         light: Light,
     ) -> "LitObject":
         """Under a light, by the compact form where there is one. Raises BadInput for no light."""
@@ -39,7 +39,7 @@ class LitObject:
         return shaded(self.transport, self.tuples, eye)
 
     def lobe_at(self, points: SurfacePoints) -> np.ndarray:
-        """Radiance (S, 3) of the lobe that stands apart; 0 where none does."""
+        """Radiance (S, 3) of the separate lobe; 0 where none does."""
         if self.lobe is None or self.cells is None:
             return np.zeros((len(points.frames), 3), np.float32)
         return self.lobe.at(points, self.cells)

@@ -1,4 +1,4 @@
-"""The light of a lobe that stands apart from an object's in-out factors: summed where it is seen, for every view.
+"""The light of a separate lobe from an object's in-out factors: summed where it is seen, for every view.
 
 Nothing of it is precomputed but what each vertex sees, so that a change of light costs nothing. A view sums the cells
 of the sky that the lobe reaches (`lobe_kernels`), some hundreds a vertex whatever the lobe's width.
@@ -43,7 +43,7 @@ class SurfacePoints:
 
 
 @dataclass(frozen=True)
-class ApartLobe:
+class SeparateLobe:
     """A lobe and what every vertex `sight` (V, words) sees of the sky, as `lobe_light.traced_sight` makes it."""
 
     table: LobeTable

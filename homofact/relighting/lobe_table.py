@@ -1,4 +1,4 @@
-"""A material's lobe apart from the rest of it, as a table: f = lobe + rest, of which the rest needs few in-out factors.
+"""A material's lobe as a table, separate from the rest of it: f = lobe + rest, where the rest needs few in-out factors.
 
 A sharp lobe needs hundreds of in-out factors. What is left without it is smooth. The lobe is
 
@@ -31,7 +31,7 @@ from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.symmetry import find_symmetry
 from homofact.geometry.directions import from_spherical
 
-STEEPEST = math.radians(89.95)
+STEEPEST = math.radians(89.7)
 LEVELS, NODES, TURNS = 40, 41, 24
 _WIDTHS = 3.0  # of the lobe at half height, where the grid is halfway to its rim
 _RIM = 0.995  # of the grid, at most
@@ -144,17 +144,17 @@ def lobe_table(reflectance: Reflectance) -> LobeTable:
 
 
 def half_width(reflectance: Reflectance) -> float:
-    """|s| at which the lobe has fallen to half of its height above the least, from 29°: of 8 azimuths."""
+    """The least |s| of 8 azimuths at which the lobe has fallen to half of its height above the least f, from 29°."""
     wo = from_spherical(*torch.tensor([_HALF_VIEW, 0.0], dtype=torch.float64))[None]
-    logs = []
+    found = []
     for k in range(_HALF_AZIMUTHS):
-        turn = 2 * math.pi * (k + 0.5) / _HALF_AZIMUTHS
+        turn = 2 * math.pi * k / _HALF_AZIMUTHS
         slope = _SLOPES[:, None] * torch.tensor([math.cos(turn), math.sin(turn)], dtype=torch.float64)
         wi = _mirrored(slope, wo[0])
         f = reflectance.evaluate(wi, wo.expand_as(wi)).double().mean(1)[wi[:, 2] > 0.1]
         below = (f - f.min() < (f[0] - f.min()) / 2).nonzero()
-        logs.append(math.log(float(_SLOPES[int(below[0, 0])]) if len(below) else 1.0))
-    return math.exp(sum(logs) / len(logs))
+        found.append(float(_SLOPES[int(below[0, 0])]) if len(below) else 1.0)
+    return min(found)
 
 
 def _level_of(theta: Tensor, levels: int) -> Tensor:

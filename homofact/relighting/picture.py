@@ -1,6 +1,6 @@
 """Pictures of relit objects: the first triangle along each pixel's rays, its vertices' light mixed over it.
 
-As a graphics card does with colours at vertices, and as Wang et al. show their results. A lobe that stands apart is
+As a graphics card does with colours at vertices, and as Wang et al. show their results. A separate lobe is
 summed at each pixel itself: between vertices its normal turns by more than it is wide. Four rays a pixel; what is
 behind the objects is the environment itself.
 """

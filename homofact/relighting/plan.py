@@ -17,8 +17,8 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
-from homofact.relighting.apart import AUTO, MOST_SHARED, SEPARATE, FactoredMaterial, apart
 from homofact.relighting.cube import environment_cube
+from homofact.relighting.factored_material import AUTO, MOST_SHARED, SEPARATE, FactoredMaterial, separated
 from homofact.relighting.factoring import factors_of_sizes, terms_for
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import MOST_ORDER
@@ -43,7 +43,7 @@ class PlannedTransport:
 
     `order` is of the harmonics, None for all frequencies; `tolerance` what of a vertex's root sum square is left out,
     `coefficients` how many numbers a vector has on average. `of_terms`, `of_maps` and `of_transport` are the errors
-    whose root sum square `error` is, with `of_lobe` where a lobe stands apart, as it is summed.
+    whose root sum square `error` is, with `of_lobe` where a lobe is separate, as it is summed.
     """
 
     terms: int
@@ -130,7 +130,7 @@ def plan_object(
     """Choose for one object of a scene; `terms` fixes K. `reflected` is the tolerance, of `settings` the cube counts.
 
     A `lobe` that is "auto" is separate where more than `MOST_SHARED` terms would be needed. Raises BadInput as
-    `apart.factored` and where no light reaches the vertices drawn.
+    `factored_material.factored` and where no light reaches the vertices drawn.
     """
     allowed = reflected / MARGIN
     error = _PARTS[-1] * allowed if terms is None else None
@@ -146,7 +146,7 @@ def plan_object(
         ]
         found += [(each, made) for each in under.choices(made)]
     if lobe == SEPARATE:
-        made = apart(reflectance, sizes, terms, error, light)
+        made = separated(reflectance, sizes, terms, error, light)
         found += [(each, made) for each in under.choices(made)]
     enough = [each for each in found if each[0].error <= allowed * (1 + 1e-9)]
     # Where nothing is within the tolerance, what errs least.

@@ -20,7 +20,7 @@ from homofact.meshes.mesh import Mesh
 from homofact.relighting import cube
 from homofact.relighting.haar import transformed
 from homofact.relighting.light_kernels import add_columns, relight_all, shade_all
-from homofact.relighting.lobe import ApartLobe, checked_eye
+from homofact.relighting.lobe import SeparateLobe, checked_eye
 from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.precompute import WaveletTransport
 from homofact.rendering.light import EnvironmentMap
@@ -79,10 +79,10 @@ class Relit:
     """An object under a light: `tuples` (V, K, 3), Σ over the light of each transport vector, and views of it.
 
     A light is an `EnvironmentMap`, a cube map of radiance (6, n, n, 3), a .hdr or .exr file, or the name of one of
-    `scene.lighting.NAMED` that is a map. A `lobe` that stands apart has the light as soon as it is named.
+    `scene.lighting.NAMED` that is a map. A separate `lobe` has the light as soon as it is named.
     """
 
-    def __init__(self, transport: WaveletTransport, lobe: ApartLobe | None = None) -> None:
+    def __init__(self, transport: WaveletTransport, lobe: SeparateLobe | None = None) -> None:
         self.transport, self.lobe = transport, lobe
         self._cells: LightCells | None = None
         self._light = np.zeros((cube.FACES * transport.settings.cube**2, 3))
@@ -168,7 +168,7 @@ class RelitMesh(Relit):
     """`Relit` with its `mesh`, whose vertices it shades, and `notes` of what was wrong with it."""
 
     def __init__(
-        self, mesh: Mesh, transport: WaveletTransport, notes: tuple[str, ...] = (), lobe: ApartLobe | None = None
+        self, mesh: Mesh, transport: WaveletTransport, notes: tuple[str, ...] = (), lobe: SeparateLobe | None = None
     ) -> None:
         super().__init__(transport, lobe)
         self.mesh, self.notes = mesh, notes

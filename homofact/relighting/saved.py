@@ -17,7 +17,7 @@ from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import MOST_ORDER, Harmonic
-from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.skies import PageSky
@@ -180,7 +180,7 @@ def _vectors(part: Part, count: int, settings: TransportSettings) -> tuple[np.nd
     return start, index, part.wholes("number", np.int16, (total,)), part.floats("scale", (count,), least=0.0)
 
 
-def _lobe(part: Part, entry: Fields, made: WaveletTransport) -> ApartLobe:
+def _lobe(part: Part, entry: Fields, made: WaveletTransport) -> SeparateLobe:
     numbers = entry.inner("lobe")
     values = part.floats("lobe_values", (None, None, None, None, 3))
     levels, turns, rows, columns, _ = values.shape
@@ -188,7 +188,7 @@ def _lobe(part: Part, entry: Fields, made: WaveletTransport) -> ApartLobe:
         raise part.refuse("lobe_values", f"is of shape {values.shape}", "square grids of two nodes or more")
     width, period = numbers.number("width", above=0), numbers.number("period", above=0)
     sight = part.wholes("lobe_sight", np.uint64, (made.vertices, sight_words(made.settings.cube)))
-    return ApartLobe(LobeTable(values, width, period), sight)
+    return SeparateLobe(LobeTable(values, width, period), sight)
 
 
 def _compact(part: Part, entry: Fields, made: WaveletTransport) -> Harmonic | Clustered | None:

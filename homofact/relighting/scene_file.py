@@ -26,8 +26,8 @@ from pathlib import Path
 
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml
-from homofact.relighting.apart import AUTO, LOBES, SEPARATE
 from homofact.relighting.clusters import COMPONENTS
+from homofact.relighting.factored_material import AUTO, LOBES, SEPARATE
 from homofact.relighting.factoring import MOST_TERMS
 from homofact.relighting.precompute import KEPT, TransportSettings
 from homofact.rendering.light import EnvironmentMap

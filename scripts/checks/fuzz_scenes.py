@@ -184,7 +184,7 @@ def kinds(folder: Path) -> list[Kind]:
     def use_relit(path: Path, number: int) -> None:
         found = open_relit(path)
         for each in found.objects:
-            if each.transport.settings.cube == 8 and not np.isfinite(each.tuples(light)).all():
+            if each.transport.settings.cube == 8 and not np.isfinite(each.lit(light).tuples).all():
                 raise ArithmeticError("light that is not finite")
         if number % 64 == 0:
             write_relit_page(folder / "page.html", found)

@@ -4,10 +4,10 @@
 
 A mesh of the size 2 stands alone under a sky and is seen by a camera of 640 × 480. An error is the relative RMS of
 --pixels pixels that see it, drawn by their area, rim included, against the sum over all 6 × 64² texels with the
-reflectance itself (`picture` of `homofact relight`). The transport keeps what leaves out at most --tolerance of a
-vertex's root sum square; factors are those of natural light. Skies: grace, stpeters and studio of the data, a sun of
-one texel 45° high, and stpeters turned by 90°, for which nothing is made anew. A file stands for its fit. Skies a
-second are changes of the light from nothing, views a second are all vertices towards a new eye.
+reflectance itself (`picture` of `homofact relight`). The transport keeps --kept coefficients per vector; factors are
+those of natural light. Skies: grace, stpeters and studio of the data, a sun of one texel 45° high, and stpeters turned
+by 90°, for which nothing is computed anew. A file stands for its fit. Skies per second are changes of the light from
+nothing, views per second are all vertices towards a new eye.
 """
 
 import argparse
@@ -28,10 +28,10 @@ from homofact.evaluation.machine import machine
 from homofact.meshes.mesh import Mesh, read_mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import torus_knot
-from homofact.relighting.apart import LOBES, factored
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import measured_errors
-from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.factored_material import LOBES, factored
+from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import traced_sight
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import RelitMesh
@@ -109,8 +109,8 @@ def row_of(mesh_name: str, name: str, given: Reflectance, scene: Scene, chosen: 
     mesh, occluder = scene.mesh, scene.occluder
     made = factored(given, chosen.lobe)
     begun = time.perf_counter()
-    moved = transport(mesh, made.factors, TransportSettings(scene.size, tolerance=chosen.tolerance), occluder)
-    lobe = None if made.lobe is None else ApartLobe(made.lobe, traced_sight(mesh, occluder, scene.size))
+    moved = transport(mesh, made.factors, TransportSettings(scene.size, kept=chosen.kept), occluder)
+    lobe = None if made.lobe is None else SeparateLobe(made.lobe, traced_sight(mesh, occluder, scene.size))
     spent = time.perf_counter() - begun
     stored = moved.nbytes + made.factors.view.nbytes + (0 if lobe is None else lobe.nbytes)
     pixels = seen_pixels([mesh], 0, given, occluder, Camera(EYE, field=36.0, pixels=(640, 480)), chosen.pixels)
@@ -132,7 +132,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--materials", help="by commas; all unless given")
     parser.add_argument("--lobe", choices=LOBES, default="auto", help="as in a scene's file")
     parser.add_argument("--pixels", type=int, default=100, help="at which errors are measured")
-    parser.add_argument("--tolerance", type=float, default=0.02, help="of the transport")
+    parser.add_argument("--kept", type=int, default=256, help="coefficients of a transport vector")
     chosen = parser.parse_args(arguments)
     folder = data_folder(chosen.data)
     if not chosen.short and not (folder / "meshes").is_dir():

@@ -1,4 +1,4 @@
-"""Scenes with lobes apart: what the file says, the ledger, plans, the folder, and pictures."""
+"""Scenes with separate lobes: what the file says, the ledger, plans, the folder, and pictures."""
 
 from pathlib import Path
 

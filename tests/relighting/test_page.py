@@ -18,7 +18,7 @@ from homofact.meshes.shapes import ground, sphere, torus_knot
 from homofact.relighting import cube
 from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
-from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.build import PageReference, closed, page_objects, shown_name, turns, write_page
@@ -160,10 +160,10 @@ def test_a_relit_scene_s_objects_in_their_compact_form_and_a_ground_that_fades()
     assert [each.fade for each in found] == [None, (1.1, 1.96)]
 
 
-def lobe(vertices: int) -> ApartLobe:
+def lobe(vertices: int) -> SeparateLobe:
     """One of no light, and vertices that see nothing."""
     table = LobeTable(np.zeros((2, 1, 2, 2, 3), np.float32), 1.0, 2 * math.pi)
-    return ApartLobe(table, np.zeros((vertices, sight_words(SIZE)), np.uint64))
+    return SeparateLobe(table, np.zeros((vertices, sight_words(SIZE)), np.uint64))
 
 
 def refused(tmp_path: Path, **given: Any) -> str:

@@ -1,4 +1,4 @@
-"""The page of a relit scene at rest: lobes that stand apart are summed at each pixel, strip by strip."""
+"""The page of a relit scene at rest: separate lobes are summed at each pixel, strip by strip."""
 
 from collections.abc import Iterator
 from typing import Any

@@ -1,4 +1,4 @@
-"""Lobes that stand apart on the page of a relit scene: their tables, the sky's cells, the sum, the picture."""
+"""Separate lobes on the page of a relit scene: their tables, the sky's cells, the sum, the picture."""
 
 import math
 from collections.abc import Iterator

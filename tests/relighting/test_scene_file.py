@@ -287,7 +287,7 @@ def test_a_picture_shows_the_sphere_where_it_is(ready: RelightScene) -> None:
 
 def test_the_embedded_scene_is_readable() -> None:
     found = read_relight_scene(ROOT / "configs" / "scenes" / "relight.toml")
-    assert found.objects[0].material == "material:lafortune-blue-paint"
+    assert found.objects[0].material == "material:car-paint-red"
     assert found.light.name == "sky.hdr"
 
 

@@ -5,7 +5,7 @@
 
 WaveletTransport is kept as it is, number for number: vectors in falling order of magnitude, so that the page's N
 largest are the first N, differences of magnitudes, signs apart, places as they come. Positions are rounded to 1/65535
-of their box, surface frames to about 1/30000, skies, the reference and the tables of lobes that stand apart to half
+of their box, surface frames to about 1/30000, skies, the reference and the tables of separate lobes to half
 floats. Nothing else is rounded.
 
 The page is `page.html` with what all pages of scenes have (`web.scene_page`) and the scripts of `SHARED` and `SCRIPTS`.
@@ -25,7 +25,7 @@ from homofact.meshes.mesh import Mesh
 from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.harmonic import Harmonic
-from homofact.relighting.lobe import ApartLobe
+from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.page.coarse import coarse_triangles
 from homofact.relighting.page.order import cached_order
@@ -49,7 +49,7 @@ CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
 
 @dataclass(frozen=True)
 class PageObject:
-    """A mesh with the transport at its vertices, and the `lobe` that stands apart from that where one does.
+    """A mesh with the transport at its vertices, and the separate `lobe` of its material where it has one.
 
     From distances `fade` (near, far) of the y axis on it ends softly.
     """
@@ -59,7 +59,7 @@ class PageObject:
     transport: WaveletTransport | Clustered
     material: str
     fade: tuple[float, float] | None = None
-    lobe: ApartLobe | None = None
+    lobe: SeparateLobe | None = None
 
     @property
     def basis(self) -> WaveletTransport:
@@ -207,7 +207,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
     }
 
 
-def _lobe(lobe: ApartLobe) -> dict[str, Any]:
+def _lobe(lobe: SeparateLobe) -> dict[str, Any]:
     """Words of 64 texels that a vertex sees become two of 32, the lower one first."""
     table = lobe.table
     levels, _, nodes = table.values.shape[:3]

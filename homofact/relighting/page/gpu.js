@@ -123,7 +123,7 @@ class ObjectOnGpu {
 
   /**
    * The program for surfaces: "COLOURED" by what their vertices were shaded with, "BY_PIXEL" or both, "COMPARED" too; or
-   * for shading vertices, "SHADES", "ALONE" of a lobe that stands apart, "TERMS" of the others; "CHOSEN" of a surface that
+   * for shading vertices, "SHADES", "ALONE" of a separate lobe, "TERMS" of the others; "CHOSEN" of a surface that
    * is not the whole one. "BETWEEN": by what vertices were shaded with or "BY_PIXEL", and such a lobe by pixel.
    */
   program(...kinds) {

@@ -1,4 +1,4 @@
-// Lobes that stand apart at each pixel of a picture at rest: strip by strip over the one that has them at vertices.
+// Separate lobes at each pixel of a picture at rest: strip by strip over the one that has them at vertices.
 
 // A frame's share for strips, in milliseconds; milliseconds a pixel until some were measured.
 const STRIP_BUDGET = 40, FIRST_PACE = 0.03;

@@ -1,7 +1,7 @@
-// The light of a lobe that stands apart from an object's in-out factors: cells of the sky, and their sum on the processor
+// The light of a separate lobe from an object's in-out factors: cells of the sky, and their sum on the processor
 // (lobe_light.py, lobe_kernels.py).
 
-const STEEPEST = (89.95 * Math.PI) / 180, LEAST_COSINE = Math.cos(STEEPEST);
+const STEEPEST = (89.7 * Math.PI) / 180, LEAST_COSINE = Math.cos(STEEPEST);
 // The widest cell in slopes of h, as a part of the table's width; beyond slopes of CORE widths it may grow with the slope.
 const WIDEST = 0.25, CORE = 0.7;
 // A cell is always divided where one texel of it holds more of all the light.

@@ -1,4 +1,4 @@
-// A lobe that stands apart on the graphics card: the sum of lobe.js in a shader, and the textures that it reads.
+// A separate lobe on the graphics card: the sum of lobe.js in a shader, and the textures that it reads.
 
 // Cells in a row of their texture, two texels each.
 const CELLS_ACROSS = 1024;

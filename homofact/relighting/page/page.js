@@ -180,7 +180,7 @@ class View {
       const [sky, { cube, coefficients }] = this.arrived;
       this.lit = sky;
       if (state.pieces) relit.ask(coefficients); else relit.relight(coefficients);
-      // Lobes that stand apart have all of a new light at once.
+      // Separate lobes have all of a new light at once.
       this.lightCells(cube);
     }
     this.keptAsked = false;
@@ -204,7 +204,7 @@ class View {
     this.stage.upload();
   }
 
-  /** The light of lobes that stand apart, where there are any. */
+  /** The light of separate lobes, where there are any. */
   lightCells(radiance) {
     if (!this.stage.cells) return;
     this.cells = lightCells(radiance, this.sky.size);

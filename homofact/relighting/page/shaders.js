@@ -40,7 +40,7 @@ vec4 tuple(int q) {
 
 const fetched = (quads, to) => Array.from({ length: quads }, (_, q) => `  ${to}[${q}] = tuple(${q});`).join("\n");
 
-/** Shades each vertex once; v_colour is what transform feedback keeps. "ALONE": of the lobe that stands apart alone; "TERMS": without it. */
+/** Shades each vertex once; v_colour is what transform feedback keeps. "ALONE": of the separate lobe alone; "TERMS": without it. */
 const shadeVertex = ({ terms, quads, lobe }) => `
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec3 a_normal;
@@ -65,7 +65,7 @@ ${lobe ? `#ifndef TERMS
 const NOTHING = "void main() {}";
 
 /**
- * By vertex "COLOURED" with what was shaded; "BY_PIXEL" too where that is a lobe that stands apart; "BETWEEN" the corners
+ * By vertex "COLOURED" with what was shaded; "BY_PIXEL" too where that is a separate lobe; "BETWEEN" the corners
  * of triangles that share none, such a lobe by pixel.
  */
 const surfaceVertex = ({ quads, lobe }) => `

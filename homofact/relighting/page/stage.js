@@ -64,7 +64,7 @@ class Stage {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  /** Draws rows of lobes that stand apart once more, summed at each pixel, over the smooth picture that is there. */
+  /** Draws rows of separate lobes once more, summed at each pixel, over the smooth picture that is there. */
   drawBetween(view, from, rows) {
     const { gl } = this, { width, height } = this.canvas;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.smoothFrame(width, height));

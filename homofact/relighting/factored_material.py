@@ -1,9 +1,9 @@
-"""Whether a material's lobe stands apart from its in-out factors, and the factors of what is left.
+"""Whether a material's lobe is separate from its in-out factors, and the factors of what is left.
 
-Of a sharp lobe there would be hundreds of terms: each takes `kept` coefficients of every vertex. Where the rule for the
-number of terms asks for more than `MOST_SHARED` of them, the lobe is summed apart (`lobe_table`, `lobe`), which takes a
-bit a texel of every vertex, and the factors are those of the rest. Their number has the rule `error` then, of the light
-of the whole material.
+A sharp lobe needs hundreds of terms, and each costs every vertex `kept` coefficients. Where the rule for the number of
+terms asks for more than `MOST_SHARED`, the lobe is therefore summed separately (`lobe_table`, `lobe`), which costs each
+vertex one bit per texel, and the factors are those of the rest. Their number then follows the rule `error`, relative to
+the light of the whole material.
 """
 
 from dataclasses import dataclass
@@ -46,32 +46,32 @@ def factored(
     map_size: int = MAP_SIZE,
     light: EnvironmentMap | None = None,
 ) -> FactoredMaterial:
-    """The factors of a reflectance, and its lobe where that stands apart: `lobe` is one of `LOBES`.
+    """The factors of a reflectance, and its lobe if that is separate: `lobe` is one of `LOBES`.
 
     `terms`, `share`, `error`, `map_size` and `light` are those of `factoring.factor`. Where `terms` or a `share` are
-    given a lobe stands apart only if that is asked for. The rest has the rule `error`, `ERROR` where it is not given,
-    unless there are `terms`. Raises BadInput as `factor`, for another `lobe`, and for a `share` with a lobe apart.
+    given a lobe is separate only if that is asked for. The rest has the rule `error`, `ERROR` where it is not given,
+    unless there are `terms`. Raises BadInput as `factor`, for another `lobe`, and for a `share` with a separate lobe.
     """
     if lobe not in LOBES:
         raise BadInput(where="lobe", found=repr(lobe), expected=f"one of {', '.join(LOBES)}")
     if lobe == SEPARATE and share is not None:
-        raise BadInput(where="share", found="it beside a lobe apart", expected="terms or an error")
+        raise BadInput(where="share", found="it beside a separate lobe", expected="terms or an error")
     if lobe != SEPARATE:
         found = factor(reflectance, terms, SHARE if share is None else share, map_size, error, light)
         given = terms is not None or share is not None
         if lobe == FACTORED or given or found.terms <= MOST_SHARED:
             return FactoredMaterial(found)
-    return apart(reflectance, (map_size,), terms, error, light)[0]
+    return separated(reflectance, (map_size,), terms, error, light)[0]
 
 
-def apart(
+def separated(
     reflectance: Reflectance,
     map_sizes: tuple[int, ...],
     terms: int | None = None,
     error: float | None = None,
     light: EnvironmentMap | None = None,
 ) -> list[FactoredMaterial]:
-    """The lobe apart, and the factors of the rest on maps of several sizes. Raises BadInput as `factored`."""
+    """The separate lobe, and the factors of the rest on maps of several sizes. Raises BadInput as `factored`."""
     check_channels(reflectance)
     table = lobe_table(reflectance)
     whole = decompositions(reflectance)[1]().under(light).energy
