@@ -10,9 +10,7 @@ widths of the lobe: |s| = w halfway to the rim, which is infinitely far away. Th
 horizon, θ = STEEPEST (1 − (1 − t)²) at even t; a view beyond is raised to it. An isotropic material has one φo.
 
 T is (f − b) cosθi cosθo, b the least f of that ωo: what is like it stays in the rest. Both cosines take off what grows
-towards the horizon. A node whose ωi lies under the horizon takes the f of the nearest s on the way to s = 0 whose ωi
-does not, times its own cosθi < 0: T then goes straight through 0 at the horizon, where light ends. With q = (tanθo, 0)
-such s fulfil |s|² (1 + z) − 2 s·q ≤ 1 − z, z = cos(STEEPEST)/cosθo: a disc around 0.
+towards the horizon; under it T is 0.
 
 The rest is f − lobe, whatever T is: the two add up to f. What the grid does not hold of f is in the rest, and of that
 as much is kept as its in-out factors hold.
@@ -131,9 +129,8 @@ def lobe_table(reflectance: Reflectance) -> LobeTable:
     values = torch.zeros(LEVELS, turns, NODES, NODES, 3, dtype=torch.float64)
     for level, angle in enumerate(theta.tolist()):
         wo = from_spherical(*torch.tensor([angle, 0.0], dtype=torch.float64))
-        cosine = _mirrored(slope, wo)[..., 2].clamp_min(0)
-        held = _above(slope, angle)
-        wi = _mirrored(held, wo).reshape(-1, 3)
+        wi = _mirrored(slope, wo).reshape(-1, 3)
+        cosine = wi[:, 2].clamp_min(0).reshape(NODES, NODES)
         for turn in range(turns):
             phi = turn * period / turns
             asked = [_turned(w, phi) for w in (wi, wo.expand(len(wi), 3))]
@@ -173,15 +170,6 @@ def _mirrored(slope: Tensor, wo: Tensor) -> Tensor:
     h = torch.cat((slope, torch.ones_like(slope[..., :1])), -1)
     h = h / h.norm(dim=-1, keepdim=True)
     return 2 * (h @ wo)[..., None] * h - wo
-
-
-def _above(slope: Tensor, theta: float) -> Tensor:
-    """Slopes (..., 2) on the way to 0 whose ωi is above the horizon, as the head says."""
-    z = math.cos(STEEPEST) / math.cos(theta)
-    square = (slope**2).sum(-1).clamp_min(1e-12)
-    along = slope[..., 0] * math.tan(theta)
-    part = (along + torch.sqrt(along**2 + square * (1 + z) * max(1 - z, 0.0))) / (square * (1 + z))
-    return slope * part.clamp(0, 1)[..., None]
 
 
 def _turned(w: Tensor, phi: float) -> Tensor:

@@ -132,7 +132,7 @@ def test_a_tolerance_is_met_with_the_lobe_apart_where_terms_alone_do_not(tmp_pat
     found = scene_errors(planned, relit, 100, ("together",))[0]
     assert found is not None
     assert found.errors["together"] < 0.04
-    assert relit[0].nbytes == pytest.approx(plan.chosen.bytes, rel=0.2)
+    assert relit[0].nbytes == pytest.approx(plan.chosen.bytes, rel=0.5)
     terms = open_relight_scene(read(tmp_path, text.replace("size = 0.5", 'size = 0.5\nlobe = "factored"'))).plans[0]
     assert terms.factored.lobe is None
     assert terms.chosen.of_lobe is None

@@ -88,6 +88,17 @@ def test_an_isotropic_lobe_has_one_azimuth_and_a_grained_one_its_period() -> Non
         assert (each.fetches, each.nbytes) == (fetches, 4 * each.values.size)
 
 
+def test_a_view_beyond_the_last_angle_is_raised_to_it() -> None:
+    lobe, (wi, _) = lobe_table(ROUND), pairs(50)
+    for theta in (STEEPEST + 1e-4, math.pi / 2 - 1e-5):
+        beyond, last = (
+            torch.tensor([math.sin(each), 0.0, math.cos(each)], dtype=torch.float64).expand(len(wi), 3)
+            for each in (theta, STEEPEST)
+        )
+        assert torch.allclose(lobe.evaluate(wi, beyond), lobe.evaluate(wi, last), rtol=1e-9)
+    assert lobe.evaluate(wi, last).any()
+
+
 def test_a_few_terms_hold_the_rest() -> None:
     """Of a lobe that 256 terms do not hold within 5%, one holds the rest within 2%; errors are of the whole light."""
     shared = factored(ROUND, "factored", error=ERROR)
