@@ -56,6 +56,9 @@ def test_the_table_holds_f_over_its_least_at_the_nodes() -> None:
     lobe = lobe_table(ROUND)
     assert lobe.values.shape == (LEVELS, 1, NODES, NODES, 3)
     theta = STEEPEST * (1 - (1 - np.arange(LEVELS) / (LEVELS - 1)) ** 2)
+    # Nothing lies below the least f, and under the horizon, where h leans away from the viewer, there is no light.
+    assert lobe.values.min() >= -1e-6
+    assert not lobe.values[25, 0, 0, NODES // 2].any()
     matt = np.array([0.3, 0.2, 0.1]) / math.pi
     for level in (0, 10, 25):
         wo = torch.tensor([[math.sin(theta[level]), 0.0, math.cos(theta[level])]], dtype=torch.float64)
