@@ -43,3 +43,15 @@ def test_a_turning_light_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     # The same light is asked for again and again: after four steps of 100 all 384 are in.
     assert errors[0] > errors[1] > errors[2] > 0
     assert errors[3:] == [0, 0]
+
+
+def test_separate_lobes_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    """The short form: one object, whose separate lobe leaves one term; figures stand in their columns."""
+    lobes = importlib.import_module("scripts.relighting.relight_lobes")
+    assert lobes.main(["--short"]) == 0
+    header, _, row = capsys.readouterr().out.splitlines()[:3]
+    columns = dict(zip(*[[cell.strip() for cell in line.strip("|").split("|")] for line in (header, row)], strict=True))
+    assert (columns["mesh"], columns["material"], columns["K"]) == ("knot", "exponent 2000", "1")
+    assert 0 < float(columns["studio"].rstrip("%")) < 30
+    assert float(columns["views/s"]) > 0
+    assert lobes.main(["--data", "nowhere"]) == 2
