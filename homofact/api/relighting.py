@@ -231,7 +231,6 @@ def _relit_mesh(
     from homofact.relighting.factored_material import factored
     from homofact.relighting.factoring import MAP_SIZE
     from homofact.relighting.lobe import SeparateLobe
-    from homofact.relighting.lobe_light import kept_sight
     from homofact.relighting.precompute import TransportSettings, transport
     from homofact.relighting.relight import RelitMesh
     from homofact.scene.file_fits import FileFits
@@ -260,10 +259,7 @@ def _relit_mesh(
         steps.run(f"transport of {given.name}", min(done, count - 1), count)
 
     moved = transport(given, made.factors, kept, occluder, place, traced_block)
-    separate = None
-    if made.lobe is not None:
-        separate = SeparateLobe(made.lobe, kept_sight(given, occluder, kept.cube, place))
-    return RelitMesh(given, moved, notes, separate)
+    return RelitMesh(given, moved, notes, SeparateLobe.traced(made.lobe, given, occluder, kept.cube, place))
 
 
 def _report(

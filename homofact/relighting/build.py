@@ -13,7 +13,7 @@ from homofact.relighting.factored_material import FactoredMaterial, factored
 from homofact.relighting.harmonic import Harmonic, harmonic
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lobe import SeparateLobe
-from homofact.relighting.lobe_light import kept_sight
+from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.plan import ObjectPlan, plan_object
 from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
 from homofact.relighting.scene_file import RelightSceneFile
@@ -102,8 +102,14 @@ class RelightScene:
         peak = sum(c.peak_bytes for c in costs) + len(positions) * _PLACE_BYTES + len(triangles) * _TRIANGLE_BYTES
         if self.file.clusters:
             peak += _CLUSTERED * max(c.most_bytes for c in costs)
-        stored = sum(c.most_bytes for c in costs)
-        return TransportCost(sum(c.rays for c in costs), stored, peak, sum(c.disk_bytes for c in costs))
+        # Of a separate lobe what every vertex sees: a bit a ray, and half of them are under the horizon.
+        bits = sum(
+            64 * sight_words(choice.settings.cube) * len(placed.mesh.positions)
+            for placed, choice in zip(self.objects, self.choices, strict=True)
+            if choice.material.lobe is not None
+        )
+        rays, disk = sum(c.rays for c in costs) + bits // 2, sum(c.disk_bytes for c in costs) + bits // 8
+        return TransportCost(rays, sum(c.most_bytes for c in costs) + bits // 8, peak + bits // 8, disk)
 
 
 def open_relight_scene(
@@ -155,10 +161,7 @@ def relit_objects(
 
         folder = None if blocks is None else blocks / f"object_{number}"
         made = transport(placed.mesh, choice.material.factors, choice.settings, scene.occluder, folder, tell)
-        lobe = None
-        if choice.material.lobe is not None:
-            sight = kept_sight(placed.mesh, scene.occluder, choice.settings.cube, folder)
-            lobe = SeparateLobe(choice.material.lobe, sight)
+        lobe = SeparateLobe.traced(choice.material.lobe, placed.mesh, scene.occluder, choice.settings.cube, folder)
         compact = None
         if choice.plan is not None and choice.plan.chosen.order is not None:
             compact = harmonic(made, choice.plan.chosen.order)

@@ -6,12 +6,15 @@ of the sky that the lobe reaches (`lobe_kernels`), some hundreds a vertex whatev
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from homofact.errors import BadInput
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
 from homofact.relighting.lobe_kernels import CellArrays, PointArrays, TableArrays, sum_lobe
-from homofact.relighting.lobe_light import LightCells
+from homofact.relighting.lobe_light import LightCells, kept_sight
 from homofact.relighting.lobe_table import LobeTable
 
 
@@ -48,6 +51,16 @@ class SeparateLobe:
 
     table: LobeTable
     sight: np.ndarray
+
+    @classmethod
+    def traced(
+        cls, table: LobeTable | None, mesh: Mesh, occluder: Occluder, size: int, folder: Path | None
+    ) -> "SeparateLobe | None":
+        """A material's lobe on a mesh, for cube maps of `size` texels; None where there is no `table`.
+
+        `folder` keeps what the vertices see for a later run. Raises BadInput for a damaged file there.
+        """
+        return None if table is None else cls(table, kept_sight(mesh, occluder, size, folder))
 
     @property
     def nbytes(self) -> int:

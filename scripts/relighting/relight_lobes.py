@@ -32,7 +32,6 @@ from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import measured_errors
 from homofact.relighting.factored_material import LOBES, factored
 from homofact.relighting.lobe import SeparateLobe
-from homofact.relighting.lobe_light import traced_sight
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import RelitMesh
 from homofact.relighting.seen import seen_pixels, seen_vertices
@@ -110,7 +109,7 @@ def row_of(mesh_name: str, name: str, given: Reflectance, scene: Scene, chosen: 
     made = factored(given, chosen.lobe)
     begun = time.perf_counter()
     moved = transport(mesh, made.factors, TransportSettings(scene.size, kept=chosen.kept), occluder)
-    lobe = None if made.lobe is None else SeparateLobe(made.lobe, traced_sight(mesh, occluder, scene.size))
+    lobe = SeparateLobe.traced(made.lobe, mesh, occluder, scene.size, None)
     spent = time.perf_counter() - begun
     stored = moved.nbytes + made.factors.view.nbytes + (0 if lobe is None else lobe.nbytes)
     pixels = seen_pixels([mesh], 0, given, occluder, Camera(EYE, field=36.0, pixels=(640, 480)), chosen.pixels)

@@ -1,5 +1,6 @@
 """Scenes with separate lobes: what the file says, the ledger, plans, the folder, and pictures."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,17 @@ def test_a_folder_holds_the_lobe_to_the_bit(ready: RelightScene, tmp_path: Path)
         write_archive(file, header, arrays | {f"object_0_{name}": other})
         with pytest.raises(BadInput, match=name):
             open_relit(tmp_path / "out")
+
+
+def test_the_cost_counts_what_vertices_see(ready: RelightScene) -> None:
+    """A bit a texel of every vertex: in the result, in memory and on disk; half of the texels take a ray."""
+    (choice,) = ready.choices
+    plain = replace(ready, choices=(replace(choice, material=replace(choice.material, lobe=None)),)).cost
+    bits = 6 * 16**2 * len(ready.objects[0].mesh.positions)
+    assert ready.cost.most_bytes - plain.most_bytes == bits // 8
+    assert ready.cost.peak_bytes - plain.peak_bytes == bits // 8
+    assert ready.cost.disk_bytes - plain.disk_bytes == bits // 8
+    assert ready.cost.rays - plain.rays == bits // 2
 
 
 def test_blocks_of_a_stopped_run_keep_what_vertices_see(ready: RelightScene, tmp_path: Path) -> None:
