@@ -81,7 +81,8 @@ def _prepare(scene: Path, out: Path, force: bool, screen: Screen) -> None:
     if not screen.quiet:
         screen.show(part_table(found.parts), light_line(found.report))
     pictures = counted(len(found.pictures), "picture")
-    screen.note(f"The prepared scene: {out} ({figure(found.nbytes / 1e6)} MB, {pictures})")
+    stored = f"{figure(found.nbytes / 1e6)} MB, {pictures}"
+    screen.note(f"The prepared scene: {out} ({stored}); homofact view {out} edits it in a browser")
     screen.answer({"folder": str(out), **found.report})
 
 

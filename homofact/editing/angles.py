@@ -7,6 +7,13 @@
 so that cos γα cos γβ = cosθh. They are computed by 1 − cosγ = −expm1(cos²φh log cosθh), which keeps all digits at the
 peak; cosθh below 1e-6 counts as 1e-6, as in `brdf.analytic`.
 
+θr is the angle between ωo and the mirror image of ωi, over which Phong's lobe is cosⁿθr; beyond π/2 it counts as π/2.
+θx and θy are the tilts of the half vector along the tangent and the binormal,
+
+    tan θx = |hx|/hz,   tan θy = |hy|/hz,
+
+so that tan²θx + tan²θy = tan²θh and Ward's Gaussian of slopes is a function of θx times one of θy.
+
 `chord_at` gives 2 sin(γ/2) of the same to compiled code, which asks for directions of light under the horizon too: what
 is beyond π/2 belongs to the last band.
 """
@@ -24,10 +31,16 @@ from homofact.linear.kernels import kernel
 
 RIGHT_ANGLE = math.pi / 2
 # In the order of their numbers in compiled code.
-ANGLES = ("theta_h", "theta_d", "theta_i", "theta_o", "gamma_alpha", "gamma_beta")
+ANGLES = (
+    "theta_h", "theta_d", "theta_i", "theta_o", "gamma_alpha", "gamma_beta", "theta_r", "theta_x", "theta_y",
+)  # fmt: skip
 LETTERS = {
     "theta_h": "θh", "theta_d": "θd", "theta_i": "θi", "theta_o": "θo", "gamma_alpha": "γα", "gamma_beta": "γβ",
+    "theta_r": "θr", "theta_x": "θx", "theta_y": "θy",
 }  # fmt: skip
+
+# Angles over which materials have their highlights: bands are finer near 0.
+PEAKED = ("theta_h", "gamma_alpha", "gamma_beta", "theta_r", "theta_x", "theta_y")
 
 
 def check_angle(name: str) -> None:
@@ -43,6 +56,12 @@ def angle(name: str, wi: Tensor, wo: Tensor) -> Tensor:
         return power_angle(wi + wo, 0 if name == "gamma_alpha" else 1)
     if name == "theta_d":
         return torch.atan2((wi - wo).norm(dim=-1), (wi + wo).norm(dim=-1))
+    if name == "theta_r":
+        mirrored = wi * torch.tensor((-1.0, -1.0, 1.0), dtype=wi.dtype, device=wi.device)
+        half = torch.atan2((mirrored - wo).norm(dim=-1), (mirrored + wo).norm(dim=-1))
+        return (2 * half).clamp_max(RIGHT_ANGLE)
+    if name in ("theta_x", "theta_y"):
+        return tilt(wi + wo, 0 if name == "theta_x" else 1)
     return axes_of((name,), wi, wo)[..., 0]
 
 
@@ -58,6 +77,11 @@ def power_angle(s: Tensor, component: int) -> Tensor:
     return 2 * torch.asin((-torch.expm1(share * logarithm) / 2).clamp(0, 1).sqrt())
 
 
+def tilt(s: Tensor, component: int) -> Tensor:
+    """θx (component 0) or θy (1) of vectors along h."""
+    return torch.atan2(s[..., component].abs(), s[..., 2].clamp_min(0))
+
+
 @kernel(error_model="numpy", forceinline=True)
 def chord_at(
     kind: int, x: float, y: float, z: float, ox: float, oy: float, oz: float
@@ -70,12 +94,17 @@ def chord_at(
         return np.sqrt(max(2 - 2 * z, 0.0))
     if kind == 3:
         return np.sqrt(max(2 - 2 * oz, 0.0))
+    if kind == 6:
+        return np.sqrt((x + ox) * (x + ox) + (y + oy) * (y + oy) + (z - oz) * (z - oz))
     sx, sy, sz = x + ox, y + oy, z + oz
     across = sx * sx + sy * sy
     if kind == 1:
         return np.sqrt(max(2 - np.sqrt(across + sz * sz), 0.0))
     if kind == 0:
         return np.sqrt(max(2 - 2 * sz / np.sqrt(max(across + sz * sz, 1e-300)), 0.0))
+    if kind >= 7:
+        side = sx * sx if kind == 7 else sy * sy
+        return np.sqrt(max(2 - 2 * sz / np.sqrt(max(side + sz * sz, 1e-300)), 0.0))
     part = sx * sx if kind == 4 else sy * sy
     share = part / max(across, 1e-300)
     logarithm = np.log(MIN_COSINE)

@@ -1,12 +1,9 @@
 """From a scene's file to what is edited: placed and opened, materials given their curves."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from homofact.brdf.analytic.ashikhmin_shirley import AshikhminShirley
-from homofact.brdf.analytic.cook_torrance import CookTorrance
-from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.editing import models
@@ -75,29 +72,22 @@ def editable(
     reflectance: Reflectance, name: str, curves: str | tuple[str, ...] = OWN, bands: tuple[int, ...] | None = None
 ) -> Editable:
     """A reflectance with curves as a scene file asks for them. Raises BadInput for a wrong number of bands."""
-    if isinstance(curves, tuple) or (
-        curves == OWN and not isinstance(reflectance, CookTorrance | AshikhminShirley | Lambert)
-    ):
+    own = models.own_curves(reflectance)
+    if isinstance(curves, tuple) or (curves == OWN and own is None):
         angles = curves if isinstance(curves, tuple) else _ANGLES
         given = (*_BANDS, *(_BANDS[-1],) * len(angles))[: len(angles)] if bands is None else bands
         if len(given) != len(angles):
             raise BadInput(where="bands", found=f"{len(given)} numbers", expected=f"{len(angles)}, one a curve")
         return models.from_reflectance(reflectance, angles, name, given)
-    if isinstance(reflectance, Lambert) and curves == OWN:
-        if bands is not None:
-            raise BadInput(where="bands", found="some for a matt material, whose curves have 256", expected="none")
-        return models.light_view(reflectance, name)
-    if bands is not None and len(bands) != 2:
-        raise BadInput(where="bands", found=f"{len(bands)} numbers", expected="2, one a curve")
-    more = () if bands is None else ((bands[0], bands[1]),)
-    if curves == HF:
-        return homomorphic(reflectance, name, *more)
-    if curves == HD:
-        return half_and_diffuse(reflectance, name, *more)
-    if isinstance(reflectance, CookTorrance):
-        return models.cook_torrance(reflectance, name, *more)
-    assert isinstance(reflectance, AshikhminShirley)
-    return models.ashikhmin_shirley(reflectance, name, *more)
+    found: dict[str, Callable[..., Editable]] = {HF: homomorphic, HD: half_and_diffuse}
+    make, wanted = (found[curves], 2) if own is None or curves != OWN else own
+    if bands is None:
+        return make(reflectance, name)
+    if not wanted:
+        raise BadInput(where="bands", found="some for a matt material, whose curves have 256", expected="none")
+    if len(bands) != wanted:
+        raise BadInput(where="bands", found=f"{len(bands)} numbers", expected=f"{wanted}, one a curve")
+    return make(reflectance, name, bands)
 
 
 def _tables(file: EditSceneFile) -> dict[str, EditObjectTable | EditGroundTable]:

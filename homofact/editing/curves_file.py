@@ -1,9 +1,12 @@
 """Edited curves as JSON: what an editor writes and `homofact` takes back into textures.
 
-    {"format": "homofact curves", "format_version": 1, "channels": ["R", "G", "B"], "curves": [
-      {"material": "paint", "term": "whole", "curve": "theta_h", "angle": "theta_h", "values": [[1, 1, 1], …]}]}
+    {"format": "homofact curves", "format_version": 2, "channels": ["R", "G", "B"], "curves": [
+      {"material": "paint", "term": "whole", "curve": "theta_h", "angle": "theta_h", "bands": "finer near 0",
+       "values": [[1, 1, 1], …]}]}
 
-`values` are the J means over equal bands of the angle from 0 to π/2, one number a channel each.
+`values` are the J means over bands of the angle from 0 to π/2, one number a channel each. `bands` says how they are
+divided: "equal", or "finer near 0", whose edges are at π/2 (k/J)². Files of version 1 have equal bands, and are taken
+to the others where a curve has them.
 """
 
 import json
@@ -21,7 +24,8 @@ from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.fields import Fields
 
-FORMAT, FORMAT_VERSION = "homofact curves", 1
+FORMAT, FORMAT_VERSION = "homofact curves", 2
+EQUAL, FINER = "equal", "finer near 0"
 MOST_CURVES = 10_000
 
 
@@ -34,6 +38,7 @@ def write_curves(path: str | os.PathLike[str], materials: Sequence[Editable], cu
             "term": address[1],
             "curve": address[2],
             "angle": by_name[address[0]].slot(address[1:]).angle,
+            "bands": FINER if bands.finer else EQUAL,
             "values": bands.values.tolist(),
         }
         for address, bands in curves.items()
@@ -54,6 +59,7 @@ def read_curves(path: str | os.PathLike[str], materials: Sequence[Editable]) -> 
     fields = Fields.read(target, "edited curves in JSON")
     fields.text("format", (FORMAT,))
     fields.version("format_version", FORMAT_VERSION)
+    version = fields.found["format_version"]
     channels = list(materials[0].channels)
     if fields.found.get("channels") != channels:
         fields.refuse("channels", f"{json.dumps(channels)}, as the materials have")
@@ -66,7 +72,8 @@ def read_curves(path: str | os.PathLike[str], materials: Sequence[Editable]) -> 
             slot = material.slot(address[1:])
             entry.text("angle", (slot.angle,))
             values = _values(entry, len(channels))
-            curve = material.checked(address[1:], Bands(values))
+            kind = EQUAL if version == 1 else entry.text("bands", (EQUAL, FINER))
+            curve = material.checked(address[1:], Bands(values, kind == FINER))
         except BadInput as error:
             where = entry.place.rstrip(".")
             raise (error if error.where.startswith(where) else error.at(where)) from error

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.in_kind import answering_in_kind
-from homofact.editing.angles import LETTERS, angle, check_angle
+from homofact.editing.angles import LETTERS, PEAKED, angle, check_angle
 from homofact.editing.curves import BANDS, Bands, Curve, banded
 from homofact.errors import BadInput
 from homofact.geometry.directions import above_horizon
@@ -26,7 +26,7 @@ class Slot:
 
     `also_outgoing`: the curve is over θi and multiplies once more at θo, as P of a homomorphic factorization. `sliders`
     makes the curve from numbers by name, with those it starts at; none for a curve that is only drawn by hand.
-    `bands` J, in how many steps pictures know it.
+    `bands` J, in how many steps pictures know it: finer near 0 (`finer`) over the angles of highlights, else equal.
     """
 
     name: str
@@ -51,13 +51,26 @@ class Slot:
         """Whether the curve's angle depends on the light, so that it counts in the sum over it."""
         return self.angle != "theta_o"
 
+    @property
+    def finer(self) -> bool:
+        """Whether the bands are finer near 0."""
+        return self.angle in PEAKED
+
+    def banded(self, curve: Curve) -> Bands:
+        """A curve in the bands of this place."""
+        return banded(curve, self.bands, self.finer)
+
 
 @dataclass(frozen=True)
 class Sliders:
-    """Numbers that a curve is made from: `start` values by name, and `make`, which takes them by name."""
+    """Numbers that a curve is made from: `start` values by name, and `make`, which takes them by name.
+
+    `formula` names what `make` computes for the page (formulas.js).
+    """
 
     start: Mapping[str, float | tuple[float, ...]]
     make: Callable[..., Curve]
+    formula: str
 
     def curve(self, **values: float | tuple[float, ...]) -> Curve:
         """The curve at the start values but for `values`. Raises BadInput for a name that is none of them."""
@@ -145,17 +158,20 @@ class Editable:
 
     def banded_start(self) -> dict[Place, Bands]:
         """Every curve as it starts, in its bands."""
-        return {place: banded(self.slot(place).start, self.slot(place).bands) for place in self.places}
+        return {place: self.slot(place).banded(self.slot(place).start) for place in self.places}
 
     def checked(self, place: Place, curve: Bands) -> Bands:
-        """The curve, fit for that place. Raises BadInput for another number of bands or channels, and an empty one."""
+        """The curve, fit for that place: as many bands are made finer near 0 where the place has them so.
+
+        Raises BadInput for another number of bands or channels, and a curve that is 0 everywhere.
+        """
         slot, where = self.slot(place), f"{self.name}: {place[0]}: {place[1]}"
         if curve.count != slot.bands or curve.channels != len(self.channels):
             found = f"{curve.count} bands of {curve.channels} channels"
             raise BadInput(where=where, found=f"a curve of {found}", expected=f"{slot.bands} of {len(self.channels)}")
         if not bool((curve.values > 0).any()):
             raise BadInput(where=where, found="a curve that is 0 everywhere", expected="some value above 0")
-        return curve
+        return slot.banded(curve)
 
     def edited(self, curves: "Mapping[Place, Curve]") -> "Edited":
         """The material with these curves as a `Reflectance`; places that are not named stay as they start."""

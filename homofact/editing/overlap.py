@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from homofact.editing.angles import chord_at
+from homofact.editing.angles import ANGLES, PEAKED, chord_at
 from homofact.editing.lights import TriangleLights
 from homofact.editing.shares import (
     TOLERANCE,
@@ -275,7 +275,8 @@ def transport(
     the interpreter's lock.
     """
     shapes = _Shapes(lights.vertices, lights.triangles, lights.middles, lights.sizes)
-    tables = _BandTables(*band_table(bands[0]), *band_table(bands[1]))
+    first, second = (kind >= 0 and ANGLES[kind] in PEAKED for kind in kinds)
+    tables = _BandTables(*band_table(bands[0], first), *band_table(bands[1], second))
     for begin in range(0, seen.light.shape[1], 3):
         some = seen.light[:, begin : begin + 3]
         # Three channels at a time, whatever their number.

@@ -24,8 +24,9 @@ def starting_curves(prepared: PreparedScene) -> dict[Address, Bands]:
 
 
 def summed_curves(part: PreparedTerm, material: Editable, curves: Curves) -> list[Tensor]:
-    """The curves (J, C) that count in a part's sum over the light, in their order."""
-    return [curves[material.name, part.term, slot.name].values for slot in material.term(part.term).summed]
+    """The curves (J, C) that count in a part's sum over the light, in their order, each in the bands of its place."""
+    summed = material.term(part.term).summed
+    return [slot.banded(curves[material.name, part.term, slot.name]).values for slot in summed]
 
 
 def factor_of(part: PreparedTerm, material: Editable, curves: Curves) -> Tensor:

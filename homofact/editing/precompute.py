@@ -18,7 +18,6 @@ import numpy as np
 from homofact.editing.angles import ANGLES
 from homofact.editing.basis import TOLERANCE, Basis, basis_of
 from homofact.editing.block_floats import BlockFloats
-from homofact.editing.curves import banded
 from homofact.editing.lights import TriangleLights, triangle_lights
 from homofact.editing.lowrank import CurveTransport, LowRank
 from homofact.editing.material import EditableTerm, Quotient
@@ -221,7 +220,7 @@ def _bases(work: _Work, pixels: VisiblePixels, edited: EditObject, which: np.nda
         first, pixels, edited, [lambda block, rows: block[np.arange(len(rows))[:, None], which[rows]]] * len(terms)
     )
     work.done = done
-    starts = [[banded(slot.start, slot.bands).values for slot in term.summed] for term in terms]
+    starts = [[slot.banded(slot.start).values for slot in term.summed] for term in terms]
     with ThreadPoolExecutor(work.threads) as pool:
         rows = [table.reshape(which.size, -1) for table in first]
         return list(pool.map(lambda own, curves: basis_of(own, which.ravel(), curves, tolerance), rows, starts))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from homofact.editing.curves import Bands, banded
+from homofact.editing.curves import Bands
 from homofact.editing.furnace import Albedo, albedo_of
 from homofact.editing.material import Editable, Edited
 from homofact.editing.picture import Address, factor_of, part_picture, starting_curves, summed_curves
@@ -76,7 +76,7 @@ class Session:
         if slot.sliders is None:
             wanted = "a curve drawn by hand"
             raise BadInput("has no sliders", where=f"{address[0]}: {address[1]}: {address[2]}", expected=wanted)
-        self.set({address: banded(slot.sliders.curve(**values), slot.bands)})
+        self.set({address: slot.banded(slot.sliders.curve(**values))})
 
     def undo(self) -> bool:
         """Go back one step; whether there was one."""
@@ -174,7 +174,7 @@ class Stroke:
         """Drag. Raises BadInput for a curve that does not fit."""
         self.curve = self.session.material(self.address[0]).checked(self.address[1:], curve)
         for part in self.parts.values():
-            part.set_curve(curve.values)
+            part.set_curve(self.curve.values)
 
     def update(self, terms: int = TERMS) -> int:
         """One frame: add that many wavelets to every part; how many were lacking at most. 0 says that it is settled."""

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from homofact.editing.angles import RIGHT_ANGLE
+from homofact.editing.curves import band_edges
 from homofact.linear.kernels import kernel
 
 # Shares that differ by less are alike.
@@ -17,9 +17,9 @@ _STEPS = 1024
 
 
 @lru_cache(maxsize=8)
-def band_table(count: int) -> tuple[np.ndarray, np.ndarray]:
+def band_table(count: int, finer: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """(y at the J + 1 edges of the bands, the band (steps,) that each step of y from 0 to √2 begins in)."""
-    edges = 2 * np.sin(np.arange(count + 1) * (RIGHT_ANGLE / count) / 2)
+    edges = 2 * np.sin(band_edges(count, finer).numpy() / 2)
     looked = np.searchsorted(edges, np.arange(_STEPS) * (edges[-1] / _STEPS), side="right") - 1
     return edges, np.clip(looked, 0, count - 1)
 

@@ -1,4 +1,4 @@
-"""The curves of the analytic models as functions of their sliders (σ, n, k; nu, nv).
+"""The curves of the analytic models as functions of their sliders.
 
 Each is what its model in `brdf.analytic` computes, with the same guards, so that model and curves agree to rounding.
 """
@@ -62,6 +62,58 @@ def cosine_power(exponent: float, channels: int) -> Formula:
         return value[..., None].expand(*gamma.shape, channels)
 
     return Formula(lobe, channels, f"cosine to the power {exponent:g}")
+
+
+def phong_lobe(exponent: float, channels: int) -> Formula:
+    """(n + 2)/2π cosⁿθr of `Phong`, n the `exponent` ≥ 0."""
+    return _cosine_lobe(exponent, (exponent + 2) / (2 * math.pi), channels, "Phong")
+
+
+def blinn_lobe(exponent: float, channels: int) -> Formula:
+    """(n + 2)(n + 4)/(8π(2^(−n/2) + n)) cosⁿθh of `BlinnPhong`, n the `exponent` ≥ 0."""
+    scale = (exponent + 2) * (exponent + 4) / (8 * math.pi * (2 ** (-exponent / 2) + exponent))
+    return _cosine_lobe(exponent, scale, channels, "Blinn-Phong")
+
+
+def sharpened(sharpening: float, channels: int) -> Formula:
+    """cosᵐγ, m the `sharpening` ≥ 0: what makes a lobe narrower that is in the quotient; 1 everywhere for m = 0."""
+    return _cosine_lobe(sharpening, 1.0, channels, "sharpened")
+
+
+def facet_gaussian(sigma: float, channels: int) -> Formula:
+    """exp(−(θh/σ)²)/(4πσ²) of `TorranceSparrow`, σ in radians, above 0."""
+    _check("sigma", sigma, above_zero=True)
+
+    def lobe(gamma: Tensor) -> Tensor:
+        value = torch.exp(-((gamma / sigma) ** 2)) / (4 * math.pi * sigma**2)
+        return value[..., None].expand(*gamma.shape, channels)
+
+    return Formula(lobe, channels, f"Gaussian of angles, sigma {sigma:g}")
+
+
+def slope_gaussian(alpha: float, channels: int, dimensions: int = 2) -> Formula:
+    """exp(−tan²γ/α²)/(4πα²)^(d/2), α the RMS slope above 0.
+
+    Isotropic `Ward` takes it over θh with d = 2; anisotropic, it is such a curve over θx times one over θy, d = 1 each.
+    """
+    _check("alpha", alpha, above_zero=True)
+
+    def lobe(gamma: Tensor) -> Tensor:
+        slope = torch.sin(gamma) / torch.cos(gamma).clamp_min(MIN_COSINE)
+        value = torch.exp(-((slope / alpha) ** 2)) / (4 * math.pi * alpha**2) ** (dimensions / 2)
+        return value[..., None].expand(*gamma.shape, channels)
+
+    return Formula(lobe, channels, f"Gaussian of slopes, alpha {alpha:g}")
+
+
+def _cosine_lobe(exponent: float, scale: float, channels: int, words: str) -> Formula:
+    _check("exponent", exponent)
+
+    def lobe(gamma: Tensor) -> Tensor:
+        value = scale * torch.cos(gamma).clamp_min(0) ** exponent
+        return value[..., None].expand(*gamma.shape, channels)
+
+    return Formula(lobe, channels, f"{words}, exponent {exponent:g}")
 
 
 def matte_fade(channels: int) -> Formula:

@@ -27,7 +27,7 @@ from homofact.rendering.light import EnvironmentMap
 from homofact.scene.folders import read_scene_archive
 from homofact.scene.visibility import PIXEL_ARRAYS, VisiblePixels
 
-FORMAT, FORMAT_VERSION = "homofact prepared scene", 2
+FORMAT, FORMAT_VERSION = "homofact prepared scene", 3
 _WHAT, _PAIRS = "a prepared scene", 200
 # Places, scales and sums of a scene; unit vectors.
 _MOST, _UNIT = 1e15, 1.0 + 1e-3
@@ -55,7 +55,7 @@ def digest_of(scene: EditScene, triangles: int) -> str:
         for term in edited.material.terms:
             tell(term.name, term.quotient(wi, wo).numpy())
             for slot in term.slots:
-                tell(slot.name, slot.angle, slot.bands, slot.also_outgoing)
+                tell(slot.name, slot.angle, slot.bands, slot.finer, slot.also_outgoing)
         for bands in edited.material.banded_start().values():
             tell(bands.values.numpy())
     return digest.hexdigest()

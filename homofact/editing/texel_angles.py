@@ -1,8 +1,8 @@
 """Which angles a texture knows: γ at each texel, where γ is a function of the place in the texture alone.
 
 A fixed projection takes coordinates as they are: θh, θd, θi or θo along an axis; the parabolic map of h, d, ωi or ωo,
-whose radius is tan(θ/2); θh and φh, or the map of h, from which γα and γβ follow too. A warp is undone. A searched
-projection mixes its coordinates and knows none.
+whose radius is tan(θ/2); θh and φh, or the map of h, from which γα, γβ, θx and θy follow too. A warp is undone.
+A searched projection mixes its coordinates and knows none.
 """
 
 import math
@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from homofact.editing.angles import RIGHT_ANGLE, power_angle
+from homofact.editing.angles import ANGLES, RIGHT_ANGLE, power_angle, tilt
 from homofact.factor.factorization import Term
 from homofact.geometry.directions import from_spherical
 from homofact.linear.layout import texel_centres
@@ -38,8 +38,8 @@ def angles_of_texels(term: Term[Any]) -> dict[str, Tensor]:
     if tilted is not None and "phi_h" in found:
         h = from_spherical(tilted, found["phi_h"])
         found |= {"gamma_alpha": power_angle(h, 0), "gamma_beta": power_angle(h, 1)}
-    known = ("theta_h", "theta_d", "theta_i", "theta_o", "gamma_alpha", "gamma_beta")
-    return {name: found[name].clamp(0, RIGHT_ANGLE) for name in known if name in found}
+        found |= {"theta_x": tilt(h, 0), "theta_y": tilt(h, 1)}
+    return {name: found[name].clamp(0, RIGHT_ANGLE) for name in ANGLES if name in found}
 
 
 def _axis(term: Term[Any], row: int) -> str | None:

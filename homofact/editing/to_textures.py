@@ -24,8 +24,8 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
-from homofact.editing.angles import LETTERS, RIGHT_ANGLE, angle, check_angle
-from homofact.editing.curves import Bands
+from homofact.editing.angles import LETTERS, angle, check_angle
+from homofact.editing.curves import Bands, band_place
 from homofact.editing.material import Editable, Place
 from homofact.editing.pairs import pairs_of
 from homofact.editing.texel_angles import angles_of_texels
@@ -42,11 +42,12 @@ LEAST = 1e-6
 PROVENANCE = EDITS
 PAIRS, HELD_OUT, SEED = 20_000, 10_000, 0
 _SMOOTHING = 1e-3
-_SAME_SWAPPED = ("theta_h", "theta_d", "gamma_alpha", "gamma_beta")
+_SAME_SWAPPED = ("theta_h", "theta_d", "gamma_alpha", "gamma_beta", "theta_r", "theta_x", "theta_y")
 # The projection of a texture over one angle alone.
 _OVER = {
     "theta_h": "theta_h", "theta_d": "theta_d", "theta_i": "theta_i", "theta_o": "theta_i-theta_o",
-    "gamma_alpha": "theta_h-phi_h", "gamma_beta": "theta_h-phi_h",
+    "gamma_alpha": "theta_h-phi_h", "gamma_beta": "theta_h-phi_h", "theta_x": "theta_h-phi_h",
+    "theta_y": "theta_h-phi_h",
 }  # fmt: skip
 
 
@@ -66,9 +67,12 @@ class Edit:
             raise BadInput(where="edit", found=found, expected="one over θi")
 
     def log_at(self, gamma: Tensor) -> Tensor:
-        """log r (N, C): straight lines between the bands' centres, constant beyond the first and last."""
+        """log r (N, C): straight lines from the middle of a band to the next, constant beyond the first and last.
+
+        The middle of bands that are finer near 0 is that of their edges' roots.
+        """
         logs = torch.log(self.ratio.values.clamp_min(LEAST)).to(gamma)
-        place = (gamma * (self.ratio.count / RIGHT_ANGLE) - 0.5).clamp(0, self.ratio.count - 1)
+        place = (band_place(gamma, self.ratio.count, self.ratio.finer) - 0.5).clamp(0, self.ratio.count - 1)
         number = place.floor().to(torch.int64).clamp_max(self.ratio.count - 2)
         return torch.lerp(logs[number], logs[number + 1], (place - number)[..., None])
 
@@ -79,7 +83,14 @@ class Edit:
 
     def record(self) -> dict[str, Any]:
         """The edit, JSON-able."""
-        return {"angle": self.angle, "also_outgoing": self.also_outgoing, "ratio": self.ratio.values.tolist()}
+        kind = {"finer": True} if self.ratio.finer else {}
+        return {"angle": self.angle, "also_outgoing": self.also_outgoing, "ratio": self.ratio.values.tolist()} | kind
+
+    @classmethod
+    def of_record(cls, record: dict[str, Any]) -> "Edit":
+        """The edit of a record; those of earlier builds have equal bands."""
+        ratio = torch.tensor(record["ratio"], dtype=torch.float64)
+        return cls(record["angle"], Bands(ratio, bool(record.get("finer", False))), record["also_outgoing"])
 
 
 @dataclass(frozen=True)
@@ -120,7 +131,7 @@ def edits_of(material: Editable, curves: Mapping[Place, Bands]) -> tuple[Edit, .
         # Where the start is nothing, no ratio brings light back.
         ratio = torch.where(start > 0, material.checked(place, curve).values / start.clamp_min(1e-300), 1.0)
         if bool((ratio != 1).any()):
-            found.append(Edit(slot.angle, Bands(ratio), slot.also_outgoing))
+            found.append(Edit(slot.angle, Bands(ratio, slot.finer), slot.also_outgoing))
     return tuple(found)
 
 
@@ -147,6 +158,9 @@ def apply_edit(fit: Factorization, edit: Edit, way: str | None = None, refine: i
         return min(tried, key=lambda each: each.rms)
     if chosen == "solve":
         return _judged(fit, edit, _by_solving(fit, edit, 1), "solve")
+    if edit.angle not in _OVER:
+        what = f"no projection is indexed by {LETTERS[edit.angle]} alone"
+        raise BadInput(what, where="texture", expected="solve")
     return _judged(fit, edit, _by_a_texture(fit, edit), "texture")
 
 
@@ -157,7 +171,7 @@ def undo_edit(fit: Factorization) -> Factorization:
         raise BadInput("the fit has no edit", where="undo", expected="one that was edited")
     *earlier, record = records
     try:
-        edit = Edit(record["angle"], Bands(torch.tensor(record["ratio"], dtype=torch.float64)), record["also_outgoing"])
+        edit = Edit.of_record(record)
         way, number, refine = record["way"], int(record.get("texture", 0)), int(record.get("refine", 1))
         term = fit.terms[number].tensors()
     except (KeyError, TypeError, ValueError, IndexError) as error:

@@ -8,7 +8,7 @@ the bunny and the Grace probe; without them our own stand in for them, and the p
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +21,9 @@ from homofact.brdf.analytic import AshikhminShirley, CookTorrance
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import open_source
 from homofact.editing import models
-from homofact.editing.curves import Bands, band_centres, banded
+from homofact.editing.curves import Bands, band_centres
 from homofact.editing.factored import half_and_diffuse
-from homofact.editing.picture import Address, image
+from homofact.editing.picture import Address, image, starting_curves
 from homofact.editing.precompute import prepare
 from homofact.editing.scene import EditObject, EditScene, PreparedScene
 from homofact.editing.session import Session
@@ -44,7 +44,7 @@ from scripts.shared.harness import data_folder, parser_of, progress, write
 
 # Triangles of light of all figures but the fourth, whose subject they are.
 LIGHTS = 2400
-Panel = np.ndarray | tuple[np.ndarray, ...]
+Panel = np.ndarray | tuple[Bands, ...]
 GLOSSY = CookTorrance((0.02, 0.02, 0.02), (6.0, 5.7, 4.7), 0.03, 0.06)
 PEARL = CookTorrance((0.35, 0.32, 0.3), (0.8, 0.8, 0.8), 0.02, 0.06)
 TEAPOT = AshikhminShirley((0.15, 0.15, 0.16), (0.6, 0.6, 0.62), 60, 60)
@@ -95,9 +95,9 @@ def whole(mesh: Mesh, size: float = 1.0, at: tuple[float, float, float] = (0.0, 
     return Mesh(positions, mesh.normals, mesh.triangles, mesh.name)
 
 
-def bump(count: int, at: float, width: float, height: float) -> torch.Tensor:
+def bump(curve: Bands, at: float, width: float, height: float) -> torch.Tensor:
     """(J, 1)."""
-    return torch.exp(-(((band_centres(count) - at) / width) ** 2))[:, None] * height
+    return torch.exp(-(((band_centres(curve.count, curve.finer) - at) / width) ** 2))[:, None] * height
 
 
 def shown(prepared: PreparedScene, values: torch.Tensor, exposure: float | None = None) -> tuple[np.ndarray, float]:
@@ -109,7 +109,7 @@ def shown(prepared: PreparedScene, values: torch.Tensor, exposure: float | None 
 
 
 def drawn(target: Path, rows: Sequence[Sequence[tuple[str, Panel]]], wide: float = 2.3) -> None:
-    """Panels in rows with their titles: pictures (H, W, 3), or curves (before, after) over degrees."""
+    """Panels in rows with their titles: pictures (H, W, 3), or a curve's first channel (before, after) over degrees."""
     columns = max(len(row) for row in rows)
     first = next(what for row in rows for _, what in row if isinstance(what, np.ndarray))
     tall = wide * first.shape[0] / first.shape[1]
@@ -124,9 +124,10 @@ def drawn(target: Path, rows: Sequence[Sequence[tuple[str, Panel]]], wide: float
                 place.imshow(what, interpolation="nearest")
                 continue
             place.set_axis_on()
-            degrees = np.degrees(band_centres(len(what[0])).numpy())
+            lowest_shown = 1e-3 * max(float(each.values[:, 0].max()) for each in what)
             for curve, style in zip(what, ("0.6", "C0", "C3"), strict=False):
-                place.semilogy(degrees, np.maximum(curve, 1e-3 * max(map(np.max, what))), color=style, linewidth=1)
+                degrees = np.degrees(band_centres(curve.count, curve.finer).numpy())
+                place.semilogy(degrees, np.maximum(curve.values[:, 0].numpy(), lowest_shown), color=style, linewidth=1)
             lowest, highest = place.get_ylim()
             place.yaxis.set_major_formatter("{x:g}")
             # Little more than a decade has hardly any labels but those between.
@@ -171,9 +172,9 @@ def figure_5(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     start = session.curves[address]
     tint = torch.tensor([[1.0, 0.55, 0.25]], dtype=torch.float64)
     # A hand's line: steep on one side, with a dent.
-    gamma = band_centres(start.count)[:, None]
+    gamma = band_centres(start.count, start.finer)[:, None]
     rise = torch.where(gamma > 0.45, torch.exp(-(gamma - 0.45) / 0.35), 0.0) * (1 + 0.3 * torch.sin(40 * gamma))
-    edited = Bands(start.values + 3.0 * rise * tint)
+    edited = replace(start, values=start.values + 3.0 * rise * tint)
     session.picture(0)
     stroke = session.stroke(address)
     stroke.set(edited)
@@ -190,7 +191,7 @@ def figure_5(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     errors = [float((each - reference).square().mean().sqrt()) / size for each in (incremental, approximated)]
     picture, exposure = shown(prepared, reference)
     rows = [[
-        ("the curve, before and after", tuple(each.values[:, 0].numpy() for each in (start, edited))),
+        ("the curve, before and after", (start, edited)),
         ("all 256 bands", picture),
         (f"increment of {TERMS} wavelets", shown(prepared, incremental, exposure)[0]),
         (f"{TERMS} wavelets of the curve", shown(prepared, approximated, exposure)[0]),
@@ -220,9 +221,7 @@ def told(prepared: PreparedScene, steps: list[tuple[str, dict[Address, Bands]]],
         session.set(changes)
         pictures.append((f"({letter}) {words}", shown(prepared, session.picture(0), exposure)[0]))
         address = next(iter(changes))
-        curves.append(
-            (": ".join(address), tuple(each[address].values[:, 0].numpy() for each in (before, session.curves)))
-        )
+        curves.append((": ".join(address), (before[address], session.curves[address])))
     drawn(target, [pictures, curves])
 
 
@@ -237,17 +236,17 @@ def session_2(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     )  # fmt: skip
     view = Camera((0.5, 1.3, 4.6), (0.2, -0.15, 0.0), 30, (pixels * 4 // 3, pixels), "front")
     prepared = prepare(EditScene(things, have.light, (view,)), 60 if few else LIGHTS)
-    ones = torch.ones(128, 3, dtype=torch.float64)
-    gloss, haze = ("bunny", "whole", "theta_h"), ("ball", "whole", "theta_h")
-    sharp = ones * (0.35 + bump(128, 0.0, 0.12, 6.0))
+    gloss, haze, edge = ("bunny", "whole", "theta_h"), ("ball", "whole", "theta_h"), ("ball", "whole", "theta_d")
+    # All three are 1 as they start.
+    one, other = starting_curves(prepared)[gloss], starting_curves(prepared)[edge]
+    sharp = one.values * (0.35 + bump(one, 0.0, 0.12, 6.0))
+    golden = torch.tensor([[9.0, 6.0, 1.0]], dtype=torch.float64)
     steps = [
-        ("bunny: a sharper gloss", {gloss: Bands(sharp)}),
-        ("bunny: and a haze", {gloss: Bands(sharp + bump(128, 0.55, 0.2, 1.5))}),
-        ("ball: a golden ring", {haze: Bands(ones + bump(128, 0.5, 0.12, 1.0)
-                                            * torch.tensor([[9.0, 6.0, 1.0]], dtype=torch.float64))}),
-        ("ball: brighter at grazing", {("ball", "whole", "theta_d"): Bands(torch.ones(32, 3, dtype=torch.float64)
-                                                                          + bump(32, 1.5, 0.35, 6.0))}),
-    ]  # fmt: skip
+        ("bunny: a sharper gloss", {gloss: replace(one, values=sharp)}),
+        ("bunny: and a haze", {gloss: replace(one, values=sharp + bump(one, 0.55, 0.2, 1.5))}),
+        ("ball: a golden ring", {haze: replace(one, values=one.values + bump(one, 0.5, 0.12, 1.0) * golden)}),
+        ("ball: brighter at grazing", {edge: replace(other, values=other.values + bump(other, 1.5, 0.35, 6.0))}),
+    ]
     told(prepared, steps, target)
     return [
         f"A session in the manner of figure 2: {have.words['bunny']} of {have.words['paint']} and a ball of"
@@ -270,10 +269,10 @@ def session_6(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     def slid(address: Address, **values: float) -> dict[Address, Bands]:
         slot = made[address[0]].slot(address[1:])
         assert slot.sliders is not None
-        return {address: banded(slot.sliders.curve(**values), slot.bands)}
+        return {address: slot.banded(slot.sliders.curve(**values))}
 
-    half = ("ball", "specular", "half")
-    start = made["ball"].banded_start()["specular", "half"].values
+    half, green = ("ball", "specular", "half"), torch.tensor([[0.4, 1.5, 8.0]], dtype=torch.float64)
+    start = made["ball"].banded_start()["specular", "half"]
     steps = [
         ("knot: brushed, nu 60 to 6", slid(("knot", "specular", "alpha"), nu=6)),
         ("knot: nv 60 to 600", slid(("knot", "specular", "beta"), nv=600)),
@@ -281,7 +280,7 @@ def session_6(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
             "tray: sigma 0.25 to 0.06, n 4",
             slid(("tray", "specular", "distribution"), sigma=0.06) | slid(("tray", "specular", "fresnel"), n=4.0),
         ),
-        ("ball: green highlights", {half: Bands(start * torch.tensor([[0.4, 1.5, 8.0]], dtype=torch.float64))}),
+        ("ball: green highlights", {half: replace(start, values=start.values * green)}),
     ]
     told(prepared, steps, target)
     return [

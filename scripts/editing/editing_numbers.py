@@ -13,7 +13,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -24,7 +24,7 @@ from homofact.brdf.analytic import AshikhminShirley, CookTorrance, Lambert
 from homofact.brdf.log_transform import LogTransform
 from homofact.editing import factored, models
 from homofact.editing.basis import TOLERANCE
-from homofact.editing.curves import Bands, band_centres, banded, flat
+from homofact.editing.curves import Bands, band_centres, flat
 from homofact.editing.lowrank import LowRank
 from homofact.editing.material import Editable, EditableTerm
 from homofact.editing.pairs import pairs_of
@@ -111,9 +111,9 @@ def scene_of(size: int) -> EditScene:
 
 def bumped(curve: Bands, at: float) -> Bands:
     """A curve raised about one angle."""
-    gamma = band_centres(curve.count)
+    gamma = band_centres(curve.count, curve.finer)
     bump = 1 + 0.5 * torch.exp(-(((gamma - at) / 0.1) ** 2))
-    return Bands(curve.values * bump[:, None])
+    return replace(curve, values=curve.values * bump[:, None])
 
 
 def bands_of(prepared: PreparedScene) -> str:
@@ -247,8 +247,7 @@ def main(arguments: list[str] | None = None) -> int:
     fewer = timed(lambda: prepare(scene, max(triangles // 10, 8)))
     covered = len(prepared.pixels[0])
     session = Session(prepared)
-    starting = {address: banded(curve, curve.count) for address, curve in starting_curves(prepared).items()}
-    assert starting.keys() == session.curves.keys()
+    assert starting_curves(prepared).keys() == session.curves.keys()
     first = timed(lambda: session.picture(0))
     full = sum(4 * 3 * len(part.rows) * math.prod(part.transport.bands) for part in prepared.parts)
     lines = [

@@ -22,7 +22,7 @@ from homofact.brdf.analytic import AshikhminShirley, CookTorrance
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.editing import models
-from homofact.editing.curves import Bands, band_centres, banded
+from homofact.editing.curves import Bands, band_centres
 from homofact.editing.lights import triangle_lights
 from homofact.editing.material import Editable, Place
 from homofact.editing.pairs import pairs_of
@@ -66,9 +66,10 @@ class Case:
     asked: Reflectance
 
 
-def bump(count: int, at: float, width: float, height: float) -> torch.Tensor:
-    """(J, 1): 1 but about one angle."""
-    return 1 + height * torch.exp(-(((band_centres(count) - at) / width) ** 2))[:, None]
+def bumped(curve: Bands, at: float, width: float, height: float) -> Bands:
+    """The curve raised about one angle."""
+    gamma = band_centres(curve.count, curve.finer)
+    return replace(curve, values=curve.values * (1 + height * torch.exp(-(((gamma - at) / width) ** 2))[:, None]))
 
 
 def cases(folder: Path) -> list[Case]:
@@ -78,19 +79,19 @@ def cases(folder: Path) -> list[Case]:
     slot = paint.slot(("specular", "distribution"))
     assert slot.sliders is not None
     broad = {
-        ("specular", "distribution"): banded(slot.sliders.curve(sigma=0.3), slot.bands),
-        ("specular", "fresnel"): Bands(start["specular", "fresnel"].values * bump(64, 0.9, 0.3, 2.0)),
+        ("specular", "distribution"): slot.banded(slot.sliders.curve(sigma=0.3)),
+        ("specular", "fresnel"): bumped(start["specular", "fresnel"], 0.9, 0.3, 2.0),
     }
     brushed = models.ashikhmin_shirley(BRUSHED, "AS")
     slot = brushed.slot(("specular", "alpha"))
     assert slot.sliders is not None
     turned = {
-        ("specular", "alpha"): banded(slot.sliders.curve(nu=15), slot.bands),
-        ("specular", "beta"): Bands(brushed.banded_start()["specular", "beta"].values * bump(128, 0.3, 0.1, 0.5)),
+        ("specular", "alpha"): slot.banded(slot.sliders.curve(nu=15)),
+        ("specular", "beta"): bumped(brushed.banded_start()["specular", "beta"], 0.3, 0.1, 0.5),
     }
     fit = fitted()
     whole = models.from_reflectance(fit, ("theta_h", "theta_d"), "fit")
-    ring = {("whole", "theta_h"): Bands(bump(256, 0.5, 0.2, 2.0).expand(-1, 3).contiguous())}
+    ring = {("whole", "theta_h"): bumped(whole.banded_start()["whole", "theta_h"], 0.5, 0.2, 2.0)}
     edited = fit
     for edit in edits_of(whole, ring):
         edited = apply_edit(edited, edit, refine=4).fit

@@ -43,7 +43,7 @@ def fresh(page: Any) -> None:
     page.execute_script(
         "const p = homofact.page; p.step = p.axisHeld = null; p.history.states.length = 1; p.history.now = 0;"
         "p.history.kept.length = 1; p.controls.fillKept(); p.budget = 1e6; p.note('');"
-        "Object.assign(p.state, {view: 0, tool: 'brush', channel: null, logs: false, root: false, band: 8,"
+        "Object.assign(p.state, {view: 0, tool: 'brush', channel: null, logs: false, root: true, band: 8,"
         " show: 'after', compare: 0, split: 0.5, tones: 'filmic'}); p.controls.edit(0, 2);"
         "document.activeElement?.blur(); p.changed('all');"
     )
@@ -75,7 +75,7 @@ def drag(driver: Any, start: tuple[int, float], *stops: tuple[int, float]) -> No
     """The pointer from one (band, level) of the plot to others."""
     plot = driver.find_element(By.ID, "plot")
     places = driver.execute_script(
-        "const plot = homofact.page.plot; return arguments[0].map(([j, y]) => [plot.x((j + 0.5) / plot.bands)"
+        "const plot = homofact.page.plot; return arguments[0].map(([j, y]) => [plot.middle(j)"
         " - plot.width / 2, plot.y(y) - plot.height / 2])",
         [start, *stops],
     )
@@ -117,13 +117,13 @@ def test_one_channel_is_pulled_by_the_brush_and_the_others_stay(page: Any) -> No
     assert after[12, 1] - before[12, 1] == pytest.approx(1, abs=0.02 * high)
     assert (after[:, [0, 2]] == before[:, [0, 2]]).all()
     change = after[:, 1] - before[:, 1]
-    # A bell of 6 degrees, which are 4.27 of the 64 bands.
-    assert change[8] / change[12] == pytest.approx(np.exp(-0.5 * (4 / (6 / 90 * 64)) ** 2), rel=1e-6)
+    # A bell of a fifteenth of the axis, which is 4.27 of the 64 bands.
+    assert change[8] / change[12] == pytest.approx(np.exp(-0.5 * (4 / (64 / 15)) ** 2), rel=1e-6)
 
 
 def test_handles_move_what_is_between_their_neighbours(page: Any) -> None:
     press(page, "h", "l")
-    handles = page.execute_script("return homofact.shapes.handlesOf(64)")
+    handles = page.execute_script("return homofact.shapes.handlesOf(homofact.page.curve)")
     assert handles[0] == 0
     assert handles[-1] == 63
     before, band = values(page), handles[5]
@@ -151,7 +151,7 @@ def test_keys_move_the_point_and_raise_it(page: Any) -> None:
     assert after[9] == pytest.approx(1.05 * before[9], rel=1e-12)
     assert (np.delete(after, 9, 0) == np.delete(before, 9, 0)).all()
     said = page.execute_script("return document.getElementById('plot').getAttribute('aria-valuetext')")
-    assert said.startswith("θh 13.4°")
+    assert said.startswith("θh 2.0°")
     press(page, Keys.END)
     assert page.execute_script("return homofact.state.band") == 63
     ActionChains(page).key_down(Keys.CONTROL).send_keys("z").key_up(Keys.CONTROL).perform()
@@ -167,7 +167,7 @@ def test_every_shortcut_does_what_the_help_says(page: Any) -> None:
     press(page, "n", "x", "t", "E", "v", "]", "2")
     state = page.execute_script("return homofact.state")
     assert (state["channel"], state["root"], state["tones"], state["show"], state["view"]) == (
-        0, True, "srgb", "split", 1,
+        0, False, "srgb", "split", 1,
     )  # fmt: skip
     assert state["stops"] == pytest.approx(0.3)
     assert state["split"] == pytest.approx(0.55)
@@ -215,8 +215,8 @@ def test_shapes_do_what_they_say(page: Any) -> None:
     before = values(page)
     click(page, "#shapes button:nth-child(3)")
     narrow = values(page)
-    centres = np.arange(64) + 0.5
-    place = np.minimum(1.25 * centres, 63.5) - 0.5
+    # Bands finer near 0: 1.25 times the angle is √1.25 times the place.
+    place = np.minimum(np.sqrt(1.25) * (np.arange(64) + 0.5), 63.5) - 0.5
     expected = np.stack([np.interp(place, np.arange(64), before[:, c]) for c in range(3)], 1)
     assert narrow == pytest.approx(expected, rel=1e-9)
     click(page, "#channel button[data-value='2']")
@@ -300,6 +300,7 @@ def entry(address: Address = ("clay", "whole", "half"), **given: Any) -> dict[st
         "term": address[1],
         "curve": address[2],
         "angle": "theta_h",
+        "bands": "finer near 0",
         "values": [[1, 1, 1]] * 32,
     }
     return own | given
@@ -309,7 +310,7 @@ def holding(*entries: dict[str, Any]) -> dict[str, Any]:
     return {**WHOLE, "curves": list(entries)}
 
 
-WHOLE = {"format": "homofact curves", "format_version": 1, "channels": ["R", "G", "B"], "curves": [entry()]}
+WHOLE = {"format": "homofact curves", "format_version": 2, "channels": ["R", "G", "B"], "curves": [entry()]}
 
 
 @pytest.mark.parametrize(
@@ -318,7 +319,8 @@ WHOLE = {"format": "homofact curves", "format_version": 1, "channels": ["R", "G"
         ("{", "file: found no JSON, expected edited curves in JSON."),
         ([1], "file: found [1], expected an object."),
         ({**WHOLE, "format": "x"}, 'format: found "x", expected homofact curves.'),
-        ({**WHOLE, "format_version": 2}, "format_version: found 2, expected 1 at most"),
+        ({**WHOLE, "format_version": 3}, "format_version: found 3, expected 2 at most"),
+        (holding(entry(bands="even")), 'curves[0].bands: found "even", expected one of equal, finer near 0.'),
         ({**WHOLE, "channels": ["grey"]}, 'channels: found ["grey"], expected ["R","G","B"], as the materials have.'),
         ({**WHOLE, "curves": []}, "curves: found [], expected 1 to 10000 objects."),
         (holding(entry(("gold", "whole", "half"))), 'curves[0].material: found "gold", expected one of'),

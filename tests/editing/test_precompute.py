@@ -97,10 +97,14 @@ def test_a_sliders_picture_is_the_model_rendered_again() -> None:
     curves = starting_curves(prepared)
     slot = scene.objects[0].material.slot(("specular", "distribution"))
     assert slot.sliders is not None
-    curves["x", "specular", "distribution"] = banded(slot.sliders.curve(sigma=0.4), 256)
+    curves["x", "specular", "distribution"] = slot.banded(slot.sliders.curve(sigma=0.4))
     again = prepare(single(models.cook_torrance(replace(PAINT, roughness=0.4), "x", (256, 64)), views=(SMALL,)),
                     700, "full")  # fmt: skip
-    assert relative(radiance(prepared, 0, curves), radiance(again, 0, starting_curves(again))) < 1e-6
+    expected = radiance(again, 0, starting_curves(again))
+    assert relative(radiance(prepared, 0, curves), expected) < 1e-6
+    # A curve in bands of another kind is taken to those of its place.
+    curves["x", "specular", "distribution"] = banded(slot.sliders.curve(sigma=0.4), 256)
+    assert 1e-6 < relative(radiance(prepared, 0, curves), expected) < 2e-3
 
 
 def test_shadows_fall_where_something_is_in_the_way() -> None:

@@ -160,11 +160,33 @@ def test_curves_come_back_from_their_file(tmp_path: Path) -> None:
     assert all(torch.equal(found[each].values, session.curves[each].values) for each in found)
 
 
+def test_equal_bands_of_earlier_files_are_taken_to_finer_ones(tmp_path: Path) -> None:
+    materials = [models.cook_torrance(PAINT, "paint", (64, 64))]
+    rows = (1 + torch.arange(64, dtype=torch.float64)[:, None].expand(-1, 3)).tolist()
+    entry = {"material": "paint", "term": "specular", "curve": "distribution", "angle": "theta_h", "values": rows}
+    file = {"format": "homofact curves", "format_version": 1, "channels": ["R", "G", "B"], "curves": [entry]}
+    place = tmp_path / "curves.json"
+    place.write_text(json.dumps(file), encoding="utf-8")
+    (found,) = read_curves(place, materials).values()
+    assert found.finer
+    # The last band, of 2.8 degrees, covers the last two; the first ones lie within the first.
+    assert found.values[:8, 0].tolist() == pytest.approx([1.0] * 8)
+    share = 1 - (63 / 64) ** 2
+    assert float(found.values[63, 0]) == pytest.approx((64 / 64 + (share - 1 / 64) * 63) / share, rel=1e-12)
+
+
 def good_file() -> dict[str, Any]:
     rows = [[1.0, 1.0, 1.0]] * 64
-    entry = {"material": "paint", "term": "specular", "curve": "fresnel", "angle": "theta_d", "values": rows}
+    entry = {
+        "material": "paint",
+        "term": "specular",
+        "curve": "fresnel",
+        "angle": "theta_d",
+        "bands": "equal",
+        "values": rows,
+    }
     channels = ["R", "G", "B"]
-    return {"format": "homofact curves", "format_version": 1, "channels": channels, "curves": [entry]}
+    return {"format": "homofact curves", "format_version": 2, "channels": channels, "curves": [entry]}
 
 
 def with_values(values: Any) -> dict[str, Any]:
@@ -197,7 +219,8 @@ def with_entry(**change: Any) -> dict[str, Any]:
         (with_entry(angle="theta_h"), r"curves\[0\].angle: found \"theta_h\", expected one of theta_d"),
         ({**good_file(), "channels": ["Y"]}, r"channels: found \[\"Y\"\], expected \[\"R\", \"G\", \"B\"\]"),
         ({**good_file(), "format": "x"}, 'format: found "x", expected one of homofact curves'),
-        ({**good_file(), "format_version": 2}, r"format version 2, expected at most 1 \(update homofact\)"),
+        ({**good_file(), "format_version": 3}, r"format version 3, expected at most 2 \(update homofact\)"),
+        (with_entry(bands="even"), r"curves\[0\].bands: found \"even\", expected one of equal, finer near 0"),
         ({**good_file(), "curves": []}, "curves: found .., expected 1 to"),
         (
             {**good_file(), "curves": good_file()["curves"] * 2},

@@ -86,8 +86,8 @@ def test_damage_is_named(stored: tuple[Path, PreparedScene], tmp_path: Path) -> 
         write_archive(broken, header, left)
         with pytest.raises(BadInput, match=words):
             read_prepared(broken, prepared.scene)
-    write_archive(broken, {**header, "format_version": 1}, arrays)
-    with pytest.raises(BadInput, match=r"broken\.npz: of an earlier homofact, expected format version 2 \(prepare it"):
+    write_archive(broken, {**header, "format_version": 2}, arrays)
+    with pytest.raises(BadInput, match=r"broken\.npz: of an earlier homofact, expected format version 3 \(prepare it"):
         read_prepared(broken, prepared.scene)
     write_archive(broken, {**header, "format": "x"}, arrays)
     with pytest.raises(BadInput, match="format: found"):

@@ -13,7 +13,7 @@ from homofact.brdf.analytic import CookTorrance
 from homofact.brdf.log_transform import LogTransform
 from homofact.editing import factored, models
 from homofact.editing.angles import RIGHT_ANGLE, angle
-from homofact.editing.curves import Bands, band_centres
+from homofact.editing.curves import Bands, band_centres, banded
 from homofact.editing.pairs import pairs_of
 from homofact.editing.texel_angles import angles_of_texels
 from homofact.editing.to_textures import PROVENANCE, AppliedEdit, Edit, apply_edit, edits_of, undo_edit
@@ -73,6 +73,7 @@ def off(found: Factorization, expected: torch.Tensor) -> float:
 
 PLAIN = ("theta_h-theta_d", "theta_h-phi_h", "h", "d", "wi", "wo", "theta_i-theta_o", "theta_h", "theta_d", "theta_i",
          "theta_d-phi_d", "theta_h-tilt")  # fmt: skip
+TILTS = ("gamma_alpha", "gamma_beta", "theta_x", "theta_y")
 WARPED = ("theta_h-theta_d", "theta_h-phi_h", "h", "theta_h")
 
 
@@ -86,8 +87,8 @@ def test_texels_stand_at_the_angles_that_read_them(name: str, width: float | Non
     term = Term(projection, empty, torch.ones(rows, columns, dtype=torch.bool))
     known = angles_of_texels(term)
     expected = {
-        "theta_h-theta_d": {"theta_h", "theta_d"}, "theta_h-phi_h": {"theta_h", "gamma_alpha", "gamma_beta"},
-        "h": {"theta_h", "gamma_alpha", "gamma_beta"}, "d": {"theta_d"}, "wi": {"theta_i"}, "wo": {"theta_o"},
+        "theta_h-theta_d": {"theta_h", "theta_d"}, "theta_h-phi_h": {"theta_h", *TILTS},
+        "h": {"theta_h", *TILTS}, "d": {"theta_d"}, "wi": {"theta_i"}, "wo": {"theta_o"},
         "theta_i-theta_o": {"theta_i", "theta_o"}, "theta_d-phi_d": {"theta_d"}, "theta_h-tilt": {"theta_h"},
     }.get(name, {name})  # fmt: skip
     assert set(known) == expected
@@ -96,7 +97,7 @@ def test_texels_stand_at_the_angles_that_read_them(name: str, width: float | Non
         holds = Factorization((replace(term, texture=values[..., None]),), transform, ("Y",))
         difference = (holds.evaluate_log(WI, WO)[:, 0] - angle(each, WI, WO)).abs()
         # The azimuth of h is undefined at the pole, and γα and γβ hang on it.
-        assert float(difference.max()) < (0.02 if each.startswith("gamma") else 0.006)
+        assert float(difference.max()) < (0.02 if each.startswith("gamma") else 0.007)
         assert float(difference.mean()) < 1e-3
 
 
@@ -237,7 +238,7 @@ def test_edits_of_a_material_are_ratios_to_its_start() -> None:
     curve = ratio("theta_h").ratio
     (found,) = edits_of(material, {("whole", "theta_h"): curve})
     assert found.angle == "theta_h"
-    assert torch.equal(found.ratio.values, curve.values)
+    assert torch.equal(found.ratio.values, banded(curve, 256, finer=True).values)
     made = apply_edit(fit, found)
     assert isinstance(made, AppliedEdit)
     # The same material with that curve, up to what a band and a texel round.

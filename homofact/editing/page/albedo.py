@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from homofact.editing.angles import angle
+from homofact.editing.angles import PEAKED, angle
 from homofact.editing.curves import band_of
 from homofact.editing.furnace import DEGREES, furnace_nodes
 from homofact.editing.material import EditableTerm
@@ -43,7 +43,7 @@ def furnace_table(term: EditableTerm) -> FurnaceTable:
     for number, degrees in enumerate(DEGREES):
         combined, values = [], []
         for wi, wo, share in furnace_nodes(degrees):
-            columns = [band_of(angle(name, wi, wo), count).numpy() for _, name, count in factors(term)]
+            columns = [band_of(angle(name, wi, wo), count, name in PEAKED).numpy() for _, name, count in factors(term)]
             combined.append(np.stack(columns, 1))
             values.append((term.quotient(wi, wo) * share[:, None]).numpy())
         bands, value = np.concatenate(combined), np.concatenate(values)

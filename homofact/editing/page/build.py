@@ -133,10 +133,12 @@ def _curve(place: Place, slot: Slot, values: list[list[float]]) -> dict[str, Any
         "angle": slot.angle,
         "letters": LETTERS[slot.angle],
         "bands": slot.bands,
+        "finer": slot.finer,
         "also": slot.also_outgoing,
         "summed": slot.in_sum,
         "start": values,
         "sliders": None if slot.sliders is None else dict(slot.sliders.start),
+        "formula": None if slot.sliders is None else slot.sliders.formula,
     }
 
 

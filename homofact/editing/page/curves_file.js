@@ -1,11 +1,13 @@
 // Edited curves as JSON, in the format of curves_file.py: writing, and reading with one line for whatever is wrong.
 
+const EQUAL = "equal", FINER = "finer near 0";
+
 /** The text of a file with these curves as `state` has them. */
 function curvesText(file, channels, curves, state) {
   const entries = curves.map((curve) => {
     const { values } = state[curve.index], rows = [];
     for (let j = 0; j < curve.bands; j++) rows.push([...values.subarray(j * curve.channels, (j + 1) * curve.channels)]);
-    return { material: curve.materialName, term: curve.term, curve: curve.name, angle: curve.angle, values: rows };
+    return { material: curve.materialName, term: curve.term, curve: curve.name, angle: curve.angle, bands: curve.finer ? FINER : EQUAL, values: rows };
   });
   return `${JSON.stringify({ format: file.format, format_version: file.version, channels, curves: entries })}\n`;
 }
@@ -44,9 +46,30 @@ function readCurves(text, file, channels, curves) {
     const [curve] = left;
     one(entry, place, "angle", [curve.angle]);
     if (changes.has(curve.index)) refuse(`${place}curve`, short(entry.curve), "each curve once");
-    changes.set(curve.index, { values: checkedValues(entry.values, curve, place, refuse, short), sliders: null });
+    const kind = found.format_version === 1 ? EQUAL : one(entry, place, "bands", [EQUAL, FINER]);
+    const values = checkedValues(entry.values, curve, place, refuse, short);
+    changes.set(curve.index, { values: rebanded(values, { ...curve, finer: kind === FINER }, curve), sliders: null });
   });
   return [...changes];
+}
+
+/** Means over bands of another kind, by the integral of constant pieces from 0, as curves.py has them. */
+function rebanded(values, from, to) {
+  if (from.finer === to.finer) return values;
+  const { bands, channels } = from, found = new Float64Array(values.length);
+  for (let c = 0; c < channels; c++) {
+    const integral = [0];
+    for (let j = 0; j < bands; j++) integral.push(integral[j] + values[j * channels + c] * (shareAt(from, j + 1) - shareAt(from, j)));
+    const upTo = (share) => {
+      const j = Math.min(Math.floor(placeAt(from, share)), bands - 1);
+      return integral[j] + values[j * channels + c] * (share - shareAt(from, j));
+    };
+    for (let j = 0; j < bands; j++) {
+      const [low, high] = [shareAt(to, j), shareAt(to, j + 1)];
+      found[j * channels + c] = Math.max((upTo(high) - upTo(low)) / (high - low), 0);
+    }
+  }
+  return found;
 }
 
 function checkedValues(rows, curve, place, refuse, short) {

@@ -1,4 +1,4 @@
-// Curves of the analytic models as functions of their sliders, as starts.py has them, and means over bands.
+// How curves are divided into bands, curves of the analytic models as functions of their sliders, as starts.py has them.
 
 const RIGHT_ANGLE = Math.PI / 2;
 const LEAST_COSINE = 1e-6;
@@ -29,29 +29,55 @@ function cosinePower(gamma, exponent) {
   return Math.sqrt(exponent + 1) * Math.exp(exponent * logarithm);
 }
 
-/** What sliders of these names make: the value of a channel at γ, and the range of each on a logarithmic scale or not. */
-const FORMULAS = {
-  "sigma": { at: (gamma, { sigma }) => beckmann(gamma, sigma), ranges: { sigma: { low: 0.01, high: 1, logs: true, hint: "RMS slope of the facets" } } },
-  "n,k": {
-    at: (gamma, { n, k }, channel) => fresnel(gamma, n[channel], k[channel]),
-    ranges: { n: { low: 0.05, high: 10, logs: true, hint: "refractive index" }, k: { low: 0, high: 10, logs: false, hint: "extinction" } },
-  },
-  "nu": { at: (gamma, { nu }) => cosinePower(gamma, nu), ranges: { nu: { low: 1, high: 10000, logs: true, hint: "exponent along x" } } },
-  "nv": { at: (gamma, { nv }) => cosinePower(gamma, nv), ranges: { nv: { low: 1, high: 10000, logs: true, hint: "exponent along y" } } },
-};
+/** scale · cosⁿγ. */
+const cosineLobe = (gamma, exponent, scale) => scale * Math.max(Math.cos(gamma), 0) ** exponent;
 
-/** The formula of a curve's sliders, or null where this page knows none. */
-function formulaOf(sliders) {
-  return sliders ? FORMULAS[Object.keys(sliders).join()] ?? null : null;
+/** (n + 2)(n + 4)/(8π(2^(−n/2) + n)), Blinn's lobe at its peak. */
+const blinnPeak = (n) => ((n + 2) * (n + 4)) / (8 * Math.PI * (2 ** (-n / 2) + n));
+
+/** exp(−tan²γ/α²)/(4πα²)^(d/2). */
+function slopeGaussian(gamma, alpha, dimensions) {
+  const slope = Math.sin(gamma) / Math.max(Math.cos(gamma), LEAST_COSINE);
+  return Math.exp(-((slope / alpha) ** 2)) / (4 * Math.PI * alpha ** 2) ** (dimensions / 2);
 }
 
-/** Means (J × C) over each of J equal bands of [0, π/2] of a curve at slider values. */
-function bandedFormula(formula, sliders, bands, channels) {
-  const found = new Float64Array(bands * channels), width = RIGHT_ANGLE / bands;
+const range = (low, high, logs, hint) => ({ low, high, logs, hint });
+
+/** What sliders make, by the name of the formula: the value of a channel at γ, and the range of each on a logarithmic scale or not. */
+const FORMULAS = {
+  beckmann: { at: (gamma, { sigma }) => beckmann(gamma, sigma), ranges: { sigma: range(0.01, 1, true, "RMS slope of the facets") } },
+  fresnel: {
+    at: (gamma, { n, k }, channel) => fresnel(gamma, n[channel], k[channel]),
+    ranges: { n: range(0.05, 10, true, "refractive index"), k: range(0, 10, false, "extinction") },
+  },
+  cosine_power_u: { at: (gamma, { nu }) => cosinePower(gamma, nu), ranges: { nu: range(1, 10000, true, "exponent along x") } },
+  cosine_power_v: { at: (gamma, { nv }) => cosinePower(gamma, nv), ranges: { nv: range(1, 10000, true, "exponent along y") } },
+  phong: {
+    at: (gamma, { exponent: n }) => cosineLobe(gamma, n, (n + 2) / (2 * Math.PI)), ranges: { exponent: range(1, 10000, true, "Phong's exponent") },
+  },
+  blinn: { at: (gamma, { exponent: n }) => cosineLobe(gamma, n, blinnPeak(n)), ranges: { exponent: range(1, 10000, true, "Blinn's exponent") } },
+  facet_gaussian: {
+    at: (gamma, { sigma }) => Math.exp(-((gamma / sigma) ** 2)) / (4 * Math.PI * sigma ** 2),
+    ranges: { sigma: range(0.01, 1, true, "width of the Gaussian in radians") },
+  },
+  ward: { at: (gamma, { alpha }) => slopeGaussian(gamma, alpha, 2), ranges: { alpha: range(0.01, 1, true, "RMS slope") } },
+  ward_x: { at: (gamma, { alpha_x: alpha }) => slopeGaussian(gamma, alpha, 1), ranges: { alpha_x: range(0.01, 1, true, "RMS slope along x") } },
+  ward_y: { at: (gamma, { alpha_y: alpha }) => slopeGaussian(gamma, alpha, 1), ranges: { alpha_y: range(0.01, 1, true, "RMS slope along y") } },
+  sharpened: { at: (gamma, { sharpening: m }) => cosineLobe(gamma, m, 1), ranges: { sharpening: range(0, 500, false, "added to the lobe's exponent") } },
+};
+
+/** The share of [0, 90°] at a place among a curve's bands (k at the lower edge of band k), and the place of a share. */
+const shareAt = ({ bands, finer }, place) => (finer ? (place / bands) ** 2 : place / bands);
+const placeAt = ({ bands, finer }, share) => (finer ? Math.sqrt(share) : share) * bands;
+
+/** Means (J × C) over each of a curve's bands of what its formula gives at slider values. */
+function bandedFormula(curve, sliders) {
+  const { formula, bands, channels } = curve, found = new Float64Array(bands * channels);
   for (let j = 0; j < bands; j++) {
+    const low = RIGHT_ANGLE * shareAt(curve, j), width = RIGHT_ANGLE * shareAt(curve, j + 1) - low;
     for (let c = 0; c < channels; c++) {
       let sum = 0;
-      for (let q = 0; q < 8; q++) sum += NODE_WEIGHTS[q] * formula.at((j + NODES[q]) * width, sliders, c);
+      for (let q = 0; q < 8; q++) sum += NODE_WEIGHTS[q] * formula.at(low + NODES[q] * width, sliders, c);
       found[j * channels + c] = Math.max(sum, 0);
     }
   }

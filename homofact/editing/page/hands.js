@@ -1,8 +1,8 @@
 // Pointer and keys on the plot: freehand, brush and handles. Every drag is one step of the history.
 
 const TOOLS = ["draw", "brush", "handles"];
-// The brush's width in degrees.
-const BRUSH = 6;
+// The brush's width as a share of the bands.
+const BRUSH = 1 / 15;
 
 class Hands {
   /** `page` has state { tool, channel, logs, root, band }, the curve that is edited, and takes its new values. */
@@ -28,10 +28,10 @@ class Hands {
   weights(band) {
     const { curve } = this.page, { tool } = this.page.state;
     if (tool === "handles") {
-      const handles = handlesOf(curve.bands);
+      const handles = handlesOf(curve);
       return hatOf(curve.bands, handles, handles.indexOf(nearest(handles, band)));
     }
-    return bell(curve.bands, band, Math.max((BRUSH / 90) * curve.bands, 0.6));
+    return bell(curve.bands, band, Math.max(BRUSH * curve.bands, 0.6));
   }
 
   down(event) {
@@ -51,7 +51,7 @@ class Hands {
   }
 
   nearestHandle(x) {
-    const { plot, page } = this, handles = handlesOf(page.curve.bands), far = (j) => Math.abs(plot.x((j + 0.5) / plot.bands) - x);
+    const { plot, page } = this, handles = handlesOf(page.curve), far = (j) => Math.abs(plot.middle(j) - x);
     return handles.reduce((best, j) => (far(j) < far(best) ? j : best));
   }
 
@@ -87,7 +87,7 @@ class Hands {
     const { page } = this, { state, curve } = page, { bands } = curve;
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const along = { ArrowLeft: -1, ArrowRight: 1 }[event.key], up = { ArrowUp: 1, ArrowDown: -1, PageUp: 5, PageDown: -5 }[event.key];
-    const handles = handlesOf(bands), here = handles.indexOf(nearest(handles, state.band));
+    const handles = handlesOf(curve), here = handles.indexOf(nearest(handles, state.band));
     if (along) {
       state.band = state.tool === "handles" ? handles[clamped(here + along, 0, handles.length - 1)]
         : clamped(state.band + along * (event.shiftKey ? Math.ceil(bands / 32) : 1), 0, bands - 1);

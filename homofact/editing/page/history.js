@@ -6,9 +6,9 @@ const MOST_STATES = 200;
 function curvesOf(data) {
   const channels = data.channels.length;
   return data.materials.flatMap((material, m) => material.curves.map((given) => {
-    const formula = formulaOf(given.sliders);
+    const formula = FORMULAS[given.formula] ?? null;
     const start = { values: Float64Array.from(given.start.flat()), sliders: formula ? given.sliders : null };
-    return { ...given, material: m, materialName: material.name, channels, start, formula };
+    return { ...given, material: m, materialName: material.name, channels, start, formula, presets: PRESETS[given.formula] };
   })).map((curve, index) => ({ ...curve, index }));
 }
 

@@ -11,12 +11,12 @@ class Page {
     Object.assign(this, { data, curves, views, furnaces, materials });
     this.history = new History(curves);
     this.state = {
-      view: 0, material: 0, curve: 0, tool: "brush", channel: null, logs: false, root: false, band: 0, show: "after", compare: 0,
+      view: 0, material: 0, curve: 0, tool: "brush", channel: null, logs: false, root: true, band: 0, show: "after", compare: 0,
       split: 0.5, stops: 0, tones: "filmic",
     };
     // The first curve that the picture depends on most plainly: a specular one where there is one.
     const first = curves.find((curve) => curve.angle !== "theta_i" && curve.angle !== "theta_o") ?? curves[0];
-    Object.assign(this.state, { material: first.material, curve: first.index, band: Math.floor(first.bands / 8) });
+    Object.assign(this.state, { material: first.material, curve: first.index, root: first.finer, band: Math.floor(first.bands / (first.finer ? 4 : 8)) });
     this.budget = BUDGET;
     this.times = { edit: null };
     this.frames = 0;
@@ -100,7 +100,7 @@ class Page {
   /** The curve from its model's numbers; those that are not named stay as they are. */
   slide(values, partly = false) {
     const { curve } = this, sliders = { ...(this.shown.sliders ?? curve.sliders), ...values };
-    this.setValues(bandedFormula(curve.formula, sliders, curve.bands, curve.channels), sliders);
+    this.setValues(bandedFormula(curve, sliders), sliders);
     if (!partly) this.changed("all");
   }
 
@@ -188,7 +188,7 @@ class Page {
     const { state } = this, plot = by("plot");
     this.plot.draw({
       curve: this.curve, values: this.values, axis: this.axis, root: state.root, channel: state.channel, band: state.band,
-      handles: state.tool === "handles" ? handlesOf(this.curve.bands) : null, focused: document.activeElement === plot,
+      handles: state.tool === "handles" ? handlesOf(this.curve) : null, focused: document.activeElement === plot,
     });
   }
 

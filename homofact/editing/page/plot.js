@@ -38,7 +38,7 @@ class Plot {
     this.canvas = canvas;
     this.axis = axisOf([], false);
     this.root = false;
-    this.bands = 256;
+    this.curve = { bands: 256, finer: false };
   }
 
   /** The size in CSS pixels, with as many of the screen's as it has. */
@@ -59,6 +59,11 @@ class Plot {
     return MARGIN.left + (this.root ? Math.sqrt(share) : share) * (this.width - MARGIN.left - MARGIN.right);
   }
 
+  /** The middle of a band. */
+  middle(band) {
+    return this.x(shareAt(this.curve, band + 0.5));
+  }
+
   y(value) {
     const { low, high, logs } = this.axis;
     const share = logs ? Math.log(Math.max(value, low * 1e-3) / low) / Math.log(high / low) : (value - low) / (high - low);
@@ -69,13 +74,13 @@ class Plot {
   at(x, y) {
     const across = clamped((x - MARGIN.left) / (this.width - MARGIN.left - MARGIN.right), 0, 1), share = this.root ? across ** 2 : across;
     const up = clamped((this.height - MARGIN.bottom - y) / (this.height - MARGIN.top - MARGIN.bottom), 0, 1), { low, high, logs } = this.axis;
-    return { band: Math.min(Math.floor(share * this.bands), this.bands - 1), level: logs ? low * (high / low) ** up : low + up * (high - low) };
+    return { band: Math.min(Math.floor(placeAt(this.curve, share)), this.curve.bands - 1), level: logs ? low * (high / low) ** up : low + up * (high - low) };
   }
 
   /** Draws `values` over `start` with a mark at `band`; `handles` are bands or null, `channel` is the one being edited. */
   draw({ curve, values, axis, root, channel, band, handles, focused }) {
     const context = this.fit();
-    Object.assign(this, { axis, root, bands: curve.bands });
+    Object.assign(this, { axis, root, curve });
     context.clearRect(0, 0, this.width, this.height);
     this.drawAxes(context, curve);
     const bottom = this.height - MARGIN.bottom;
@@ -93,7 +98,7 @@ class Plot {
     context.restore();
     const point = (j, size, filled) => {
       context.beginPath();
-      context.arc(this.x((j + 0.5) / this.bands), clamped(this.y(levelAt(values, channels, j, channel)), MARGIN.top, bottom), size, 0, 2 * Math.PI);
+      context.arc(this.middle(j), clamped(this.y(levelAt(values, channels, j, channel)), MARGIN.top, bottom), size, 0, 2 * Math.PI);
       context.fillStyle = filled;
       context.fill();
       context.strokeStyle = "#101114";
@@ -106,8 +111,8 @@ class Plot {
       context.lineWidth = 1;
       context.setLineDash([2, 3]);
       context.beginPath();
-      context.moveTo(this.x((band + 0.5) / this.bands), MARGIN.top);
-      context.lineTo(this.x((band + 0.5) / this.bands), bottom);
+      context.moveTo(this.middle(band), MARGIN.top);
+      context.lineTo(this.middle(band), bottom);
       context.stroke();
       context.setLineDash([]);
       point(band, 5, MEAN_COLOUR);
@@ -155,10 +160,10 @@ class Plot {
     context.lineJoin = "round";
     context.setLineDash(dashes);
     context.beginPath();
-    for (let j = 0; j < this.bands; j++) {
+    for (let j = 0; j < this.curve.bands; j++) {
       const y = this.y(values[j * channels + c]);
-      context[j ? "lineTo" : "moveTo"](this.x(j / this.bands), y);
-      context.lineTo(this.x((j + 1) / this.bands), y);
+      context[j ? "lineTo" : "moveTo"](this.x(shareAt(this.curve, j)), y);
+      context.lineTo(this.x(shareAt(this.curve, j + 1)), y);
     }
     context.stroke();
     context.setLineDash([]);

@@ -13,6 +13,9 @@ const ANGLE_TEXTS = {
   theta_o: "atan(length(wo.xy), wo.z)",
   gamma_alpha: "powerAngle(s, s.x)",
   gamma_beta: "powerAngle(s, s.y)",
+  theta_r: "2.0 * atan(length(vec3(s.xy, e.z)), length(vec3(e.xy, s.z)))",
+  theta_x: "atan(abs(s.x), s.z)",
+  theta_y: "atan(abs(s.y), s.z)",
 };
 
 const PREVIEW_HEAD = `
@@ -33,8 +36,9 @@ float powerAngle(vec3 s, float component) {
 }
 
 // Straight from the middle of a band to the next.
-vec3 curve(int row, int bands, float gamma) {
-  float at = clamp(gamma / (0.5 * PI) * float(bands) - 0.5, 0.0, float(bands - 1));
+vec3 curve(int row, int bands, bool finer, float gamma) {
+  float share = clamp(gamma / (0.5 * PI), 0.0, 1.0);
+  float at = clamp((finer ? sqrt(share) : share) * float(bands) - 0.5, 0.0, float(bands - 1));
   int low = min(int(at), bands - 2);
   return mix(texelFetch(u_curves, ivec2(low, row), 0).rgb, texelFetch(u_curves, ivec2(low + 1, row), 0).rgb, at - float(low));
 }
@@ -62,7 +66,7 @@ function previewFragment(terms, curves) {
   const samplers = terms.map((_, t) => `uniform highp sampler3D u_quotient_${t};`).join("\n");
   const lines = terms.map(({ name, sizes, scale }, t) => {
     const factors = curves.map((curve, row) => [curve, row]).filter(([curve]) => curve.term === name).flatMap(([curve, row]) => {
-      const at = (angle) => `curve(${row}, ${curve.bands}, ${ANGLE_TEXTS[angle]})`;
+      const at = (angle) => `curve(${row}, ${curve.bands}, ${curve.finer}, ${ANGLE_TEXTS[angle]})`;
       return curve.also ? [at(curve.angle), at("theta_o")] : [at(curve.angle)];
     });
     return `  f += ${[`quotient(u_quotient_${t}, ivec4(${sizes.join(", ")}), angles, wi.z + wo.z) * ${scale.toExponential(8)}`, ...factors].join("\n    * ")};`;

@@ -13,7 +13,7 @@ const curveInWords = (curve, all) => (all.some((other) => other.term !== curve.t
 
 /** The line under the plot: where the point is, and what the curve is there. */
 function showPoint({ curve, values, state }) {
-  const degrees = ((state.band + 0.5) / curve.bands) * 90, own = [...values.subarray(state.band * curve.channels, (state.band + 1) * curve.channels)];
+  const degrees = 90 * shareAt(curve, state.band + 0.5), own = [...values.subarray(state.band * curve.channels, (state.band + 1) * curve.channels)];
   const start = [...curve.start.values.subarray(state.band * curve.channels, (state.band + 1) * curve.channels)];
   const words = `${curve.letters} ${degrees.toFixed(1)}°: ${own.map(valueInWords).join(", ")} (start ${start.map(valueInWords).join(", ")})`;
   by("point").textContent = words;

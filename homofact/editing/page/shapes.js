@@ -57,10 +57,10 @@ function bell(bands, band, width) {
   return found;
 }
 
-/** The bands of the handles, denser at small angles, where highlights are. */
-function handlesOf(bands) {
+/** The bands of a curve's handles, denser at small angles, where highlights are. */
+function handlesOf({ bands, finer }) {
   const count = 11, found = new Set();
-  for (let k = 0; k < count; k++) found.add(Math.round((bands - 1) * (k / (count - 1)) ** 1.7));
+  for (let k = 0; k < count; k++) found.add(Math.round((bands - 1) * (k / (count - 1)) ** (finer ? 0.85 : 1.7)));
   return [...found];
 }
 
@@ -75,13 +75,13 @@ function hatOf(bands, handles, number) {
   return found;
 }
 
-/** The curve at other angles: value of each band from `at(band)`, straight between middles of bands. */
-function moved(values, channels, bands, at) {
-  const found = new Float64Array(values.length);
+/** The curve with its angles divided by `factor`, straight between middles of bands. */
+function narrowed(values, curve, factor) {
+  const { channels, bands } = curve, found = new Float64Array(values.length);
   for (let j = 0; j < bands; j++) {
-    const place = Math.min(Math.max(at(j + 0.5) - 0.5, 0), bands - 1), low = Math.min(Math.floor(place), Math.max(bands - 2, 0)), share = place - low;
+    const share = factor * shareAt(curve, j + 0.5), place = Math.min(Math.max(placeAt(curve, share) - 0.5, 0), bands - 1), low = Math.min(Math.floor(place), Math.max(bands - 2, 0)), part = place - low;
     for (let c = 0; c < channels; c++) {
-      found[j * channels + c] = (1 - share) * values[low * channels + c] + share * values[Math.min(low + 1, bands - 1) * channels + c];
+      found[j * channels + c] = (1 - part) * values[low * channels + c] + part * values[Math.min(low + 1, bands - 1) * channels + c];
     }
   }
   return found;
@@ -91,8 +91,8 @@ function moved(values, channels, bands, at) {
 const SHAPES = {
   brighter: { title: "Brighter", hint: "times 1.25", of: (values) => values.map((x) => 1.25 * x) },
   darker: { title: "Darker", hint: "divided by 1.25", of: (values) => values.map((x) => x / 1.25) },
-  narrower: { title: "Narrower", hint: "angles divided by 1.25", of: (values, { channels, bands }) => moved(values, channels, bands, (x) => 1.25 * x) },
-  wider: { title: "Wider", hint: "angles times 1.25", of: (values, { channels, bands }) => moved(values, channels, bands, (x) => x / 1.25) },
+  narrower: { title: "Narrower", hint: "angles divided by 1.25", of: (values, curve) => narrowed(values, curve, 1.25) },
+  wider: { title: "Wider", hint: "angles times 1.25", of: (values, curve) => narrowed(values, curve, 1 / 1.25) },
   smooth: { title: "Smooth", hint: "means over neighbouring bands", of: (values, { channels, bands }) => smoothed(values, channels, bands) },
   grey: { title: "Grey", hint: "all channels to their mean", of: (values, { channels }) => values.map((_, i) => levelAt(values, channels, Math.floor(i / channels), null)) },
 };
