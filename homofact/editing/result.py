@@ -14,8 +14,9 @@ import numpy as np
 import torch
 
 from homofact.editing.build import open_edit_scene
+from homofact.editing.enlarged import enlarged
 from homofact.editing.errors import PartError
-from homofact.editing.picture import image, radiance, starting_curves
+from homofact.editing.picture import radiance, starting_curves
 from homofact.editing.scene import PreparedScene
 from homofact.editing.scene_file import EditSceneFile, scene_of_record
 from homofact.editing.session import Session
@@ -31,6 +32,7 @@ from homofact.scene.materials import Stage
 
 REPORT = report_name(PREPARED)
 FORMAT, FORMAT_VERSION = "homofact editing scene", 1
+_WIDTH, _MOST_TIMES = 640, 8
 _EXPECTED = "a scene that homofact edit prepared"
 
 
@@ -98,11 +100,18 @@ class EditResult:
 
 
 def pictures(prepared: PreparedScene) -> list[np.ndarray]:
-    """8-bit sRGB (H, W, 3) of every view as curves start, all at the exposure that suits the first; empty is black."""
+    """8-bit sRGB (H, W, 3) of every view as curves start, all at the exposure that suits the first.
+
+    Small views are enlarged to about 640 pixels across, at most eight times.
+    """
     curves = starting_curves(prepared)
-    found = [image(prepared, view, radiance(prepared, view, curves)) for view in range(len(prepared.pixels))]
-    exposure = choose_exposure(SphereImage(_as_rgb(found[0][0]), found[0][1]))
-    return [tonemap(SphereImage(_as_rgb(values), cover), exposure).pixels.numpy() for values, cover in found]
+    found = []
+    for view, camera in enumerate(prepared.scene.cameras):
+        times = min(max(round(_WIDTH / camera.pixels[0]), 1), _MOST_TIMES)
+        found.append(enlarged(prepared, view, radiance(prepared, view, curves), times))
+    exposure = choose_exposure(SphereImage(_as_rgb(found[0].radiance), found[0].coverage))
+    shown = [SphereImage(_as_rgb(each.radiance), torch.ones_like(each.coverage)) for each in found]
+    return [tonemap(each, exposure).pixels.numpy() for each in shown]
 
 
 def _as_rgb(values: torch.Tensor) -> torch.Tensor:

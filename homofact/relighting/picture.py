@@ -19,7 +19,7 @@ from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import choose_exposure, tonemap
 from homofact.scene.cameras import Camera
-from homofact.scene.meshes import MeshGroup
+from homofact.scene.meshes import MeshGroup, faded
 
 _RAYS = 2
 _LEAST_COSINE, _STEEP = 0.02, 0.3
@@ -70,14 +70,6 @@ def _lobe(lit: LitObject, points: SurfacePoints, rays: np.ndarray, samples: int)
     key = rays // samples * 2 * samples + np.where(points.wo[:, 2] < _STEEP, samples + rays % samples, 0)
     _, chosen, own = np.unique(key, return_index=True, return_inverse=True)
     return lit.lobe_at(points.only(chosen))[own]
-
-
-def faded(mesh: Mesh) -> tuple[float, float] | None:
-    """The distances from the y axis between which a level plane ends softly; None of any other mesh."""
-    if float(np.ptp(mesh.positions[:, 1])) > 0:
-        return None
-    half = float(np.abs(mesh.positions[:, ::2]).max())
-    return 0.55 * half, 0.98 * half
 
 
 def surface_points(mesh: Mesh, triangles: np.ndarray, shares: np.ndarray, towards: np.ndarray) -> SurfacePoints:

@@ -33,6 +33,14 @@ def lowest(meshes: Sequence[Mesh]) -> float:
     return min(float(mesh.positions[np.unique(mesh.triangles), 1].min()) for mesh in meshes)
 
 
+def faded(mesh: Mesh) -> tuple[float, float] | None:
+    """The distances from the y axis between which a level plane ends softly; None of any other mesh."""
+    if float(np.ptp(mesh.positions[:, 1])) > 0:
+        return None
+    half = float(np.abs(mesh.positions[:, ::2]).max())
+    return 0.55 * half, 0.98 * half
+
+
 class MeshGroup:
     """Several meshes as one: all `positions`, `normals` (V, 3) and `triangles` (T, 3), and the mesh that each is of.
 

@@ -37,10 +37,11 @@ class VisiblePixels:
         return VisiblePixels(*(getattr(self, name)[rows] for name in PIXEL_ARRAYS))
 
 
-def visible_pixels(meshes: MeshGroup, camera: Camera) -> VisiblePixels:
+def visible_pixels(meshes: MeshGroup, camera: Camera, rims: bool = False) -> VisiblePixels:
     """What is nearest through each pixel's centre; normals are interpolated.
 
-    A pixel whose interpolated normal is turned away from the viewer, as happens on coarse rims, is not covered.
+    A pixel whose interpolated normal is turned away from the viewer, as happens on coarse rims, is not covered unless
+    `rims` are asked for.
     """
     rays = camera.rays().reshape(-1, 3)
     triangle, weights = meshes.occluder.first(np.broadcast_to(np.array(camera.eye, np.float64), rays.shape), rays)
@@ -51,7 +52,7 @@ def visible_pixels(meshes: MeshGroup, camera: Camera) -> VisiblePixels:
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     frame = frames(normals)
     wo = np.einsum("pij,pj->pi", frame, -rays[hit])
-    kept = wo[:, 2] > 0
+    kept = np.ones(len(wo), bool) if rims else wo[:, 2] > 0
     owners = meshes.owners[triangle[hit]]
     return VisiblePixels(hit[kept], owners[kept], points[kept], frame[kept], wo[kept])
 

@@ -23,7 +23,7 @@ def pack(array: np.ndarray) -> dict[str, Any]:
         raise ValueError(f"an array of {array.dtype.name}, expected one of {', '.join(TYPES)}")
     plain = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
     grouped = plain.view(np.uint8).reshape(-1, plain.itemsize).T.tobytes() if plain.size else b""
-    data = base64.b64encode(zlib.compress(grouped, 9)).decode("ascii")
+    data = base64.b64encode(zlib.compress(grouped, 6)).decode("ascii")
     return {"type": array.dtype.name, "shape": list(array.shape), "data": data}
 
 
@@ -33,6 +33,14 @@ def differences(array: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
         first = np.take(array, [0], axis)
         array = np.concatenate((first, np.diff(array, axis=axis)), axis).astype(array.dtype)
     return array
+
+
+def boxed(positions: np.ndarray) -> dict[str, Any]:
+    """Positions (V, 3) rounded to 1/65535 of their box: its `low` corner, the `step` along each axis, and the codes."""
+    low, high = positions.min(0), positions.max(0)
+    step = np.maximum(high - low, 1e-12) / 65535
+    codes = np.rint((positions - low) / step).astype(np.uint16)
+    return {"low": low.tolist(), "step": step.tolist(), "positions": pack(codes)}
 
 
 def halves(values: np.ndarray) -> tuple[np.ndarray, float]:

@@ -1,8 +1,8 @@
 // WebGL 2: a context, programs, textures, with what is missing said in a line.
 
-/** A WebGL 2 context, or Trouble that says what is missing. */
-function openContext(canvas) {
-  const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, powerPreference: "high-performance" });
+/** A WebGL 2 context, with smooth outlines where they are asked for, or Trouble that says what is missing. */
+function openContext(canvas, antialias = false) {
+  const gl = canvas.getContext("webgl2", { alpha: false, antialias, powerPreference: "high-performance" });
   if (!gl) {
     throw new Trouble("This page draws with WebGL 2, which is not available here.",
       "Open it in a current Chrome, Edge, Firefox or Safari with hardware acceleration switched on in its settings. "

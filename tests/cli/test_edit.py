@@ -108,7 +108,7 @@ def test_a_scene_is_prepared_and_its_errors_said(scene: Path, capsys: pytest.Cap
     ]  # fmt: skip
     assert sorted(each.name for each in out.iterdir()) == ["edit.json", "edit.npz", "picture_1.png"]
     picture = read_png(out / "picture_1.png")
-    assert picture.shape == (16, 20, 3)
+    assert picture.shape == (128, 160, 3)
     assert len(set(map(tuple, picture.reshape(-1, 3).tolist()))) > 60
     # Again from the folder, wherever the working folder is: the same scene, the curves as they start.
     saved = open_edit(out)

@@ -12,6 +12,7 @@ from browser import browser, complaints, headless, requests
 from editing.page_scene import page_prepared, quiet
 
 from homofact.editing.curves import Bands, band_centres, band_place
+from homofact.editing.enlarged import clear_shares, enlarged
 from homofact.editing.picture import Address, image
 from homofact.editing.session import Session
 from homofact.geometry.directions import normalize
@@ -55,8 +56,11 @@ def fresh(request: pytest.FixtureRequest) -> None:
             "p.history.kept.length = 1; p.controls.fillKept(); p.budget = 1e6; p.note('');"
             "Object.assign(p.state, {view: 0, tool: 'brush', channel: null, logs: false, root: false, band: 8,"
             " show: 'after', compare: 0, split: 0.5, tones: 'filmic'}); p.preview.reset(); p.controls.edit(0, 2);"
-            "p.expose(p.start); document.activeElement?.blur(); p.changed('all');"
+            "document.activeElement?.blur(); p.changed('all');"
         )
+        quiet(driver)
+        # The exposure is that of the radiance, once it is what the page began with.
+        driver.execute_script("homofact.page.expose(homofact.page.start); homofact.changed('all')")
         quiet(driver)
 
 
@@ -220,7 +224,11 @@ def mapped(session: Session, view: int, exposure: float, curve: str) -> np.ndarr
 def test_what_is_seen_is_tone_mapped_as_elsewhere(page: Any) -> None:
     start, session = Session(page_prepared()), Session(page_prepared())
     exposure = choose_middle(SphereImage(*image(start.prepared, 0, start.picture(0))))
-    covered = [np.flatnonzero(image(start.prepared, v, start.picture(v))[1].numpy()) for v in range(2)]
+    seen = start.prepared.pixels
+    # But for the ground where it ends, which shows the sky behind it.
+    meshes = [edited.mesh for edited in start.prepared.scene.objects]
+    covered = [each.numbers[clear_shares(meshes, each) == 0] for each in seen]
+    assert all(0 < len(each) < len(own) for each, own in zip(covered, seen, strict=True))
 
     def same(found: np.ndarray, expected: np.ndarray, view: int) -> None:
         rows = covered[view]
@@ -243,6 +251,53 @@ def test_what_is_seen_is_tone_mapped_as_elsewhere(page: Any) -> None:
         page.execute_script("homofact.state.show = 'after'")
     page.execute_script("homofact.state.tones = 'srgb'; homofact.page.stops = -1")
     same(pixels(page, 0), mapped(session, 0, 0.5, "srgb"), 0)
+
+
+def test_the_settled_picture_is_the_enlarged_one(page: Any) -> None:
+    """In four times as many pixels per side as were precomputed, split by a divider."""
+    start, session = Session(page_prepared()), Session(page_prepared())
+    clay: Address = ("clay", "whole", "half")
+    changed: dict[Address, Bands] = {clay: wavy(session.curves[clay], 1)}
+    session.set(changed)
+    put(page, changed)
+    width, height = (4 * side for side in start.prepared.scene.cameras[0].pixels)
+    found = page.execute_script(
+        "const p = homofact.page, [width, height, exposure] = arguments, [first] = p.history.states;"
+        "p.settled.draw(p.view, p.view.radiance, p.view.other(first), 0.5, [width, height], exposure, 'srgb');"
+        "const gl = p.settled.gl, bytes = new Uint8Array(4 * width * height);"
+        "gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes); return Array.from(bytes)",
+        width, height, 1.5,
+    )  # fmt: skip
+    shown = np.array(found).reshape(height, width, 4)[::-1, :, :3].astype(int)
+    expected = []
+    for each in (start, session):
+        picture = enlarged(each.prepared, 0, each.picture(0), 4).radiance
+        whole = SphereImage(picture, torch.ones(picture.shape[:2], dtype=torch.float64))
+        expected.append(tonemap(whole, 1.5).pixels.numpy().astype(int))
+    half = width // 2
+    both = np.concatenate((expected[0][:, :half], expected[1][:, half:]), 1)
+    off = np.abs(shown - both).max(2)
+    # Outlines are averaged in linear light there and after the tone curve here, and the page's sky is smoothed.
+    assert np.median(off) <= 1
+    assert (off > 4).mean() < 0.12
+    assert (off > 30).mean() < 0.02
+    edit = np.abs(expected[0] - expected[1]).max(2)
+    assert edit[:, half:].max() > 10
+    assert off[edit > 10].mean() < 0.3 * edit[edit > 10].mean()
+    # The small picture comes again while something is dragged, and the settled one after it.
+    page.execute_script("homofact.page.beginStep(); homofact.changed('all')")
+    quiet(page)
+    assert page.execute_script("return document.getElementById('settled').hidden") is True
+    page.execute_script("homofact.page.endStep()")
+    quiet(page)
+    page.execute_async_script(
+        "const done = arguments[0]; (function wait() {"
+        " document.getElementById('settled').hidden ? setTimeout(wait, 20) : done(); })()"
+    )
+    size = page.execute_script(
+        "const b = homofact.page.box(), c = homofact.page.settled.canvas; return [b.width, c.width]"
+    )
+    assert size[1] == pytest.approx(size[0], abs=1)
 
 
 def test_the_preview_shows_the_edited_material(page: Any) -> None:

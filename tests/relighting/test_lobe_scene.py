@@ -14,14 +14,14 @@ from homofact.relighting.build import RelightScene, open_relight_scene, relit_ob
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import scene_errors
 from homofact.relighting.lobe_table import Rest
-from homofact.relighting.picture import faded, picture
+from homofact.relighting.picture import picture
 from homofact.relighting.result import RelightResult, open_relit
 from homofact.relighting.scene_file import RelightSceneFile, read_relight_scene
 from homofact.relighting.seen import SeenPixels, seen_pixels
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
 from homofact.scene.lighting import named_environment
-from homofact.scene.meshes import MeshGroup
+from homofact.scene.meshes import MeshGroup, faded
 
 TEXT = """
 [[object]]

@@ -3,8 +3,9 @@
     write_edit_page(Path("edit.html"), prepare(scene), title="Teapot")
 
 The page holds what a picture needs: the transports at low rank (`coded`), the curves as they start in full, and which
-band of θo each pixel has. Beside it tables for what is shown next to the picture: the white furnace (`albedo`) and a
-preview on a sphere (`quotients`). Light and meshes are not in it.
+band of θo each pixel has. For the picture in the window's own pixels (`enlarged`) it holds the meshes, positions
+to 1/65535 of their box, the normals and distances of what the pixels see, and a small picture of the sky. Beside these
+are tables for what is shown next to the picture: the white furnace (`albedo`) and a preview on a sphere (`quotients`).
 
 The page is `page.html` with what all pages of scenes have (`web.scene_page`), its own style and its `SCRIPTS`.
 """
@@ -20,6 +21,7 @@ from homofact.brdf.channels import wavelengths_of
 from homofact.editing import basis, curves_file, furnace
 from homofact.editing.angles import LETTERS
 from homofact.editing.curves import band_of
+from homofact.editing.enlarged import sky_behind
 from homofact.editing.errors import rank_errors
 from homofact.editing.lowrank import LowRank
 from homofact.editing.material import Editable, EditableTerm, Place, Slot
@@ -28,15 +30,20 @@ from homofact.editing.page.coded import coded
 from homofact.editing.page.quotients import quotient_table
 from homofact.editing.scene import PreparedScene, PreparedTerm
 from homofact.errors import BadInput
-from homofact.web.packing import differences, halves, pack
+from homofact.meshes.mesh import Mesh
+from homofact.rendering.light import EnvironmentMap
+from homofact.scene.lighting import Lighting, texel_directions
+from homofact.scene.meshes import faded
+from homofact.web.packing import boxed, differences, halves, pack
 from homofact.web.scene_page import Numbers, percent, write_scene_page
 
 PACKAGE = "homofact.editing.page"
 SCRIPTS = (
-    "formulas.js", "history.js", "transport.js", "scene.js", "tones.js", "furnace.js", "curves_file.js", "shapes.js",
-    "plot.js", "hands.js", "preview_shader.js", "preview.js", "presets.js", "readings.js", "controls.js", "page.js",
+    "formulas.js", "history.js", "transport.js", "settled.js", "scene.js", "tones.js", "furnace.js", "curves_file.js",
+    "shapes.js", "plot.js", "hands.js", "preview_shader.js", "preview.js", "presets.js", "readings.js", "controls.js",
+    "page.js",
 )  # fmt: skip
-_MOST_CODE = 65535
+_MOST_CODE, _SKY_ROWS = 65535, 128
 
 
 def write_edit_page(
@@ -66,14 +73,17 @@ def write_edit_page(
         "file": {"format": curves_file.FORMAT, "version": curves_file.FORMAT_VERSION, "most": curves_file.MOST_CURVES},
         "furnace": {"degrees": furnace.DEGREES, "slack": furnace.SLACK},
         "materials": materials,
+        "meshes": [_mesh(edited.mesh) for edited in prepared.scene.objects],
+        "sky": _sky(prepared.scene.lighting),
         "views": [_view(prepared, number) for number in range(len(prepared.pixels))],
         "parts": [_part(prepared, part) for part in prepared.parts],
     }
     tell("writing the page")
     tables = {**scene_numbers(prepared), **(numbers or {})}
     return write_scene_page(
-        target, PACKAGE, SCRIPTS, data, tables, title=title, subtitle=subtitle, styles=("page.css",), new=new
-    )
+        target, PACKAGE, SCRIPTS, data, tables, title=title, subtitle=subtitle, shared=("latlong.js",),
+        styles=("page.css",), new=new,
+    )  # fmt: skip
 
 
 def scene_numbers(prepared: PreparedScene) -> dict[str, dict[str, str | int | float]]:
@@ -159,14 +169,42 @@ def _term(term: EditableTerm) -> dict[str, Any]:
 
 
 def _view(prepared: PreparedScene, number: int) -> dict[str, Any]:
-    (width, height), seen = prepared.scene.cameras[number].pixels, prepared.pixels[number]
+    camera, seen = prepared.scene.cameras[number], prepared.pixels[number]
+    width, height = camera.pixels
     return {
         "name": prepared.scene.view_names[number],
         "width": width,
         "height": height,
         "numbers": pack(differences(seen.numbers.astype(np.uint32), (0,))),
         "objects": pack(seen.objects.astype(np.uint16)),
+        "camera": {"eye": camera.eye, "target": camera.target, "field": camera.field},
+        "normals": pack(_turned(seen.frames[:, 2])),
+        "depth": pack(np.linalg.norm(seen.points - np.array(camera.eye), axis=1).astype(np.float32)),
     }
+
+
+def _mesh(mesh: Mesh) -> dict[str, Any]:
+    triangles = pack(differences(mesh.triangles.astype(np.int32).reshape(-1), (0,)))
+    return {
+        **boxed(mesh.positions),
+        "normals": pack(_turned(mesh.normals)),
+        "triangles": triangles,
+        "fade": faded(mesh),
+    }
+
+
+def _turned(normals: np.ndarray) -> np.ndarray:
+    return np.rint(normals * 32767).astype(np.int16)
+
+
+def _sky(lighting: Lighting) -> dict[str, Any] | None:
+    """The light's maps as one lat-long picture of red, green and blue, softened by the page; None where it has none."""
+    if not any(isinstance(light, EnvironmentMap) for light in lighting.lights):
+        return None
+    rows, finer = _SKY_ROWS, 4 * _SKY_ROWS
+    radiance = sky_behind(lighting, texel_directions(finer, 2 * finer).numpy(), 3)
+    stored, scale = halves(radiance.reshape(rows, 4, 2 * rows, 4, 3).mean((1, 3)))
+    return {"rows": rows, "columns": 2 * rows, "scale": scale, "values": pack(stored)}
 
 
 def _part(prepared: PreparedScene, part: PreparedTerm) -> dict[str, Any]:

@@ -2,13 +2,13 @@
 
 // A frame's share for the picture's sums, in milliseconds, while an edit comes in piece by piece.
 const BUDGET = 16;
-const TELLING = 120, QUIET = 90, READING = 500;
+const TELLING = 120, QUIET = 90, READING = 500, SETTLING = 150;
 // While something is dragged the preview follows at every so many frames.
 const PREVIEW_EVERY = 4;
 
 class Page {
-  constructor(data, curves, views, furnaces, materials) {
-    Object.assign(this, { data, curves, views, furnaces, materials });
+  constructor(data, curves, views, furnaces, materials, [meshes, sky]) {
+    Object.assign(this, { data, curves, views, furnaces, materials, meshes, sky });
     this.history = new History(curves);
     this.state = {
       view: 0, material: 0, curve: 0, tool: "brush", channel: null, logs: false, root: true, band: 0, show: "after", compare: 0,
@@ -24,6 +24,7 @@ class Page {
     this.todo = new Set(["all"]);
     this.tones = new Tones();
     this.images = new Map();
+    this.makeSettled();
     this.plot = new Plot(by("plot"));
     this.hands = new Hands(by("plot"), this.plot, this);
     makeTables(by("numbers"), data.numbers);
@@ -37,7 +38,19 @@ class Page {
     this.changed("all");
   }
 
-  /** The preview alone draws with WebGL 2: without it the rest of the page works. */
+  /** Without WebGL 2 the small picture stays. */
+  makeSettled() {
+    this.settled = null;
+    by("settled").addEventListener("webglcontextlost", () => { this.settled = null; by("settled").hidden = true; });
+    try {
+      this.settled = new Settled(by("settled"), this.meshes, this.sky);
+    } catch (error) {
+      // No WebGL 2, or a context that was lost at once.
+      console.info(String(error));
+    }
+  }
+
+  /** The preview draws with WebGL 2 too: without it the rest of the page works. */
   makePreview() {
     this.preview = null;
     by("preview").addEventListener("webglcontextlost", () => { this.preview = null; });
@@ -195,18 +208,41 @@ class Page {
   /** The picture onto its canvas. */
   paint() {
     const { view, state, history } = this, canvas = by("canvas");
-    if (!this.images.has(view)) this.images.set(view, Tones.empty(view));
-    const image = this.images.get(view), cut = state.show === "split" ? Math.round(state.split * view.width) : view.width;
+    if (!this.images.has(view)) {
+      this.images.set(view, { image: Tones.empty(view), whole: [0, 1].map(() => new Float32Array(3 * view.width * view.height)) });
+    }
+    const { image, whole } = this.images.get(view), filled = (radiance, k) => view.surroundings.filled(view, radiance, whole[k]), cut = state.show === "split" ? Math.round(state.split * view.width) : view.width;
     const before = state.show === "after" ? null : view.other(history.kept[state.compare].state);
     this.tones.set(2 ** (this.stops + state.stops), state.tones);
-    this.tones.paint(image.data, view, view.radiance, before, cut);
+    this.tones.paint(image.data, view.width, filled(view.radiance, 0), before && filled(before, 1), cut);
     if (canvas.width !== view.width || canvas.height !== view.height) {
       [canvas.width, canvas.height] = [view.width, view.height];
       by("picture").style.setProperty("--aspect", `${view.width} / ${view.height}`);
     }
     canvas.getContext("2d", { willReadFrequently: true }).putImageData(image, 0, 0);
     const box = this.box();
+    by("settled").hidden = true;
+    this.settleSoon();
     Object.assign(by("divider").style, { left: `${box.left + state.split * box.width}px`, top: `${box.top}px`, height: `${box.height}px`, bottom: "auto" });
+  }
+
+  /** Once nothing has moved for a moment. */
+  settleSoon() {
+    clearTimeout(this.settling);
+    if (!this.settled) return;
+    this.settling = setTimeout(() => {
+      if (this.step || this.view.pending || this.pending !== null) this.settleSoon();
+      else this.settle();
+    }, SETTLING);
+  }
+
+  /** The picture in the window's own pixels, over the small one. */
+  settle() {
+    const { view, state, history, settled } = this, ratio = Math.min(window.devicePixelRatio || 1, 2), { width, height } = this.box();
+    if (!settled || !(width > 0)) return;
+    const before = state.show === "after" ? null : view.other(history.kept[state.compare].state), cut = state.show === "split" ? state.split : 1;
+    settled.draw(view, view.radiance, before, cut, [width * ratio, height * ratio], 2 ** (this.stops + state.stops), state.tones);
+    by("settled").hidden = false;
   }
 
   /** Where the picture lies in its place, in CSS pixels: as large as fits. */
@@ -230,10 +266,10 @@ class Page {
 
 async function begin() {
   const data = JSON.parse(by("data").textContent), curves = curvesOf(data);
-  const [views, furnaces, materials] = await Promise.all([
-    unpackScene(data, curves), Promise.all(data.materials.map((material, number) => unpackFurnace(material, number, data, curves))), unpackPreviews(data, curves),
+  const scene = await unpackMeshes(data), [views, furnaces, materials] = await Promise.all([
+    unpackScene(data, curves, ...scene), Promise.all(data.materials.map((material, number) => unpackFurnace(material, number, data, curves))), unpackPreviews(data, curves),
   ]);
-  const page = new Page(data, curves, views, furnaces, materials);
+  const page = new Page(data, curves, views, furnaces, materials, scene);
   // For programs that drive the page.
   return {
     page,

@@ -71,13 +71,15 @@ class SceneView {
 }
 
 /** All views of the page's data, with parts that know the curves of `history`. */
-async function unpackScene(data, curves) {
+async function unpackScene(data, curves, meshes, sky) {
   const channels = data.channels.length;
   const parts = await Promise.all(data.parts.map(async (given) => new Part(
     await unpackPart(given), curves.filter((curve) => curve.material === given.thing && curve.term === given.term), channels, data.floor)));
   return Promise.all(data.views.map(async (given, number) => {
-    const [numbers, objects] = await Promise.all([unpack(given.numbers), unpack(given.objects)]);
+    const [numbers, objects, normals, depth] = await Promise.all(["numbers", "objects", "normals", "depth"].map((name) => unpack(given[name])));
     accumulate(numbers, 1, numbers.length);
-    return new SceneView({ ...given, numbers, objects, channels }, parts.filter((part) => part.view === number));
+    const seen = { ...given, numbers, objects, normals, depth, channels };
+    const surroundings = new Surroundings(seen, meshes, sky), range = rangeOf(seen, meshes);
+    return new SceneView({ ...seen, surroundings, range }, parts.filter((part) => part.view === number));
   }));
 }

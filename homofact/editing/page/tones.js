@@ -2,7 +2,6 @@
 
 // Sign, exponent and 9 bits of the fraction: steps of 0.2%, well under one of 255.
 const BITS = 14;
-const BACKDROP = [0x15, 0x16, 0x1a];
 const TARGET = 0.9, MIDDLE = 0.18;
 
 class Tones {
@@ -38,27 +37,18 @@ class Tones {
     return level > 0 ? Math.log2((curve === "filmic" ? MIDDLE : TARGET) / level) : 0;
   }
 
-  /** Fills the bytes of a picture: `now` right of the column `cut`, `before` left of it. */
-  paint(bytes, view, now, before, cut) {
-    const { table } = this, { numbers, width, channels } = view;
-    const code = new Uint32Array(now.buffer), other = before ? new Uint32Array(before.buffer) : code;
-    const g = channels === 3 ? 1 : 0, b = channels === 3 ? 2 : 0;
-    for (let p = 0, i = 0; p < numbers.length; p++, i += channels) {
-      const from = before && numbers[p] % width < cut ? other : code, to = 4 * numbers[p];
+  /** Fills the bytes of a picture from whole ones (W·H × 3): `now` right of the column `cut`, `before` left of it. */
+  paint(bytes, width, now, before, cut) {
+    const { table } = this, code = new Uint32Array(now.buffer), other = before ? new Uint32Array(before.buffer) : code;
+    for (let i = 0, to = 0; i < code.length; to++) {
+      const from = before && (i / 3) % width < cut ? other : code;
       // Numbers below zero have the highest bit set: black.
-      bytes[to] = from[i] >> 31 ? 0 : table[from[i] >>> BITS];
-      bytes[to + 1] = from[i + g] >> 31 ? 0 : table[from[i + g] >>> BITS];
-      bytes[to + 2] = from[i + b] >> 31 ? 0 : table[from[i + b] >>> BITS];
+      for (let k = 0; k < 3; k++, i++, to++) bytes[to] = from[i] >> 31 ? 0 : table[from[i] >>> BITS];
     }
   }
 
-  /** An empty picture of a view: the backdrop. */
+  /** A picture of a view, opaque. */
   static empty({ width, height }) {
-    const image = new ImageData(width, height);
-    for (let i = 0; i < image.data.length; i += 4) {
-      image.data.set(BACKDROP, i);
-      image.data[i + 3] = 255;
-    }
-    return image;
+    return new ImageData(new Uint8ClampedArray(4 * width * height).fill(255), width, height);
   }
 }

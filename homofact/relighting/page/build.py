@@ -30,10 +30,10 @@ from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.page.coarse import coarse_triangles
 from homofact.relighting.page.order import cached_order
 from homofact.relighting.page.skies import PageSky
-from homofact.relighting.picture import faded
 from homofact.relighting.precompute import WaveletTransport
 from homofact.scene.cameras import Camera
-from homofact.web.packing import differences, halves, pack
+from homofact.scene.meshes import faded
+from homofact.web.packing import boxed, differences, halves, pack
 from homofact.web.scene_page import Numbers, write_scene_page
 
 PACKAGE = "homofact.relighting.page"
@@ -175,8 +175,6 @@ def _check_reference(reference: PageReference, objects: Sequence[PageObject], sk
 
 def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
     transport, mesh = given.transport, given.mesh
-    low, high = mesh.positions.min(0), mesh.positions.max(0)
-    step = np.maximum(high - low, 1e-12) / 65535
     mix = None
     if isinstance(transport, Clustered):
         mix = {
@@ -192,9 +190,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "closed": closed(mesh.triangles),
         "vertices": len(mesh.positions),
         "terms": transport.factors.terms,
-        "low": low.tolist(),
-        "step": step.tolist(),
-        "positions": pack(np.rint((mesh.positions - low) / step).astype(np.uint16)),
+        **boxed(mesh.positions),
         "frames": pack(turns(transport.frames)),
         "triangles": _triangles(mesh.triangles),
         "coarse": None if few is None else _triangles(few),
