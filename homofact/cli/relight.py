@@ -69,8 +69,11 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
     for relit in objects:
         made = relit.transport
         kept = relit.compact.number.shape[2] if isinstance(relit.compact, Harmonic) else None
+        # A part of a glTF scene has the material of its own name.
+        own = relit.material.endswith(f"#{relit.mesh.name}")
+        material = Path(relit.material.removeprefix(MATERIAL_PREFIX)).name
         table.add_row(
-            f"{relit.mesh.name}, {Path(relit.material.removeprefix(MATERIAL_PREFIX)).name}",
+            relit.mesh.name if own else f"{relit.mesh.name}, {material}",
             str(made.vertices),
             relit.form,
             str(made.factors.terms),

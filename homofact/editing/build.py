@@ -9,13 +9,16 @@ from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.editing import models
 from homofact.editing.factored import half_and_diffuse, homomorphic
 from homofact.editing.material import Editable
-from homofact.editing.scene import EditObject, EditScene
+from homofact.editing.patterns import PicturePattern, open_pattern
+from homofact.editing.scene import EditObject, EditScene, Pattern
 from homofact.editing.scene_file import HD, HF, OWN, EditGroundTable, EditObjectTable, EditSceneFile
 from homofact.errors import BadInput
 from homofact.files.kinds import FACTORIZATION
+from homofact.files.reading import split_member
+from homofact.meshes.gltf_parts import is_gltf
 from homofact.scene.file_fits import FileFits
 from homofact.scene.materials import MATT, OpenedMaterial, Stage, open_materials
-from homofact.scene.objects import place_objects
+from homofact.scene.objects import SceneObject, place_objects
 
 GROUND = "ground"
 _ANGLES, _BANDS = ("theta_h", "theta_d"), (256, 64)
@@ -48,8 +51,26 @@ def open_edit_scene(file: EditSceneFile, stage: Stage | None = None, fits: FileF
     placed, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
     edited = _with_curves(file, [thing.material for thing in placed], stage)
     remarks = [f"{each.material.name}: {note}" for each in edited for note in each.material.notes]
-    objects = tuple(EditObject(thing.mesh, each.material) for thing, each in zip(placed, edited, strict=True))
+    tables = _tables(file)
+    objects = tuple(
+        EditObject(thing.mesh, each.material, _patterns(thing, each.material, table, where))
+        for (where, table), thing, each in zip(tables.items(), placed, edited, strict=True)
+    )
     return EditScene(objects, lighting, file.cameras, (*notes, *remarks))
+
+
+def _patterns(
+    thing: SceneObject, material: Editable, table: EditObjectTable | EditGroundTable, where: str
+) -> dict[str, Pattern]:
+    """The pattern of the first term: what the table names, or else the base-colour texture of a glTF part."""
+    first = material.terms[0].name
+    if table.pattern is None:
+        return {} if thing.material.picture is None else {first: PicturePattern(thing.material.picture)}
+    try:
+        textured = thing.mesh.uv is not None
+        return {first: open_pattern(table.pattern, table.pattern_size, len(material.channels), textured)}
+    except BadInput as error:
+        raise error.at(where) from error
 
 
 def _with_curves(
@@ -121,5 +142,7 @@ def _own_name(table: EditObjectTable | EditGroundTable) -> str:
         return GROUND if isinstance(table, EditGroundTable) else MATT
     if table.material.startswith(MATERIAL_PREFIX):
         return table.material.removeprefix(MATERIAL_PREFIX)
+    if is_gltf(table.material) and (part := split_member(table.material)[1]) is not None:
+        return part
     place = Path(table.material)
     return place.resolve().parent.name if place.name == FACTORIZATION else place.stem

@@ -91,5 +91,5 @@ def _asked(pixels: VisiblePixels, edited: EditObject, lights: TriangleLights, me
         values = torch.from_numpy(lit(pixels, lights, points, owner, numbers, edited.material, whole))
         part = torch.zeros_like(total).index_add_(0, torch.from_numpy(owner), values)
         pattern = edited.patterns.get(term.name)
-        total += part if pattern is None else part * torch.from_numpy(pattern(pixels.points))
+        total += part if pattern is None else part * torch.from_numpy(pattern(pixels.points, pixels.uv))
     return total

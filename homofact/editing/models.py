@@ -11,6 +11,7 @@ material first, are in `factored`.
 | Blinn-Phong, Torrance-Sparrow | the lobe over θh | ks |
 | Ward | a Gaussian over θh; anisotropic, one over θx and one over θy | ks/√(cosθi cosθo) |
 | Lafortune | for each lobe a curve over θr, or θd where it throws light back, starting at 1 | the lobe itself |
+| glTF | of terms "base" and "gloss" each over θh and θd, starting at 1 | what the base colour brings, the rest |
 | Lambert (LV) | over θi, and over θo as a number a pixel | kd/π |
 | any | over any one or two angles, starting at 1 | the reflectance itself |
 
@@ -19,6 +20,7 @@ Each of the models has its diffuse part as a term LV beside these.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import torch
@@ -29,6 +31,7 @@ from homofact.brdf.analytic.common import Colour, grazing, half_vector, schlick,
 from homofact.brdf.analytic.cook_torrance import CookTorrance
 from homofact.brdf.analytic.lafortune import Lafortune, Lobe
 from homofact.brdf.analytic.lambert import Lambert
+from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.brdf.analytic.phong import BlinnPhong, Phong
 from homofact.brdf.analytic.torrance_sparrow import TorranceSparrow
 from homofact.brdf.analytic.ward import Ward
@@ -155,6 +158,24 @@ def lafortune(model: Lafortune, name: str = "Lafortune", bands: tuple[int] = (25
     return _with_diffuse(model, name, *(term(number, lobe) for number, lobe in enumerate(model.lobes, 1)))
 
 
+def metallic_roughness(
+    model: MetallicRoughness, name: str = "metallic-roughness", bands: tuple[int, int] = (256, 64)
+) -> Editable:
+    """glTF's material as what its base colour multiplies, "base", and the rest, "gloss": curves that start at 1."""
+    count = len(model.channels)
+    black = replace(model, base_colour=(0.0,) * count)
+
+    def gloss(wi: Tensor, wo: Tensor) -> Tensor:
+        return black.formula(wi, wo)
+
+    def base(wi: Tensor, wo: Tensor) -> Tensor:
+        # Linear in the base colour, so that this is what the colour brings; it may round below 0.
+        return (model.formula(wi, wo) - gloss(wi, wo)).clamp_min(0)
+
+    slots = (Slot("half", "theta_h", flat(count), bands[0]), Slot("difference", "theta_d", flat(count), bands[1]))
+    return Editable(name, model.channels, (EditableTerm("base", base, slots), EditableTerm("gloss", gloss, slots)))
+
+
 def light_view(model: Lambert, name: str = "Lambert") -> Editable:
     """LV of a diffuse material: curves over θi and θo that start at 1."""
     return _with_diffuse(model, name)
@@ -175,6 +196,7 @@ _OWN: dict[type, OwnCurves] = {
     TorranceSparrow: OwnCurves(torrance_sparrow, 1),
     Lafortune: OwnCurves(lafortune, 1),
     Lambert: OwnCurves(light_view, 0),
+    MetallicRoughness: OwnCurves(metallic_roughness, 2),
 }
 
 

@@ -17,12 +17,15 @@ from homofact.scene.lighting import Lighting
 from homofact.scene.visibility import VisiblePixels
 
 MOST_PIXELS = 2048
-Pattern = Callable[[np.ndarray], np.ndarray]
+Pattern = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
 class EditObject:
-    """One object: its mesh and material; `patterns` multiply terms by name, world points (P, 3) to factors (P, C)."""
+    """One object: its mesh and material; `patterns` multiply terms by name.
+
+    A pattern takes world points (P, 3) and texture coordinates (P, 2) to factors (P, C).
+    """
 
     mesh: Mesh
     material: Editable
@@ -104,7 +107,7 @@ class PreparedTerm:
         """Of these rows of what a view sees, which are object `number`'s."""
         own, pattern = seen.some(rows), scene.objects[number].patterns.get(term)
         theta_o = torch.from_numpy(np.arctan2(np.hypot(own.wo[:, 0], own.wo[:, 1]), own.wo[:, 2]))
-        factor = None if pattern is None else torch.from_numpy(pattern(own.points))
+        factor = None if pattern is None else torch.from_numpy(pattern(own.points, own.uv))
         return cls(view, number, term, rows, transport, theta_o, factor)
 
 

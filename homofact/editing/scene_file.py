@@ -6,6 +6,8 @@ Objects, ground, light and cameras are those of `scene.scene_file`. A lighting m
 name = "paint"                     # what curves name it by; the material's own name unless given
 curves = "own"                     # a model's own; "HF" or "HD", found from the material; or one or two angles that
                                    # start at 1, as ["theta_h", "theta_d"], which "own" means for what is no such model
+pattern = "wood"                   # optional, `editing.patterns`: wood, squares, or a PNG at texture coordinates
+pattern_size = 0.25                # between rings, or of a square
 bands = [256, 64]                  # of the curves that count in the sum over the light: 256, 128, 64 or 32 each
 [ground]                           # name, curves and bands as above
 [edit]                             # all optional
@@ -16,12 +18,13 @@ tolerance = 0.003                  # relative RMS that the low rank may leave
 import os
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.editing.angles import check_angle
 from homofact.editing.basis import TOLERANCE
 from homofact.editing.curves import BANDS
+from homofact.editing.patterns import BUILT_IN
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml
 from homofact.scene.cameras import Camera
@@ -40,9 +43,14 @@ TRIANGLES = 4000
 
 @dataclass(frozen=True, kw_only=True)
 class _Edited(MaterialTable):
-    """What of a material is edited: its `name` in curves, the `curves`, and `bands` of those in the sum."""
+    """What of a material is edited: its `name` in curves, the `curves`, and `bands` of those in the sum.
+
+    `pattern` multiplies its first term from place to place.
+    """
 
     name: str | None = None
+    pattern: str | None = None
+    pattern_size: float = option(0.25, "Between rings, or of a square", above=0)
     curves: str | tuple[str, ...] = OWN
     bands: tuple[int, ...] | None = None
 
@@ -108,13 +116,15 @@ class EditSceneFile:
         """The file's table again, JSON-able, with paths relative to `folder`: `scene_of_record` reads it."""
 
         def relative(text: str | None) -> str | None:
-            if text is None or text.startswith((SHAPE_PREFIX, MATERIAL_PREFIX)):
+            if text is None or text in BUILT_IN or text.startswith((SHAPE_PREFIX, MATERIAL_PREFIX)):
                 return text
             return os.path.relpath(Path(text).resolve(), folder.resolve())
 
         def record_of(table: Any) -> dict[str, Any]:
             found = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(table).items()}
-            found |= {key: relative(found[key]) for key in ("mesh", "material", "environment") if key in found}
+            found |= {
+                key: relative(found[key]) for key in ("mesh", "material", "environment", "pattern") if key in found
+            }
             return {key: value for key, value in found.items() if value is not None}
 
         found: dict[str, Any] = {"object": [record_of(each) for each in self.objects]}
@@ -144,6 +154,8 @@ def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) 
     found = read_table(_EditTable, table, place)
     try:
         objects, ground = found_tables(found.object, found.ground, folder)
+        objects = tuple(_with_pattern(each, folder, f"object[{k}].pattern") for k, each in enumerate(objects))
+        ground = None if ground is None else _with_pattern(ground, folder, "ground.pattern")
         lighting = found.lighting
         if lighting.environment is not None:
             lighting = replace(lighting, environment=str(folder / lighting.environment))
@@ -154,3 +166,16 @@ def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) 
         joint = "." if place.endswith(".") else ": "
         raise error.at(place.removesuffix(joint), joint) from error
     return EditSceneFile(name, objects, ground, lighting, found.camera, found.edit)
+
+
+Table = TypeVar("Table", bound=_Edited)
+
+
+def _with_pattern(table: Table, folder: Path, where: str) -> Table:
+    """The table with a pattern's picture, relative to `folder`, made findable. Raises BadInput where there is none."""
+    if table.pattern is None or table.pattern in BUILT_IN:
+        return table
+    if not (folder / table.pattern).is_file():
+        wanted = f"a PNG, or one of {', '.join(BUILT_IN)}"
+        raise BadInput(f"no file {folder / table.pattern}", where=where, expected=wanted)
+    return replace(table, pattern=str(folder / table.pattern))

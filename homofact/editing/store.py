@@ -51,7 +51,8 @@ def digest_of(scene: EditScene, triangles: int) -> str:
     for edited in scene.objects:
         tell(edited.mesh.positions, edited.mesh.normals, edited.mesh.triangles, edited.material.name)
         for name, pattern in edited.patterns.items():
-            tell(name, pattern(edited.mesh.positions[:100]))
+            some = edited.mesh.positions[:100]
+            tell(name, pattern(some, np.zeros((len(some), 2)) if edited.mesh.uv is None else edited.mesh.uv[:100]))
         for term in edited.material.terms:
             tell(term.name, term.quotient(wi, wo).numpy())
             for slot in term.slots:
@@ -140,7 +141,8 @@ def _pixels(arrays: Arrays, scene: EditScene, number: int) -> VisiblePixels:
     wo = arrays.stored(f"{own}wo", np.float64, (count, 3), -_UNIT, _UNIT)
     if not (wo[:, 2] > 0).all():
         raise BadInput(f"{own}wo holds one below the surface", where=arrays.path, expected="viewers above it")
-    return VisiblePixels(numbers, objects, points, frames, wo)
+    uv = arrays.stored(f"{own}uv", np.float64, (count, 2))
+    return VisiblePixels(numbers, objects, points, frames, wo, uv)
 
 
 def _part(

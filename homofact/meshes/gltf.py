@@ -1,7 +1,7 @@
-"""The triangles of a glTF scene, by trimesh; what the file claims is looked at before trimesh believes it.
+"""The triangles of a glTF scene, whole or by parts, by trimesh; what the file claims is checked first.
 
-Buffers beside a .gltf are read as every file is, images not at all. trimesh's own time grows with the square of how
-deep nodes lie in one another and more, and a mesh is copied for every node that names it.
+Buffers beside a .gltf are read as every file is, images only where parts are asked for. trimesh's own time grows with
+the square of how deep nodes lie in one another and more, and a mesh is copied for every node that names it.
 """
 
 import struct
@@ -29,13 +29,33 @@ def parse_gltf(path: Path, data: bytes) -> Parsed:
     Raises BadInput for a file that trimesh refuses, that claims more than it can hold, without triangles, and where
     trimesh is not installed.
     """
+    parts = [parsed for parsed, _, _ in _loaded(path, data, False)]
+    starts = np.cumsum([0, *(len(each.positions) for each in parts)])
+    normals = [each.normals for each in parts if each.normals is not None]
+    return Parsed(
+        np.concatenate([each.positions for each in parts]),
+        np.concatenate(normals) if len(normals) == len(parts) else None,
+        np.concatenate([each.triangles + start for each, start in zip(parts, starts, strict=False)]),
+    )
+
+
+def parse_parts(path: Path, data: bytes) -> list[tuple[Parsed, str, Any]]:
+    """Every primitive at its place with its name and trimesh's visual of it, pictures read. Raises BadInput alike."""
+    return _loaded(path, data, True)
+
+
+def gltf_header(path: Path, data: bytes) -> dict[str, Any]:
+    """The JSON of a .glb or .gltf file. Raises BadInput where there is none."""
+    return _header(path, data, data[:4] == b"glTF")
+
+
+def _loaded(path: Path, data: bytes, materials: bool) -> list[tuple[Parsed, str, Any]]:
     trimesh = extras.library("trimesh", f"{path}: glTF")
-    binary = data[:4] == b"glTF"
-    _check(path, _header(path, data, binary), len(data))
-    kind = "glb" if binary else "gltf"
+    _check(path, gltf_header(path, data), len(data))
+    kind = "glb" if data[:4] == b"glTF" else "gltf"
     try:
         scene = trimesh.load_scene(
-            BytesIO(data), file_type=kind, resolver=_Beside(path), process=False, skip_materials=True
+            BytesIO(data), file_type=kind, resolver=_Beside(path), process=False, skip_materials=not materials
         )
         found = scene.dump(concatenate=False)
     except BadInput:
@@ -47,20 +67,26 @@ def parse_gltf(path: Path, data: bytes) -> Parsed:
     parts = [each for each in found if isinstance(each, trimesh.Trimesh) and len(each.faces)]
     if not parts:
         raise BadInput("no triangles in it", where=path, expected="a mesh")
-    for each in parts:
-        points, faces = np.asarray(each.vertices), np.asarray(each.faces)
-        if points.ndim != 2 or points.shape[1] != 3 or faces.shape[1:] != (3,):
-            raise BadInput(f"points of shape {points.shape}", where=path, expected="three coordinates a point")
-        if faces.min() < 0 or faces.max() >= len(points):
-            raise BadInput(
-                f"a face names vertex {faces.max()} of {len(points)}", where=path, expected="one of its mesh"
-            )
-    starts = np.cumsum([0, *(len(each.vertices) for each in parts)])
-    given = all("vertex_normals" in each._cache.cache for each in parts)
+    return [(_parsed(path, each), str(each.metadata.get("name", "")), each.visual) for each in parts]
+
+
+def _parsed(path: Path, part: Any) -> Parsed:
+    points, faces = np.asarray(part.vertices), np.asarray(part.faces)
+    if points.ndim != 2 or points.shape[1] != 3 or faces.shape[1:] != (3,):
+        raise BadInput(f"points of shape {points.shape}", where=path, expected="three coordinates a point")
+    if faces.min() < 0 or faces.max() >= len(points):
+        raise BadInput(f"a face names vertex {faces.max()} of {len(points)}", where=path, expected="one of its mesh")
+    normals = part.vertex_normals if "vertex_normals" in part._cache.cache else None
+    uv = getattr(part.visual, "uv", None)
+    if uv is not None:
+        # trimesh has v upwards.
+        uv = np.asarray(uv, np.float64)[:, :2] * (1, -1) + (0, 1)
+        uv = uv if uv.shape == (len(points), 2) and np.isfinite(uv).all() else None
     return Parsed(
-        np.concatenate([np.asarray(each.vertices, np.float64) for each in parts]),
-        np.concatenate([np.asarray(each.vertex_normals, np.float64) for each in parts]) if given else None,
-        np.concatenate([np.asarray(each.faces, np.int64) + start for each, start in zip(parts, starts, strict=False)]),
+        np.asarray(points, np.float64),
+        None if normals is None else np.asarray(normals, np.float64),
+        np.asarray(faces, np.int64),
+        uv,
     )
 
 

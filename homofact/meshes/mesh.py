@@ -19,6 +19,7 @@ from homofact.errors import BadInput
 from homofact.files.reading import read_bytes
 from homofact.meshes.files import parse_obj, parse_ply
 from homofact.meshes.gltf import parse_gltf
+from homofact.meshes.parsed import Parsed
 from homofact.meshes.winding import wound_alike
 
 # Of coordinates: a box that is wider is not finite; in the file's own units, squares are to be finite in float32.
@@ -29,7 +30,7 @@ _MOST, _MOST_OWN = 1e300, 1e9
 class Mesh:
     """`positions` (V, 3) and unit `normals` (V, 3) float64, `triangles` (T, 3) int64 into them; `name` for captions.
 
-    `remarks` say what was mended when it was read.
+    `remarks` say what was mended when it was read. `uv` (V, 2) are texture coordinates, v downwards, where it has any.
     """
 
     positions: np.ndarray
@@ -37,6 +38,7 @@ class Mesh:
     triangles: np.ndarray
     name: str
     remarks: tuple[str, ...] = ()
+    uv: np.ndarray | None = None
 
 
 def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
@@ -53,7 +55,12 @@ def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
         parsed = parse_gltf(target, data)
     else:
         parsed = parse_obj(data, str(target))
-    positions, normals, triangles = parsed
+    return mesh_of(parsed, target, fitted)
+
+
+def mesh_of(parsed: Parsed, target: Path, fitted: bool = True) -> Mesh:
+    """The mesh of what was parsed from a file. Raises BadInput as `read_mesh`."""
+    positions, normals, triangles, uv = parsed
     if not len(triangles):
         raise BadInput("no triangles in it", where=target, expected="a mesh")
     for what, values in (("position", positions), ("normal", normals)):
@@ -91,7 +98,7 @@ def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     triangles = _facing(positions, normals, triangles)
     placed = positions if fitted else positions * (radius * extent) + middle
-    return Mesh(placed, normals, triangles, target.name, remarks)
+    return Mesh(placed, normals, triangles, target.name, remarks, uv)
 
 
 def _face_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -49,6 +49,7 @@ def two_sided(mesh: Mesh) -> Mesh:
         positions=np.concatenate((mesh.positions, behind)),
         normals=np.concatenate((mesh.normals, -mesh.normals)),
         triangles=np.concatenate((mesh.triangles, mesh.triangles[:, ::-1] + len(mesh.positions))),
+        uv=None if mesh.uv is None else np.tile(mesh.uv, (2, 1)),
     )
 
 

@@ -120,6 +120,9 @@ def open_relight_scene(
     Raises BadInput for what cannot be read or has more channels than three.
     """
     objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
+    flat = [placed.mesh.name for placed in objects if placed.material.picture is not None]
+    if flat:
+        notes = (*notes, f"{', '.join(flat)}: the base-colour texture counts by its mean colour")
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
     tables = [*file.objects, *([] if file.ground is None else [file.ground])]
     known: dict[tuple[object, ...], FactoredMaterial] = {}

@@ -4,18 +4,23 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from homofact.brdf.analytic.lambert import Lambert
+from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import open_source
 from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.containers.srgb import decode_srgb
 from homofact.errors import BadInput
 from homofact.exporting.as_source import is_fit
 from homofact.exporting.result import open_result
 from homofact.files.reading import split_member
+from homofact.meshes.gltf_parts import gltf_part, is_gltf
 from homofact.scene.file_fits import FileFit, FileFits
 
-MATT, FIT, SOURCE = "matt", "fit", "source"
+MATT, FIT, SOURCE, PART = "matt", "fit", "source", "part"
 Stage = Callable[[str], object]
 
 
@@ -48,14 +53,16 @@ class MaterialTable:
 class OpenedMaterial:
     """A material of a scene: as `words` name it, and the reflectance that it is.
 
-    `kind` is "fit", a result of `factorize` or the `fit` that stands for a file, "source", a named material, or "matt",
-    an albedo.
+    `kind` is "fit", a result of `factorize` or the `fit` that stands for a file, "source", a named material, "matt", an
+    albedo, or "part", that of a glTF part. The mean of its `picture` (H, W, 3), in linear light, is in its base colour.
     """
 
     words: str
     kind: str
     reflectance: Reflectance
     fit: FileFit | None = None
+    picture: np.ndarray | None = None
+    left_out: tuple[str, ...] = ()
 
 
 def open_materials(
@@ -78,14 +85,30 @@ def open_materials(
 def open_material(words: str, fits: FileFits) -> OpenedMaterial:
     """A material's name, a fit (the folder or the file that `factorize` wrote), or a file, for which a fit stands.
 
+    "FILE.glb#PART" is the material of a part of a glTF scene.
+
     Raises BadInput for what cannot be read.
     """
     if words.startswith(MATERIAL_PREFIX):
         return OpenedMaterial(words, SOURCE, open_source(words).reflectance)
+    if is_gltf(words):
+        return _of_part(words)
     if is_fit(words):
         return OpenedMaterial(words, FIT, open_result(Path(words)))
     found = fits.of(words)
     return OpenedMaterial(words, FIT, found.fit, found)
+
+
+def _of_part(words: str) -> OpenedMaterial:
+    """The metallic-roughness model of a part; grey of .8 where it names no material."""
+    given = gltf_part(words).material
+    if given is None:
+        return OpenedMaterial(words, PART, Lambert((0.8, 0.8, 0.8)))
+    picture = None if given.picture is None else decode_srgb(given.picture)
+    mean = np.ones(3) if picture is None else picture.mean((0, 1))
+    colour = tuple(float(value) for value in np.clip(np.array(given.base_colour) * mean, 0, 1))
+    model = MetallicRoughness(colour, min(max(given.metallic, 0.0), 1.0), min(max(given.roughness, 0.0), 1.0))
+    return OpenedMaterial(words, PART, model, picture=picture, left_out=given.left_out)
 
 
 def _matt(words: str, albedo: tuple[float, ...]) -> OpenedMaterial:

@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from homofact.errors import BadInput
+from homofact.files.reading import split_member
+from homofact.meshes.gltf_parts import gltf_part, is_gltf
 from homofact.meshes.mesh import Mesh, read_mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import sphere, torus_knot
@@ -15,8 +17,13 @@ _SHAPES: dict[str, Callable[[], Mesh]] = {"sphere": sphere, "knot": torus_knot}
 
 
 def open_mesh(text: str) -> Mesh:
-    """A mesh's file, or a shape by its name with `SHAPE_PREFIX`. Raises BadInput for what cannot be read."""
-    return shape(text, "mesh")() if text.startswith(SHAPE_PREFIX) else read_mesh(text)
+    """A mesh's file, a part of a glTF file as "FILE#PART", or a shape by its name with `SHAPE_PREFIX`.
+
+    Raises BadInput for what cannot be read.
+    """
+    if text.startswith(SHAPE_PREFIX):
+        return shape(text, "mesh")()
+    return gltf_part(text).mesh if split_member(text)[1] is not None and is_gltf(text) else read_mesh(text)
 
 
 def shape(text: str, where: str) -> Callable[[], Mesh]:
@@ -44,13 +51,15 @@ def faded(mesh: Mesh) -> tuple[float, float] | None:
 class MeshGroup:
     """Several meshes as one: all `positions`, `normals` (V, 3) and `triangles` (T, 3), and the mesh that each is of.
 
-    `owners` (T,) number the meshes. Raises BadInput as `meshes.occlusion.Occluder`, once `occluder` is asked for.
+    `owners` (T,) number the meshes; `uv` (V, 2) are texture coordinates, 0 where a mesh has none. Raises BadInput as
+    `meshes.occlusion.Occluder`, once `occluder` is asked for.
     """
 
     def __init__(self, meshes: Sequence[Mesh]) -> None:
         starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
         self.positions = np.concatenate([mesh.positions for mesh in meshes])
         self.normals = np.concatenate([mesh.normals for mesh in meshes])
+        self.uv = np.concatenate([np.zeros((len(m.positions), 2)) if m.uv is None else m.uv for m in meshes])
         pairs = zip(meshes, starts, strict=False)
         self.triangles = np.concatenate([mesh.triangles + start for mesh, start in pairs])
         self.owners = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])

@@ -13,6 +13,8 @@ import numpy as np
 
 from homofact.errors import BadInput
 from homofact.files.embedded import located
+from homofact.files.reading import split_member
+from homofact.meshes.gltf_parts import gltf_parts, is_gltf
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.prepare import open_edges, prepared, two_sided
 from homofact.meshes.shapes import ground
@@ -40,9 +42,10 @@ class ObjectTable(MaterialTable):
     turn: float = option(0.0, "Degrees about y")
 
     def __post_init__(self) -> None:
-        """Refuse what is no point, and no or two materials. Raises BadInput."""
+        """Refuse what is no point, and no or two materials; a glTF scene has its own. Raises BadInput."""
         check_point("at", self.at)
-        super().__post_init__()
+        if not (is_gltf(self.mesh) and self.material is None and self.albedo is None):
+            super().__post_init__()
 
 
 @dataclass(frozen=True)
@@ -70,19 +73,23 @@ def found_tables(
 ) -> tuple[tuple[ObjectKind, ...], GroundKind | None]:
     """Objects and ground with meshes and materials, relative to `folder`, made findable.
 
-    Raises BadInput, beginning with the table's place in the file, for those that are not there.
+    A glTF scene without a material becomes an object for each of its parts, with the parts' own materials. Raises
+    BadInput, beginning with the table's place in the file, for those that are not there.
     """
-    found = tuple(
-        replace(
-            table,
-            mesh=_found_mesh(table.mesh, folder, f"object[{number}].mesh"),
-            material=_found_material(table.material, folder, f"object[{number}].material"),
-        )
-        for number, table in enumerate(objects)
-    )
+    found: list[ObjectKind] = []
+    for number, table in enumerate(objects):
+        mesh = _found_mesh(table.mesh, folder, f"object[{number}].mesh")
+        if table.material is None and table.albedo is None:
+            names = (
+                [mesh] if split_member(mesh)[1] is not None else [f"{mesh}#{part.name}" for part in gltf_parts(mesh)]
+            )
+            found += [replace(table, mesh=name, material=name) for name in names]
+            continue
+        material = _found_material(table.material, folder, f"object[{number}].material")
+        found.append(replace(table, mesh=mesh, material=material))
     if plane is not None:
         plane = replace(plane, material=_found_material(plane.material, folder, "ground.material"))
-    return found, plane
+    return tuple(found), plane
 
 
 def place_objects(
@@ -115,6 +122,8 @@ def place_objects(
     materials = open_materials(tables, stage, fits)
     stand = {each.words: each.fit for each in materials if each.fit is not None}
     notes += [fit.sentence(words) for words, fit in stand.items()]
+    parts = {each.words: each.left_out for each in materials if each.left_out}
+    notes += [f"{Path(words).name}: {', '.join(left)} is left out" for words, left in parts.items()]
     return tuple(map(SceneObject, meshes, materials)), tuple(notes)
 
 
@@ -132,9 +141,10 @@ def _found_mesh(text: str, folder: Path, where: str) -> str:
     if text.startswith(SHAPE_PREFIX):
         shape(text, where)
         return text
-    if not located(folder / text).is_file():
-        raise BadInput(f"no file {folder / text}", where=where, expected=f"a mesh or {SHAPE_PREFIX}NAME")
-    return str(located(folder / text))
+    file, part = split_member(folder / text)
+    if not located(file).is_file():
+        raise BadInput(f"no file {file}", where=where, expected=f"a mesh or {SHAPE_PREFIX}NAME")
+    return str(located(file)) if part is None else f"{located(file)}#{part}"
 
 
 def _found_material(material: str | None, folder: Path, where: str) -> str | None:

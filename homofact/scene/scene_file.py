@@ -1,7 +1,9 @@
 """The file of a scene with objects in their places, read from strict TOML: what relighting and editing have alike.
 
 [[object]]                         # one or more
-mesh = "knot.ply"                  # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot
+mesh = "knot.ply"                  # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot. A glTF
+                                   # file without material and albedo is an object for each part, with its own material;
+                                   # "scene.glb#lamp" is the part "lamp" alone
 material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
 albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
 size = 1.0                         # radius of the sphere round it

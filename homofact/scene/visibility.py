@@ -11,7 +11,7 @@ from homofact.scene.meshes import MeshGroup
 
 # Of the unit normal along the ray: less is a silhouette of coarse triangles.
 _AWAY = 0.2
-PIXEL_ARRAYS = ("numbers", "objects", "points", "frames", "wo")
+PIXEL_ARRAYS = ("numbers", "objects", "points", "frames", "wo", "uv")
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class VisiblePixels:
     """The P pixels of a view that see something, float64.
 
     `numbers` (P,) row by row from the top left; `objects` (P,) which mesh each sees; `points` (P, 3) in the world;
-    `frames` (P, 3, 3), rows t, b, n; `wo` (P, 3) unit, in the frame.
+    `frames` (P, 3, 3), rows t, b, n; `wo` (P, 3) unit, in the frame; `uv` (P, 2) texture coordinates, 0 where the mesh
+    has none.
     """
 
     numbers: np.ndarray
@@ -27,6 +28,7 @@ class VisiblePixels:
     points: np.ndarray
     frames: np.ndarray
     wo: np.ndarray
+    uv: np.ndarray
 
     def __len__(self) -> int:
         """P."""
@@ -54,7 +56,8 @@ def visible_pixels(meshes: MeshGroup, camera: Camera, rims: bool = False) -> Vis
     wo = np.einsum("pij,pj->pi", frame, -rays[hit])
     kept = np.ones(len(wo), bool) if rims else wo[:, 2] > 0
     owners = meshes.owners[triangle[hit]]
-    return VisiblePixels(hit[kept], owners[kept], points[kept], frame[kept], wo[kept])
+    uv = (meshes.uv[corners] * weights).sum(1)
+    return VisiblePixels(hit[kept], owners[kept], points[kept], frame[kept], wo[kept], uv[kept])
 
 
 def seen_from_behind(meshes: MeshGroup, cameras: Iterable[Camera]) -> np.ndarray:

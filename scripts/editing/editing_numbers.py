@@ -92,7 +92,7 @@ def placed(mesh: Mesh, size: float, place: tuple[float, float, float]) -> Mesh:
     return Mesh(mesh.positions * size + np.array(place), mesh.normals, mesh.triangles, mesh.name)
 
 
-def planks(points: np.ndarray) -> np.ndarray:
+def planks(points: np.ndarray, uv: np.ndarray) -> np.ndarray:
     """A pattern that multiplies the tray's diffuse term."""
     grain = 0.75 + 0.25 * np.sin(18 * points[:, 0] + 2 * np.sin(3 * points[:, 2]))
     return grain[:, None] * np.ones(3)

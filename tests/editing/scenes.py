@@ -36,7 +36,7 @@ def on_the_floor(material: Editable) -> EditScene:
     return EditScene(things, named_lighting("overcast"), (VIEW, side))
 
 
-def checks(points: np.ndarray) -> np.ndarray:
+def checks(points: np.ndarray, uv: np.ndarray) -> np.ndarray:
     """A floor of squares, light and dark."""
     even = (np.floor(points[:, 0] * 2) + np.floor(points[:, 2] * 2)) % 2 == 0
     return np.where(even[:, None], 1.0, 0.4) * np.ones(3)

@@ -56,7 +56,9 @@ def test_bend_is_how_far_a_middle_is_from_the_mean_of_its_own_edge() -> None:
 def pixels_of(wo: np.ndarray, count: int) -> VisiblePixels:
     """So many pixels that see the same point from the same direction."""
     none, points = np.zeros(count, np.int64), np.zeros((count, 3))
-    return VisiblePixels(none, none, points, np.tile(FRAME, (count, 1, 1)), np.tile(wo, (count, 1)))
+    return VisiblePixels(
+        none, none, points, np.tile(FRAME, (count, 1, 1)), np.tile(wo, (count, 1)), np.zeros((count, 2))
+    )
 
 
 def found_bands(

@@ -224,7 +224,7 @@ def test_what_is_no_scene_is_refused() -> None:
         with pytest.raises(BadInput, match=words):
             EditScene(things, light, views)
     with pytest.raises(BadInput, match="paint: has no term 'coat', expected one of diffuse, specular"):
-        EditObject(sphere(8), paint, {"coat": lambda points: points})
+        EditObject(sphere(8), paint, {"coat": lambda points, uv: points})
     away = EditScene((thing,), light, (Camera((0.0, 0.0, 4.0), (0.0, 0.0, 8.0), 40, (8, 8), "away"),))
     with pytest.raises(BadInput, match="views: found no object in any of them"):
         prepare(away, 20)

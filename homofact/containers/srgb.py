@@ -1,0 +1,8 @@
+"""What an 8-bit picture's numbers mean: sRGB's transfer curve (IEC 61966-2-1)."""
+
+import numpy as np
+
+
+def decode_srgb(encoded: np.ndarray) -> np.ndarray:
+    """Linear values, 0 to 1, of encoded ones, 0 to 1."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)

@@ -1,0 +1,175 @@
+"""A glTF scene as its parts: one mesh for each primitive, with its material and texture coordinates.
+
+Of the metallic-roughness material come the factors and two textures: the base colour as a picture, and metallic and
+roughness by the means of theirs. What else a material has, as normal maps, emission and extensions, is
+named in `left_out`.
+"""
+
+import os
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.files import extras
+from homofact.files.reading import read_bytes, split_member
+from homofact.meshes.gltf import gltf_header, parse_parts
+from homofact.meshes.mesh import Mesh, mesh_of
+
+ENDINGS = (".gltf", ".glb")
+MOST_PARTS, _LARGEST_SIDE = 256, 1024
+_LEFT_OUT = {
+    "normalTexture": "its normal map",
+    "emissiveTexture": "its emission",
+    "emissiveFactor": "its emission",
+    "occlusionTexture": "its occlusion map",
+}
+
+
+@dataclass(frozen=True)
+class GltfMaterial:
+    """The factors, `base_colour` of three numbers in linear light; `picture` (H, W, 3) multiplies it, row 0 at v = 0.
+
+    The picture's values, 0 to 1, are encoded by sRGB's curve, as in its file. `left_out` names what is not used.
+    """
+
+    base_colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    metallic: float = 1.0
+    roughness: float = 1.0
+    picture: np.ndarray | None = field(default=None, compare=False)
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class GltfPart:
+    """A primitive: a name that no other part of the file has, its mesh, and its material where it names one."""
+
+    name: str
+    mesh: Mesh
+    material: GltfMaterial | None
+
+
+def is_gltf(text: str) -> bool:
+    """Whether a path, or the file of "FILE#PART", has the ending of a glTF file."""
+    return split_member(text)[0].lower().endswith(ENDINGS)
+
+
+def gltf_parts(path: str | os.PathLike[str]) -> tuple[GltfPart, ...]:
+    """All parts of a glTF file in the order of their names, fitted into the unit sphere as `read_mesh` does the whole.
+
+    Raises BadInput as `read_mesh`, for pictures that are missing or cannot be read, textures on a mesh without texture
+    coordinates, and more than 256 parts.
+    """
+    target = Path(path)
+    try:
+        state = target.stat()
+    except OSError:
+        state = None
+    return _parts(str(target), None if state is None else (state.st_mtime_ns, state.st_size))
+
+
+def gltf_part(text: str) -> GltfPart:
+    """The part that "FILE#PART" names. Raises BadInput as `gltf_parts`, and where there is none, with all names."""
+    file, name = split_member(text)
+    parts = gltf_parts(file)
+    for part in parts:
+        if part.name == name:
+            return part
+    raise BadInput(f"no part {name!r}", where=file, expected=f"one of {', '.join(part.name for part in parts)[:300]}")
+
+
+@lru_cache(maxsize=8)
+def _parts(path: str, _state: tuple[int, int] | None) -> tuple[GltfPart, ...]:
+    target = Path(path)
+    data = read_bytes(target, "a glTF scene")
+    header = gltf_header(target, data)
+    if header.get("images"):
+        extras.library("PIL", f"{target}: textures")
+        _check_pictures(target, header)
+    # trimesh has them in no order that lasts.
+    parsed = sorted(parse_parts(target, data), key=lambda part: (part[1], len(part[0].positions)))
+    if len(parsed) > MOST_PARTS:
+        raise BadInput(f"{len(parsed)} parts", where=target, expected=f"at most {MOST_PARTS}")
+    used = np.concatenate([each.positions[np.unique(each.triangles)] for each, _, _ in parsed])
+    if not np.isfinite(used).all():
+        raise BadInput("a position that is not finite", where=target, expected="finite numbers")
+    middle = (used.min(0) + used.max(0)) / 2
+    radius = float(np.linalg.norm(used - middle, axis=1).max()) or 1.0
+    found, textured = [], _textured(header)
+    for own, name, visual in parsed:
+        taken = {part.name for part in found}
+        first = name.replace("#", "_").strip() or "part"
+        chosen, k = first, 1
+        while chosen in taken:
+            k += 1
+            chosen = f"{first} {k}"
+        mesh = mesh_of(own, target, fitted=False)
+        mesh = replace(mesh, positions=(mesh.positions - middle) / radius, name=chosen)
+        material = _material(f"{target}: {chosen}", visual, mesh, textured)
+        found.append(GltfPart(chosen, mesh, material))
+    return tuple(found)
+
+
+def _check_pictures(path: Path, header: dict[str, Any]) -> None:
+    """Refuse pictures beside the file that are not there. Raises BadInput."""
+    images = header["images"] if isinstance(header["images"], list) else []
+    for each in images:
+        uri = each.get("uri") if isinstance(each, dict) else None
+        if isinstance(uri, str) and not uri.startswith("data:"):
+            read_bytes(path.parent / unquote(uri), f"a picture of {path.name}")
+
+
+def _textured(header: dict[str, Any]) -> set[str]:
+    """Names of the materials that have a base-colour texture."""
+    materials = header.get("materials")
+    found = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
+    models = [(each.get("name"), each.get("pbrMetallicRoughness")) for each in found]
+    return {str(name) for name, model in models if isinstance(model, dict) and "baseColorTexture" in model}
+
+
+def _material(where: str, visual: Any, mesh: Mesh, textured: set[str]) -> GltfMaterial | None:
+    given = getattr(visual, "material", None)
+    if given is None or not hasattr(given, "baseColorFactor"):
+        return None
+    colour = given.baseColorFactor
+    red, green, blue = (1.0, 1.0, 1.0) if colour is None else _factors(np.asarray(colour)[:3])
+    metallic = 1.0 if given.metallicFactor is None else float(given.metallicFactor)
+    roughness = 1.0 if given.roughnessFactor is None else float(given.roughnessFactor)
+    picture = None
+    if given.baseColorTexture is None and str(given.name) in textured:
+        raise BadInput("a texture that cannot be read", where=where, expected="a PNG or JPEG")
+    if given.baseColorTexture is not None:
+        if mesh.uv is None:
+            raise BadInput("a texture on a mesh without texture coordinates", where=where, expected="TEXCOORD_0")
+        picture = _pixels(given.baseColorTexture, where)
+    if given.metallicRoughnessTexture is not None:
+        means = _pixels(given.metallicRoughnessTexture, where).mean((0, 1))
+        roughness, metallic = roughness * float(means[1]), metallic * float(means[2])
+    left = [words for key, words in _LEFT_OUT.items() if _is_there(getattr(given, key, None))]
+    return GltfMaterial((red, green, blue), metallic, roughness, picture, tuple(dict.fromkeys(left)))
+
+
+def _factors(values: np.ndarray) -> list[float]:
+    """Factors from 0 to 1; trimesh has those of a byte each."""
+    return np.clip(values / 255 if values.dtype.kind == "u" else values, 0, 1).astype(float).tolist()
+
+
+def _is_there(value: Any) -> bool:
+    """Whether a picture is there, or a factor that is not 0."""
+    return value is not None and (hasattr(value, "convert") or bool(np.any(value)))
+
+
+def _pixels(picture: Any, where: str) -> np.ndarray:
+    """(H, W, 3) from 0 to 1, of pictures no larger than 1024 pixels a side. Raises BadInput for what is no picture."""
+    try:
+        found = picture.convert("RGB")
+        if max(found.size) > _LARGEST_SIDE:
+            found.thumbnail((_LARGEST_SIDE, _LARGEST_SIDE))
+        return np.asarray(found, np.float64) / 255
+    # A damaged picture raises whatever the place that was damaged leads to.
+    except Exception as error:
+        raise BadInput(f"a texture that cannot be read ({error})", where=where, expected="a PNG or JPEG") from error
