@@ -47,7 +47,7 @@ def open_edit_scene(file: EditSceneFile, stage: Stage | None = None, fits: FileF
 
     Raises BadInput for what cannot be read, and what `EditScene` refuses.
     """
-    lighting = file.lighting.lighting(Path())
+    lighting = file.light()
     placed, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
     edited = _with_curves(file, [thing.material for thing in placed], stage)
     remarks = [f"{each.material.name}: {note}" for each in edited for note in each.material.notes]

@@ -10,6 +10,9 @@ pattern = "wood"                   # optional, `editing.patterns`: wood, squares
 pattern_size = 0.25                # between rings, or of a square
 bands = [256, 64]                  # of the curves that count in the sum over the light: 256, 128, 64 or 32 each
 [ground]                           # name, curves and bands as above
+[[sun]]                            # none or more, beside the lighting
+direction = [0.3, 0.8, 0.5]        # towards the sun, y up
+irradiance = [3.1]                 # on a surface that faces it: one number, or one of red, green and blue
 [edit]                             # all optional
 triangles = 4000                   # of the light; 400 for a preview
 tolerance = 0.003                  # relative RMS that the low rank may leave
@@ -27,8 +30,9 @@ from homofact.editing.curves import BANDS
 from homofact.editing.patterns import BUILT_IN
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml
-from homofact.scene.cameras import Camera
-from homofact.scene.lighting import LightTable
+from homofact.rendering.light import DirectionalLight
+from homofact.scene.cameras import Camera, check_point
+from homofact.scene.lighting import Lighting, LightTable
 from homofact.scene.materials import MaterialTable
 from homofact.scene.meshes import SHAPE_PREFIX
 from homofact.scene.objects import GroundTable, ObjectTable, found_tables
@@ -95,9 +99,41 @@ class EditSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SunTable:
+    """[[sun]]: a light of the sun's size beside the lighting, `direction` towards it.
+
+    `irradiance` is that on a surface that faces it, in the lighting's units of radiance times steradians.
+    """
+
+    direction: tuple[float, ...]
+    irradiance: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse a sun at or under the horizon, and one without light. Raises BadInput."""
+        check_point("direction", self.direction)
+        if not self.direction[1] > 0:
+            wanted = "a sun above the horizon, y > 0"
+            raise BadInput(where="direction", found=list(self.direction), expected=wanted)
+        if len(self.irradiance) not in (1, 3) or not any(self.irradiance):
+            wanted = "1 or 3 numbers, some above 0"
+            raise BadInput(where="irradiance", found=list(self.irradiance), expected=wanted)
+        self.light()
+
+    def light(self) -> DirectionalLight:
+        """The sun as a light. Raises BadInput for negative or unbounded irradiance."""
+        x, y, z = self.direction
+        levels = self.irradiance if len(self.irradiance) > 1 else self.irradiance[0]
+        try:
+            return DirectionalLight((x, y, z), levels)
+        except BadInput as error:
+            raise BadInput(where="irradiance", found=list(self.irradiance), expected=error.expected) from error
+
+
+@dataclass(frozen=True, kw_only=True)
 class _EditTable(SceneTable):
     object: tuple[EditObjectTable, ...]
     ground: EditGroundTable | None = None
+    sun: tuple[SunTable, ...] = ()
     edit: EditSettings = EditSettings()
 
 
@@ -111,6 +147,16 @@ class EditSceneFile:
     lighting: LightTable
     cameras: tuple[Camera, ...]
     settings: EditSettings
+    suns: tuple[SunTable, ...] = ()
+
+    def light(self) -> Lighting:
+        """The lighting with the suns beside it. Raises BadInput as `LightTable.lighting`."""
+        own = self.lighting.lighting(Path())
+        if not self.suns:
+            return own
+        count = len(self.suns)
+        words = f"{own.words or own.name} and {'a sun' if count == 1 else f'{count} suns'}"
+        return Lighting(own.name, (*own.lights, *(sun.light() for sun in self.suns)), words)
 
     def record(self, folder: Path) -> dict[str, Any]:
         """The file's table again, JSON-able, with paths relative to `folder`: `scene_of_record` reads it."""
@@ -133,6 +179,7 @@ class EditSceneFile:
         return found | {
             "lighting": record_of(self.lighting),
             "camera": [record_of(each) for each in self.cameras],
+            **({"sun": [record_of(each) for each in self.suns]} if self.suns else {}),
             "edit": record_of(self.settings),
         }
 
@@ -165,7 +212,7 @@ def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) 
     except BadInput as error:
         joint = "." if place.endswith(".") else ": "
         raise error.at(place.removesuffix(joint), joint) from error
-    return EditSceneFile(name, objects, ground, lighting, found.camera, found.edit)
+    return EditSceneFile(name, objects, ground, lighting, found.camera, found.edit, found.sun)
 
 
 Table = TypeVar("Table", bound=_Edited)
