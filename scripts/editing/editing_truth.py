@@ -89,6 +89,9 @@ def cases(folder: Path) -> list[Case]:
         ("specular", "alpha"): slot.banded(slot.sliders.curve(nu=15)),
         ("specular", "beta"): bumped(brushed.banded_start()["specular", "beta"], 0.3, 0.1, 0.5),
     }
+    sharp = models.cook_torrance(replace(PAINT, roughness=0.05), "sharp")
+    mirror = models.ashikhmin_shirley(replace(BRUSHED, nu=3000, nv=3000), "mirror")
+    ringed = {("specular", "beta"): bumped(mirror.banded_start()["specular", "beta"], 0.02, 0.01, 0.5)}
     fit = fitted()
     whole = models.from_reflectance(fit, ("theta_h", "theta_d"), "fit")
     ring = {("whole", "theta_h"): bumped(whole.banded_start()["whole", "theta_h"], 0.5, 0.2, 2.0)}
@@ -99,6 +102,8 @@ def cases(folder: Path) -> list[Case]:
     made = [
         ("CT, sigma 0.2 to 0.3 and another Fresnel term", paint, broad),
         ("AS, nu 80 to 15 and a ring over beta", brushed, turned),
+        ("CT, sigma 0.05 and another Fresnel term", sharp, {("specular", "fresnel"): broad["specular", "fresnel"]}),
+        ("AS, nu and nv 3000 and a ring over beta", mirror, ringed),
     ]
     found = [Case(name, each, curves, each.edited(curves), each.edited(curves)) for name, each, curves in made]
     return [*found, Case("a fit, a ring over theta_h in its textures", whole, ring, folder / "edited.npz", edited)]
