@@ -122,7 +122,7 @@ class SunTable:
     def light(self) -> DirectionalLight:
         """The sun as a light. Raises BadInput for negative or unbounded irradiance."""
         x, y, z = self.direction
-        levels = self.irradiance if len(self.irradiance) > 1 else self.irradiance[0]
+        levels = self.irradiance[0] if len(self.irradiance) == 1 else self.irradiance
         try:
             return DirectionalLight((x, y, z), levels)
         except BadInput as error:
