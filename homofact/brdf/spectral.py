@@ -1,5 +1,8 @@
 """Spectra to linear sRGB and to luminance, with the tables of colour-science.
 
+Those of D65, which nearly all files are read under, are kept in d65.json (scripts/data/make_colour_table.py), since the
+library takes a second to load.
+
 A BRDF in sr⁻¹ at each wavelength is weighted by illuminant × colour-matching functions (CIE 15:2018, 7.1)
 on a 1 nm raster of 360–780 nm; between the given wavelengths it is interpolated linearly, beyond them its
 end values are kept. XYZ are scaled so that a flat spectrum of 1 has Y = 1, adapted from the illuminant's
@@ -8,10 +11,12 @@ IEC 61966-2-1, without its transfer curve. A flat spectrum of 1 is therefore RGB
 illuminant and however few the wavelengths.
 """
 
+import json
 from collections.abc import Sequence
 from functools import lru_cache
+from importlib.resources import files
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -20,7 +25,7 @@ from torch import Tensor
 from homofact.errors import BadInput
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
-_ILLUMINANT = "D65"
+ILLUMINANT = "D65"
 # Y of linear sRGB: the middle row of RGB → XYZ (IEC 61966-2-1, derived from primaries and white).
 LUMINANCE = (0.21263901, 0.71516868, 0.07219232)
 # Linear sRGB from CIE XYZ with D65 white: the inverse of the primaries' matrix (IEC 61966-2-1).
@@ -35,7 +40,7 @@ _NEEDED = (450.0, 650.0)
 
 
 def to_rgb(
-    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = _ILLUMINANT, clip: bool = True
+    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT, clip: bool = True
 ) -> tuple[Tensor, dict[str, Any]]:
     """Linear sRGB (N, 3) in sr⁻¹ of spectra (N, W) in sr⁻¹ at `wavelengths` in nm, and the facts (JSON-able).
 
@@ -53,7 +58,7 @@ def to_rgb(
 
 
 def to_luminance(
-    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = _ILLUMINANT
+    spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT
 ) -> tuple[Tensor, dict[str, Any]]:
     """CIE Y (N, 1) in sr⁻¹, 1 for a flat spectrum of 1, and the facts; same errors as `to_rgb`."""
     weights = _weights(_checked(spectra, wavelengths), illuminant)
@@ -86,7 +91,40 @@ def _checked(spectra: Tensor, wavelengths: Sequence[float]) -> tuple[float, ...]
 @lru_cache(maxsize=16)
 def _weights(wavelengths: tuple[float, ...], illuminant: str) -> tuple[np.ndarray, tuple[float, float], np.ndarray]:
     """(RGB weights (W, 3), xy of the illuminant's white, Y weights (W,))."""
-    import colour  # about a second to load, and only spectra need it
+    matching, primary, bradford = illuminated(illuminant)
+    # Row w: how much each raster line takes from wavelength w; linear inside, the end values outside.
+    hats = np.stack([np.interp(_RASTER, wavelengths, unit) for unit in np.eye(len(wavelengths))])
+    xyz = hats @ matching
+    white = xyz.sum(0)
+    xyz = xyz / white[1]
+    white = white / white[1]
+    gain = (bradford @ primary.sum(1)) / (bradford @ white)
+    to_linear = np.linalg.inv(primary) @ np.linalg.inv(bradford) @ np.diag(gain) @ bradford
+    rgb = xyz @ to_linear.T
+    total = white.sum()
+    return rgb, (float(white[0] / total), float(white[1] / total)), xyz[:, 1]
+
+
+class Illuminated(NamedTuple):
+    """Illuminant times colour-matching functions on the raster (421, 3); sRGB's primaries and Bradford's transform."""
+
+    matching: np.ndarray
+    primary: np.ndarray
+    bradford: np.ndarray
+
+
+@lru_cache(maxsize=8)
+def illuminated(illuminant: str) -> Illuminated:
+    """The tables of an illuminant, of D65 as they are kept. Raises BadInput for a name that is none."""
+    if illuminant != ILLUMINANT:
+        return computed(illuminant)
+    kept = json.loads(files("homofact.brdf").joinpath("d65.json").read_text(encoding="utf-8"))
+    return Illuminated(**{name: np.array(values) for name, values in kept.items()})
+
+
+def computed(illuminant: str) -> Illuminated:
+    """The tables of an illuminant from colour-science. Raises BadInput for a name that is none."""
+    import colour  # about a second to load
 
     if illuminant not in colour.SDS_ILLUMINANTS:
         raise BadInput(where="illuminant", found=repr(illuminant), expected="a CIE name, for instance D65, D50, A or E")
@@ -94,20 +132,10 @@ def _weights(wavelengths: tuple[float, ...], illuminant: str) -> tuple[np.ndarra
     observer = colour.MSDS_CMFS[OBSERVER]
     power = np.interp(_RASTER, light.wavelengths, light.values)
     matching = np.stack([np.interp(_RASTER, observer.wavelengths, observer.values[:, k]) for k in range(3)], 1)
-    # Row w: how much each raster line takes from wavelength w; linear inside, the end values outside.
-    hats = np.stack([np.interp(_RASTER, wavelengths, unit) for unit in np.eye(len(wavelengths))])
-    xyz = hats @ (matching * power[:, None])
-    white = xyz.sum(0)
-    xyz = xyz / white[1]
-    white = white / white[1]
     space = colour.RGB_COLOURSPACES["sRGB"]
     primary = np.asarray(colour.normalised_primary_matrix(space.primaries, space.whitepoint))
     bradford = np.asarray(colour.CHROMATIC_ADAPTATION_TRANSFORMS["Bradford"])
-    gain = (bradford @ primary.sum(1)) / (bradford @ white)
-    to_linear = np.linalg.inv(primary) @ np.linalg.inv(bradford) @ np.diag(gain) @ bradford
-    rgb = xyz @ to_linear.T
-    total = white.sum()
-    return rgb, (float(white[0] / total), float(white[1] / total)), xyz[:, 1]
+    return Illuminated(matching * power[:, None], primary, bradford)
 
 
 def _facts(wavelengths: Sequence[float], illuminant: str, white: tuple[float, float]) -> dict[str, Any]:

@@ -1,11 +1,14 @@
 """Spectra to linear sRGB and luminance: white is white, colour-science agrees, clipping is counted."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
 from refusals import refused
 
-from homofact.brdf.spectral import LUMINANCE, OBSERVER, to_luminance, to_rgb
+from homofact.brdf.spectral import ILLUMINANT, LUMINANCE, OBSERVER, computed, illuminated, to_luminance, to_rgb
 
 CORNELL = tuple(range(400, 701, 10))
 FINE = tuple(range(360, 781))
@@ -95,3 +98,17 @@ def test_impossible_wavelengths_and_lights_are_refused(
 def test_counts_that_disagree_are_refused() -> None:
     with refused(where="spectra"):
         to_luminance(torch.ones(1, 30, dtype=torch.float64), CORNELL)
+
+
+def test_the_kept_table_is_that_of_colour_science() -> None:
+    for kept, expected in zip(illuminated(ILLUMINANT), computed(ILLUMINANT), strict=True):
+        np.testing.assert_allclose(kept, expected, rtol=1e-13)
+
+
+def test_spectra_under_d65_load_no_colour_science() -> None:
+    program = (
+        "import sys, torch; from homofact.brdf.spectral import to_rgb, to_luminance;"
+        "to_rgb(torch.ones(1, 4), (400, 500, 600, 700)); to_luminance(torch.ones(1, 4), (400, 500, 600, 700));"
+        "sys.exit('colour' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
