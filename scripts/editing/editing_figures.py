@@ -22,8 +22,9 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import open_source
 from homofact.editing import models
 from homofact.editing.curves import Bands, band_centres
+from homofact.editing.enlarged import enlarged
 from homofact.editing.factored import half_and_diffuse
-from homofact.editing.picture import Address, image, starting_curves
+from homofact.editing.picture import Address, starting_curves
 from homofact.editing.precompute import prepare
 from homofact.editing.scene import EditObject, EditScene, PreparedScene
 from homofact.editing.session import Session
@@ -101,11 +102,11 @@ def bump(curve: Bands, at: float, width: float, height: float) -> torch.Tensor:
 
 
 def shown(prepared: PreparedScene, values: torch.Tensor, exposure: float | None = None) -> tuple[np.ndarray, float]:
-    """(8-bit sRGB, the exposure) of the first view's pixels."""
-    radiance, coverage = image(prepared, 0, values.clamp_min(0))
-    picture = SphereImage(radiance, coverage)
-    chosen = choose_exposure(picture) if exposure is None else exposure
-    return tonemap(picture, chosen).pixels.numpy(), chosen
+    """(8-bit sRGB, the exposure) of the first view, enlarged as `homofact edit` does, the light's map behind."""
+    found = enlarged(prepared, 0, values.clamp_min(0), 3)
+    chosen = choose_exposure(SphereImage(found.radiance, found.coverage)) if exposure is None else exposure
+    whole = SphereImage(found.radiance, torch.ones_like(found.coverage))
+    return tonemap(whole, chosen).pixels.numpy(), chosen
 
 
 def drawn(target: Path, rows: Sequence[Sequence[tuple[str, Panel]]], wide: float = 2.3) -> None:
@@ -121,7 +122,7 @@ def drawn(target: Path, rows: Sequence[Sequence[tuple[str, Panel]]], wide: float
         for (title, what), place in zip(row, line, strict=False):
             place.set_title(title, fontsize=8)
             if isinstance(what, np.ndarray):
-                place.imshow(what, interpolation="nearest")
+                place.imshow(what, interpolation="antialiased")
                 continue
             place.set_axis_on()
             lowest_shown = 1e-3 * max(float(each.values[:, 0].max()) for each in what)
