@@ -158,7 +158,7 @@ def _curves_record(material: Editable, curves: Mapping[Place, Any]) -> list[dict
     return [
         {
             "term": place[0], "curve": place[1], "angle": material.slot(place).angle,
-            "values": curve.values.tolist(), "start": start[place].values.tolist(),
+            "finer": material.slot(place).finer, "values": curve.values.tolist(), "start": start[place].values.tolist(),
         }
         for place, curve in curves.items()
     ]  # fmt: skip

@@ -1,8 +1,8 @@
 """A glTF scene as its parts: one mesh for each primitive, with its material and texture coordinates.
 
 Of the metallic-roughness material come the factors and two textures: the base colour as a picture, and metallic and
-roughness by the means of theirs. What else a material has, as normal maps, emission and extensions, is
-named in `left_out`.
+roughness by the means of theirs. What else a material has, such as normal maps, emission and extensions, is named in
+`left_out`.
 """
 
 import os
@@ -27,6 +27,7 @@ _LEFT_OUT = {
     "emissiveTexture": "its emission",
     "emissiveFactor": "its emission",
     "occlusionTexture": "its occlusion map",
+    "metallicRoughnessTexture": "the detail of its metallic-roughness texture",
 }
 
 
@@ -99,7 +100,7 @@ def _parts(path: str, _state: tuple[int, int] | None) -> tuple[GltfPart, ...]:
         raise BadInput("a position that is not finite", where=target, expected="finite numbers")
     middle = (used.min(0) + used.max(0)) / 2
     radius = float(np.linalg.norm(used - middle, axis=1).max()) or 1.0
-    found, textured = [], _textured(header)
+    found, written = [], _written(header)
     for own, name, visual in parsed:
         taken = {part.name for part in found}
         first = name.replace("#", "_").strip() or "part"
@@ -109,7 +110,7 @@ def _parts(path: str, _state: tuple[int, int] | None) -> tuple[GltfPart, ...]:
             chosen = f"{first} {k}"
         mesh = mesh_of(own, target, fitted=False)
         mesh = replace(mesh, positions=(mesh.positions - middle) / radius, name=chosen)
-        material = _material(f"{target}: {chosen}", visual, mesh, textured)
+        material = _material(f"{target}: {chosen}", visual, mesh, written)
         found.append(GltfPart(chosen, mesh, material))
     return tuple(found)
 
@@ -123,15 +124,14 @@ def _check_pictures(path: Path, header: dict[str, Any]) -> None:
             read_bytes(path.parent / unquote(uri), f"a picture of {path.name}")
 
 
-def _textured(header: dict[str, Any]) -> set[str]:
-    """Names of the materials that have a base-colour texture."""
+def _written(header: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """The materials by name as the file has them."""
     materials = header.get("materials")
     found = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
-    models = [(each.get("name"), each.get("pbrMetallicRoughness")) for each in found]
-    return {str(name) for name, model in models if isinstance(model, dict) and "baseColorTexture" in model}
+    return {str(each["name"]): each for each in found if "name" in each}
 
 
-def _material(where: str, visual: Any, mesh: Mesh, textured: set[str]) -> GltfMaterial | None:
+def _material(where: str, visual: Any, mesh: Mesh, written: dict[str, dict[str, Any]]) -> GltfMaterial | None:
     given = getattr(visual, "material", None)
     if given is None or not hasattr(given, "baseColorFactor"):
         return None
@@ -140,7 +140,9 @@ def _material(where: str, visual: Any, mesh: Mesh, textured: set[str]) -> GltfMa
     metallic = 1.0 if given.metallicFactor is None else float(given.metallicFactor)
     roughness = 1.0 if given.roughnessFactor is None else float(given.roughnessFactor)
     picture = None
-    if given.baseColorTexture is None and str(given.name) in textured:
+    own = written.get(str(given.name), {})
+    model = own.get("pbrMetallicRoughness")
+    if given.baseColorTexture is None and isinstance(model, dict) and "baseColorTexture" in model:
         raise BadInput("a texture that cannot be read", where=where, expected="a PNG or JPEG")
     if given.baseColorTexture is not None:
         if mesh.uv is None:
@@ -150,6 +152,8 @@ def _material(where: str, visual: Any, mesh: Mesh, textured: set[str]) -> GltfMa
         means = _pixels(given.metallicRoughnessTexture, where).mean((0, 1))
         roughness, metallic = roughness * float(means[1]), metallic * float(means[2])
     left = [words for key, words in _LEFT_OUT.items() if _is_there(getattr(given, key, None))]
+    extensions = own.get("extensions")
+    left += sorted(extensions) if isinstance(extensions, dict) else []
     return GltfMaterial((red, green, blue), metallic, roughness, picture, tuple(dict.fromkeys(left)))
 
 

@@ -85,10 +85,21 @@ def test_what_is_not_used_is_named(tmp_path: Path) -> None:
     place.write_bytes(trimesh.Scene(mesh).export(file_type="glb"))
     (part,) = gltf_parts(place)
     assert part.material is not None
-    assert part.material.left_out == ("its normal map", "its emission")
+    assert part.material.left_out == (
+        "its normal map", "its emission", "the detail of its metallic-roughness texture",
+    )  # fmt: skip
     # The mean of green is of roughness, that of blue of metal.
     assert part.material.roughness == pytest.approx(0.5)
     assert part.material.metallic == pytest.approx(0.5)
+
+
+def test_extensions_are_named(tmp_path: Path) -> None:
+    place = scene(tmp_path, "gltf")
+    header = json.loads(place.read_text())
+    for material in header["materials"]:
+        material["extensions"] = {"KHR_materials_clearcoat": {"clearcoatFactor": 1.0}}
+    place.write_text(json.dumps(header))
+    assert [part.material.left_out for part in gltf_parts(place) if part.material] == [("KHR_materials_clearcoat",)] * 2
 
 
 def test_names_are_made_different(tmp_path: Path) -> None:
