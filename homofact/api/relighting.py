@@ -162,11 +162,13 @@ def _relit_scene(
     from homofact.relighting.build import open_relight_scene, relit_objects
     from homofact.relighting.errors import dense_colours, scene_errors
     from homofact.relighting.result import RelightResult
+    from homofact.relighting.room import check_room
     from homofact.scene.file_fits import FileFits
 
     begun = time.perf_counter()
     fits = FileFits(blocks, blocks is not None, steps)
     scene = open_relight_scene(file, steps.stage, fits)
+    check_room(scene, blocks)
     for line in (*scene.notes, *(plan.warning for plan in scene.plans if plan.warning)):
         steps.note(line)
     steps.note(scene.cost.describe())
@@ -290,6 +292,7 @@ def _report(
     return {
         "scene": file.name,
         "light": file.light.describe(),
+        "suns": [sun.record() for sun in file.suns],
         "cube": settings.cube,
         "rays": settings.rays,
         "kept": settings.kept if settings.tolerance is None and file.reflected is None else None,

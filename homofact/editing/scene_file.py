@@ -30,13 +30,13 @@ from homofact.editing.curves import BANDS
 from homofact.editing.patterns import BUILT_IN
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml
-from homofact.rendering.light import DirectionalLight
-from homofact.scene.cameras import Camera, check_point
+from homofact.scene.cameras import Camera
 from homofact.scene.lighting import Lighting, LightTable
 from homofact.scene.materials import MaterialTable
 from homofact.scene.meshes import SHAPE_PREFIX
 from homofact.scene.objects import GroundTable, ObjectTable, found_tables
 from homofact.scene.scene_file import SceneTable
+from homofact.scene.suns import SunTable
 from homofact.settings.kinds import EDITING, check_kind
 from homofact.settings.options import option
 from homofact.settings.tables import read_table
@@ -96,37 +96,6 @@ class EditSettings:
 
     triangles: int = option(TRIANGLES, "Of the light", least=8, most=100_000)
     tolerance: float = option(TOLERANCE, "Relative RMS that the low rank may leave", above=0, most=0.5)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SunTable:
-    """[[sun]]: a light of the sun's size beside the lighting, `direction` towards it.
-
-    `irradiance` is that on a surface that faces it, in the lighting's units of radiance times steradians.
-    """
-
-    direction: tuple[float, ...]
-    irradiance: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        """Refuse a sun at or under the horizon, and one without light. Raises BadInput."""
-        check_point("direction", self.direction)
-        if not self.direction[1] > 0:
-            wanted = "a sun above the horizon, y > 0"
-            raise BadInput(where="direction", found=list(self.direction), expected=wanted)
-        if len(self.irradiance) not in (1, 3) or not any(self.irradiance):
-            wanted = "1 or 3 numbers, some above 0"
-            raise BadInput(where="irradiance", found=list(self.irradiance), expected=wanted)
-        self.light()
-
-    def light(self) -> DirectionalLight:
-        """The sun as a light. Raises BadInput for negative or unbounded irradiance."""
-        x, y, z = self.direction
-        levels = self.irradiance[0] if len(self.irradiance) == 1 else self.irradiance
-        try:
-            return DirectionalLight((x, y, z), levels)
-        except BadInput as error:
-            raise BadInput(where="irradiance", found=list(self.irradiance), expected=error.expected) from error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,12 +40,18 @@ def memory_of_machine() -> int | None:
     return min((bound for bound in limits if bound > 0), default=None)
 
 
+def room_in_memory() -> float | None:
+    """Bytes of arrays that fit beside the libraries into the machine's memory; None where it is unknown."""
+    has = memory_of_machine()
+    return None if has is None else has - _BESIDE
+
+
 def refuse_beyond_memory(what: str, nbytes: float, instead: str) -> None:
     """Raise BadInput where `nbytes` of arrays do not fit beside the libraries into the machine's memory.
 
     `what` names the setting and what was found, `instead` what is expected.
     """
-    has = memory_of_machine()
-    if has is not None and nbytes + _BESIDE > has:
+    has, room = memory_of_machine(), room_in_memory()
+    if has is not None and room is not None and nbytes > room:
         needed, there = ((nbytes + _BESIDE) / _GIGABYTE, has / _GIGABYTE)
         raise BadInput(f"{what} needs about {needed:.1f} GB of memory, and {there:.1f} GB are there; {instead}")

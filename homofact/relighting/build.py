@@ -1,7 +1,7 @@
 """From a scene's file to relit objects: placed and opened, materials factored, transport precomputed."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,11 @@ from homofact.relighting.harmonic import Harmonic, harmonic
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import sight_words
+from homofact.relighting.lobe_table import LobeTable, sun_tables
 from homofact.relighting.plan import ObjectPlan, plan_object
 from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
 from homofact.relighting.scene_file import RelightSceneFile
+from homofact.relighting.sunlight import Sunlight
 from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.materials import Stage
 from homofact.scene.meshes import MeshGroup
@@ -32,19 +34,21 @@ _CLUSTERED = 8
 class TransportChoice:
     """How an object's transport will be made: its material's factors and lobe, and what is kept.
 
-    `plan` says why, where the scene has a tolerance.
+    `plan` says why, where the scene has a tolerance; `sun_tables` are those of the material where there are suns.
     """
 
     material: FactoredMaterial
     settings: TransportSettings
     plan: ObjectPlan | None = None
+    sun_tables: tuple[LobeTable, ...] = ()
 
 
 @dataclass(frozen=True)
 class RelitObject:
     """An object with its transport, and the compact form where it was asked for.
 
-    `fit` stands for the material where that is a file of measurements, `lobe` is its separate lobe.
+    `fit` stands for the material where that is a file of measurements, `lobe` is its separate lobe, `sunlight` the
+    light of the scene's suns.
     """
 
     mesh: Mesh
@@ -53,6 +57,7 @@ class RelitObject:
     compact: Clustered | Harmonic | None
     fit: FileFit | None = None
     lobe: SeparateLobe | None = None
+    sunlight: Sunlight | None = None
 
     @property
     def form(self) -> str:
@@ -64,13 +69,14 @@ class RelitObject:
 
     @property
     def nbytes(self) -> int:
-        """What relighting reads: the compact form where there is one, the view maps, and what a separate lobe needs."""
+        """What relighting reads: the compact form where there is one, the view maps, what a lobe and suns need."""
         stored = self.transport.nbytes if self.compact is None else self.compact.nbytes
-        return stored + self.transport.factors.view.nbytes + (0 if self.lobe is None else self.lobe.nbytes)
+        beside = sum(each.nbytes for each in (self.lobe, self.sunlight) if each is not None)
+        return stored + self.transport.factors.view.nbytes + beside
 
-    def lit(self, light: np.ndarray) -> LitObject:
-        """The object under a cube map of radiance, by the form that is used."""
-        return LitObject.of(self.transport, self.compact, self.lobe, light)
+    def lit(self, light: np.ndarray, suns: bool = True) -> LitObject:
+        """The object under a cube map of radiance and its suns, by the form that is used."""
+        return LitObject.of(self.transport, self.compact, self.lobe, light, self.sunlight if suns else None)
 
 
 @dataclass(frozen=True)
@@ -145,7 +151,26 @@ def open_relight_scene(
             rule = (table.terms, table.share, table.error)
             known[key] = factored(reflectance, table.lobe, *rule, light=file.light)
         choices.append(TransportChoice(known[key], file.settings))
+    if file.suns:
+        choices = _with_sun_tables(objects, choices, stage)
     return RelightScene(file, objects, tuple(choices), occluder, notes)
+
+
+def _with_sun_tables(
+    objects: Sequence[SceneObject], choices: Sequence[TransportChoice], stage: Stage | None
+) -> list[TransportChoice]:
+    """The choices with the tables that suns light each material by, each material's made once."""
+    known: dict[tuple[str, int], tuple[LobeTable, ...]] = {}
+    found = []
+    for placed, choice in zip(objects, choices, strict=True):
+        words, lobe = placed.material.words, choice.material.lobe
+        key = (words, id(lobe))
+        if key not in known:
+            if stage is not None:
+                stage(f"tabulating {Path(words).name}")
+            known[key] = sun_tables(placed.material.reflectance, lobe)
+        found.append(replace(choice, sun_tables=known[key]))
+    return found
 
 
 def relit_objects(
@@ -171,5 +196,6 @@ def relit_objects(
         elif file.clusters:
             count = None if file.clusters < 0 else min(file.clusters, made.vertices)
             compact = clustered(made, file.components, clusters=count, seed=file.seed)
-        objects.append(RelitObject(placed.mesh, placed.material.words, made, compact, placed.material.fit, lobe))
+        lit = Sunlight.traced(file.suns, choice.sun_tables, placed.mesh, scene.occluder) if file.suns else None
+        objects.append(RelitObject(placed.mesh, placed.material.words, made, compact, placed.material.fit, lobe, lit))
     return tuple(objects)

@@ -7,6 +7,7 @@ squares over vertices that the eye sees, by the area that they take in its pictu
 
     terms         K terms of f, their functions asked of f itself wherever they are needed
     lobe          the separate lobe, as it is summed, against the sum over every texel
+    suns          the light of suns by tables, against the reflectance itself at 64 directions of each disc
     maps          the same terms read from maps of M × M texels
     cube          the reference on this cube map against one of `FINE` times as many texels along a face
     truncation    of the wavelets of the transport, all but the kept left out, not rounded
@@ -19,7 +20,8 @@ squares over vertices that the eye sees, by the area that they take in its pictu
     picture       the same at pixels of the camera, whose light is mixed between vertices: the whole error
 
 Where a lobe is separate, the stages of terms, maps, truncation and so on are those of what is left of f, against the
-light of all of f. The `psnr` in dB is of those pixels as 8-bit sRGB, tone-mapped as pictures are.
+light of all of f; where there are suns, theirs is in this light. The `psnr` in dB is of those pixels as 8-bit sRGB,
+tone-mapped as pictures are.
 `below zero` is the light that negative residues take away: Σ max(−B̂, 0)/Σ|B̂|.
 """
 
@@ -38,18 +40,18 @@ from homofact.evaluation.image_metrics import psnr as psnr_of
 from homofact.meshes.mesh import Mesh
 from homofact.relighting import cube
 from homofact.relighting.build import RelightScene, RelitObject
-from homofact.relighting.clusters import Clustered
 from homofact.relighting.factored_material import FactoredMaterial
 from homofact.relighting.factoring import factor
 from homofact.relighting.factors import InOutFactors, view_values
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.kernels import transport_vectors
 from homofact.relighting.lit import LitObject
-from homofact.relighting.lobe import SeparateLobe, SurfacePoints
+from homofact.relighting.lobe import SurfacePoints
 from homofact.relighting.picture import displayed_picture
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.relight import light_coefficients
 from homofact.relighting.seen import SeenPixels, SeenVertices, seen_pixels, seen_vertices
+from homofact.relighting.sunlight import SAMPLES, summed
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.sphere import SphereImage
@@ -58,8 +60,8 @@ from homofact.rendering.tonemap import choose_exposure
 FINE, _RIM_PART = 4, 4
 _FINE_MAPS, _TRIANGLES = 128, 200
 STAGES = (
-    "terms", "maps", "lobe", "cube", "truncation", "quantisation", "harmonics", "clusters", "interpolation", "together",
-    "rim", "picture",
+    "terms", "maps", "lobe", "suns", "cube", "truncation", "quantisation", "harmonics", "clusters", "interpolation",
+    "together", "rim", "picture",
 )  # fmt: skip
 
 
@@ -90,7 +92,7 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
         # An object may be out of the camera's sight as a whole.
         with contextlib.suppress(BadInput):
             seen = seen_vertices(placed.mesh, placed.material.reflectance, scene.occluder, eye, None)
-            colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1])
+            colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1]) + seen.sunlit(scene.file.suns)
         found.append(colours)
     return found
 
@@ -117,57 +119,56 @@ def scene_errors(
             with contextlib.suppress(BadInput):
                 pixels = seen_pixels(meshes, number, *given[1:3], camera, vertices, seed)
         light = scene.file.light
-        found.append(measured_errors(seen, relit.transport, light, relit.compact, stages, pixels, rim, relit.lobe))
+        found.append(measured_errors(seen, relit, light, stages, pixels, rim))
     return found
 
 
 def measured_errors(
     seen: SeenVertices,
-    transport: WaveletTransport,
+    relit: RelitObject,
     light: EnvironmentMap,
-    compact: Clustered | Harmonic | None = None,
     stages: Sequence[str] = STAGES,
     pixels: SeenPixels | None = None,
     rim: SeenVertices | None = None,
-    lobe: SeparateLobe | None = None,
 ) -> RelightErrors:
     """Every stage of `stages` by itself, under one light and from one eye; of `pixels` and of the `rim` where given.
-
-    The transport is that of the rest where a `lobe` is separate.
 
     Raises BadInput for an unknown stage and where no light reaches the vertices.
     """
     unknown = [each for each in stages if each not in STAGES]
     if unknown:
         raise BadInput(where="stage", found=repr(unknown[0]), expected=f"one of {', '.join(STAGES)}")
+    transport, compact, lobe = relit.transport, relit.compact, relit.lobe
+    suns = () if relit.sunlight is None else relit.sunlight.suns
     size = transport.settings.cube
     radiance = cube.environment_cube(light, size)
-    truth = seen.dense(radiance, size)
+    under_sky, under_suns = seen.dense(radiance, size), seen.sunlit(suns)
+    truth = under_sky + under_suns
     if not (truth != 0).any():
         raise BadInput("none reaches the vertices that are seen", where="light", expected="some")
     errors: dict[str, float] = {}
     factors = transport.factors
     part = FactoredMaterial(factors, None if lobe is None else lobe.table).part(seen.reflectance)
     # What a part errs by counts against the light of all.
-    apart = partial(relative, weights=seen.weights, of=None if lobe is None else truth)
+    apart = partial(relative, weights=seen.weights, of=None if lobe is None and not suns else truth)
     if {"terms", "maps"} & {*stages}:
         fine = factor(part, terms=factors.terms, map_size=_FINE_MAPS)
         exact = seen.dense(radiance, size, fine)
         if "terms" in stages:
-            errors["terms"] = apart(exact, truth if lobe is None else seen.dense(radiance, size, part))
+            errors["terms"] = apart(exact, under_sky if lobe is None else seen.dense(radiance, size, part))
         if "maps" in stages:
             errors["maps"] = apart(seen.dense(radiance, size, factors), exact)
     if "cube" in stages:
         much = seen.dense(cube.environment_cube(light, FINE * size), FINE * size)
-        errors["cube"] = apart(truth, much)
+        errors["cube"] = apart(under_sky, much)
     if {"truncation", "quantisation"} & {*stages}:
         every, cut, stored = _vectors(seen, transport, radiance)
         if "truncation" in stages:
             errors["truncation"] = apart(cut, every)
         if "quantisation" in stages:
             errors["quantisation"] = apart(stored, cut)
-    whole = LitObject.of(transport, None, lobe, radiance)
-    used = whole if compact is None else LitObject.of(transport, compact, lobe, radiance)
+    whole = LitObject.of(transport, None, lobe, radiance, relit.sunlight)
+    used = whole if compact is None else relit.lit(radiance)
     stage = "harmonics" if isinstance(compact, Harmonic) else "clusters"
     shown = _seen_of(seen, factors, used.tuples)
     if compact is not None and stage in stages:
@@ -175,18 +176,23 @@ def measured_errors(
     own = used.lobe_at(_vertices(seen))
     if lobe is not None and "lobe" in stages:
         errors["lobe"] = apart(own, seen.dense(radiance, size, lobe.table))
-    shown = shown + own
+    by_suns = used.suns_at(_vertices(seen))
+    if suns and "suns" in stages:
+        errors["suns"] = apart(by_suns, under_suns)
+    shown = shown + own + by_suns
     if "interpolation" in stages:
         errors["interpolation"] = _interpolation(seen, part, radiance, size)
     if "together" in stages:
         errors["together"] = apart(shown, truth)
     if rim is not None:
-        at_rim = _seen_of(rim, factors, used.tuples) + used.lobe_at(_vertices(rim))
-        errors["rim"] = relative(at_rim, rim.dense(radiance, size))
+        at_rim = _seen_of(rim, factors, used.tuples) + used.lobe_at(_vertices(rim)) + used.suns_at(_vertices(rim))
+        errors["rim"] = relative(at_rim, rim.dense(radiance, size) + rim.sunlit(suns))
     psnr = None
     if pixels is not None:
-        mixed = used.between(pixels.mixture, seen.eye)
+        points = pixels.lit_points(relit.mesh)
+        mixed = used.between(pixels.mixture, seen.eye, points.seen(suns, seen.occluder, SAMPLES))
         exact = pixels.points.dense(radiance, size)
+        exact += summed(seen.reflectance, suns, points, pixels.points.wo, seen.occluder)
         errors["picture"], psnr = relative(mixed, exact), _psnr(mixed, exact)
     below = float(np.maximum(-shown, 0).sum() / np.abs(shown).sum())
     return RelightErrors({name: errors[name] for name in STAGES if name in errors}, below, len(seen.which), psnr)

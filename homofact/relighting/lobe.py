@@ -67,10 +67,6 @@ class SeparateLobe:
         """The table and what the vertices see."""
         return self.table.nbytes + self.sight.nbytes
 
-    def record(self) -> dict[str, float]:
-        """The numbers of the table, beside its values."""
-        return {"width": self.table.width, "period": self.table.period}
-
     def at(self, points: SurfacePoints, cells: LightCells) -> np.ndarray:
         """Radiance (S, 3) float32 of the lobe towards the viewer; 0 where a point is seen from behind."""
         out = np.zeros((len(points.frames), 3), np.float32)

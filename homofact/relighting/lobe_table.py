@@ -14,6 +14,9 @@ towards the horizon; under it T is 0.
 
 The rest is f − lobe, whatever T is: the two add up to f. What the grid does not hold of f is in the rest, and of that
 as much is kept as its in-out factors hold.
+
+A sun's light is reflected by tables of all of f (`sun_tables`): the lobe's, and one of the rest on a broad grid, of
+f cosθo alone. A broad grid would round off the end of cosθi at the horizon; there f is continued instead.
 """
 
 import math
@@ -32,7 +35,9 @@ from homofact.geometry.directions import from_spherical
 STEEPEST = math.radians(89.7)
 LEVELS, NODES, TURNS = 40, 41, 24
 _WIDTHS = 3.0  # of the lobe at half height, where the grid is halfway to its rim
+_BROAD = 0.5  # a grid of a larger width holds what is not of the lobe too
 _RIM = 0.995  # of the grid, at most
+_HORIZON = 0.02  # the least cosθi at which f is asked for a broad grid
 _BASE_COSINE = 0.2  # the least f is looked for at larger cosθi
 _SLOPES = torch.logspace(-3, 0.5, 400, dtype=torch.float64)
 _HALF_VIEW, _HALF_AZIMUTHS = 0.5, 8
@@ -42,13 +47,14 @@ _HALF_VIEW, _HALF_AZIMUTHS = 0.5, 8
 class LobeTable:
     """T as `values` (LEVELS, turns, N, N, 3) float32 in sr⁻¹; `width` is w; φo has the `period` in radians.
 
-    A `Reflectance` of three channels: the lobe.
+    `cosine` says whether cosθi is in T. A `Reflectance` of three channels: the lobe.
     """
 
     values: np.ndarray
     width: float
     period: float
     channels: tuple[str, ...] = ("R", "G", "B")
+    cosine: bool = True
 
     @property
     def turns(self) -> int:
@@ -65,12 +71,16 @@ class LobeTable:
         """A bilinear look-up at two θo, of an anisotropic material at two φo each."""
         return 2 if self.turns == 1 else 4
 
+    def record(self) -> dict[str, float | bool]:
+        """Its numbers, beside the values."""
+        return {"width": self.width, "period": self.period, "cosine": self.cosine}
+
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """Values (N, 3) of the lobe in sr⁻¹, without the cosine; 0 under the horizon."""
         shown = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         wi, wo = wi.double(), _raised(wo.double())
-        values = torch.from_numpy(self.values).double()
+        values = torch.from_numpy(self.values)
         levels, turns, nodes = values.shape[:3]
         level = _level_of(torch.acos(wo[:, 2].clamp(0, 1)), levels).clamp(0, levels - 1)
         low = level.long().clamp_max(levels - 2)
@@ -94,7 +104,7 @@ class LobeTable:
                     for b in (0, 1):
                         w = own * (part[:, 0] if a else 1 - part[:, 0]) * (part[:, 1] if b else 1 - part[:, 1])
                         found += w[:, None] * values[low + above, k, i + a, j + b]
-        found /= wo[:, 2:] * wi[:, 2:].clamp_min(1e-3)
+        found /= wo[:, 2:] * (wi[:, 2:].clamp_min(1e-3) if self.cosine else 1.0)
         return torch.where(shown[:, None], found, 0.0)
 
 
@@ -117,10 +127,27 @@ class Rest(Derived):
 
 def lobe_table(reflectance: Reflectance) -> LobeTable:
     """The lobe of a reflectance of 1 or 3 channels."""
+    return _tabulated(reflectance, _WIDTHS * half_width(reflectance), lobe=True)
+
+
+def sun_tables(reflectance: Reflectance, lobe: LobeTable | None = None) -> tuple[LobeTable, ...]:
+    """Tables that add up to all of a reflectance of 1 or 3 channels: one, or of a sharp lobe two.
+
+    `lobe` is its lobe, where that is known.
+    """
+    if lobe is None:
+        width = _WIDTHS * half_width(reflectance)
+        if width > _BROAD:
+            return (_tabulated(reflectance, width, lobe=False),)
+        lobe = _tabulated(reflectance, width, lobe=True)
+    return lobe, _tabulated(Rest(reflectance, lobe), _WIDTHS, lobe=False)
+
+
+def _tabulated(reflectance: Reflectance, width: float, lobe: bool) -> LobeTable:
+    """T on the grid of a width: of the `lobe`, without the least f; or of all of f, without cosθi."""
     symmetry = find_symmetry(reflectance)
     turns = 1 if symmetry.isotropic else TURNS
     period = math.pi if symmetry.half_turn and turns > 1 else 2 * math.pi
-    width = _WIDTHS * half_width(reflectance)
     along = torch.linspace(-1, 1, NODES, dtype=torch.float64)
     u = torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)
     rim = u.norm(dim=-1, keepdim=True)
@@ -130,14 +157,16 @@ def lobe_table(reflectance: Reflectance) -> LobeTable:
     for level, angle in enumerate(theta.tolist()):
         wo = from_spherical(*torch.tensor([angle, 0.0], dtype=torch.float64))
         wi = _mirrored(slope, wo).reshape(-1, 3)
-        cosine = wi[:, 2].clamp_min(0).reshape(NODES, NODES)
+        if not lobe:
+            wi = _raised(wi, _HORIZON)
+        cosine = wi[:, 2].clamp_min(0).reshape(NODES, NODES) if lobe else torch.ones(NODES, NODES).double()
         for turn in range(turns):
             phi = turn * period / turns
             asked = [_turned(w, phi) for w in (wi, wo.expand(len(wi), 3))]
             f = reflectance.evaluate(*asked).double().expand(-1, 3)
-            least = f[wi[:, 2] > _BASE_COSINE].amin(0)
+            least = f[wi[:, 2] > _BASE_COSINE].amin(0) if lobe else 0.0
             values[level, turn] = (f - least).reshape(NODES, NODES, 3) * (cosine * wo[2])[..., None]
-    return LobeTable(values.float().numpy(), width, period, _channels(reflectance))
+    return LobeTable(values.float().numpy(), width, period, _channels(reflectance), cosine=lobe)
 
 
 def half_width(reflectance: Reflectance) -> float:
@@ -158,11 +187,11 @@ def _level_of(theta: Tensor, levels: int) -> Tensor:
     return (1 - (1 - theta / STEEPEST).clamp_min(0).sqrt()) * (levels - 1)
 
 
-def _raised(wo: Tensor) -> Tensor:
-    """Views (N, 3) below `STEEPEST`, those under it raised to it."""
-    z = wo[:, 2:].clamp_min(math.cos(STEEPEST))
-    across = wo[:, :2].norm(dim=1, keepdim=True)
-    return torch.cat((wo[:, :2] * ((1 - z**2).sqrt() / across.clamp_min(1e-12)).clamp_max(1e6), z), 1)
+def _raised(w: Tensor, least: float = math.cos(STEEPEST)) -> Tensor:
+    """Directions (N, 3) with cosines of at least so much, those under it raised."""
+    z = w[:, 2:].clamp_min(least)
+    across = w[:, :2].norm(dim=1, keepdim=True)
+    return torch.cat((w[:, :2] * ((1 - z**2).sqrt() / across.clamp_min(1e-12)).clamp_max(1e6), z), 1)
 
 
 def _mirrored(slope: Tensor, wo: Tensor) -> Tensor:

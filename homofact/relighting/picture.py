@@ -1,8 +1,8 @@
 """Pictures of relit objects: the first triangle along each pixel's rays, its vertices' light mixed over it.
 
 As a graphics card does with colours at vertices, and as Wang et al. show their results. A separate lobe is
-summed at each pixel itself: between vertices its normal turns by more than it is wide. Four rays a pixel; what is
-behind the objects is the environment itself.
+summed at each pixel itself: between vertices its normal turns by more than it is wide. Suns and their shadows are those
+of each ray. Four rays a pixel; what is behind the objects is the environment itself, with the suns' discs.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lobe import SurfacePoints
+from homofact.relighting.sunlight import LitPoints
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import choose_exposure, tonemap
@@ -23,6 +24,7 @@ from homofact.scene.meshes import MeshGroup, faded
 
 _RAYS = 2
 _LEAST_COSINE, _STEEP = 0.02, 0.3
+_SHADOW_RAYS = 8  # to a sun, from each of a pixel's four points
 
 
 def picture(
@@ -36,7 +38,7 @@ def picture(
     """(radiance (H, W, 3) float64, the part of each pixel that objects cover (H, W)).
 
     `colours` are the vertices' radiance (V, 3) towards the camera; `occluder` holds the meshes in this order. The lobes
-    of the objects that are `lit`, in this order too, are added pixel by pixel. A level plane ends softly.
+    and the suns of the objects that are `lit`, in this order too, are added pixel by pixel. A level plane ends softly.
     """
     w = camera.rays(_RAYS)
     shape = w.shape[:3]
@@ -46,6 +48,9 @@ def picture(
     values = np.concatenate(colours).astype(np.float64)
     hit = triangle >= 0
     behind = np.broadcast_to(light.look_up(torch.from_numpy(flat))[0].numpy(), flat.shape)
+    suns = lit[0].sunlight.suns if lit and lit[0].sunlight is not None else ()
+    for sun in suns:
+        behind = behind + np.where(flat @ sun.direction > np.cos(sun.radius), 1.0, 0.0)[:, None] * sun.radiance()
     found, cover = behind.copy(), hit.astype(np.float64)
     found[hit] = (values[corners[triangle[hit]]] * weights[hit][..., None]).sum(1)
     first = 0
@@ -53,8 +58,12 @@ def picture(
         rays = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
         own, shares = triangle[rays] - first, weights[rays]
         first += len(mesh.triangles)
-        if lit and lit[number].lobe is not None:
-            found[rays] += _lobe(lit[number], surface_points(mesh, own, shares, -flat[rays]), rays, shape[2])
+        if lit and (lit[number].lobe is not None or suns):
+            points = surface_points(mesh, own, shares, -flat[rays])
+            if lit[number].lobe is not None:
+                found[rays] += _lobe(lit[number], points, rays, shape[2])
+            seen = LitPoints.on(mesh, points, occluder.offset).seen(suns, occluder, _SHADOW_RAYS, seed=number)
+            found[rays] += lit[number].suns_at(points, seen)
         ends = faded(mesh)
         if ends is not None:
             at = (mesh.positions[mesh.triangles[own]] * shares[..., None]).sum(1)

@@ -29,12 +29,14 @@ from homofact.relighting.saved import (
     read_sky,
 )  # fmt: skip
 from homofact.relighting.scene_file import RelightSceneFile
+from homofact.relighting.sunlight import Sun
 from homofact.scene.cameras import Camera
 from homofact.scene.folders import is_scene_folder, read_scene_archive, report_name, write_scene_folder
 
 REPORT = report_name(RELIT)
 _EXPECTED = "a relit scene that homofact wrote"
-_FORMAT, _VERSION = "homofact relit scene", 3
+_FORMAT, _VERSION = "homofact relit scene", 4
+_OLDEST = 3  # without suns
 
 
 @dataclass(frozen=True)
@@ -92,18 +94,24 @@ class RelightResult:
         """What relighting reads, of all objects."""
         return sum(thing.nbytes for thing in self.objects)
 
-    def shade(self, light: Light, eye: Sequence[float]) -> list[np.ndarray]:
-        """Radiance (V, 3) of each object's vertices towards the point `eye`, under another light.
+    @property
+    def suns(self) -> tuple[Sun, ...]:
+        """The lights beside the sky."""
+        lit = self.objects[0].sunlight if self.objects else None
+        return () if lit is None else lit.suns
+
+    def shade(self, light: Light, eye: Sequence[float], suns: bool = True) -> list[np.ndarray]:
+        """Radiance (V, 3) of each object's vertices towards the point `eye`, under another light and the scene's suns.
 
         A light is an `EnvironmentMap`, a cube map of radiance, a .hdr or .exr file, or the name of a built-in one.
-        Raises BadInput for what is no light or no point.
+        `suns` says whether those of the scene shine too. Raises BadInput for what is no light or no point.
         """
         opened = opened_light(light)
         sizes = [thing.transport.settings.cube for thing in self.objects]
         cubes = {
             size: opened if isinstance(opened, np.ndarray) else environment_cube(opened, size) for size in {*sizes}
         }
-        return [thing.lit(cubes[size]).shade(eye) for thing, size in zip(self.objects, sizes, strict=True)]
+        return [thing.lit(cubes[size], suns).shade(eye) for thing, size in zip(self.objects, sizes, strict=True)]
 
     def save(self, folder: str | os.PathLike[str], force: bool = False) -> None:
         """Write the folder that `homofact view` shows, whole or not at all; `force` replaces one that is there.
@@ -136,6 +144,9 @@ def save_scene(file: Path, scene: RelightResult) -> None:
             own |= {name: getattr(each.compact, name) for name in ("cluster", "weights", "steps")}
         if each.lobe is not None:
             own |= {"lobe_values": each.lobe.table.values, "lobe_sight": each.lobe.sight}
+        if each.sunlight is not None:
+            own |= {f"sun_values_{k}": table.values for k, table in enumerate(each.sunlight.tables)}
+            own["sun_seen"] = each.sunlight.seen
         arrays |= {f"object_{number}_{name}": array for name, array in own.items()}
         entries.append(
             {
@@ -144,7 +155,8 @@ def save_scene(file: Path, scene: RelightResult) -> None:
                 "channels": list(factors.channels),
                 "energy": factors.energy,
                 "beside": factors.beside,
-                "lobe": None if each.lobe is None else each.lobe.record(),
+                "lobe": None if each.lobe is None else each.lobe.table.record(),
+                "sun_tables": [] if each.sunlight is None else [table.record() for table in each.sunlight.tables],
                 "compact": "harmonic" if isinstance(each.compact, Harmonic) else each.compact is not None,
                 "settings": asdict(made.settings),
             }
@@ -154,6 +166,7 @@ def save_scene(file: Path, scene: RelightResult) -> None:
         "version": _VERSION,
         "name": scene.name,
         "sky": sky.name,
+        "suns": [sun.record() for sun in scene.suns],
         "objects": entries,
         "cameras": [_camera_record(camera) for camera in scene.cameras],
         "report": scene.report,
@@ -173,10 +186,9 @@ def open_relit(place: Path) -> RelightResult:
     fields, arrays = Fields(f"{file}: ", header), Arrays(str(file), stored)
     fields.text("format", (_FORMAT,))
     fields.version("version", _VERSION)
-    if header["version"] < _VERSION:
-        raise BadInput(
-            where=file, found=f"version {header['version']}", expected=f"{_VERSION}", hint="relight it again"
-        )
+    if header["version"] < _OLDEST:
+        wanted = f"{_OLDEST} to {_VERSION}"
+        raise BadInput(where=file, found=f"version {header['version']}", expected=wanted, hint="relight it again")
     objects = read_objects(arrays, fields)
     sky, references = read_sky(arrays, fields.text("sky")), read_references(arrays, objects)
     return RelightResult(fields.text("name"), objects, sky, read_cameras(fields), read_report(fields), references)

@@ -4,6 +4,7 @@ Compiled loops and the page take what these arrays say without another look: pla
 follow one another, numbers are finite and of a size that a scene's can have.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -22,13 +23,14 @@ from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import TransportSettings, WaveletTransport
+from homofact.relighting.sunlight import MOST_SUNS, Sun, Sunlight
 from homofact.rendering.light import LEAST_LIGHT, MOST_LIGHT
 from homofact.scene.cameras import Camera
 
 VECTORS = ("start", "index", "number", "scale")
 FACTORS = ("light", "view", "strength")
 # Objects, cameras; lengths, scales and maps of which products of four stay finite in float32.
-_MOST_OBJECTS, _MOST_CAMERAS, _MOST = 10_000, 1000, 1e9
+_MOST_OBJECTS, _MOST_CAMERAS, _MOST_TABLES, _MOST = 10_000, 1000, 2, 1e9
 _UNIT = 1.0 + 1e-3
 
 
@@ -66,8 +68,8 @@ class Part:
         return BadInput(f"{self._prefix}{name} {found}", where=self._arrays.path, expected=expected)
 
 
-def read_object(arrays: Arrays, number: int, entry: Fields) -> RelitObject:
-    """An object with its transport, and its compact form where it has one. Raises BadInput."""
+def read_object(arrays: Arrays, number: int, entry: Fields, suns: tuple[Sun, ...] = ()) -> RelitObject:
+    """An object with its transport, its compact form where it has one, and the scene's suns. Raises BadInput."""
     part = Part(arrays, f"object_{number}_")
     settings = _settings(entry.inner("settings"))
     channels = tuple(entry.texts("channels", 3))
@@ -87,7 +89,26 @@ def read_object(arrays: Arrays, number: int, entry: Fields) -> RelitObject:
     positions, rows = mesh.positions.astype(np.float32), part.rotations("frames", count)
     made = WaveletTransport(positions, rows, factors, settings, *_vectors(part, count * terms, settings))
     lobe = _lobe(part, entry, made) if entry.found.get("lobe") is not None else None
-    return RelitObject(mesh, entry.text("material"), made, _compact(part, entry, made), lobe=lobe)
+    lit = _sunlight(part, entry, suns, count) if suns else None
+    return RelitObject(mesh, entry.text("material"), made, _compact(part, entry, made), lobe=lobe, sunlight=lit)
+
+
+def read_suns(fields: Fields) -> tuple[Sun, ...]:
+    """The lights beside the sky. Raises BadInput."""
+    found: list[Sun] = []
+    if not fields.found.get("suns"):
+        return ()
+    for entry in fields.inners("suns", MOST_SUNS):
+        towards, light = (np.array(entry.numbers(name, 3)) for name in ("direction", "irradiance"))
+        if abs(np.linalg.norm(towards) - 1) > 1e-3:
+            entry.refuse("direction", "a unit vector")
+        if not (light >= 0).all() or not light.any() or float(light.max()) > MOST_LIGHT:
+            entry.refuse("irradiance", f"three numbers from 0 to {MOST_LIGHT:g}, some above 0")
+        radius = entry.number("radius", above=0)
+        if radius > math.pi / 4:
+            entry.refuse("radius", "at most π/4")
+        found.append(Sun(towards, light, radius))
+    return tuple(found)
 
 
 def read_sky(arrays: Arrays, name: str) -> PageSky:
@@ -148,7 +169,8 @@ def read_report(fields: Fields) -> dict[str, Any]:
 def read_objects(arrays: Arrays, fields: Fields) -> tuple[RelitObject, ...]:
     """All objects. Raises BadInput."""
     entries = fields.inners("objects", _MOST_OBJECTS)
-    return tuple(read_object(arrays, number, entry) for number, entry in enumerate(entries))
+    suns = read_suns(fields)
+    return tuple(read_object(arrays, number, entry, suns) for number, entry in enumerate(entries))
 
 
 def _settings(entry: Fields) -> TransportSettings:
@@ -181,14 +203,23 @@ def _vectors(part: Part, count: int, settings: TransportSettings) -> tuple[np.nd
 
 
 def _lobe(part: Part, entry: Fields, made: WaveletTransport) -> SeparateLobe:
-    numbers = entry.inner("lobe")
-    values = part.floats("lobe_values", (None, None, None, None, 3))
+    sight = part.wholes("lobe_sight", np.uint64, (made.vertices, sight_words(made.settings.cube)))
+    return SeparateLobe(_table(part, "lobe_values", entry.inner("lobe")), sight)
+
+
+def _table(part: Part, name: str, numbers: Fields) -> LobeTable:
+    values = part.floats(name, (None, None, None, None, 3))
     levels, turns, rows, columns, _ = values.shape
     if min(levels, rows) < 2 or turns < 1 or rows != columns:
-        raise part.refuse("lobe_values", f"is of shape {values.shape}", "square grids of two nodes or more")
+        raise part.refuse(name, f"is of shape {values.shape}", "square grids of two nodes or more")
     width, period = numbers.number("width", above=0), numbers.number("period", above=0)
-    sight = part.wholes("lobe_sight", np.uint64, (made.vertices, sight_words(made.settings.cube)))
-    return SeparateLobe(LobeTable(values, width, period), sight)
+    return LobeTable(values, width, period, cosine=numbers.flag("cosine") if "cosine" in numbers.found else True)
+
+
+def _sunlight(part: Part, entry: Fields, suns: tuple[Sun, ...], count: int) -> Sunlight:
+    numbers = entry.inners("sun_tables", _MOST_TABLES)
+    tables = tuple(_table(part, f"sun_values_{k}", each) for k, each in enumerate(numbers))
+    return Sunlight(suns, tables, part.floats("sun_seen", (count, len(suns)), 1.0, 0.0))
 
 
 def _compact(part: Part, entry: Fields, made: WaveletTransport) -> Harmonic | Clustered | None:

@@ -10,6 +10,10 @@ share = 0.99                       # as many as hold this of the material's ener
 lobe = "auto"                      # "separate": a sharp lobe is summed for every view; "factored": it is in the terms;
                                    # "auto", the default: separate if there would be more than 32, and no rule is given
 [ground]                           # terms, error, share or lobe, as above
+[[sun]]                            # none or more, beside the lighting
+direction = [0.3, 0.8, 0.5]        # towards the sun, y up
+irradiance = [3.1]                 # on a surface that faces it: one number, or one of red, green and blue
+radius = 0.27                      # of its disc, in degrees; that of the sun unless given
 [transport]                        # all optional
 cube = 64                          # texels along a face of the cube map: 8, 16, 32 or 64
 rays = 1                           # across a texel, 1 or 2
@@ -30,6 +34,7 @@ from homofact.relighting.clusters import COMPONENTS
 from homofact.relighting.factored_material import AUTO, LOBES, SEPARATE
 from homofact.relighting.factoring import MOST_TERMS
 from homofact.relighting.precompute import KEPT, TransportSettings
+from homofact.relighting.sunlight import MOST_SUNS, RelightSunTable, Sun
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
 from homofact.scene.materials import MaterialTable
@@ -88,13 +93,16 @@ class _Tolerance:
 class _RelightTable(SceneTable):
     object: tuple[RelightObjectTable, ...]
     ground: RelightGroundTable | None = None
+    sun: tuple[RelightSunTable, ...] = ()
     transport: _Transport = _Transport()
     tolerance: _Tolerance | None = None
     seed: int = option(0, "Of clusters and of the vertices that errors are measured at", least=0, most=MOST_SEED)
 
     def __post_init__(self) -> None:
-        """Refuse a tolerance beside what it chooses. Raises BadInput."""
+        """Refuse a tolerance beside what it chooses, and more suns than the page draws. Raises BadInput."""
         super().__post_init__()
+        if len(self.sun) > MOST_SUNS:
+            raise BadInput(where="sun", found=f"{len(self.sun)} of them", expected=f"at most {MOST_SUNS}")
         if self.tolerance is None:
             return
         given = [f"transport.{name}" for name in ("kept", "tolerance", "clusters") if _given(self.transport, name)]
@@ -120,6 +128,7 @@ class RelightSceneFile:
     components: int
     seed: int
     reflected: float | None = None
+    suns: tuple[Sun, ...] = ()
 
 
 def read_relight_scene(path: str | Path) -> RelightSceneFile:
@@ -145,7 +154,7 @@ def read_relight_scene(path: str | Path) -> RelightSceneFile:
         raise error.at(file) from error
     return RelightSceneFile(
         file.stem, objects, ground, light, found.camera, settings, asked.clusters or 0, asked.components, found.seed,
-        None if found.tolerance is None else found.tolerance.reflected,
+        None if found.tolerance is None else found.tolerance.reflected, tuple(each.sun() for each in found.sun),
     )  # fmt: skip
 
 

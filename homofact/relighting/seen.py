@@ -18,6 +18,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting import cube
 from homofact.relighting.lobe import SurfacePoints
+from homofact.relighting.sunlight import LitPoints, Sun, summed
 from homofact.relighting.tracer import Tracer
 from homofact.scene.cameras import Camera
 
@@ -69,6 +70,11 @@ class SeenVertices:
             found[s] = (values * flux[lit[kept]]).sum(0)
         return found
 
+    def sunlit(self, suns: Sequence[Sun]) -> np.ndarray:
+        """The light of suns (S, 3), by the reflectance itself at many directions of each disc."""
+        origins = self.mesh.positions[self.which] + self.occluder.offset * self.rows[:, 2]
+        return summed(self.reflectance, suns, LitPoints(origins, self.rows), self.wo, self.occluder)
+
 
 def seen_vertices(
     mesh: Mesh,
@@ -116,6 +122,10 @@ class SeenPixels:
 
     points: SeenVertices
     mixture: SurfacePoints
+
+    def lit_points(self, mesh: Mesh) -> LitPoints:
+        """Where rays to suns start, the pixels being those of `mesh`."""
+        return LitPoints.on(mesh, self.mixture, self.points.occluder.offset)
 
 
 def seen_pixels(

@@ -6,8 +6,8 @@ A mesh of the size 2 stands alone under a sky and is seen by a camera of 640 × 
 --pixels pixels that see it, drawn by their area, rim included, against the sum over all 6 × 64² texels with the
 reflectance itself (`picture` of `homofact relight`). The transport keeps --kept coefficients per vector; factors are
 those of natural light. Skies: grace, stpeters and studio of the data, a sun of one texel 45° high, and stpeters turned
-by 90°, for which nothing is computed anew. A file stands for its fit. Skies per second are changes of the light from
-nothing, views per second are all vertices towards a new eye.
+by 90°, for which nothing is computed anew; and an even sky with the same sun beside it as [[sun]]. A file stands for
+its fit. Skies per second are changes of the light from nothing, views per second are all vertices towards a new eye.
 """
 
 import argparse
@@ -28,13 +28,16 @@ from homofact.evaluation.machine import machine
 from homofact.meshes.mesh import Mesh, read_mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import torus_knot
+from homofact.relighting.build import RelitObject
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import measured_errors
 from homofact.relighting.factored_material import LOBES, factored
 from homofact.relighting.lobe import SeparateLobe
+from homofact.relighting.lobe_table import sun_tables
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import RelitMesh
 from homofact.relighting.seen import seen_pixels, seen_vertices
+from homofact.relighting.sunlight import RADIUS, Sun, Sunlight
 from homofact.rendering.environment import read_environment
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
@@ -63,17 +66,20 @@ PANORAMAS = {
     "studio": "studio_small_03_1k.hdr",
 }
 EYE = (0.9, 0.8, 3.4)
+BESIDE = "sun beside"
+SUN = Sun(np.array([1.0, 1.0, 0.0]) / np.sqrt(2), np.full(3, 1.7), np.radians(RADIUS))
 HEADER = ("mesh", "material", "K", "MB", "precompute, s", "skies/s", "views/s")
 
 
 def skies(folder: Path) -> dict[str, EnvironmentMap]:
-    """The five skies."""
+    """The skies."""
     found = {name: read_environment(folder / "envmaps" / file) for name, file in PANORAMAS.items()}
     sun = torch.full((256, 512, 3), 0.02, dtype=torch.float64)
     # One texel of the cube map holds it, 45° high.
     sun[63:65, 383:385] = 4000.0
     found["one-texel sun"] = EnvironmentMap(sun, name="sun")
     found["stpeters turned"] = found["stpeters"].turned(np.pi / 2)
+    found[BESIDE] = EnvironmentMap(torch.full((16, 32, 3), 0.02, dtype=torch.float64), name=BESIDE)
     return found
 
 
@@ -115,9 +121,11 @@ def row_of(mesh_name: str, name: str, given: Reflectance, scene: Scene, chosen: 
     pixels = seen_pixels([mesh], 0, given, occluder, Camera(EYE, field=36.0, pixels=(640, 480)), chosen.pixels)
     those = seen_vertices(mesh, given, occluder, EYE, 4)
     errors = []
-    for light in scene.lights.values():
-        progress(f"{mesh_name}, {name}, {light.name}")
-        errors.append(measured_errors(those, moved, light, None, ("picture",), pixels, None, lobe).errors["picture"])
+    sunlight = Sunlight.traced((SUN,), sun_tables(given, made.lobe), mesh, occluder)
+    for light_name, light in scene.lights.items():
+        progress(f"{mesh_name}, {name}, {light_name}")
+        relit = RelitObject(mesh, "", moved, None, lobe=lobe, sunlight=sunlight if light_name == BESIDE else None)
+        errors.append(measured_errors(those, relit, light, ("picture",), pixels).errors["picture"])
     relit = RelitMesh(mesh, moved, (), lobe)
     radiance = environment_cube(next(iter(scene.lights.values())), scene.size)
     speeds = timed(lambda: relit.relight(radiance)), timed(lambda: relit.shade(EYE))

@@ -26,6 +26,7 @@ from homofact.evaluation.machine import machine
 from homofact.meshes.mesh import Mesh, read_mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground
+from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import clustered
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import measured_errors, relative
@@ -128,10 +129,10 @@ def main(arguments: list[str] | None = None) -> int:
     basis.relight(skies[0])
     off = relative(shaded(made[0], compact.mixed(basis.tuples), EYE), exact)
     seen = seen_vertices(bunny, reflectance, occluder, EYE, LEDGER_VERTICES) if every == 1 else None
-    whole = (
-        None if seen is None else measured_errors(seen, made[0], sky, None, ("truncation", "quantisation", "together"))
-    )
-    packed = None if seen is None else measured_errors(seen, made[0], sky, compact, ("together",))
+    plain = RelitObject(bunny, MATERIAL, made[0], None)
+    stages = ("truncation", "quantisation", "together")
+    whole = None if seen is None else measured_errors(seen, plain, sky, stages)
+    packed = None if seen is None else measured_errors(seen, replace(plain, compact=compact), sky, ("together",))
     coefficients = sum(len(each.index) for each in made)
     megabytes = sum(each.nbytes for each in made) / 1e6
     small = (compact.nbytes + floor_compact.nbytes) / 1e6

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import torch
 from relighting_cases import EYE, MATT, ball, knot, occluder, whole
+from relit_errors import errors_of
 
 from homofact.errors import BadInput
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting import cube
-from homofact.relighting.errors import measured_errors, relative
+from homofact.relighting.errors import relative
 from homofact.relighting.factoring import factor
 from homofact.relighting.harmonic import harmonic
 from homofact.relighting.lit import lit_tuples
@@ -84,9 +85,8 @@ def test_the_ledger_names_what_harmonics_lose() -> None:
     those: SeenVertices = seen_vertices(knot(), MATT, occluder(), EYE, 10)
     from homofact.scene.lighting import named_environment
 
-    found = measured_errors(
-        those, whole(), named_environment("studio"), harmonic(whole(), 2), ("harmonics", "together")
-    )
+    light = named_environment("studio")
+    found = errors_of(those, whole(), harmonic(whole(), 2), light, ("harmonics", "together"))
     assert set(found.errors) == {"harmonics", "together"}
     assert found.errors["harmonics"] > 0.02
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from relighting_cases import EYE, MATT, SHINY, knot, light, matt, occluder, shiny, whole
+from relit_errors import errors_of
 
 from homofact.brdf.analytic import Lambert
 from homofact.errors import BadInput
@@ -15,7 +16,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import sphere
 from homofact.relighting.clusters import Clustered, clustered
 from homofact.relighting.cube import environment_cube
-from homofact.relighting.errors import STAGES, measured_errors, relative
+from homofact.relighting.errors import STAGES, relative
 from homofact.relighting.factoring import factor
 from homofact.relighting.light_kernels import add_columns
 from homofact.relighting.precompute import TransportSettings, transport
@@ -198,8 +199,8 @@ def test_the_ledger_names_each_stage_by_itself() -> None:
     made = transport(knot(), shiny(), TransportSettings(8, kept=24), occluder())
     compact = clustered(made, 4, 100, 3)
     those = seen(12)
-    found = measured_errors(those, made, sky(), compact)
-    assert set(found.errors) == set(STAGES) - {"harmonics", "lobe", "rim", "picture"}
+    found = errors_of(those, made, compact, sky())
+    assert set(found.errors) == set(STAGES) - {"harmonics", "lobe", "suns", "rim", "picture"}
     assert found.vertices == 12
     assert found.errors["quantisation"] < 1e-3 < found.errors["truncation"]
     assert 0 < found.errors["maps"] < 0.05
@@ -208,7 +209,7 @@ def test_the_ledger_names_each_stage_by_itself() -> None:
     largest = max(found.errors[each] for each in ("terms", "truncation", "clusters"))
     assert found.errors["together"] > 0.5 * largest
     # With everything kept and no clusters only terms and maps are left.
-    exact = measured_errors(those, whole(), sky(), None, ("terms", "truncation", "together"))
+    exact = errors_of(those, whole(), None, sky(), ("terms", "truncation", "together"))
     assert exact.errors["truncation"] < 1e-4
     assert exact.errors["together"] == pytest.approx(exact.errors["terms"], rel=0.1)
 
@@ -216,7 +217,7 @@ def test_the_ledger_names_each_stage_by_itself() -> None:
 def test_stages_without_transport_are_what_they_say() -> None:
     """The cube map's against one of four times as many texels; nothing that is hidden from the eye is asked."""
     those = seen(12)
-    found = measured_errors(those, whole(), sky(), None, ("cube",))
+    found = errors_of(those, whole(), None, sky(), ("cube",))
     coarse, fine = (those.dense(environment_cube(sky(), size), size) for size in (8, 32))
     assert found.errors == {"cube": pytest.approx(relative(coarse, fine))}
     every = seen(None).which
@@ -239,14 +240,14 @@ def test_between_vertices_light_is_mixed_from_all_corners() -> None:
     made = transport(mesh, matt(), TransportSettings(8, kept=384), around)
     smooth = EnvironmentMap(torch.linspace(2, 0, 16, dtype=torch.float64)[:, None, None].expand(16, 32, 1))
     those = seen_vertices(mesh, MATT, around, EYE, 40)
-    assert measured_errors(those, made, smooth, None, ("interpolation",)).errors["interpolation"] < 0.04
+    assert errors_of(those, made, None, smooth, ("interpolation",)).errors["interpolation"] < 0.04
 
 
 def test_clusters_are_part_of_all_together() -> None:
     made = transport(knot(), shiny(), TransportSettings(8, kept=64), occluder())
     compact, those = clustered(made, 1, 40, 2), seen(12)
-    rough = measured_errors(those, made, sky(), compact, ("together", "clusters"))
-    fine = measured_errors(those, made, sky(), None, ("together",))
+    rough = errors_of(those, made, compact, sky(), ("together", "clusters"))
+    fine = errors_of(those, made, None, sky(), ("together",))
     assert rough.errors["clusters"] > 0.1
     assert rough.errors["together"] > 1.2 * fine.errors["together"]
 
@@ -256,7 +257,7 @@ def test_light_below_zero_is_a_share_of_all_light() -> None:
     wrong = shiny().view.copy()
     wrong[1:] *= -3
     made = replace(whole(), factors=replace(shiny(), view=wrong))
-    found = measured_errors(seen(40), made, sky(), None, ("together",))
+    found = errors_of(seen(40), made, None, sky(), ("together",))
     relit = Relit(made)
     relit.relight(sky())
     shown = relit.shade(EYE)[seen(40).which]
@@ -265,7 +266,7 @@ def test_light_below_zero_is_a_share_of_all_light() -> None:
 
 
 def test_light_below_zero_is_measured() -> None:
-    found = measured_errors(seen(40), whole(), sky(), None, ("together",))
+    found = errors_of(seen(40), whole(), None, sky(), ("together",))
     relit = Relit(whole())
     relit.relight(sky())
     shown = relit.shade(EYE)[seen(40).which]
@@ -274,7 +275,7 @@ def test_light_below_zero_is_measured() -> None:
 
 def test_what_cannot_be_judged_is_refused() -> None:
     with pytest.raises(BadInput, match="stage: found 'colour', expected one of terms, maps"):
-        measured_errors(seen(4), whole(), sky(), None, ("colour",))
+        errors_of(seen(4), whole(), None, sky(), ("colour",))
     mesh = sphere(8)
     around = Occluder(mesh.positions, mesh.triangles)
     with pytest.raises(BadInput, match=r"no vertex is seen from \(0\.0, 0\.0, 0\.0\)"):

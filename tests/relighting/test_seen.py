@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from relighting_cases import EYE, MATT, SHINY, knot, matt, occluder, shiny
+from relit_errors import errors_of
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
@@ -14,7 +15,6 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground, sphere
 from homofact.relighting import cube
-from homofact.relighting.errors import measured_errors
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import Relit
@@ -124,7 +124,7 @@ def test_what_is_stated_is_the_error_of_the_whole_picture(
     exact = math.sqrt(squares[0] / squares[1])
     pixels = seen_pixels([knot()], 0, material, occluder(), camera, 64)
     those = seen_vertices(knot(), material, occluder(), EYE, 4)
-    found = measured_errors(those, made, sky, None, ("picture",), pixels)
+    found = errors_of(those, made, None, sky, ("picture",), pixels)
     assert exact / 1.3 < found.errors["picture"] < 1.3 * exact
     assert found.psnr is not None
     assert 5 < found.psnr < 60

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 import torch
 from relighting_cases import EYE, MATT, SHINY, knot, occluder, shiny
+from relit_errors import errors_of
 
 from homofact.errors import BadInput
 from homofact.relighting.cube import environment_cube
-from homofact.relighting.errors import measured_errors, relative
+from homofact.relighting.errors import relative
 from homofact.relighting.factoring import factor
 from homofact.relighting.factors import view_values
 from homofact.relighting.harmonic import harmonic
@@ -124,7 +125,7 @@ def test_a_plan_holds_at_vertices_that_it_has_not_seen(reflected: float) -> None
     assert plan.chosen.bytes == min(each.bytes for each in plan.choices)
     assert all(each.error * MARGIN <= reflected * 1.001 for each in plan.choices)
     made = transport(knot(), plan.factored.factors, plan.settings(TransportSettings(CUBE)), occluder())
-    found = measured_errors(seen(60, 9), made, STUDIO, None, ("together",)).errors["together"]
+    found = errors_of(seen(60, 9), made, None, STUDIO, ("together",)).errors["together"]
     assert 0.2 * reflected < found < reflected
     stored = made.nbytes + plan.factored.factors.view.nbytes
     assert plan.chosen.bytes == pytest.approx(stored, rel=0.15)
@@ -149,7 +150,7 @@ def test_smooth_light_takes_nine_numbers_and_a_lamp_does_not() -> None:
     compact = harmonic(made, 2)
     light = named_environment("overcast")
     own = seen_vertices(knot(), MATT, occluder(), EYE, 60, 9)
-    assert measured_errors(own, made, light, compact, ("together",)).errors["together"] < 0.02
+    assert errors_of(own, made, compact, light, ("together",)).errors["together"] < 0.02
     assert smooth.chosen.bytes == compact.nbytes + smooth.factored.factors.view.nbytes
 
 

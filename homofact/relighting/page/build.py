@@ -27,10 +27,12 @@ from homofact.relighting.clusters import Clustered
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import sight_words
+from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.coarse import coarse_triangles
 from homofact.relighting.page.order import cached_order
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import WaveletTransport
+from homofact.relighting.sunlight import Sunlight
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import faded
 from homofact.web.packing import boxed, differences, halves, pack
@@ -39,8 +41,9 @@ from homofact.web.scene_page import Numbers, write_scene_page
 PACKAGE = "homofact.relighting.page"
 SHARED = ("hdr.js", "latlong.js")
 SCRIPTS = (
-    "cube.js", "sky.js", "turner.js", "lobe.js", "transport.js", "relit.js", "shade.js", "lobe_gpu.js", "shaders.js",
-    "gpu.js", "background.js", "stage.js", "highlights.js", "camera.js", "readings.js", "controls.js", "page.js",
+    "cube.js", "sky.js", "turner.js", "lobe.js", "suns.js", "transport.js", "relit.js", "shade.js", "lobe_gpu.js",
+    "suns_gpu.js", "shaders.js", "gpu.js", "background.js", "stage.js", "highlights.js", "camera.js", "readings.js",
+    "controls.js", "page.js",
 )  # fmt: skip
 # Endings of files that a name is shown without.
 _ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")
@@ -60,6 +63,7 @@ class PageObject:
     material: str
     fade: tuple[float, float] | None = None
     lobe: SeparateLobe | None = None
+    sunlight: Sunlight | None = None
 
     @property
     def basis(self) -> WaveletTransport:
@@ -88,7 +92,7 @@ def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
         if isinstance(made, Harmonic):
             made = made.clustered()
         name, material = shown_name(each.mesh.name), shown_name(each.material)
-        found.append(PageObject(name, each.mesh, made, material, faded(each.mesh), each.lobe))
+        found.append(PageObject(name, each.mesh, made, material, faded(each.mesh), each.lobe, each.sunlight))
     return found
 
 
@@ -121,6 +125,7 @@ def write_page(
     colours = [None] * len(objects) if reference is None else reference.colours
     data = {
         "cube": objects[0].basis.settings.cube,
+        "suns": [] if objects[0].sunlight is None else [sun.record() for sun in objects[0].sunlight.suns],
         "camera": {"eye": camera.eye, "target": camera.target, "field": camera.field},
         "objects": [_object(each, own) for each, own in zip(objects, colours, strict=True)],
         "skies": [_sky(sky) for sky in skies],
@@ -199,23 +204,27 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "mix": mix,
         "reference": None if colours is None else _halves(colours),
         "lobe": None if given.lobe is None else _lobe(given.lobe),
-        "bytes": transport.nbytes + (0 if given.lobe is None else given.lobe.nbytes),
+        "sunlight": None if given.sunlight is None else _sunlight(given.sunlight),
+        "bytes": transport.nbytes + sum(each.nbytes for each in (given.lobe, given.sunlight) if each is not None),
     }
 
 
 def _lobe(lobe: SeparateLobe) -> dict[str, Any]:
     """Words of 64 texels that a vertex sees become two of 32, the lower one first."""
-    table = lobe.table
+    sight = np.ascontiguousarray(lobe.sight, "<u8").view("<u4").astype(np.uint32)
+    return {**_table(lobe.table), "sight": pack(sight)}
+
+
+def _table(table: LobeTable) -> dict[str, Any]:
     levels, _, nodes = table.values.shape[:3]
-    return {
-        "width": table.width,
-        "period": table.period,
-        "levels": levels,
-        "turns": table.turns,
-        "nodes": nodes,
-        "values": _halves(table.values),
-        "sight": pack(np.ascontiguousarray(lobe.sight, "<u8").view("<u4").astype(np.uint32)),
-    }
+    numbers = {**table.record(), "levels": levels, "turns": table.turns, "nodes": nodes}
+    return {**numbers, "values": _halves(table.values)}
+
+
+def _sunlight(lit: Sunlight) -> dict[str, Any]:
+    """Parts of discs become bytes, 255 the whole."""
+    seen = np.rint(lit.seen * 255).astype(np.uint8)
+    return {"tables": [_table(table) for table in lit.tables], "seen": pack(seen)}
 
 
 def _triangles(triangles: np.ndarray) -> dict[str, str]:

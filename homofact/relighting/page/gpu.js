@@ -69,6 +69,7 @@ class ObjectOnGpu {
     this.makeMaps();
     this.makeTuples();
     this.lobe = object.lobe ? new LobeOnGpu(gl, object.lobe) : null;
+    this.sunTables = object.sunlight?.tables.map((table) => ({ ...table, texture: tableTexture(gl, table) }));
   }
 
   /** The triangles to draw: the few where there are any and they are asked for. */
@@ -129,8 +130,8 @@ class ObjectOnGpu {
   program(...kinds) {
     const { gl, object } = this, key = kinds.join();
     if (!this.programs.has(key)) {
-      const defines = Object.fromEntries([["QUADS", object.quads], ...kinds.map((kind) => [kind, 1]), ...(object.fade ? [["FADES", 1]] : [])]);
-      const [vertex, fragment] = kinds[0] === "SHADES" ? [shadeVertex(object), NOTHING] : [surfaceVertex(object), surfaceFragment(object, kinds.includes("BETWEEN"))];
+      const defines = Object.fromEntries([["QUADS", object.quads], ...kinds.map((kind) => [kind, 1]), ...(object.fade ? [["FADES", 1]] : []), ...(object.sunlight ? [["SUNS", 1]] : [])]);
+      const [vertex, fragment] = kinds[0] === "SHADES" ? [shadeVertex(object), NOTHING] : [surfaceVertex(object), surfaceFragment(object, kinds.includes("BETWEEN"), object.suns)];
       this.programs.set(key, makeProgram(gl, shaderText(vertex, defines), shaderText(fragment, defines), object.name, { kept: kinds[0] === "SHADES" ? "v_colour" : null }));
     }
     return this.programs.get(key);

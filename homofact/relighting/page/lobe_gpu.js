@@ -146,16 +146,22 @@ class CellsOnGpu {
   }
 }
 
+/** A table's grids: those of the turns lie one under the other, those of the levels are layers. */
+function tableTexture(gl, { levels, turns, nodes, halves }) {
+  const texture = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
+  gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
+  gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGB16F, nodes, nodes * turns, levels, 0, gl.RGB, gl.HALF_FLOAT, halves);
+  gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+  return texture;
+}
+
 // One object's table, and what its vertices see.
 class LobeOnGpu {
   constructor(gl, lobe) {
     this.gl = gl;
     this.lobe = lobe;
-    const { levels, turns, nodes, halves, sight } = lobe;
-    this.table = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
-    gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGB16F, nodes, nodes * turns, levels, 0, gl.RGB, gl.HALF_FLOAT, halves);
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+    const { sight } = lobe;
+    this.table = tableTexture(gl, lobe);
     const width = Math.min(sight.length, gl.getParameter(gl.MAX_TEXTURE_SIZE), 4096), height = Math.ceil(sight.length / width);
     const padded = new Uint32Array(width * height);
     padded.set(sight);

@@ -14,6 +14,7 @@ class View {
   constructor(data, objects, skies) {
     this.objects = objects;
     this.skies = skies;
+    this.suns = data.suns;
     this.reference = data.reference;
     this.orbit = new Orbit(data.camera);
     this.mostTerms = Math.max(...objects.map((object) => object.terms));
@@ -21,11 +22,11 @@ class View {
     this.keptSteps = keptSteps(this.mostKept);
     this.state = {
       sky: data.reference?.sky ?? 0, turn: 0, terms: this.mostTerms, kept: this.mostKept, interpolation: "vertex", signal: false,
-      stops: 0, curve: "filmic", show: "picture", split: 0.5, range: 0.1, pieces: true, turning: false,
+      stops: 0, curve: "filmic", show: "picture", split: 0.5, range: 0.1, pieces: true, turning: false, suns: true,
     };
     for (const object of objects) if (object.reference) object.seen = withReference(object, this.orbit.eye);
     this.relit = new Relit(objects, 6 * data.cube ** 2);
-    this.stage = new Stage(by("canvas"), objects);
+    this.stage = new Stage(by("canvas"), objects, data.suns);
     this.highlights = new Highlights(this);
     this.times = { light: null, view: null };
     this.frames = 0;
@@ -59,7 +60,7 @@ class View {
 
   /** Whether light and camera are those that the reference was made for. */
   get atReference() {
-    return Boolean(this.reference) && this.state.sky === this.reference.sky && this.state.turn === 0 && this.orbit.atStart;
+    return Boolean(this.reference) && this.state.sky === this.reference.sky && this.state.turn === 0 && this.state.suns && this.orbit.atStart;
   }
 
   /** What is drawn: the picture alone where the reference does not hold. */
@@ -68,7 +69,7 @@ class View {
   }
 
   goToReference() {
-    Object.assign(this.state, { sky: this.reference.sky, turn: 0, turning: false });
+    Object.assign(this.state, { sky: this.reference.sky, turn: 0, turning: false, suns: true });
     this.orbit.reset();
     this.changed("light");
   }
@@ -216,7 +217,8 @@ class View {
     const { eye } = this.orbit;
     return this.objects.map((object) => {
       const found = shade(object, eye, this.state.terms);
-      return object.lobe ? addLobe(object, eye, this.cells, found) : found;
+      if (object.lobe) addLobe(object, eye, this.cells, found);
+      return this.state.suns && object.sunlight ? addSuns(object, eye, this.suns, this.state.turn, found) : found;
     });
   }
 
@@ -277,7 +279,7 @@ async function begin() {
   const data = JSON.parse(by("data").textContent);
   // A browser without WebGL 2 is told before anything is unpacked.
   openContext(document.createElement("canvas"));
-  const objects = await Promise.all(data.objects.map((object) => unpackTransport(object, 6 * data.cube ** 2)));
+  const objects = await Promise.all(data.objects.map((object) => unpackTransport(object, 6 * data.cube ** 2, data.suns.length)));
   const skies = await Promise.all(data.skies.map((sky) => unpackSky(sky, data.cube)));
   const view = new View(data, objects, skies);
   // For programs that drive the page.

@@ -73,7 +73,7 @@ layout(location = 0) in vec3 a_position;
 uniform mat4 u_camera;
 ${lobe ? `// Drawn again over itself: the same depth each time.
 invariant gl_Position;` : ""}
-#if defined(BY_PIXEL) || defined(BETWEEN)
+#if defined(BY_PIXEL) || defined(BETWEEN) || defined(SUNS)
 layout(location = 1) in vec3 a_normal;
 out vec3 v_normal;
 #endif
@@ -92,7 +92,7 @@ ${TUPLES}
 layout(location = 4) in vec3 a_colour;
 out vec3 v_colour;
 #endif
-#if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES)
+#if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES) || defined(SUNS)
 out vec3 v_position;
 #endif
 #ifdef COMPARED
@@ -102,7 +102,7 @@ out vec4 v_reference;
 #endif
 
 void main() {
-#if defined(BY_PIXEL) || defined(BETWEEN)
+#if defined(BY_PIXEL) || defined(BETWEEN) || defined(SUNS)
   v_normal = a_normal;
 #endif
 #ifdef BETWEEN
@@ -117,7 +117,7 @@ ${fetched(quads, "v_tuple")}
 #ifdef COLOURED
   v_colour = a_colour;
 #endif
-#if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES)
+#if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES) || defined(SUNS)
   v_position = a_position;
 #endif
 #ifdef COMPARED
@@ -148,24 +148,25 @@ vec3 compared(vec3 own, vec3 shown) {
 }
 `;
 
-const surfaceFragment = ({ terms, lobe }, between) => `
-#if defined(BY_PIXEL) || defined(BETWEEN)
+const surfaceFragment = ({ terms, lobe, sunlight }, between, suns) => `
+#if defined(BY_PIXEL) || defined(BETWEEN) || defined(SUNS)
 in vec3 v_normal;
 #endif
 #ifdef BY_PIXEL
 in vec3 v_tangent;
 in vec4 v_tuple[QUADS];
 ${viewMaps(terms)}
-#elif defined(BETWEEN)
+#elif defined(BETWEEN) || defined(SUNS)
 uniform vec3 u_eye;
 #endif
 #ifdef COLOURED
 in vec3 v_colour;
 #endif
-#if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES)
+#if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES) || defined(SUNS)
 in vec3 v_position;
 #endif
 ${between ? lobeBetween(lobe) : ""}
+${sunlight ? sunSum(sunlight, suns) : ""}
 uniform int u_signal;
 uniform vec2 u_fade;
 out vec4 colour;
@@ -189,6 +190,9 @@ void main() {
 #endif
 #ifdef BETWEEN
   if (gl_FrontFacing) own += lobeBetween(v_position, v_normal);
+#endif
+#ifdef SUNS
+  if (gl_FrontFacing) own += sunlight(v_position, v_normal);
 #endif
   // From behind a surface gives no light.
   if (!gl_FrontFacing) own = vec3(0.0);
@@ -222,10 +226,16 @@ uniform highp samplerCube u_picture;
 uniform float u_scale;
 uniform int u_plain;
 uniform vec3 u_ground;
+uniform int u_suns;
+// Towards each, and the cosine of its radius; its radiance.
+uniform vec4 u_discs[${MOST_SUNS}];
+uniform vec3 u_disc_light[${MOST_SUNS}];
 out vec4 colour;
 ${TONES}
 void main() {
-  colour = vec4(u_plain == 1 ? u_ground : displayed(textureLod(u_picture, v_along, 0.0).rgb * u_scale), 1.0);
+  vec3 light = textureLod(u_picture, v_along, 0.0).rgb * u_scale, along = normalize(v_along);
+  for (int q = 0; q < u_suns; q++) if (dot(along, u_discs[q].xyz) > u_discs[q].w) light += u_disc_light[q];
+  colour = vec4(u_plain == 1 ? u_ground : displayed(light), 1.0);
 }
 `;
 

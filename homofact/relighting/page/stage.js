@@ -7,12 +7,13 @@ const SAMPLES = 4;
 const SMALL = 160;
 
 class Stage {
-  constructor(canvas, objects) {
+  constructor(canvas, objects, suns) {
     this.canvas = canvas;
     this.gl = openContext(canvas);
     const { gl } = this;
     this.objects = objects.map((object) => new ObjectOnGpu(gl, object));
     this.cells = objects.some((object) => object.lobe) ? new CellsOnGpu(gl) : null;
+    this.shadows = suns.length ? new ShadowsOnGpu(gl, suns, this.objects) : null;
     this.skies = new Map();
     this.sky = makeProgram(gl, shaderText(SKY_VERTEX), shaderText(SKY_FRAGMENT), "the sky");
     this.copy = makeProgram(gl, shaderText(COPY_VERTEX), shaderText(COPY_FRAGMENT), "the sky");
@@ -40,6 +41,7 @@ class Stage {
   draw(view, smooth = true, coarse = false) {
     const { gl } = this, { width, height } = this.canvas;
     for (const each of this.objects) if (each.lobe || view.state.interpolation === "vertex") each.shade(view, coarse);
+    this.shadows?.draw(view.state.turn);
     if (coarse && !smooth) this.drawSmallSky(view, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, smooth ? this.smoothFrame(width, height) : null);
     gl.viewport(0, 0, width, height);
@@ -144,6 +146,12 @@ class Stage {
     const [right, up, forward] = view.orbit.axes, half = Math.tan((view.orbit.field * DEGREE) / 2);
     const axes = [scaled(right, half * aspect), scaled(up, half), forward].map((axis) => turnedBack(axis, view.state.turn));
     gl.uniform3fv(sky.at("u_axes"), Float32Array.from(axes.flat()));
+    const suns = view.state.suns ? view.suns : [];
+    gl.uniform1i(sky.at("u_suns"), suns.length);
+    if (suns.length) {
+      gl.uniform4fv(sky.at("u_discs"), Float32Array.from(suns.flatMap(({ direction, radius }) => [...direction, Math.cos(radius)])));
+      gl.uniform3fv(sky.at("u_disc_light"), Float32Array.from(suns.flatMap(({ irradiance, radius }) => scaled(irradiance, 1 / (2 * Math.PI * (1 - Math.cos(radius)))))));
+    }
     gl.bindVertexArray(this.square);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
@@ -158,6 +166,10 @@ class Stage {
     this.tones(view, program);
     if (byPixel || between) each.bind(program, view);
     if (between) each.lobe.bind(program, this.cells);
+    if (each.sunTables) {
+      this.shadows.bind(program, each.sunTables, state.suns);
+      gl.uniform3f(program.at("u_eye"), ...orbit.eye);
+    }
     gl.uniformMatrix4fv(program.at("u_camera"), false, orbit.matrix(width / height, this.radius));
     gl.uniform1i(program.at("u_signal"), state.signal ? 1 : 0);
     gl.uniform2f(program.at("u_fade"), ...(object.fade ?? [0, 0]));

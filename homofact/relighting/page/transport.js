@@ -114,7 +114,7 @@ class Transport {
 }
 
 /** Unpacks one object of the page's data. */
-async function unpackTransport(packed, coefficients) {
+async function unpackTransport(packed, coefficients, suns) {
   const { basis, mix, map, reference, lobe } = packed;
   const all = { positions: packed.positions, turns: packed.frames, triangles: packed.triangles, coarse: packed.coarse, texels: map.texels,
     count: basis.count, index: basis.index, sizes: basis.size, negative: basis.negative, scale: basis.scale,
@@ -133,6 +133,7 @@ async function unpackTransport(packed, coefficients) {
     map: { size: map.size, channels: map.channels, texels: arrays.texels },
     reference: reference ? fromHalves(arrays.reference, reference.scale) : null,
     lobe: lobe ? await unpackLobe(lobe, packed.vertices) : null,
+    suns, sunlight: packed.sunlight ? await unpackSunlight(packed.sunlight) : null,
     ...geometry(packed, arrays.positions, arrays.turns),
   });
 }
