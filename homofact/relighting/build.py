@@ -126,6 +126,7 @@ def open_relight_scene(
     Raises BadInput for what cannot be read or has more channels than three.
     """
     objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
+    notes = (*file.notes, *notes)
     flat = [placed.mesh.name for placed in objects if placed.material.picture is not None]
     if flat:
         notes = (*notes, f"{', '.join(flat)}: the base-colour texture counts by its mean colour")

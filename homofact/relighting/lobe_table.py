@@ -71,6 +71,11 @@ class LobeTable:
         """A bilinear look-up at two θo, of an anisotropic material at two φo each."""
         return 2 if self.turns == 1 else 4
 
+    @property
+    def half_width(self) -> float:
+        """Of the lobe, where it has fallen to half of its height: a slope of the half vector."""
+        return self.width / _WIDTHS
+
     def record(self) -> dict[str, float | bool]:
         """Its numbers, beside the values."""
         return {"width": self.width, "period": self.period, "cosine": self.cosine}

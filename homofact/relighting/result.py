@@ -100,11 +100,11 @@ class RelightResult:
         lit = self.objects[0].sunlight if self.objects else None
         return () if lit is None else lit.suns
 
-    def shade(self, light: Light, eye: Sequence[float], suns: bool = True) -> list[np.ndarray]:
-        """Radiance (V, 3) of each object's vertices towards the point `eye`, under another light and the scene's suns.
+    def shade(self, light: Light, eye: Sequence[float], suns: bool = False) -> list[np.ndarray]:
+        """Radiance (V, 3) of each object's vertices towards the point `eye`, under another light.
 
         A light is an `EnvironmentMap`, a cube map of radiance, a .hdr or .exr file, or the name of a built-in one.
-        `suns` says whether those of the scene shine too. Raises BadInput for what is no light or no point.
+        `suns` says whether those of the scene shine beside it. Raises BadInput for what is no light or no point.
         """
         opened = opened_light(light)
         sizes = [thing.transport.settings.cube for thing in self.objects]

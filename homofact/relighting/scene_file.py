@@ -10,6 +10,9 @@ share = 0.99                       # as many as hold this of the material's ener
 lobe = "auto"                      # "separate": a sharp lobe is summed for every view; "factored": it is in the terms;
                                    # "auto", the default: separate if there would be more than 32, and no rule is given
 [ground]                           # terms, error, share or lobe, as above
+[lighting]                         # all optional, beside the map:
+sun = "separate"                   # a sun in the map becomes a light of its own, the default; or it stays in "texels"
+sun_radius = 0.27                  # of its disc in degrees; as in the map unless given
 [[sun]]                            # none or more, beside the lighting
 direction = [0.3, 0.8, 0.5]        # towards the sun, y up
 irradiance = [3.1]                 # on a surface that faces it: one number, or one of red, green and blue
@@ -25,6 +28,7 @@ components = 12
 reflected = 0.02                   # `plan` chooses all of them so that the light errs by this at most, relative RMS
 """
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,16 +37,21 @@ from homofact.files.reading import read_toml
 from homofact.relighting.clusters import COMPONENTS
 from homofact.relighting.factored_material import AUTO, LOBES, SEPARATE
 from homofact.relighting.factoring import MOST_TERMS
+from homofact.relighting.map_sun import separate_sun
 from homofact.relighting.precompute import KEPT, TransportSettings
 from homofact.relighting.sunlight import MOST_SUNS, RelightSunTable, Sun
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
+from homofact.scene.lighting import LightTable
 from homofact.scene.materials import MaterialTable
 from homofact.scene.objects import GroundTable, ObjectTable, found_tables
 from homofact.scene.scene_file import SceneTable
 from homofact.settings.kinds import RELIGHTING, check_kind
 from homofact.settings.options import MOST_SEED, option, required
 from homofact.settings.tables import read_table
+
+SEPARATE_SUN, TEXEL_SUN = "separate", "texels"
+MAP_SUNS = (SEPARATE_SUN, TEXEL_SUN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,9 +98,24 @@ class _Tolerance:
     reflected: float = required("Relative RMS of the light", above=0, most=0.9)
 
 
+@dataclass(frozen=True)
+class RelightLightTable(LightTable):
+    """The lighting, and what becomes of a sun in its map: a light of its own, or it stays in the texels."""
+
+    sun: str = option(SEPARATE_SUN, "Whether a sun in the map becomes a light of its own", choices=MAP_SUNS)
+    sun_radius: float | None = option(None, "Of its disc in degrees; as in the map unless given", above=0, most=20)
+
+    def __post_init__(self) -> None:
+        """Refuse a radius of a sun that stays in the map. Raises BadInput."""
+        super().__post_init__()
+        if self.sun != SEPARATE_SUN and self.sun_radius is not None:
+            raise BadInput(where="sun_radius", found=f'it beside sun = "{self.sun}"', expected="one of the two")
+
+
 @dataclass(frozen=True, kw_only=True)
 class _RelightTable(SceneTable):
     object: tuple[RelightObjectTable, ...]
+    lighting: RelightLightTable
     ground: RelightGroundTable | None = None
     sun: tuple[RelightSunTable, ...] = ()
     transport: _Transport = _Transport()
@@ -99,10 +123,8 @@ class _RelightTable(SceneTable):
     seed: int = option(0, "Of clusters and of the vertices that errors are measured at", least=0, most=MOST_SEED)
 
     def __post_init__(self) -> None:
-        """Refuse a tolerance beside what it chooses, and more suns than the page draws. Raises BadInput."""
+        """Refuse a tolerance beside what it chooses. Raises BadInput."""
         super().__post_init__()
-        if len(self.sun) > MOST_SUNS:
-            raise BadInput(where="sun", found=f"{len(self.sun)} of them", expected=f"at most {MOST_SUNS}")
         if self.tolerance is None:
             return
         given = [f"transport.{name}" for name in ("kept", "tolerance", "clusters") if _given(self.transport, name)]
@@ -129,6 +151,7 @@ class RelightSceneFile:
     seed: int
     reflected: float | None = None
     suns: tuple[Sun, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def read_relight_scene(path: str | Path) -> RelightSceneFile:
@@ -150,11 +173,21 @@ def read_relight_scene(path: str | Path) -> RelightSceneFile:
         except BadInput as error:
             raise error.at("transport", ".") from error
         light = found.lighting.map(file.parent)
+        suns, notes = [each.sun() for each in found.sun], []
+        if found.lighting.sun == SEPARATE_SUN:
+            radius = found.lighting.sun_radius
+            light, own = separate_sun(light, None if radius is None else math.radians(radius))
+            if own is not None:
+                suns.append(own)
+                notes.append(f"{light.name}: its sun is a light of its own, {own.describe()}")
+        if len(suns) > MOST_SUNS:
+            found_suns = f"{len(suns)} with that of the map"
+            raise BadInput(where="sun", found=found_suns, expected=f"at most {MOST_SUNS}")
     except BadInput as error:
         raise error.at(file) from error
     return RelightSceneFile(
         file.stem, objects, ground, light, found.camera, settings, asked.clusters or 0, asked.components, found.seed,
-        None if found.tolerance is None else found.tolerance.reflected, tuple(each.sun() for each in found.sun),
+        None if found.tolerance is None else found.tolerance.reflected, tuple(suns), tuple(notes),
     )  # fmt: skip
 
 

@@ -1,9 +1,10 @@
 """Suns beside the sky of a relit scene: explicit lights with soft shadows, not texels of its cube map.
 
-A texel of a cube map of 64² is 1.4° wide, five times the sun: its shadow is too soft, and wavelets ring about it. A sun
-is therefore summed by itself: E(ω) f(ω, ωo) cosθ times the part of its disc that a point sees. f is asked of tables
-(`lobe_table.sun_tables`) for the middle of the disc; what is seen of the disc is traced, for the pixels of a picture at
-each of their rays, and once for every vertex.
+A texel of a cube map of 64² is 1.4° wide, three times the sun: its shadow is too soft, and wavelets ring about it. So a
+sun is summed by itself: E(ω) f(ω, ωo) cosθ times the part of its disc that a point sees. f is asked of tables
+(`lobe_table.sun_tables`), for the middle of the disc or, where the disc is wider than the lobe, for several of its
+directions. What is seen of the disc is traced, for the pixels of a picture at each of their rays, and once for every
+vertex.
 
 A ray from a flat triangle below an interpolated normal meets its neighbours near the terminator. It starts from the
 point lifted to the tangent planes of its corners (Hanika 2021, Hacking the Shadow Terminator): of each corner v with
@@ -29,7 +30,7 @@ from homofact.settings.options import option
 # Of the sun in the sky, in degrees.
 RADIUS = 0.2665
 MOST_SUNS = 8  # as the page has them too
-SAMPLES, _SPREAD = 64, 2.399963229728653
+SAMPLES, MOST_DIRECTIONS, _SPREAD = 64, 32, 2.399963229728653
 _VERTEX_ROWS = 65536
 
 
@@ -71,6 +72,11 @@ class Sun:
     def radiance(self) -> np.ndarray:
         """That of the disc (3,)."""
         return self.irradiance / (2 * math.pi * (1 - math.cos(self.radius)))
+
+    def describe(self) -> str:
+        """Where it stands and how large it is."""
+        up = math.degrees(math.asin(float(self.direction[1])))
+        return f"{up:.0f}° high and {2 * math.degrees(self.radius):.1f}° wide"
 
     def record(self) -> dict[str, object]:
         """The JSON form."""
@@ -139,13 +145,20 @@ class Sunlight:
         """The tables and what the vertices see."""
         return sum(table.nbytes for table in self.tables) + self.seen.nbytes
 
+    def directions(self, sun: Sun) -> int:
+        """At how many directions of a disc f is asked: no farther apart than half the lobe's width."""
+        lobe = 2 * self.tables[0].half_width
+        return min(max(math.ceil(math.pi * (sun.radius / lobe) ** 2), 1), MOST_DIRECTIONS)
+
     def at(self, points: SurfacePoints, seen: np.ndarray) -> np.ndarray:
         """Radiance (S, 3) of points that see the parts (S, Q) of the discs."""
         found = np.zeros((len(seen), 3))
         for number, sun in enumerate(self.suns):
             rows = np.flatnonzero((seen[:, number] > 0) & (points.wo[:, 2] > 0))
-            f = sum(reflected(table, sun.direction, points.frames[rows], points.wo[rows]) for table in self.tables)
-            found[rows] += f * seen[rows, number, None] * sun.irradiance
+            count, f = self.directions(sun), np.zeros((len(rows), 3))
+            for w in sun.directions(count) if count > 1 else (sun.direction,):
+                f += sum(reflected(table, w, points.frames[rows], points.wo[rows]) for table in self.tables)
+            found[rows] += f * seen[rows, number, None] * (sun.irradiance / count)
         return found
 
     def at_vertices(self, positions: np.ndarray, rows: np.ndarray, eye: Sequence[float] | np.ndarray) -> np.ndarray:

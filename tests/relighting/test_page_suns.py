@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 import torch
 from browser import browser, complaints, headless
-from relighting_cases import factored_once
 from relit_page import ANGLE, change, eye_of, statistics
 
-from homofact.relighting import build
 from homofact.relighting.build import RelitObject, open_relight_scene, relit_objects
 from homofact.relighting.errors import dense_colours, relative
 from homofact.relighting.page.relit_page import write_relit_page
@@ -32,7 +30,9 @@ lobe = "factored"
 size = 0.8
 [[object]]
 mesh = "shape:sphere"
-albedo = [0.7, 0.5, 0.3]
+material = "material:car-paint-red"
+terms = 1
+lobe = "separate"
 size = 0.3
 at = [0.9, -0.4, 0.7]
 [ground]
@@ -47,7 +47,7 @@ irradiance = [4.0, 3.0, 2.0]
 [[sun]]
 direction = [-0.7, 0.6, 0.3]
 irradiance = [0.5, 1.0, 2.0]
-radius = 2
+radius = 3
 [[camera]]
 eye = [0, 1.2, 3]
 field = 36
@@ -62,9 +62,7 @@ kept = 60
 def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
     file = tmp_path_factory.mktemp("suns") / "scene.toml"
     file.write_text(SCENE)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(build, "factored", factored_once)
-        opened = open_relight_scene(read_relight_scene(file))
+    opened = open_relight_scene(read_relight_scene(file))
     sums = dense_colours(opened, np.ones((6, 8, 8, 3)))
     return RelightResult.of(opened.file, relit_objects(opened), {}, reference=sums)
 
@@ -120,6 +118,11 @@ def compared(driver: Any, scene: RelightResult, objects: list[RelitObject], suns
     x = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
     expected = encode_srgb(torch.from_numpy(x)).numpy() * 255
     return np.abs(shown - expected).max(-1)[cover > 0.999]
+
+
+def test_a_disc_wider_than_a_lobe_is_asked_at_several_directions(suns: Any) -> None:
+    found = suns.execute_script("return homofact.view.objects.map((each) => each.sunlight.directions)")
+    assert found == [[1, 1], [1, 10], [1, 1]]
 
 
 def test_the_processor_has_the_suns_of_the_library(suns: Any, scene: RelightResult) -> None:

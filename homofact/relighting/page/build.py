@@ -222,9 +222,10 @@ def _table(table: LobeTable) -> dict[str, Any]:
 
 
 def _sunlight(lit: Sunlight) -> dict[str, Any]:
-    """Parts of discs become bytes, 255 the whole."""
+    """Parts of discs become bytes, 255 the whole; with the number of directions that f is asked for."""
     seen = np.rint(lit.seen * 255).astype(np.uint8)
-    return {"tables": [_table(table) for table in lit.tables], "seen": pack(seen)}
+    counts = [lit.directions(sun) for sun in lit.suns]
+    return {"tables": [_table(table) for table in lit.tables], "seen": pack(seen), "directions": counts}
 
 
 def _triangles(triangles: np.ndarray) -> dict[str, str]:

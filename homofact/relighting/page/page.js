@@ -58,6 +58,11 @@ class View {
     return this.skies[this.state.sky];
   }
 
+  /** Whether the suns shine: they belong to the scene's own sky. */
+  get sunny() {
+    return this.state.suns && this.state.sky === 0;
+  }
+
   /** Whether light and camera are those that the reference was made for. */
   get atReference() {
     return Boolean(this.reference) && this.state.sky === this.reference.sky && this.state.turn === 0 && this.state.suns && this.orbit.atStart;
@@ -218,7 +223,7 @@ class View {
     return this.objects.map((object) => {
       const found = shade(object, eye, this.state.terms);
       if (object.lobe) addLobe(object, eye, this.cells, found);
-      return this.state.suns && object.sunlight ? addSuns(object, eye, this.suns, this.state.turn, found) : found;
+      return this.sunny && object.sunlight ? addSuns(object, eye, this.suns, this.state.turn, found) : found;
     });
   }
 

@@ -146,7 +146,7 @@ class Stage {
     const [right, up, forward] = view.orbit.axes, half = Math.tan((view.orbit.field * DEGREE) / 2);
     const axes = [scaled(right, half * aspect), scaled(up, half), forward].map((axis) => turnedBack(axis, view.state.turn));
     gl.uniform3fv(sky.at("u_axes"), Float32Array.from(axes.flat()));
-    const suns = view.state.suns ? view.suns : [];
+    const suns = view.sunny ? view.suns : [];
     gl.uniform1i(sky.at("u_suns"), suns.length);
     if (suns.length) {
       gl.uniform4fv(sky.at("u_discs"), Float32Array.from(suns.flatMap(({ direction, radius }) => [...direction, Math.cos(radius)])));
@@ -167,7 +167,7 @@ class Stage {
     if (byPixel || between) each.bind(program, view);
     if (between) each.lobe.bind(program, this.cells);
     if (each.sunTables) {
-      this.shadows.bind(program, each.sunTables, state.suns);
+      this.shadows.bind(program, each.sunTables, object.sunlight.directions, view.sunny);
       gl.uniform3f(program.at("u_eye"), ...orbit.eye);
     }
     gl.uniformMatrix4fv(program.at("u_camera"), false, orbit.matrix(width / height, this.radius));

@@ -1,17 +1,34 @@
 // Suns beside the sky: the light of each at the vertices, on the processor (sunlight.py).
 
 /** Unpacks the tables of an object's material under suns, and what its vertices see of each sun (V × Q). */
-async function unpackSunlight({ tables, seen }) {
+async function unpackSunlight({ tables, seen, directions }) {
   const unpacked = await Promise.all(tables.map(async (packed) => {
     const halves = await unpack(packed.values.values), { scale } = packed.values;
     return { ...packed, halves, scale, values: fromHalves(halves, scale) };
   }));
-  return { tables: unpacked, seen: Float32Array.from(await unpack(seen), (x) => x / 255) };
+  return { tables: unpacked, directions, seen: Float32Array.from(await unpack(seen), (x) => x / 255) };
 }
 
 /** The direction to a sun under a sky that is turned by degrees. */
 function sunDirection(sun, turn) {
   return turnedBack(sun.direction, -turn);
+}
+
+/** Two directions across a sun's, in which its disc is spread out. */
+function discAxes(direction) {
+  const least = direction.map(Math.abs).reduce((best, x, k, all) => (x < all[best] ? k : best), 0);
+  const across = normalized(cross(direction, [0, 1, 2].map((k) => (k === least ? 1 : 0))));
+  return [across, cross(direction, across)];
+}
+
+/** So many directions of a sun's disc, as Sun.directions has them; the middle where there is one. */
+function discDirections(direction, radius, count) {
+  if (count === 1) return [direction];
+  const [across, other] = discAxes(direction);
+  return Array.from({ length: count }, (_, k) => {
+    const angle = (k + 0.5) * 2.399963229728653, out = Math.tan(radius) * Math.sqrt((k + 0.5) / count);
+    return normalized(plus(direction, plus(scaled(across, out * Math.cos(angle)), scaled(other, out * Math.sin(angle)))));
+  });
 }
 
 /** T (three numbers) of a table at the slopes of a half vector; `grids` are those of `tableAt`. */
@@ -31,7 +48,7 @@ function tableValue({ width, nodes, values }, grids, hx, hy) {
 /** Adds the suns' radiance towards the eye to an object's vertices (3 V). Of turned suns no shadows are known here. */
 function addSuns(object, eye, suns, turn, found) {
   const { positions, normals, tangents, vertices, sunlight } = object;
-  const directions = suns.map((sun) => sunDirection(sun, turn));
+  const discs = suns.map((sun, q) => discDirections(sunDirection(sun, turn), sun.radius, sunlight.directions[q]));
   for (let v = 0, p = 0; v < vertices; v++, p += 3) {
     const n = normals.subarray(p, p + 3), t = tangents.subarray(p, p + 3);
     const w = normalized([0, 1, 2].map((k) => eye[k] - positions[p + k])), facing = dot(n, w);
@@ -40,13 +57,16 @@ function addSuns(object, eye, suns, turn, found) {
     const [c, s] = across > 1e-6 ? [ox / across, oy / across] : [1, 0];
     const oz = Math.max(facing, LEAST_COSINE), aside = facing < LEAST_COSINE ? Math.sin(STEEPEST) : across;
     suns.forEach((sun, q) => {
-      const d = directions[q], z = dot(n, d), seen = turn === 0 ? sunlight.seen[v * suns.length + q] : 1;
-      if (z <= 0 || seen === 0) return;
-      const x = dot(t, d), y = dot(b, d), short = seen / oz;
-      const hx = (c * x + s * y + aside) / (z + oz), hy = (c * y - s * x) / (z + oz);
-      for (const table of sunlight.tables) {
-        const value = tableValue(table, tableAt(table, ox, oy, oz), hx, hy), factor = table.cosine ? short : short * z;
-        for (let k = 0; k < 3; k++) found[p + k] += value[k] * factor * sun.irradiance[k];
+      const seen = turn === 0 ? sunlight.seen[v * suns.length + q] : 1, short = seen / (oz * discs[q].length);
+      if (seen === 0) return;
+      for (const d of discs[q]) {
+        const z = dot(n, d), x = dot(t, d), y = dot(b, d);
+        if (z <= 0) continue;
+        const hx = (c * x + s * y + aside) / (z + oz), hy = (c * y - s * x) / (z + oz);
+        for (const table of sunlight.tables) {
+          const value = tableValue(table, tableAt(table, ox, oy, oz), hx, hy), factor = table.cosine ? short : short * z;
+          for (let k = 0; k < 3; k++) found[p + k] += value[k] * factor * sun.irradiance[k];
+        }
       }
     });
   }

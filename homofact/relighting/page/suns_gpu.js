@@ -1,30 +1,48 @@
 // Suns on the graphics card: their light at each pixel, and shadow maps that turn with the sky.
 
 // Of a shadow map; samples of it a pixel; suns at most.
-const SHADOW = 2048, SHADOW_TAPS = 16, MOST_SUNS = 8;
-const SUN_UNITS = { tables: [5, 6], shadow: 7 };
+const SHADOW = 2048, SHADOW_TAPS = 24, MOST_SUNS = 8;
+const SUN_UNITS = { tables: [5, 6], shadow: 7, depths: 8 };
 
 /** `sunlight(position, normal)`; u_eye stands before it. */
 const sunSum = ({ tables }, count) => `
 uniform highp sampler2DArrayShadow u_shadow;
+uniform highp sampler2DArray u_depths;
 uniform mat4 u_sun_camera[${count}];
 uniform vec3 u_sun[${count}];
 uniform vec3 u_sun_light[${count}];
 uniform float u_sun_lift;
 uniform float u_sun_softness[${count}];
+uniform vec3 u_sun_across[${count}];
+uniform int u_sun_directions[${count}];
 ${tables.map((_, k) => `uniform highp sampler2DArray u_sun_table_${k};\nuniform vec3 u_sun_numbers_${k};`).join("\n")}
 
-/** The part of a sun's disc that is seen. */
+/** Points of a disc, spread evenly. */
+vec2 spread(int k, float turn) {
+  float angle = (float(k) + 0.5) * 2.3999632 + turn;
+  return sqrt((float(k) + 0.5) / ${SHADOW_TAPS}.0) * vec2(cos(angle), sin(angle));
+}
+
+/** The part of a sun's disc that is seen (percentage-closer soft shadows, Fernando 2005). */
 float sunSeen(int q, vec3 position, vec3 n) {
   vec3 place = 0.5 * (u_sun_camera[q] * vec4(position + u_sun_lift * n, 1.0)).xyz + 0.5;
   if (any(greaterThan(abs(place.xy - 0.5), vec2(0.5)))) return 1.0;
   // Samples lie on the tangent plane: at one depth, a slope would lie in its own shadow.
   vec3 slope = normalize(mat3(u_sun_camera[q]) * n);
   vec2 tilt = slope.xy / max(-slope.z, 0.1);
-  float sum = 0.0;
+  // The pattern is turned from pixel to pixel, or its steps would show in wide penumbrae.
+  float turn = 6.2831853 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+  float away = 0.0, found = 0.0, sum = 0.0;
   for (int k = 0; k < ${SHADOW_TAPS}; k++) {
-    float angle = (float(k) + 0.5) * 2.3999632;
-    vec2 aside = u_sun_softness[q] * sqrt((float(k) + 0.5) / ${SHADOW_TAPS}.0) * vec2(cos(angle), sin(angle));
+    vec2 aside = 0.5 * u_sun_softness[q] * spread(k, turn);
+    float gap = place.z + dot(tilt, aside) - texture(u_depths, vec3(place.xy + aside, float(q))).r;
+    if (gap > 0.0) { away += gap; found += 1.0; }
+  }
+  if (found == 0.0) return 1.0;
+  // As wide as the disc looks from where it is hidden.
+  float wide = max(u_sun_softness[q] * away / found, ${(1 / SHADOW).toFixed(6)});
+  for (int k = 0; k < ${SHADOW_TAPS}; k++) {
+    vec2 aside = wide * spread(k, turn);
     sum += texture(u_shadow, vec4(place.xy + aside, float(q), min(place.z + dot(tilt, aside), 1.0)));
   }
   return sum / ${SHADOW_TAPS}.0;
@@ -46,13 +64,19 @@ vec3 sunlight(vec3 position, vec3 normal) {
   vec3 sum = vec3(0.0), f;
   vec2 h, at;
   for (int q = 0; q < ${count}; q++) {
-    float z = dot(n, u_sun[q]);
-    if (z <= 0.0) continue;
+    if (dot(n, u_sun[q]) <= -u_sun_softness[q]) continue;
     float seen = sunSeen(q, position, n);
     if (seen <= 0.0) continue;
-    h = vec2(dot(x, u_sun[q]) + across, dot(y, u_sun[q])) / (z + oz);
     f = vec3(0.0);
-${tables.map(tableLookUp).join("")}    sum += seen * u_sun_light[q] * f;
+    int directions = u_sun_directions[q];
+    for (int k = 0; k < directions; k++) {
+      float angle = (float(k) + 0.5) * 2.3999632, out_ = directions == 1 ? 0.0 : u_sun_softness[q] * sqrt((float(k) + 0.5) / float(directions));
+      vec3 d = normalize(u_sun[q] + out_ * (cos(angle) * u_sun_across[q] + sin(angle) * cross(u_sun[q], u_sun_across[q])));
+      float z = dot(n, d);
+      if (z <= 0.0) continue;
+      h = vec2(dot(x, d) + across, dot(y, d)) / (z + oz);
+${tables.map(tableLookUp).join("")}    }
+    sum += seen * u_sun_light[q] * f / float(directions);
   }
   return sum / oz;
 }
@@ -94,8 +118,17 @@ class ShadowsOnGpu {
     this.program = makeProgram(gl, shaderText(SHADOW_VERTEX), shaderText(NOTHING), "the shadows");
     this.texture = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
     gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.DEPTH_COMPONENT24, SHADOW, SHADOW, suns.length);
-    gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE);
-    gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_COMPARE_FUNC, gl.LEQUAL);
+    // One texture is read in two ways: compared, and as it is.
+    this.compared = gl.createSampler();
+    gl.samplerParameteri(this.compared, gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE);
+    gl.samplerParameteri(this.compared, gl.TEXTURE_COMPARE_FUNC, gl.LEQUAL);
+    this.plain = gl.createSampler();
+    for (const [sampler, filter] of [[this.compared, gl.LINEAR], [this.plain, gl.NEAREST]]) {
+      for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.samplerParameteri(sampler, name, filter);
+      for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.samplerParameteri(sampler, name, gl.CLAMP_TO_EDGE);
+    }
+    gl.bindSampler(SUN_UNITS.shadow, this.compared);
+    gl.bindSampler(SUN_UNITS.depths, this.plain);
     this.frame = gl.createFramebuffer();
     // Points of flat triangles are lifted, or they would lie in the shadow of their neighbours.
     this.lift = Math.max((4 * this.radius) / SHADOW, ...this.casters.map(({ object }) => lifted(object)));
@@ -132,8 +165,8 @@ class ShadowsOnGpu {
     return Float32Array.from([0, 1, 2].flatMap((c) => [...rows.map((row) => row[c]), 0]).concat(rows.map((row) => -dot(row, this.middle)), 1));
   }
 
-  /** Binds what `sunlight` reads of an object's `tables`; dark suns where they are not `shining`. */
-  bind(program, tables, shining) {
+  /** Binds what `sunlight` reads of an object's `tables` at so many `directions` of each disc; dark suns where they are not `shining`. */
+  bind(program, tables, directions, shining) {
     const { gl, suns } = this;
     const place = (unit, target, what, name) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
@@ -145,13 +178,15 @@ class ShadowsOnGpu {
       gl.uniform3f(program.at(`u_sun_numbers_${k}`), scale, width, period);
     });
     place(SUN_UNITS.shadow, gl.TEXTURE_2D_ARRAY, this.texture, "u_shadow");
+    place(SUN_UNITS.depths, gl.TEXTURE_2D_ARRAY, this.texture, "u_depths");
     gl.activeTexture(gl.TEXTURE0);
     gl.uniformMatrix4fv(program.at("u_sun_camera"), false, Float32Array.from(this.cameras.flatMap((camera) => [...camera])));
     gl.uniform3fv(program.at("u_sun"), Float32Array.from(this.directions.flat()));
     gl.uniform3fv(program.at("u_sun_light"), Float32Array.from(suns.flatMap(({ irradiance }) => (shining ? irradiance : [0, 0, 0]))));
     gl.uniform1f(program.at("u_sun_lift"), this.lift);
-    // A penumbra is as wide as the disc is at the distance of the scene's radius.
-    gl.uniform1fv(program.at("u_sun_softness"), Float32Array.from(suns, ({ radius }) => Math.tan(radius) / 2));
+    gl.uniform3fv(program.at("u_sun_across"), Float32Array.from(this.directions.flatMap((direction) => discAxes(direction)[0])));
+    gl.uniform1iv(program.at("u_sun_directions"), Int32Array.from(directions));
+    gl.uniform1fv(program.at("u_sun_softness"), Float32Array.from(suns, ({ radius }) => Math.tan(radius)));
   }
 }
 
