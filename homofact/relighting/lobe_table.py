@@ -37,6 +37,9 @@ LEVELS, NODES, TURNS = 40, 41, 24
 _WIDTHS = 3.0  # of the lobe at half height, where the grid is halfway to its rim
 _BROAD = 0.5  # a grid of a larger width holds what is not of the lobe too
 _RIM = 0.995  # of the grid, at most
+# Tables of all of a material: levels and nodes, and what one may err by at pairs of directions up to this angle.
+_SIZES, _SMALL, _NEARLY = ((6, 7), (12, 13), (20, 21), (LEVELS, NODES)), 0.01, 1.2
+_PAIRS, _ASKED = 2000, math.radians(85)
 _HORIZON = 0.02  # the least cosθi at which f is asked for a broad grid
 _BASE_COSINE = 0.2  # the least f is looked for at larger cosθi
 _SLOPES = torch.logspace(-3, 0.5, 400, dtype=torch.float64)
@@ -45,7 +48,7 @@ _HALF_VIEW, _HALF_AZIMUTHS = 0.5, 8
 
 @dataclass(frozen=True)
 class LobeTable:
-    """T as `values` (LEVELS, turns, N, N, 3) float32 in sr⁻¹; `width` is w; φo has the `period` in radians.
+    """T as `values` (levels, turns, N, N, 3) float32 in sr⁻¹; `width` is w; φo has the `period` in radians.
 
     `cosine` says whether cosθi is in T. A `Reflectance` of three channels: the lobe.
     """
@@ -143,34 +146,51 @@ def sun_tables(reflectance: Reflectance, lobe: LobeTable | None = None) -> tuple
     if lobe is None:
         width = _WIDTHS * half_width(reflectance)
         if width > _BROAD:
-            return (_tabulated(reflectance, width, lobe=False),)
+            return (_small_table(reflectance, width, reflectance),)
         lobe = _tabulated(reflectance, width, lobe=True)
-    return lobe, _tabulated(Rest(reflectance, lobe), _WIDTHS, lobe=False)
+    return lobe, _small_table(Rest(reflectance, lobe), _WIDTHS, reflectance)
 
 
-def _tabulated(reflectance: Reflectance, width: float, lobe: bool) -> LobeTable:
+def _small_table(part: Reflectance, width: float, whole: Reflectance) -> LobeTable:
+    """The smallest table of a part that errs by `_SMALL` of the light of the `whole`, or as little as the largest."""
+    angles = torch.rand(4, _PAIRS, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    wi, wo = (from_spherical(_ASKED * angles[k], 2 * math.pi * angles[k + 2]) for k in (0, 1))
+    cosines = (wi[:, 2] * wo[:, 2])[:, None]
+    exact, light = (each.evaluate(wi, wo).double() * cosines for each in (part, whole))
+    found: list[tuple[float, LobeTable]] = []
+    for levels, nodes in _SIZES:
+        table = _tabulated(part, width, False, levels, nodes)
+        found.append((float((table.evaluate(wi, wo) * cosines - exact).norm() / light.norm()), table))
+        if found[-1][0] <= _SMALL:
+            return table
+    return next(table for error, table in found if error <= _NEARLY * found[-1][0])
+
+
+def _tabulated(
+    reflectance: Reflectance, width: float, lobe: bool, levels: int = LEVELS, nodes: int = NODES
+) -> LobeTable:
     """T on the grid of a width: of the `lobe`, without the least f; or of all of f, without cosθi."""
     symmetry = find_symmetry(reflectance)
     turns = 1 if symmetry.isotropic else TURNS
     period = math.pi if symmetry.half_turn and turns > 1 else 2 * math.pi
-    along = torch.linspace(-1, 1, NODES, dtype=torch.float64)
+    along = torch.linspace(-1, 1, nodes, dtype=torch.float64)
     u = torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)
     rim = u.norm(dim=-1, keepdim=True)
     slope = u / rim.clamp_min(1e-12) * (width * rim.clamp_max(_RIM) / (1 - rim.clamp_max(_RIM)))
-    theta = STEEPEST * (1 - (1 - torch.linspace(0, 1, LEVELS, dtype=torch.float64)) ** 2)
-    values = torch.zeros(LEVELS, turns, NODES, NODES, 3, dtype=torch.float64)
+    theta = STEEPEST * (1 - (1 - torch.linspace(0, 1, levels, dtype=torch.float64)) ** 2)
+    values = torch.zeros(levels, turns, nodes, nodes, 3, dtype=torch.float64)
     for level, angle in enumerate(theta.tolist()):
         wo = from_spherical(*torch.tensor([angle, 0.0], dtype=torch.float64))
         wi = _mirrored(slope, wo).reshape(-1, 3)
         if not lobe:
             wi = _raised(wi, _HORIZON)
-        cosine = wi[:, 2].clamp_min(0).reshape(NODES, NODES) if lobe else torch.ones(NODES, NODES).double()
+        cosine = wi[:, 2].clamp_min(0).reshape(nodes, nodes) if lobe else torch.ones(nodes, nodes).double()
         for turn in range(turns):
             phi = turn * period / turns
             asked = [_turned(w, phi) for w in (wi, wo.expand(len(wi), 3))]
             f = reflectance.evaluate(*asked).double().expand(-1, 3)
             least = f[wi[:, 2] > _BASE_COSINE].amin(0) if lobe else 0.0
-            values[level, turn] = (f - least).reshape(NODES, NODES, 3) * (cosine * wo[2])[..., None]
+            values[level, turn] = (f - least).reshape(nodes, nodes, 3) * (cosine * wo[2])[..., None]
     return LobeTable(values.float().numpy(), width, period, _channels(reflectance), cosine=lobe)
 
 

@@ -104,7 +104,7 @@ def test_a_matt_surface_has_one_table() -> None:
     wi, wo = turned_pairs(500)
     (table,) = sun_tables(Lambert((0.6, 0.4, 0.2)))
     exact = torch.tensor([0.6, 0.4, 0.2]).double() / math.pi
-    assert table.evaluate(wi, wo).numpy() == pytest.approx(np.broadcast_to(exact.numpy(), (500, 3)), rel=0.02)
+    assert table.evaluate(wi, wo).numpy() == pytest.approx(np.broadcast_to(exact.numpy(), (500, 3)), rel=0.04)
 
 
 def test_what_is_seen_of_a_disc_over_an_edge_is_a_segment_s_area() -> None:
