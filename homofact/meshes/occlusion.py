@@ -18,10 +18,11 @@ _CHUNK = 2**20
 class Occluder:
     """Triangles (T, 3) over positions (V, 3), built once; asked from several threads at a time if need be.
 
-    Raises BadInput where embreex is not installed, and for a mesh without triangles.
+    `size` is what rays' offset is a part of, that of all triangles unless given. Raises BadInput where embreex is not
+    installed, and for a mesh without triangles.
     """
 
-    def __init__(self, positions: np.ndarray, triangles: np.ndarray) -> None:
+    def __init__(self, positions: np.ndarray, triangles: np.ndarray, size: float | None = None) -> None:
         TriangleMesh = extras.library("embreex.mesh_construction", "shadows").TriangleMesh
         EmbreeScene = extras.library("embreex.rtcore_scene", "shadows").EmbreeScene
         if not len(triangles):
@@ -32,8 +33,7 @@ class Occluder:
             self._scene, np.ascontiguousarray(positions, np.float32), np.ascontiguousarray(triangles, np.int32)
         )
         self.arrays = (np.asarray(positions), np.asarray(triangles))
-        used = np.asarray(positions)[np.unique(triangles)]
-        self.offset = OFFSET * float(np.linalg.norm(used.max(0) - used.min(0)))
+        self.offset = OFFSET * (extent(np.asarray(positions), triangles) if size is None else size)
 
     def blocked(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Whether something is in the way (R,) of rays from `origins` (R, 3) along `directions` (R, 3)."""
@@ -49,6 +49,12 @@ class Occluder:
             triangles.append(found["primID"].astype(np.int64))
             weights.append(np.stack((1 - u - v, u, v), 1))
         return np.concatenate(triangles), np.concatenate(weights)
+
+
+def extent(positions: np.ndarray, triangles: np.ndarray) -> float:
+    """The diagonal of the box round some triangles."""
+    used = positions[np.unique(triangles)]
+    return float(np.linalg.norm(used.max(0) - used.min(0)))
 
 
 def _parts(origins: np.ndarray, directions: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -7,6 +7,8 @@ import numpy as np
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 
+NEAR = 4.0
+
 
 def sphere(rings: int = 32) -> Mesh:
     """The unit sphere by `rings` bands of latitude and twice as many of longitude, y up."""
@@ -44,11 +46,16 @@ def torus_knot(around: int = 192, across: int = 24, p: int = 2, q: int = 3, thic
 
 
 def ground(half: float = 2.0, height: float = 0.0, steps: int = 64) -> Mesh:
-    """A square plane at y = `height`, 2·`half` across, of steps × steps squares, facing +y."""
+    """A square plane at y = `height`, 2·`half` across, of steps × steps squares, facing +y.
+
+    The squares of a plane that reaches beyond `NEAR` are smaller in the middle, as they were if it reached half as far.
+    """
     _at_least("steps", steps, 1)
     if not half > 0:
         raise BadInput(where="ground", found=f"a half width of {half:g}", expected="above 0")
-    along = np.linspace(-half, half, steps + 1)
+    along = np.linspace(-1, 1, steps + 1)
+    even = min(NEAR / (2 * half), 1.0) if half > NEAR else 1.0
+    along = half * (even * along + (1 - even) * along**3)
     x, z = np.meshgrid(along, along, indexing="ij")
     points = np.stack((x, np.full_like(x, height), z), -1)
     normals = np.broadcast_to((0.0, 1.0, 0.0), points.shape)

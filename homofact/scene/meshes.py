@@ -9,10 +9,11 @@ from homofact.errors import BadInput
 from homofact.files.reading import split_member
 from homofact.meshes.gltf_parts import gltf_part, is_gltf
 from homofact.meshes.mesh import Mesh, read_mesh
-from homofact.meshes.occlusion import Occluder
+from homofact.meshes.occlusion import Occluder, extent
 from homofact.meshes.shapes import sphere, torus_knot
 
 SHAPE_PREFIX = "shape:"
+_WIDEST = 3.0  # times the largest mesh that is no plane
 _SHAPES: dict[str, Callable[[], Mesh]] = {"sphere": sphere, "knot": torus_knot}
 
 
@@ -62,9 +63,15 @@ class MeshGroup:
         self.uv = np.concatenate([np.zeros((len(m.positions), 2)) if m.uv is None else m.uv for m in meshes])
         pairs = zip(meshes, starts, strict=False)
         self.triangles = np.concatenate([mesh.triangles + start for mesh, start in pairs])
+        self._solid = [mesh for mesh in meshes if faded(mesh) is None]
         self.owners = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])
 
     @cached_property
     def occluder(self) -> Occluder:
         """What rays are traced against."""
-        return Occluder(self.positions, self.triangles)
+        return Occluder(self.positions, self.triangles, self._size())
+
+    def _size(self) -> float | None:
+        """What rays' offset is a part of: a wide ground would lift those of what stands on it too far off."""
+        whole = [extent(mesh.positions, mesh.triangles) for mesh in self._solid if len(mesh.triangles)]
+        return min(extent(self.positions, self.triangles), _WIDEST * max(whole)) if whole else None

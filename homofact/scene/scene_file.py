@@ -11,7 +11,7 @@ at = [0, 0, 0]                     # the middle of that sphere; y is up
 turn = 0                           # degrees about y
 [ground]                           # optional: a square plane under the objects
 albedo = [0.5]                     # or material
-half = 2.5                         # half of its width
+half = 2.5                         # half of its width; 100 reaches the horizon, with smaller squares in the middle
 steps = 64                         # squares along a side
 [lighting]                         # one of the two: an environment map, or one of `scene.lighting.NAMED`
 environment = "sky.hdr"

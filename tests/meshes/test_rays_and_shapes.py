@@ -15,6 +15,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.prepare import open_edges, prepared
 from homofact.meshes.shapes import ground, sphere, torus_knot
 from homofact.meshes.tangents import frames
+from homofact.scene.meshes import MeshGroup
 
 
 def directions(count: int, seed: int = 0) -> np.ndarray:
@@ -150,3 +151,27 @@ def test_gltf_is_read_as_obj_is(tmp_path: Path) -> None:
     (tmp_path / "no.gltf").write_text('{"asset": {"version": "2.0"}}')
     with refused(where="no.gltf"):
         read_mesh(tmp_path / "no.gltf")
+
+
+def test_a_wide_ground_is_finer_in_the_middle() -> None:
+    even, wide = ground(4.0, -1.0, 16), ground(100.0, -1.0, 16)
+    along = np.unique(even.positions[:, 0])
+    assert np.diff(along) == pytest.approx(np.full(16, 0.5))
+    along = np.unique(wide.positions[:, 0])
+    assert along[[0, 8, 16]] == pytest.approx([-100, 0, 100])
+    assert along == pytest.approx(-along[::-1])
+    assert (np.diff(along, 2)[8:] > 0).all()
+    # As near as those of a ground of half the width of the widest even one, and what the cube adds.
+    assert along[9] == pytest.approx(0.25 + 98 / 8**3)
+    corners = wide.positions[wide.triangles]
+    assert (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 1] > 0).all()
+
+
+def test_a_wide_ground_does_not_lift_the_rays_of_what_stands_on_it() -> None:
+    ball = sphere(8)
+    alone, wide = MeshGroup([ball]).occluder, MeshGroup([ball, ground(100.0, -1.0, 16)]).occluder
+    near = MeshGroup([ball, ground(2.5, -1.0, 16)]).occluder
+    assert wide.offset == pytest.approx(3 * alone.offset)
+    assert alone.offset < near.offset < wide.offset
+    # A plane alone is as large as it is.
+    assert MeshGroup([ground(100.0, -1.0, 4)]).occluder.offset == pytest.approx(1e-4 * 200 * 2**0.5)
