@@ -163,6 +163,7 @@ def _relit_scene(
     from homofact.relighting.errors import dense_colours, scene_errors
     from homofact.relighting.result import RelightResult
     from homofact.relighting.room import check_room
+    from homofact.relighting.whole_picture import picture_likeness
     from homofact.scene.file_fits import FileFits
 
     begun = time.perf_counter()
@@ -185,6 +186,11 @@ def _relit_scene(
     if vertices:
         steps.stage("measuring the error")
         errors = scene_errors(scene, objects, vertices, stages)
+    likeness = None
+    if vertices and len(stages) > len(QUICK_STAGES):
+        likeness = picture_likeness(
+            scene, objects, progress=lambda done, count: steps.run("summing a picture in full", done, count)
+        )
     sums = None
     if reference:
         steps.stage("summing every vertex in full")
@@ -193,6 +199,7 @@ def _relit_scene(
     report["seconds"] = {
         "materials": opened - begun, "transport": traced - opened, "pictures and errors": time.perf_counter() - traced,
     }  # fmt: skip
+    report["picture"] = None if likeness is None else likeness.record()
     report["notes"] = list(scene.notes)
     report["plan"] = transport_record(scene.plans) if scene.plans else None
     return replace(

@@ -51,9 +51,20 @@ def relight(
         if found.plans:
             screen.show(choice_table(found.plans, found.plans[0].reflected))
         screen.show(object_table(found.objects), *([error_table(found.report["objects"])] if vertices else []))
+        if found.report["picture"] is not None:
+            screen.note(likeness_line(found.report["picture"]))
     pictures = counted(len(found.pictures), "picture")
     screen.note(f"The relit scene: {out} ({pictures}); homofact view {out} relights it in a browser")
     screen.answer({"folder": str(out), **found.report})
+
+
+def likeness_line(found: Mapping[str, Any]) -> str:
+    """How near the whole picture is, in a line."""
+    width, height = found["pixels"]
+    looks = [f"PSNR {found['psnr']:.1f} dB"] if "psnr" in found else []
+    looks += [f"FLIP {found['flip']:.3f}"] if "flip" in found else []
+    parts = ", ".join([f"relative RMS {found['error']:.2%}", *looks])
+    return f"The whole picture at {width} × {height}: {parts}"
 
 
 _ASIDE = ("psnr", "below_zero", "vertices")

@@ -118,10 +118,14 @@ def vertex_areas(mesh: Mesh, eye: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SeenPixels:
-    """Pixels of a camera that see a mesh: the `points` there, and how each is mixed of the mesh's vertices."""
+    """Pixels of a camera that see a mesh: the `points` there, and how each is mixed of the mesh's vertices.
+
+    `numbers` (S,) count the pixels row by row from the top left.
+    """
 
     points: SeenVertices
     mixture: SurfacePoints
+    numbers: np.ndarray
 
     def lit_points(self, mesh: Mesh) -> LitPoints:
         """Where rays to suns start, the pixels being those of `mesh`."""
@@ -129,10 +133,10 @@ class SeenPixels:
 
 
 def seen_pixels(
-    meshes: Sequence[Mesh], number: int, reflectance: Reflectance, occluder: Occluder, camera: Camera, most: int,
+    meshes: Sequence[Mesh], number: int, reflectance: Reflectance, occluder: Occluder, camera: Camera, most: int | None,
     seed: int = 0,
 ) -> SeenPixels:  # fmt: skip
-    """So many of the camera's pixels that see a mesh, `number` of the `meshes` that the occluder holds in this order.
+    """The camera's pixels that see a mesh, so many or all: `number` of the `meshes` of the occluder, in order.
 
     Points and normals are interpolated; a pixel whose normal is turned away from the eye is left out. Raises BadInput
     where no pixel sees the mesh.
@@ -148,11 +152,12 @@ def seen_pixels(
     kept = np.flatnonzero((normals * rays[own]).sum(1) < 0)
     if not len(kept):
         raise BadInput(f"no pixel sees it from {tuple(eye.tolist())}", where=mesh.name, expected="another camera")
-    kept = kept[_drawn(np.ones(len(kept)), min(most, len(kept)), seed)]
+    if most is not None:
+        kept = kept[_drawn(np.ones(len(kept)), min(most, len(kept)), seed)]
     positions = (mesh.positions[corners[kept]] * shares[kept]).sum(1)
     points = replace(mesh, positions=positions, normals=normals[kept], triangles=mesh.triangles[:0])
     seen = SeenVertices(points, reflectance, occluder, eye, np.arange(len(kept)))
-    return SeenPixels(seen, SurfacePoints(seen.rows, seen.wo, corners[kept], shares[kept, :, 0]))
+    return SeenPixels(seen, SurfacePoints(seen.rows, seen.wo, corners[kept], shares[kept, :, 0]), own[kept])
 
 
 def _drawn(weights: np.ndarray, count: int, seed: int) -> np.ndarray:
