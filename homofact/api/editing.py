@@ -83,11 +83,11 @@ def edit(
         check_new_folder(folder, PREPARED, force)
         check_place(folder)
 
-    from homofact.editing.result import is_edit, open_edit
+    from homofact.editing.result import open_edit
     from homofact.editing.scene_file import read_edit_scene
 
     steps = ProgressSteps(progress)
-    if is_edit(place):
+    if PREPARED.is_at(place):
         if folder is not None:
             raise BadInput("is a prepared scene already", where=scene, expected="a scene in TOML, or curves to apply")
         return open_edit(place, steps.stage)

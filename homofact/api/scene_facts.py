@@ -22,12 +22,12 @@ def scene_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | Non
     from homofact.files.fields import Fields
     from homofact.relighting import result as transport
 
-    if editing.is_edit(place):
+    if PREPARED.is_at(place):
         kind, file, rows = "prepared scene", place / editing.REPORT, _edit_rows
         fields = Fields.read(file, "the report of a prepared scene")
         fields.text("format", (editing.FORMAT,))
         found = fields.inner("report").found
-    elif transport.is_relit(place):
+    elif RELIT.is_at(place):
         kind, file, rows = "relit scene", place / transport.REPORT, _relit_rows
         found = Fields.read(file, "the report of a relit scene").found
     else:

@@ -10,7 +10,7 @@ from homofact.api.places import check_file
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.subjects import Place, given_fit, given_source, open_given
 from homofact.errors import Advice, BadInput
-from homofact.files.kinds import FACTORIZATION
+from homofact.files.kinds import FACTORIZATION, PREPARED, RELIT
 
 if TYPE_CHECKING:
     from homofact.errors import Report
@@ -108,14 +108,11 @@ def view(
     check_page(target, force)
     steps = ProgressSteps(progress)
     if place is not None:
-        from homofact.editing.result import is_edit
-        from homofact.relighting.result import is_relit
-
         own = {"source": source, "mesh": mesh}
-        if is_relit(place):
+        if RELIT.is_at(place):
             _refuse_given(own, place, "relit scene")
             return _view_relit(place, target, skies, force, steps)
-        if is_edit(place):
+        if PREPARED.is_at(place):
             _refuse_given(own | {"skies": skies or None}, place, "prepared scene")
             return _view_edit(place, target, force, steps)
     if skies:

@@ -27,7 +27,7 @@ from homofact.files.kinds import PREPARED
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import choose_exposure, tonemap
 from homofact.scene.file_fits import FileFit, FileFits
-from homofact.scene.folders import is_scene_folder, report_name, write_scene_folder
+from homofact.scene.folders import report_name, write_scene_folder
 from homofact.scene.materials import Stage
 
 REPORT = report_name(PREPARED)
@@ -133,7 +133,7 @@ def open_edit(place: Path, stage: Stage | None = None) -> EditResult:
 
 def read_report(place: Path) -> tuple[EditSceneFile, dict[str, Any]]:
     """(the scene, the report) of a folder, without what was precomputed. Raises BadInput as `open_edit`."""
-    if not is_edit(place):
+    if not PREPARED.is_at(place):
         raise BadInput(where=place, found=f"no {PREPARED.mark} in it", expected=_EXPECTED)
     folder = _folder(place)
     file = folder / REPORT
@@ -153,11 +153,6 @@ def _report(fields: Fields) -> dict[str, Any]:
             for name in views.found:
                 views.number(name)
     return fields.found
-
-
-def is_edit(place: Path) -> bool:
-    """Whether a folder, or the archive in one, is of a prepared scene."""
-    return is_scene_folder(place, PREPARED)
 
 
 def _folder(place: Path) -> Path:

@@ -103,6 +103,38 @@ def fit_and_measure(
     return fit_split(source, Split.of(source, held_out, seed, subset), settings, progress)
 
 
+@dataclass(frozen=True)
+class MeasuredFit:
+    """A fit and its report, with its errors on the training samples, turned at random, and on those held out."""
+
+    factorization: Fitted
+    report: Report
+    train: SixErrors
+    held_out: SixErrors
+    seconds: float
+
+
+def fit_baseline(source: Source, split: Split, settings: Method) -> MeasuredFit:
+    """Fit one method on a split, and measure its errors alone: a fit to compare others with, which nobody judges.
+
+    Raises BadInput as the split's parts and the fit do.
+    """
+    if settings.epsilon is None:
+        settings = replace(settings, epsilon=source.default_epsilon)
+    return _fitted(split.parts(source)[0], split.test_samples(source), split, settings)
+
+
+def _fitted(
+    train: Samples, test: Samples, split: Split, settings: Method, progress: ProgressCallback | None = None
+) -> MeasuredFit:
+    began = time.perf_counter()
+    fitted = settings.fit(train, progress)
+    seconds, factorization = time.perf_counter() - began, fitted.factorization
+    parts = (train.rotated_at_random(split.seed), test)
+    errors = [measure(factorization, samples, factorization.transform) for samples in parts]
+    return MeasuredFit(factorization, fitted.report, errors[0], errors[1], seconds)
+
+
 def fit_split(
     source: Source, split: Split, settings: Method, progress: ProgressCallback | None = None
 ) -> ComparisonRow:
@@ -115,27 +147,23 @@ def fit_split(
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
     train, test = split.parts(source)[0], split.test_samples(source)
-    begin_fit = time.perf_counter()
-    fitted = settings.fit(train, progress)
-    seconds_fit = time.perf_counter() - begin_fit
-    factorization = fitted.factorization
-    turned = train.rotated_at_random(split.seed)
-    errors = tuple(measure(factorization, samples, factorization.transform) for samples in (turned, test))
+    made = _fitted(train, test, split, settings, progress)
+    factorization = made.factorization
     total = source.seconds_read + time.perf_counter() - began
     seen = appearance(factorization, source)
     look = look_for_artefacts(factorization, source)
-    verdict = judge(factorization, fitted.report, settings, train, test, (errors[0], errors[1]), seen, look)
+    verdict = judge(factorization, made.report, settings, train, test, (made.train, made.held_out), seen, look)
     return ComparisonRow(
         source.name,
         split,
         settings,
         factorization,
-        fitted.report,
-        errors[0],
-        errors[1],
+        made.report,
+        made.train,
+        made.held_out,
         len(source.samples),
         source.seconds_read,
-        seconds_fit,
+        made.seconds,
         total,
         verdict,
         seen,

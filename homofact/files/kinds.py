@@ -17,6 +17,10 @@ class FolderKind:
     what: str
     mark: str
 
+    def is_at(self, place: Path) -> bool:
+        """Whether a folder is of this kind, or a file is the one that it is known by."""
+        return (place / self.mark).is_file() if place.is_dir() else place.name == self.mark
+
 
 RESULT = FolderKind("result", FACTORIZATION)
 EXPORT = FolderKind("export", "brdf.glsl")

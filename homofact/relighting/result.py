@@ -31,7 +31,7 @@ from homofact.relighting.saved import (
 from homofact.relighting.scene_file import RelightSceneFile
 from homofact.relighting.sunlight import Sun
 from homofact.scene.cameras import Camera
-from homofact.scene.folders import is_scene_folder, read_scene_archive, report_name, write_scene_folder
+from homofact.scene.folders import read_scene_archive, report_name, write_scene_folder
 
 REPORT = report_name(RELIT)
 _EXPECTED = "a relit scene that homofact wrote"
@@ -192,8 +192,3 @@ def open_relit(place: Path) -> RelightResult:
     objects = read_objects(arrays, fields)
     sky, references = read_sky(arrays, fields.text("sky")), read_references(arrays, objects)
     return RelightResult(fields.text("name"), objects, sky, read_cameras(fields), read_report(fields), references)
-
-
-def is_relit(place: Path) -> bool:
-    """Whether a folder or file is a relit scene rather than a fit."""
-    return is_scene_folder(place, RELIT)

@@ -24,11 +24,6 @@ def report_name(kind: FolderKind) -> str:
     return Path(kind.mark).with_suffix(".json").name
 
 
-def is_scene_folder(place: Path, kind: FolderKind) -> bool:
-    """Whether a folder is of this kind, or a file is the archive of one."""
-    return (place / kind.mark).is_file() if place.is_dir() else place.name == kind.mark
-
-
 def write_scene_folder(
     folder: Path,
     kind: FolderKind,

@@ -19,7 +19,7 @@ from homofact.evaluation.wording import figure, findings_named
 
 if TYPE_CHECKING:
     from homofact.errors import Report
-    from homofact.evaluation.compare import ComparisonRow
+    from homofact.evaluation.compare import MeasuredFit
     from homofact.factor.fitted import Fitted
     from homofact.meshes.mesh import Mesh
     from homofact.web.viewer import Facts, Layer
@@ -55,7 +55,7 @@ def write_view(
     stage: Stage = lambda name: None,
     new: bool = False,
     shown: "Layer | None" = None,
-    baselines: "dict[Any, ComparisonRow] | None" = None,
+    baselines: "dict[Any, MeasuredFit] | None" = None,
 ) -> ViewerPage:
     """Write the page of a fit to `path` (one HTML file without network, `new` where none may be replaced); its facts.
 
@@ -100,7 +100,7 @@ def write_view(
         if row is not None:
             record["error"]["mccool"] = {"train": row.train.record(), found.part: row.held_out.record()}
             facts = _error_facts(record["error"]["mccool"], found.part)
-            layers.append(fit_layer(row.factorization, "mccool", "McCool", (*_verdict(row.record()), *facts)))
+            layers.append(fit_layer(row.factorization, "mccool", "McCool", facts))
             reports["McCool"] = row.report
         if shown is None:
             stage("tabulating the source")
@@ -139,11 +139,9 @@ def shown_source(source: Reopened) -> "Layer":
     return source_layer(own.reflectance, facts=(("Bytes", nbytes),), seed=source.split.seed)
 
 
-def _mccool(
-    fitted: "Fitted", source: Reopened, stage: Stage, made: "dict[Any, ComparisonRow]"
-) -> "ComparisonRow | None":
+def _mccool(fitted: "Fitted", source: Reopened, stage: Stage, made: "dict[Any, MeasuredFit]") -> "MeasuredFit | None":
     """McCool's projections on the same split, of the same size and ε; None where the fit is that itself."""
-    from homofact.evaluation.compare import fit_split
+    from homofact.evaluation.compare import fit_baseline
     from homofact.methods.table import mccool_like
 
     settings = settings_of(fitted)
@@ -152,7 +150,7 @@ def _mccool(
         return None
     if baseline not in made:
         stage("McCool's projections")
-        made[baseline] = fit_split(source.source, source.split, baseline)
+        made[baseline] = fit_baseline(source.source, source.split, baseline)
     return made[baseline]
 
 
