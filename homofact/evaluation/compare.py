@@ -104,7 +104,7 @@ def fit_and_measure(
 
 
 @dataclass(frozen=True)
-class MeasuredFit:
+class FitWithErrors:
     """A fit and its report, with its errors on the training samples, turned at random, and on those held out."""
 
     factorization: Fitted
@@ -114,7 +114,7 @@ class MeasuredFit:
     seconds: float
 
 
-def fit_baseline(source: Source, split: Split, settings: Method) -> MeasuredFit:
+def fit_baseline(source: Source, split: Split, settings: Method) -> FitWithErrors:
     """Fit one method on a split, and measure its errors alone: a fit to compare others with, which nobody judges.
 
     Raises BadInput as the split's parts and the fit do.
@@ -126,13 +126,13 @@ def fit_baseline(source: Source, split: Split, settings: Method) -> MeasuredFit:
 
 def _fitted(
     train: Samples, test: Samples, split: Split, settings: Method, progress: ProgressCallback | None = None
-) -> MeasuredFit:
+) -> FitWithErrors:
     began = time.perf_counter()
     fitted = settings.fit(train, progress)
     seconds, factorization = time.perf_counter() - began, fitted.factorization
     parts = (train.rotated_at_random(split.seed), test)
     errors = [measure(factorization, samples, factorization.transform) for samples in parts]
-    return MeasuredFit(factorization, fitted.report, errors[0], errors[1], seconds)
+    return FitWithErrors(factorization, fitted.report, errors[0], errors[1], seconds)
 
 
 def fit_split(

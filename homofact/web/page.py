@@ -19,7 +19,7 @@ from homofact.evaluation.wording import figure, findings_named
 
 if TYPE_CHECKING:
     from homofact.errors import Report
-    from homofact.evaluation.compare import MeasuredFit
+    from homofact.evaluation.compare import FitWithErrors
     from homofact.factor.fitted import Fitted
     from homofact.meshes.mesh import Mesh
     from homofact.web.viewer import Facts, Layer
@@ -55,7 +55,7 @@ def write_view(
     stage: Stage = lambda name: None,
     new: bool = False,
     shown: "Layer | None" = None,
-    baselines: "dict[Any, MeasuredFit] | None" = None,
+    baselines: "dict[Any, FitWithErrors] | None" = None,
 ) -> ViewerPage:
     """Write the page of a fit to `path` (one HTML file without network, `new` where none may be replaced); its facts.
 
@@ -139,7 +139,9 @@ def shown_source(source: Reopened) -> "Layer":
     return source_layer(own.reflectance, facts=(("Bytes", nbytes),), seed=source.split.seed)
 
 
-def _mccool(fitted: "Fitted", source: Reopened, stage: Stage, made: "dict[Any, MeasuredFit]") -> "MeasuredFit | None":
+def _mccool(
+    fitted: "Fitted", source: Reopened, stage: Stage, made: "dict[Any, FitWithErrors]"
+) -> "FitWithErrors | None":
     """McCool's projections on the same split, of the same size and ε; None where the fit is that itself."""
     from homofact.evaluation.compare import fit_baseline
     from homofact.methods.table import mccool_like

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
-from homofact.evaluation.compare import MeasuredFit
+from homofact.evaluation.compare import FitWithErrors
 from homofact.evaluation.reopening import NotReopened, Reopened, reopen
 from homofact.exporting.images import write_texture_png
 from homofact.exporting.manifest import write_json
@@ -101,9 +101,9 @@ class _Sources:
 
     def __init__(self) -> None:
         self._opened: dict[str, tuple[Reopened | NotReopened, Layer | None]] = {}
-        self._baselines: dict[str, dict[Any, MeasuredFit]] = {}
+        self._baselines: dict[str, dict[Any, FitWithErrors]] = {}
 
-    def baselines(self, fitted: Fitted) -> dict[Any, MeasuredFit]:
+    def baselines(self, fitted: Fitted) -> dict[Any, FitWithErrors]:
         """McCool's fits of the same split, by their settings."""
         return self._baselines.setdefault(repr(fitted.provenance.get("split")), {})
 
