@@ -146,21 +146,22 @@ def sun_tables(reflectance: Reflectance, lobe: LobeTable | None = None) -> tuple
     if lobe is None:
         width = _WIDTHS * half_width(reflectance)
         if width > _BROAD:
-            return (_small_table(reflectance, width, reflectance),)
+            return (_small_table(reflectance, width),)
         lobe = _tabulated(reflectance, width, lobe=True)
-    return lobe, _small_table(Rest(reflectance, lobe), _WIDTHS, reflectance)
+    # As fine as the lobe's: what that misses between its nodes would fill the cells of a coarser grid.
+    return lobe, _tabulated(Rest(reflectance, lobe), _WIDTHS, lobe=False)
 
 
-def _small_table(part: Reflectance, width: float, whole: Reflectance) -> LobeTable:
-    """The smallest table of a part that errs by `_SMALL` of the light of the `whole`, or as little as the largest."""
+def _small_table(reflectance: Reflectance, width: float) -> LobeTable:
+    """The smallest table of a reflectance without a sharp lobe that errs by `_SMALL`, or as little as the largest."""
     angles = torch.rand(4, _PAIRS, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     wi, wo = (from_spherical(_ASKED * angles[k], 2 * math.pi * angles[k + 2]) for k in (0, 1))
     cosines = (wi[:, 2] * wo[:, 2])[:, None]
-    exact, light = (each.evaluate(wi, wo).double() * cosines for each in (part, whole))
+    exact = reflectance.evaluate(wi, wo).double() * cosines
     found: list[tuple[float, LobeTable]] = []
     for levels, nodes in _SIZES:
-        table = _tabulated(part, width, False, levels, nodes)
-        found.append((float((table.evaluate(wi, wo) * cosines - exact).norm() / light.norm()), table))
+        table = _tabulated(reflectance, width, False, levels, nodes)
+        found.append((float((table.evaluate(wi, wo) * cosines - exact).norm() / exact.norm()), table))
         if found[-1][0] <= _SMALL:
             return table
     return next(table for error, table in found if error <= _NEARLY * found[-1][0])

@@ -10,7 +10,7 @@ import torch
 from refusals import refused
 from relighting_cases import factored_once
 
-from homofact.brdf.analytic import Lambert
+from homofact.brdf.analytic import Lambert, Phong
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.files.archive import read_archive, write_archive
@@ -299,3 +299,30 @@ def test_suns_that_cannot_be_are_refused(old: str, new: str, where: str, tmp_pat
     file = written(tmp_path, SCENE + SUN.replace(old, new))
     with refused(where=f"scene.toml: {where}"):
         read_relight_scene(file)
+
+
+@pytest.mark.parametrize("exponent", [30, 2000])
+def test_tables_hold_the_highlight_and_what_is_around_it(exponent: int) -> None:
+    """Light within 25° of the mirror direction, most of it close to it."""
+    model = Phong((0.1, 0.1, 0.1), (0.8, 0.8, 0.8), exponent)
+    wo = turned_pairs(3000)[1]
+    angles = torch.rand(2, len(wo), generator=torch.Generator().manual_seed(5), dtype=torch.float64)
+    off, turn = math.radians(25) * angles[0] ** 2, 2 * math.pi * angles[1]
+    mirror = wo * torch.tensor([-1.0, -1.0, 1.0])
+    across = torch.nn.functional.normalize(torch.linalg.cross(mirror, torch.tensor([[0.3, 0.5, 0.8]]).double()), dim=1)
+    other = torch.linalg.cross(mirror, across)
+    side = across * torch.cos(turn)[:, None] + other * torch.sin(turn)[:, None]
+    wi = mirror * torch.cos(off)[:, None] + side * torch.sin(off)[:, None]
+    up = wi[:, 2] > 0.02
+    wi, wo = wi[up], wo[up]
+    cosine = wi[:, 2:].numpy()
+    tables = sun_tables(model)
+    found = sum(table.evaluate(wi, wo).numpy() for table in tables) * cosine
+    exact = model.evaluate(wi, wo).double().numpy() * cosine
+    assert relative(found, exact) < 0.06
+    # Nothing of it is spread over the rest.
+    wi, wo = turned_pairs(4000)
+    far = (wi * wo * torch.tensor([-1.0, -1.0, 1.0])).sum(1) < math.cos(math.radians(25))
+    wi, wo = wi[far], wo[far]
+    found, exact = (sum(each.evaluate(wi, wo).double().numpy() for each in parts) for parts in (tables, [model]))
+    assert relative(found * wi[:, 2:].numpy(), exact * wi[:, 2:].numpy()) < 0.1
