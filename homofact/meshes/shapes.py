@@ -54,7 +54,7 @@ def ground(half: float = 2.0, height: float = 0.0, steps: int = 64) -> Mesh:
     if not half > 0:
         raise BadInput(where="ground", found=f"a half width of {half:g}", expected="above 0")
     along = np.linspace(-1, 1, steps + 1)
-    even = min(NEAR / (2 * half), 1.0) if half > NEAR else 1.0
+    even = NEAR / (2 * half) if half > NEAR else 1.0
     along = half * (even * along + (1 - even) * along**3)
     x, z = np.meshgrid(along, along, indexing="ij")
     points = np.stack((x, np.full_like(x, height), z), -1)

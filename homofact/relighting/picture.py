@@ -62,8 +62,9 @@ def picture(
             points = surface_points(mesh, own, shares, -flat[rays])
             if lit[number].lobe is not None:
                 found[rays] += _lobe(lit[number], points, rays, shape[2])
-            seen = LitPoints.on(mesh, points, occluder.offset).seen(suns, occluder, _SHADOW_RAYS, seed=number)
-            found[rays] += lit[number].suns_at(points, seen)
+            if suns:
+                seen = LitPoints.on(mesh, points, occluder.offset).seen(suns, occluder, _SHADOW_RAYS, seed=number)
+                found[rays] += lit[number].suns_at(points, seen)
         ends = faded(mesh)
         if ends is not None:
             at = (mesh.positions[mesh.triangles[own]] * shares[..., None]).sum(1)

@@ -210,9 +210,14 @@ function lobeAt(lobe, vertex, frame, across, oz, grids, cells) {
   return [red, green, blue];
 }
 
+/** Unpacks a table, which keeps its half floats for the graphics card. */
+async function unpackTable(packed) {
+  const halves = await unpack(packed.values.values), { scale } = packed.values;
+  return { ...packed, halves, scale, values: fromHalves(halves, scale) };
+}
+
 /** Unpacks an object's lobe. */
 async function unpackLobe(packed, vertices) {
-  const [halves, sight] = await Promise.all([packed.values.values, packed.sight].map(unpack));
-  const { width, period, levels, turns, nodes } = packed, { scale } = packed.values;
-  return { width, period, levels, turns, nodes, halves, scale, values: fromHalves(halves, scale), sight, words: sight.length / vertices };
+  const [table, sight] = await Promise.all([unpackTable(packed), unpack(packed.sight)]);
+  return { ...table, sight, words: sight.length / vertices };
 }

@@ -2,11 +2,8 @@
 
 /** Unpacks the tables of an object's material under suns, and what its vertices see of each sun (V × Q). */
 async function unpackSunlight({ tables, seen, directions }) {
-  const unpacked = await Promise.all(tables.map(async (packed) => {
-    const halves = await unpack(packed.values.values), { scale } = packed.values;
-    return { ...packed, halves, scale, values: fromHalves(halves, scale) };
-  }));
-  return { tables: unpacked, directions, seen: Float32Array.from(await unpack(seen), (x) => x / 255) };
+  const parts = Float32Array.from(await unpack(seen), (x) => x / 255);
+  return { tables: await Promise.all(tables.map(unpackTable)), directions, seen: parts };
 }
 
 /** The direction to a sun under a sky that is turned by degrees. */
