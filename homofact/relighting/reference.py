@@ -1,8 +1,8 @@
 """Direct illumination of a mesh by Mitsuba 3 (the extra `mitsuba`): what relighting is held against.
 
 The scene is the mesh with one material under an environment map, in the frame of `rendering.light`; light arrives from
-the map alone, no bounces. Each vertex has its own surface frame: the normal given and, for an anisotropic material,
-the tangent given.
+the map alone, no bounces unless `scene_picture` is asked for them. Each vertex has its own surface frame: the normal
+given and, for an anisotropic material, the tangent given.
 
 Conventions, those of `relighting`: light counts where it is above the horizon of the vertex normal and where a
 ray from the vertex, moved `offset` along that normal, leaves the mesh. The horizon of the triangles counts only by what
@@ -14,8 +14,8 @@ Estimates are Mitsuba's: emitter and material are both sampled and weighted by t
 """
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -165,8 +165,24 @@ def picture(
 ) -> Estimate:
     """The mesh before the map as `camera` sees it, by Mitsuba's `direct` integrator: (H, W, 3), box filter.
 
+    As `scene_picture` of one object with no bounce.
+    """
+    return scene_picture([(geometry, material)], environment, camera, samples, repeats, seed)
+
+
+def scene_picture(
+    objects: Sequence[tuple[Geometry, Material]],
+    environment: EnvironmentMap,
+    camera: Camera,
+    samples: int = 64,
+    repeats: int = 2,
+    seed: int = 0,
+    bounces: int = 0,
+) -> Estimate:
+    """Objects before the map as `camera` sees them: (H, W, 3), box filter; by `path` where there are `bounces`.
+
     Normals, and the tangents of anisotropic materials, are interpolated over the triangles. `seen` are the pixels that
-    the mesh covers wholly. The standard error is that of the mean of `repeats` runs with different seeds. Raises as
+    the objects cover wholly. The standard error is that of the mean of `repeats` runs with different seeds. Raises as
     `vertex_radiance`.
     """
     _check_counts(samples, repeats)
@@ -186,10 +202,13 @@ def picture(
         },
         "sampler": {"type": "multijitter", "sample_count": samples},
     }
-    with _bsdf(material) as bsdf:
-        mesh = _mesh(mi, geometry, bsdf)
-        made = {"type": "scene", "integrator": {"type": "direct"}, "sensor": sensor, "mesh": mesh}
-        scene = mi.load_dict(made | {"sky": environment_emitter(environment)})
+    # Mitsuba counts the segments of a path: one to the surface, one on to the light.
+    paths = {"type": "path", "max_depth": 2 + bounces, "rr_depth": 100} if bounces else {"type": "direct"}
+    with ExitStack() as opened:
+        made: dict[str, Any] = {"type": "scene", "sensor": sensor}
+        for number, (geometry, material) in enumerate(objects):
+            made[f"mesh_{number}"] = _mesh(mi, geometry, opened.enter_context(_bsdf(material)))
+        scene = mi.load_dict(made | {"integrator": paths, "sky": environment_emitter(environment)})
         seeds = np.random.SeedSequence(seed).generate_state(repeats)
         runs = np.stack([np.array(mi.render(scene, seed=int(each)))[..., :3] for each in seeds]).astype(np.float64)
         cover = mi.load_dict(made | {"integrator": {"type": "depth"}})
