@@ -11,6 +11,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.relighting.clusters import Clustered, clustered
 from homofact.relighting.factored_material import FactoredMaterial, factored
 from homofact.relighting.harmonic import Harmonic, harmonic
+from homofact.relighting.interreflection import ORDER, BounceColours, Interreflection
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import sight_words
@@ -18,6 +19,7 @@ from homofact.relighting.lobe_table import LobeTable, sun_tables
 from homofact.relighting.plan import ObjectPlan, plan_object
 from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
 from homofact.relighting.scene_file import RelightSceneFile
+from homofact.relighting.smooth_response import mean_albedo, smooth_response
 from homofact.relighting.sunlight import Sunlight
 from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.materials import Stage
@@ -83,7 +85,8 @@ class RelitObject:
 class RelightScene:
     """A scene ready for transport: objects in their places, and how the transport of each is made.
 
-    `occluder` holds all meshes in this order; `notes` say what was found on the way, a line each.
+    `occluder` holds all meshes in this order; `notes` say what was found on the way, a line each. `bounces` are the
+    colours of the light between surfaces, where the scene asks for it.
     """
 
     file: RelightSceneFile
@@ -91,6 +94,7 @@ class RelightScene:
     choices: tuple[TransportChoice, ...]
     occluder: Occluder
     notes: tuple[str, ...]
+    bounces: BounceColours | None = None
 
     @property
     def plans(self) -> tuple[ObjectPlan, ...]:
@@ -115,6 +119,9 @@ class RelightScene:
             if choice.material.lobe is not None
         )
         rays, disk = sum(c.rays for c in costs) + bits // 2, sum(c.disk_bytes for c in costs) + bits // 8
+        if self.bounces is not None:
+            memory, more = Interreflection.cost(len(positions))
+            peak, rays = peak + memory, rays + more
         return TransportCost(rays, sum(c.most_bytes for c in costs) + bits // 8, peak + bits // 8, disk)
 
 
@@ -154,7 +161,10 @@ def open_relight_scene(
         choices.append(TransportChoice(known[key], file.settings))
     if file.suns:
         choices = _with_sun_tables(objects, choices, stage)
-    return RelightScene(file, objects, tuple(choices), occluder, notes)
+    bounces = None
+    if file.bounces:
+        bounces, choices = _with_bounces(objects, choices, stage)
+    return RelightScene(file, objects, tuple(choices), occluder, notes, bounces)
 
 
 def _with_sun_tables(
@@ -174,6 +184,28 @@ def _with_sun_tables(
     return found
 
 
+def _with_bounces(
+    objects: Sequence[SceneObject], choices: Sequence[TransportChoice], stage: Stage | None
+) -> tuple[BounceColours, list[TransportChoice]]:
+    """(the colours of the light between surfaces, the choices with its terms)."""
+    known: dict[tuple[str, int], tuple[np.ndarray, np.ndarray]] = {}
+    albedos = []
+    for placed, choice in zip(objects, choices, strict=True):
+        key = (placed.material.words, choice.material.factors.view.shape[1])
+        if key not in known:
+            if stage is not None:
+                stage(f"summing the response of {Path(placed.material.words).name}")
+            reflectance = placed.material.reflectance
+            known[key] = mean_albedo(reflectance), smooth_response(reflectance, ORDER, key[1])
+        albedos.append(known[key])
+    colours = BounceColours.of([mean for mean, _ in albedos])
+    found = []
+    for choice, (_, view) in zip(choices, albedos, strict=True):
+        material = replace(choice.material, factors=colours.terms(choice.material.factors, view))
+        found.append(replace(choice, material=material))
+    return colours, found
+
+
 def relit_objects(
     scene: RelightScene, blocks: Path | None = None, progress: Callable[[str, int, int], object] | None = None
 ) -> tuple[RelitObject, ...]:
@@ -181,7 +213,15 @@ def relit_objects(
 
     `progress` is called with (object, blocks done, blocks). Raises BadInput for a folder of another scene's blocks.
     """
-    file, objects = scene.file, []
+    file, objects, between = scene.file, [], None
+    if scene.bounces is not None:
+
+        def traced(done: int, count: int) -> None:
+            if progress is not None:
+                progress("light between surfaces", done, count)
+
+        meshes = [placed.mesh for placed in scene.objects]
+        between = Interreflection.traced(meshes, scene.bounces, scene.occluder, traced)
     for number, (placed, choice) in enumerate(zip(scene.objects, scene.choices, strict=True)):
 
         def tell(done: int, count: int, name: str = placed.mesh.name) -> None:
@@ -189,7 +229,7 @@ def relit_objects(
                 progress(name, done, count)
 
         folder = None if blocks is None else blocks / f"object_{number}"
-        made = transport(placed.mesh, choice.material.factors, choice.settings, scene.occluder, folder, tell)
+        made = transport(placed.mesh, choice.material.factors, choice.settings, scene.occluder, folder, tell, between)
         lobe = SeparateLobe.traced(choice.material.lobe, placed.mesh, scene.occluder, choice.settings.cube, folder)
         compact = None
         if choice.plan is not None and choice.plan.chosen.order is not None:

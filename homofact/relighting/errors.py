@@ -8,6 +8,7 @@ squares over vertices that the eye sees, by the area that they take in its pictu
     terms         K terms of f, their functions asked of f itself wherever they are needed
     lobe          the separate lobe, as it is summed, against the sum over every texel
     suns          the light of suns by tables, against the reflectance itself at 64 directions of each disc
+    bounce        light between surfaces as if they were matt, against that of the reflectances themselves
     maps          the same terms read from maps of M × M texels
     cube          the reference on this cube map against one of `FINE` times as many texels along a face
     truncation    of the wavelets of the transport, all but the kept left out, not rounded
@@ -20,8 +21,8 @@ squares over vertices that the eye sees, by the area that they take in its pictu
     picture       the same at pixels of the camera, whose light is mixed between vertices: the whole error
 
 Where a lobe is separate, the stages of terms, maps, truncation and so on are those of what is left of f, against the
-light of all of f; where there are suns, theirs is in this light. The `psnr` in dB is of those pixels as 8-bit sRGB,
-tone-mapped as pictures are.
+light of all of f; where there are suns or a bounce, theirs is in this light. The `psnr` in dB is of those pixels as
+8-bit sRGB, tone-mapped as pictures are.
 `below zero` is the light that negative residues take away: Σ max(−B̂, 0)/Σ|B̂|.
 """
 
@@ -51,6 +52,7 @@ from homofact.relighting.picture import displayed_picture
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.relight import light_coefficients
 from homofact.relighting.seen import SeenPixels, SeenVertices, seen_pixels, seen_vertices
+from homofact.relighting.sending_surfaces import SendingSurfaces
 from homofact.relighting.sunlight import SAMPLES, summed
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
@@ -60,8 +62,8 @@ from homofact.rendering.tonemap import choose_exposure
 FINE, _RIM_PART = 4, 4
 _FINE_MAPS, _TRIANGLES = 128, 200
 STAGES = (
-    "terms", "maps", "lobe", "suns", "cube", "truncation", "quantisation", "harmonics", "clusters", "interpolation",
-    "together", "rim", "picture",
+    "terms", "maps", "lobe", "suns", "bounce", "cube", "truncation", "quantisation", "harmonics", "clusters",
+    "interpolation", "together", "rim", "picture",
 )  # fmt: skip
 
 
@@ -85,7 +87,7 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
 
     `light` is a cube map of radiance (6, n, n, 3).
     """
-    found = []
+    found, around = [], sending_surfaces(scene)
     for placed in scene.objects:
         colours = np.full(placed.mesh.positions.shape, np.nan)
         eye = scene.file.cameras[0].eye
@@ -93,8 +95,18 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
         with contextlib.suppress(BadInput):
             seen = seen_vertices(placed.mesh, placed.material.reflectance, scene.occluder, eye, None)
             colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1]) + seen.sunlit(scene.file.suns)
+            if around is not None:
+                colours[seen.which] += around.bounced(seen, scene.file.light)
         found.append(colours)
     return found
+
+
+def sending_surfaces(scene: RelightScene) -> SendingSurfaces | None:
+    """The surfaces of a scene whose light between them counts; None where it does not."""
+    if scene.bounces is None:
+        return None
+    meshes, reflectances = zip(*((each.mesh, each.material.reflectance) for each in scene.objects), strict=True)
+    return SendingSurfaces(meshes, reflectances, scene.occluder, scene.file.suns)
 
 
 def scene_errors(
@@ -103,6 +115,7 @@ def scene_errors(
     """The error of each object at so many vertices and pixels of the first camera; None where it sees none of it."""
     found: list[RelightErrors | None] = []
     camera, seed, meshes = scene.file.cameras[0], scene.file.seed, [relit.mesh for relit in objects]
+    around = sending_surfaces(scene)
     for number, (placed, relit) in enumerate(zip(scene.objects, objects, strict=True)):
         given = (relit.mesh, placed.material.reflectance, scene.occluder, camera.eye)
         pixels, rim = None, None
@@ -119,7 +132,7 @@ def scene_errors(
             with contextlib.suppress(BadInput):
                 pixels = seen_pixels(meshes, number, *given[1:3], camera, vertices, seed)
         light = scene.file.light
-        found.append(measured_errors(seen, relit, light, stages, pixels, rim))
+        found.append(measured_errors(seen, relit, light, stages, pixels, rim, around))
     return found
 
 
@@ -130,10 +143,12 @@ def measured_errors(
     stages: Sequence[str] = STAGES,
     pixels: SeenPixels | None = None,
     rim: SeenVertices | None = None,
+    around: SendingSurfaces | None = None,
 ) -> RelightErrors:
     """Every stage of `stages` by itself, under one light and from one eye; of `pixels` and of the `rim` where given.
 
-    Raises BadInput for an unknown stage and where no light reaches the vertices.
+    `around` are the surfaces that send light to one another, where that counts. Raises BadInput for an unknown stage
+    and where no light reaches the vertices.
     """
     unknown = [each for each in stages if each not in STAGES]
     if unknown:
@@ -143,16 +158,17 @@ def measured_errors(
     size = transport.settings.cube
     radiance = cube.environment_cube(light, size)
     under_sky, under_suns = seen.dense(radiance, size), seen.sunlit(suns)
-    truth = under_sky + under_suns
+    of_bounce = np.zeros_like(under_sky) if around is None else around.bounced(seen, light)
+    truth = under_sky + under_suns + of_bounce
     if not (truth != 0).any():
         raise BadInput("none reaches the vertices that are seen", where="light", expected="some")
     errors: dict[str, float] = {}
     factors = transport.factors
     part = FactoredMaterial(factors, None if lobe is None else lobe.table).part(seen.reflectance)
     # What a part errs by counts against the light of all.
-    apart = partial(relative, weights=seen.weights, of=None if lobe is None and not suns else truth)
+    apart = partial(relative, weights=seen.weights, of=None if lobe is None and not suns and around is None else truth)
     if {"terms", "maps"} & {*stages}:
-        fine = factor(part, terms=factors.terms, map_size=_FINE_MAPS)
+        fine = factor(part, terms=factors.direct, map_size=_FINE_MAPS)
         exact = seen.dense(radiance, size, fine)
         if "terms" in stages:
             errors["terms"] = apart(exact, under_sky if lobe is None else seen.dense(radiance, size, part))
@@ -179,6 +195,8 @@ def measured_errors(
     by_suns = used.suns_at(_vertices(seen))
     if suns and "suns" in stages:
         errors["suns"] = apart(by_suns, under_suns)
+    if around is not None and "bounce" in stages:
+        errors["bounce"] = apart(_seen_of(seen, factors, used.tuples, slice(factors.direct, None)), of_bounce)
     shown = shown + own + by_suns
     if "interpolation" in stages:
         errors["interpolation"] = _interpolation(seen, part, radiance, size)
@@ -186,13 +204,16 @@ def measured_errors(
         errors["together"] = apart(shown, truth)
     if rim is not None:
         at_rim = _seen_of(rim, factors, used.tuples) + used.lobe_at(_vertices(rim)) + used.suns_at(_vertices(rim))
-        errors["rim"] = relative(at_rim, rim.dense(radiance, size) + rim.sunlit(suns))
+        at_all = rim.dense(radiance, size) + rim.sunlit(suns)
+        at_all += 0.0 if around is None else around.bounced(rim, light)
+        errors["rim"] = relative(at_rim, at_all)
     psnr = None
     if pixels is not None:
         points = pixels.lit_points(relit.mesh)
         mixed = used.between(pixels.mixture, seen.eye, points.seen(suns, seen.occluder, SAMPLES))
         exact = pixels.points.dense(radiance, size)
         exact += summed(seen.reflectance, suns, points, pixels.points.wo, seen.occluder)
+        exact += 0.0 if around is None else around.bounced(pixels.points, light)
         errors["picture"], psnr = relative(mixed, exact), _psnr(mixed, exact)
     below = float(np.maximum(-shown, 0).sum() / np.abs(shown).sum())
     return RelightErrors({name: errors[name] for name in STAGES if name in errors}, below, len(seen.which), psnr)
@@ -219,35 +240,35 @@ def _psnr(found: np.ndarray, truth: np.ndarray) -> float:
     return psnr_of(torch.from_numpy(shown), torch.from_numpy(wanted), torch.from_numpy(cover > 0))
 
 
-def _seen_of(seen: SeenVertices, factors: InOutFactors, tuples: np.ndarray) -> np.ndarray:
-    """Light (S, 3) towards the eye of K-tuples (V, K, 3) of all vertices."""
-    h = view_values(factors, seen.wo)
-    return np.einsum("skc,skc->sc", h, tuples[seen.which])
+def _seen_of(seen: SeenVertices, factors: InOutFactors, tuples: np.ndarray, terms: slice = slice(None)) -> np.ndarray:
+    """Light (S, 3) towards the eye of K-tuples (V, K, 3) of all vertices, by some of the terms."""
+    h = view_values(factors, seen.wo)[:, terms]
+    return np.einsum("skc,skc->sc", h, tuples[seen.which][:, terms])
 
 
 def _vectors(
     seen: SeenVertices, transport: WaveletTransport, radiance: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Light (S, 3) each by whole transport vectors, by those that are kept, and by these as they are stored."""
+    """Light of the sky (S, 3) each by whole transport vectors, by the numbers that are kept, and by these as stored."""
     factors, settings = transport.factors, transport.settings
-    size, terms = settings.cube, factors.terms
+    size, terms = settings.cube, factors.direct
     tracer = Tracer(seen.mesh, seen.occluder, size, settings.rays)
     light = light_coefficients(radiance, size)
     vectors = np.empty((terms, cube.FACES * size * size), np.float32)
     scratch = np.empty((size, size), np.float32)
-    maps = np.ascontiguousarray(factors.light.transpose(1, 2, 0))
+    maps = np.ascontiguousarray(factors.light[:terms].transpose(1, 2, 0))
     tuples = np.zeros((3, len(seen.which), terms, 3))
     for s, v in enumerate(seen.which.tolist()):
         transport_vectors(
             transport.frames[v], tracer.visible(v), tracer.directions, tracer.angles, maps, vectors, scratch
         )
         for k in range(terms):
-            r = v * terms + k
+            r = v * factors.terms + k
             place = transport.index[transport.start[r] : transport.start[r + 1]]
             tuples[0, s, k] = vectors[k].astype(np.float64) @ light
             tuples[1, s, k] = vectors[k][place].astype(np.float64) @ light[place]
             tuples[2, s, k] = transport.vector(v, k)[place] @ light[place]
-    h = view_values(factors, seen.wo)
+    h = view_values(factors, seen.wo)[:, :terms]
     whole, cut, stored = (np.einsum("skc,skc->sc", h, each) for each in tuples)
     return whole, cut, stored
 

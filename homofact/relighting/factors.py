@@ -20,9 +20,10 @@ from homofact.geometry.parabolic import to_disc
 class InOutFactors:
     """Light maps `light` (K, M, M) and view maps `view` (K, M, M, C), float32, f in sr⁻¹ without the cosine.
 
-    `strength` (K,) is each term's part of `energy`, the expected Σ_c B² cosθo dωo of the light B that natural light,
-    or the light that `factor` was given, sends back; `beside` is the part of it that a separate lobe takes, which may
-    be below 0. Texel (i, j) lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
+    The last `bounced` terms are not of f but of light between surfaces (`interreflection`). `strength` (K,) is each
+    term's part of `energy`, the expected Σ_c B² cosθo dωo of the light B that natural light, or the light that `factor`
+    was given, sends back; `beside` is the part of it that a separate lobe takes, which may be below 0. Texel (i, j)
+    lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
     """
 
     light: np.ndarray
@@ -31,11 +32,17 @@ class InOutFactors:
     energy: float
     channels: tuple[str, ...]
     beside: float = 0.0
+    bounced: int = 0
 
     @property
     def terms(self) -> int:
-        """K."""
+        """K, those of interreflection among them."""
         return len(self.light)
+
+    @property
+    def direct(self) -> int:
+        """How many are the terms of f."""
+        return self.terms - self.bounced
 
     @property
     def share(self) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.harmonic import Harmonic
+from homofact.relighting.interreflection import spread_suns
 from homofact.relighting.lobe import SeparateLobe, SurfacePoints
 from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.precompute import WaveletTransport
@@ -35,7 +36,11 @@ class LitObject:
     ) -> "LitObject":
         """Under a light, by the compact form where there is one, and suns. Raises BadInput for no light."""
         cells = None if lobe is None else LightCells.of(light_cube(light, transport.settings.cube))
-        return cls(transport, lit_tuples(transport, compact, light), lobe, cells, sunlight)
+        tuples, bounced = lit_tuples(transport, compact, light), transport.factors.bounced
+        if bounced and sunlight is not None:
+            spread = spread_suns(sunlight.suns, transport.settings.cube)
+            tuples[:, -bounced:] += lit_tuples(transport, compact, spread)[:, -bounced:]
+        return cls(transport, tuples, lobe, cells, sunlight)
 
     def terms(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
         """Radiance (V, 3) float32 of the vertices towards a point `eye` (3,), by the in-out factors alone."""

@@ -29,11 +29,12 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting import cube
 from homofact.relighting.factors import InOutFactors
+from homofact.relighting.interreflection import Interreflection
 from homofact.relighting.kernels import keep_above, keep_largest, threshold_of_energy, transport_vectors
 from homofact.relighting.tracer import Tracer
 
 BLOCK = 256
-KEPT = 96
+KEPT, KEPT_BOUNCED = 96, 64
 _PARTS = ("count", "index", "number", "scale")
 # What is large, and kept in files of its own.
 _LONG = {"index": np.uint16, "number": np.int16}
@@ -155,16 +156,18 @@ def transport(
     occluder: Occluder,
     folder: Path | None = None,
     progress: Callable[[int, int], object] | None = None,
+    between: Interreflection | None = None,
 ) -> WaveletTransport:
     """The transport of every vertex of a mesh among everything that `occluder` holds.
 
     `folder` keeps finished blocks for a later run; blocks of another mesh, material or setting are refused by name.
-    `progress` is called with (blocks done, blocks). Raises BadInput for such a folder.
+    `progress` is called with (blocks done, blocks). `between` has the light between surfaces where the factors have
+    terms for it. Raises BadInput for such a folder.
     """
     if not len(mesh.positions) or not np.isfinite(mesh.positions).all() or not np.isfinite(mesh.normals).all():
         found = "no vertices" if not len(mesh.positions) else "positions or normals that are not finite"
         raise BadInput(where=mesh.name, found=found, expected="a mesh")
-    work = _Work(mesh, factors, settings, occluder)
+    work = _Work(mesh, factors, settings, occluder, between)
     places = list(range(0, len(mesh.positions), BLOCK))
     if folder is not None:
         if folder.exists() and not folder.is_dir():
@@ -226,11 +229,21 @@ def _strung(folder: Path, places: list[int], entries: int) -> list[np.ndarray]:
 class _Work(Tracer):
     """What is the same for all blocks of a transport."""
 
-    def __init__(self, mesh: Mesh, factors: InOutFactors, settings: TransportSettings, occluder: Occluder) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        factors: InOutFactors,
+        settings: TransportSettings,
+        occluder: Occluder,
+        between: Interreflection | None,
+    ) -> None:
+        if factors.bounced and between is None:
+            found = f"{factors.bounced} terms of interreflection"
+            raise BadInput(where=mesh.name, found=found, expected="the light between surfaces for them")
         super().__init__(mesh, occluder, settings.cube, settings.rays)
         self.mesh, self.factors, self.settings = mesh, factors, settings
         self.rows = frames(mesh.normals).astype(np.float32)
-        self.maps = np.ascontiguousarray(factors.light.transpose(1, 2, 0))
+        self.maps, self.between = np.ascontiguousarray(factors.light[: factors.direct].transpose(1, 2, 0)), between
         self.weights = factors.weights
 
     def fingerprint(self) -> str:
@@ -238,23 +251,31 @@ class _Work(Tracer):
         digest = hashlib.sha256(repr((self.settings, self.mesh.name)).encode())
         for each in (self.positions, self.rows, self.maps, self.factors.view, *self.occluder.arrays):
             digest.update(np.ascontiguousarray(each).data)
+        if self.between is not None:
+            digest.update(self.between.shares.data)
         return digest.hexdigest()
 
     def block(self, first: int, last: int) -> dict[str, np.ndarray]:
         """`_PARTS` of the vertices from `first` to below `last`."""
         terms, texels = self.factors.terms, len(self.angles)
         vectors = np.empty((terms, texels), np.float32)
-        scratch = np.empty((self.settings.cube,) * 2, np.float32)
+        direct, scratch = vectors[: self.factors.direct], np.empty((self.settings.cube,) * 2, np.float32)
         index, number = np.empty(texels, np.uint16), np.empty(texels, np.int16)
         counts, scales = np.zeros((last - first) * terms, np.int32), np.zeros((last - first) * terms, np.float32)
         places, numbers = [], []
         tolerance = self.settings.tolerance
         for v in range(first, last):
-            transport_vectors(self.rows[v], self.visible(v), self.directions, self.angles, self.maps, vectors, scratch)
+            lit = self.visible(v)
+            transport_vectors(self.rows[v], lit, self.directions, self.angles, self.maps, direct, scratch)
+            if self.between is not None and self.factors.bounced:
+                vectors[len(direct) :] = self.between.vectors(
+                    self.positions[v], self.rows[v], self.factors.bounced, self.settings.cube
+                )
             square = 0.0 if tolerance is None else threshold_of_energy(vectors, self.weights, tolerance)
             for k in range(terms):
                 if tolerance is None:
-                    count, scale = keep_largest(vectors[k], self.settings.kept, index, number)
+                    most = self.settings.kept if k < len(direct) else min(self.settings.kept, KEPT_BOUNCED)
+                    count, scale = keep_largest(vectors[k], most, index, number)
                 else:
                     count, scale = keep_above(vectors[k], float(self.weights[k]), square, index, number)
                 r = (v - first) * terms + k

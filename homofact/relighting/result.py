@@ -155,6 +155,7 @@ def save_scene(file: Path, scene: RelightResult) -> None:
                 "channels": list(factors.channels),
                 "energy": factors.energy,
                 "beside": factors.beside,
+                "bounced": factors.bounced,
                 "lobe": None if each.lobe is None else each.lobe.table.record(),
                 "sun_tables": [] if each.sunlight is None else [table.record() for table in each.sunlight.tables],
                 "compact": "harmonic" if isinstance(each.compact, Harmonic) else each.compact is not None,

@@ -83,7 +83,9 @@ def read_object(arrays: Arrays, number: int, entry: Fields, suns: tuple[Sun, ...
     if view.shape[1] != view.shape[2]:
         raise part.refuse("factors_view", f"is of shape {view.shape}", "square maps")
     strength = part.floats("factors_strength", (terms,), least=0.0, dtype=np.float64)
-    factors = InOutFactors(light, view, strength, entry.number("energy", above=0), channels, entry.number("beside"))
+    energy, beside = entry.number("energy", above=0), entry.number("beside")
+    bounced = entry.whole("bounced", 0, terms) if "bounced" in entry.found else 0
+    factors = InOutFactors(light, view, strength, energy, channels, beside, bounced)
     mesh = _mesh(part, entry.text("name"))
     count = len(mesh.positions)
     positions, rows = mesh.positions.astype(np.float32), part.rotations("frames", count)

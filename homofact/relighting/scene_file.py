@@ -22,6 +22,7 @@ cube = 64                          # texels along a face of the cube map: 8, 16,
 rays = 1                           # across a texel, 1 or 2
 kept = 96                          # wavelet coefficients of a vector
 tolerance = 0.05                   # or: what of a vertex's root sum square may be left out
+bounces = 0                        # 1: light that reaches a surface by way of another one too
 clusters = 0                       # clustered principal components; 0 is none, −1 as many as suit the vertices
 components = 12
 [tolerance]                        # optional, in place of error, share, kept, clusters and the tolerance above:
@@ -89,6 +90,7 @@ class _Transport:
     rays: int = 1
     kept: int | None = None
     tolerance: float | None = None
+    bounces: int = option(0, "Bounces of light between surfaces: none, or one", least=0, most=1)
     clusters: int | None = option(None, "Clustered principal components; 0 is none, -1 as many as suit", least=-1)
     components: int = option(COMPONENTS, "Of a cluster", least=1, most=64)
 
@@ -152,6 +154,7 @@ class RelightSceneFile:
     reflected: float | None = None
     suns: tuple[Sun, ...] = ()
     notes: tuple[str, ...] = ()
+    bounces: int = 0
 
 
 def read_relight_scene(path: str | Path) -> RelightSceneFile:
@@ -187,7 +190,7 @@ def read_relight_scene(path: str | Path) -> RelightSceneFile:
         raise error.at(file) from error
     return RelightSceneFile(
         file.stem, objects, ground, light, found.camera, settings, asked.clusters or 0, asked.components, found.seed,
-        None if found.tolerance is None else found.tolerance.reflected, tuple(suns), tuple(notes),
+        None if found.tolerance is None else found.tolerance.reflected, tuple(suns), tuple(notes), asked.bounces,
     )  # fmt: skip
 
 

@@ -17,14 +17,15 @@ from homofact.errors import BadInput, MissingDependency
 from homofact.evaluation.image_metrics import flip, psnr
 from homofact.relighting.build import RelightScene, RelitObject
 from homofact.relighting.cube import environment_cube
-from homofact.relighting.errors import relative
-from homofact.relighting.seen import SeenPixels, seen_pixels
+from homofact.relighting.errors import relative, sending_surfaces
+from homofact.relighting.seen import seen_pixels
 from homofact.relighting.sunlight import SAMPLES, summed
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import choose_exposure, displayed
 
 ROWS = 60
 _PART = 64  # pixels between two reports of progress
+_BOUNCED = 10  # rings and spokes of the directions in which pixels look for other surfaces
 
 
 @dataclass(frozen=True)
@@ -73,17 +74,18 @@ def picture_likeness(
     if not seen:
         return None
     count, done = sum(len(found.numbers) for _, found in seen), 0
-    radiance = environment_cube(scene.file.light, scene.file.settings.cube)
+    radiance, around = environment_cube(scene.file.light, scene.file.settings.cube), sending_surfaces(scene)
     for relit, found in seen:
-        points = found.lit_points(relit.mesh)
-        seen_suns = points.seen(scene.file.suns, scene.occluder, SAMPLES)
+        lit = found.lit_points(relit.mesh)
+        seen_suns = lit.seen(scene.file.suns, scene.occluder, SAMPLES)
         shown[found.numbers] = relit.lit(radiance).between(found.mixture, camera.eye, seen_suns)
-        exact[found.numbers] = summed(
-            found.points.reflectance, scene.file.suns, points, found.points.wo, scene.occluder
-        )
+        exact[found.numbers] = summed(found.points.reflectance, scene.file.suns, lit, found.points.wo, scene.occluder)
         for first in range(0, len(found.numbers), _PART):
             part = slice(first, first + _PART)
-            exact[found.numbers[part]] += _dense(found, part, radiance)
+            points = replace(found.points, which=found.points.which[part])
+            exact[found.numbers[part]] += points.dense(radiance, radiance.shape[1])
+            if around is not None:
+                exact[found.numbers[part]] += around.bounced(points, scene.file.light, _BOUNCED)
             done += len(found.numbers[part])
             if progress is not None:
                 progress(done, count)
@@ -99,11 +101,6 @@ def picture_likeness(
     except MissingDependency:
         looks = None
     return PictureLikeness((width, height), relative(shown[inside], exact[inside]), psnr(first, second, mask), looks)
-
-
-def _dense(found: SeenPixels, part: slice, radiance: np.ndarray) -> np.ndarray:
-    points = replace(found.points, which=found.points.which[part])
-    return points.dense(radiance, radiance.shape[1])
 
 
 def _finite(value: float | None) -> bool:

@@ -55,6 +55,7 @@ pixels = [64, 48]
 [transport]
 cube = 8
 kept = 60
+bounces = 1
 """
 
 

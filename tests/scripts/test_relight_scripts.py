@@ -45,6 +45,19 @@ def test_a_turning_light_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert errors[3:] == [0, 0]
 
 
+def test_a_bounce_is_held_against_paths(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("mitsuba")
+    bounce = importlib.import_module("scripts.relighting.relight_bounce")
+    assert bounce.main(["--short"]) == 0
+    header, _, row = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    columns = dict(zip(*[[cell.strip() for cell in line.strip("|").split("|")] for line in (header, row)], strict=True))
+    names = ("without bounce", "with bounce", "bounce of all light")
+    without, found, share = (float(columns[name].rstrip("%")) for name in names)
+    # Even a picture 24 pixels wide, noisy as it is, is nearer with the bounce.
+    assert found < without
+    assert 2 < share < 20
+
+
 def test_separate_lobes_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
     """The short form: one object, whose separate lobe leaves one term; figures stand in their columns."""
     lobes = importlib.import_module("scripts.relighting.relight_lobes")

@@ -195,6 +195,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "closed": closed(mesh.triangles),
         "vertices": len(mesh.positions),
         "terms": transport.factors.terms,
+        "bounced": transport.factors.bounced,
         **boxed(mesh.positions),
         "frames": pack(turns(transport.frames)),
         "triangles": _triangles(mesh.triangles),

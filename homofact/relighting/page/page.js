@@ -63,6 +63,11 @@ class View {
     return this.state.suns && this.state.sky === 0;
   }
 
+  /** The turn of the suns whose light surfaces send on to one another; null where none do. */
+  get bouncingSuns() {
+    return this.sunny && this.suns.length && this.objects.some((object) => object.bounced) ? this.state.turn : null;
+  }
+
   /** Whether light and camera are those that the reference was made for. */
   get atReference() {
     return Boolean(this.reference) && this.state.sky === this.reference.sky && this.state.turn === 0 && this.state.suns && this.orbit.atStart;
@@ -111,7 +116,7 @@ class View {
       this.lightAsked = true;
     }
     this.before = state.turning ? now : null;
-    if (this.update()) {
+    if (this.update() || this.bouncedSuns !== this.bouncingSuns) {
       this.bring();
       if (!relit.pending && this.exposed !== this.lit) this.expose();
       this.times.light = performance.now() - began;
@@ -206,7 +211,12 @@ class View {
 
   /** Mixes the vertices' K-tuples and brings them to the graphics card. */
   bring() {
-    for (const object of this.objects) object.mix();
+    this.bouncedSuns = this.bouncingSuns;
+    const spread = this.bouncedSuns === null ? null : spreadSuns(this.suns, this.bouncedSuns, this.sky.size);
+    for (const object of this.objects) {
+      object.sumSuns(spread);
+      object.mix();
+    }
     this.stage.upload();
   }
 

@@ -28,6 +28,28 @@ function discDirections(direction, radius, count) {
   });
 }
 
+// As interreflection.py has them.
+const SPREAD = 0.2, SPREAD_RAYS = 1024, SPREAD_SIDE = 8;
+
+/** Haar coefficients (6 n² × 3) of suns as surfaces send their light on: spread over wide discs, on a coarse cube map. */
+function spreadSuns(suns, turn, n) {
+  const side = SPREAD_SIDE, cube = new Float32Array(3 * FACES * side * side), found = new Float32Array(3 * FACES * n * n);
+  for (const sun of suns) {
+    for (const [x, y, z] of discDirections(sunDirection(sun, turn), Math.max(sun.radius, SPREAD), SPREAD_RAYS)) {
+      const at = texelOf(x, y, z, side), place = at % (side * side);
+      const share = 1 / (SPREAD_RAYS * solidAngle(Math.floor(place / side), place % side, side));
+      for (let k = 0; k < 3; k++) cube[3 * at + k] += share * sun.irradiance[k];
+    }
+  }
+  const coarse = haarCoefficients(cube, side);
+  for (let f = 0; f < FACES; f++) {
+    for (let i = 0; i < side; i++) {
+      for (let j = 0; j < 3 * side; j++) found[3 * (f * n + i) * n + j] = (n / side) * coarse[3 * (f * side + i) * side + j];
+    }
+  }
+  return found;
+}
+
 /** T (three numbers) of a table at the slopes of a half vector; `grids` are those of `tableAt`. */
 function tableValue({ width, nodes, values }, grids, hx, hy) {
   const scale = 1 / (width + Math.hypot(hx, hy)), mid = (nodes - 1) / 2, row = 3 * nodes, found = [0, 0, 0];

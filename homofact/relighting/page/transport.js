@@ -12,6 +12,8 @@ class Transport {
     for (let r = 0; r < this.rows; r++) this.start[r + 1] = this.start[r] + this.count[r];
     this.longest = this.count.reduce((most, c) => Math.max(most, c), 0);
     this.lit = new Float32Array(3 * this.rows);
+    // What suns add to the terms of light between surfaces; null where there is none.
+    this.sunny = null;
     this.tuples = new Float32Array(4 * this.quads * this.vertices);
     this.columns = null;
   }
@@ -31,6 +33,20 @@ class Transport {
       lit[3 * r] = red * scale[r];
       lit[3 * r + 1] = green * scale[r];
       lit[3 * r + 2] = blue * scale[r];
+    }
+  }
+
+  /** The products of the last `bounced` terms' vectors with the spread light of suns, null for none. */
+  sumSuns(light) {
+    const { start, index, number, scale, rows, terms, bounced } = this;
+    this.sunny = light && bounced ? new Float32Array(3 * rows) : null;
+    if (!this.sunny) return;
+    for (let r = 0; r < rows; r++) {
+      if (r % terms < terms - bounced) continue;
+      for (let p = start[r]; p < start[r + 1]; p++) {
+        const j = 3 * index[p], value = number[p] * scale[r];
+        for (let k = 0; k < 3; k++) this.sunny[3 * r + k] += value * light[j + k];
+      }
     }
   }
 
@@ -99,7 +115,8 @@ class Transport {
 
   /** The vertices' K-tuples of the vectors' products: T_v L = mean + Σ weight · component, or the products themselves. */
   mix() {
-    const { lit, tuples, vertices, components, weights, cluster, steps } = this;
+    const { sunny, tuples, vertices, components, weights, cluster, steps } = this;
+    const lit = sunny ? this.lit.map((value, p) => value + sunny[p]) : this.lit;
     const width = 3 * this.terms, stride = 4 * this.quads, own = new Float32Array(components);
     for (let v = 0; v < vertices; v++) {
       const c = weights ? cluster[v] : v, base = c * (components + 1) * width, to = v * stride;
@@ -128,6 +145,7 @@ async function unpackTransport(packed, coefficients, suns) {
   for (let p = 0; p < number.length; p++) if (arrays.negative[p >> 3] & (128 >> (p & 7))) number[p] = -number[p];
   return new Transport({
     name: packed.name, material: packed.material, fade: packed.fade, closed: packed.closed, vertices: packed.vertices, terms: packed.terms,
+    bounced: packed.bounced,
     bytes: packed.bytes, coefficients, number, count: arrays.count, index: arrays.index, scale: arrays.scale,
     cluster: arrays.cluster, weights: arrays.weights, steps: arrays.steps, triangles: arrays.triangles, coarse: arrays.coarse,
     map: { size: map.size, channels: map.channels, texels: arrays.texels },

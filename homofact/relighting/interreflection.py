@@ -1,0 +1,183 @@
+"""One bounce of interreflection: light that reaches a vertex by way of the surfaces around it, as if these were matt.
+
+Towards a vertex a surface sends B = ρ E/π: ρ its part of even light that it sends back (`mean_albedo`) and E its
+irradiance by the sky, with its own shadows. Of a glossy surface this has the right light in all, and not the direction
+of it: there are no caustics. The vertex x receives B from all directions that meet a surface. Its material answers to
+the smooth part of that (`smooth_response`): Zernike's polynomials Z_j of the projected hemisphere up to `ORDER`, the
+constant alone where the material is matt.
+
+E is linear in the sky, and so is what x receives. x therefore has vectors of transport for it like any other,
+
+    T_jr(x) = Σ over ω that meet a surface at y:  Z_j(ω) cosθ dω u_r(y) (1/π) Σ over texels l that y sees:  cosθ_l dω_l,
+
+one for each of the R colours that are needed: ρ_c(y) = Σ_r u_r(y) v_rc over the scene's materials, R the rank of the
+matrix of their albedos, 1 where all are grey and at most 3. The view map of such a term is v_rc h_jc(ωo). These terms
+stand last among the factors, with light maps of zeros.
+
+Directions that meet surfaces are those of a cube map of at most `OUTER` texels along a face, skies over them of
+`INNER`: what is summed twice over a hemisphere is smooth. Haar coefficients of a coarse map are the first of a finer
+one's, times a power of 2. A sun is spread over a disc of `SUN_RADIUS` for this light alone.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from homofact.linear.threads import in_parallel
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.relighting import cube
+from homofact.relighting.factors import InOutFactors
+from homofact.relighting.haar import transform_faces
+from homofact.relighting.smooth_response import modes, zernike
+from homofact.relighting.sunlight import Sun
+from homofact.relighting.tracer import Tracer
+
+OUTER, INNER, _INNER_RAYS = 16, 8, 2
+ORDER = 2
+# Of the response to the constant: where that to all others is below, it is left out.
+_MATT = 0.02
+SUN_RADIUS, _SUN_RAYS = 0.2, 1024
+# Singular values of the matrix of albedos below this part of the largest are rounding.
+_SMALL = 1e-6
+_BLOCK = 256
+
+
+@dataclass(frozen=True)
+class BounceColours:
+    """ρ (O, 3) of a scene's objects as `shares` (O, R) times `colours` (R, 3)."""
+
+    shares: np.ndarray
+    colours: np.ndarray
+
+    @classmethod
+    def of(cls, albedos: Sequence[np.ndarray]) -> "BounceColours":
+        """Of the objects' mean albedos (C,), by as few colours as they need; none where all are black."""
+        rows = np.stack([np.broadcast_to(each, (3,)) for each in albedos]).astype(np.float64)
+        left, size, right = np.linalg.svd(rows, full_matrices=False)
+        count = int((size > _SMALL * max(size[0], 1e-12)).sum())
+        sign = np.sign(left.sum(0))[:count]
+        return cls(left[:, :count] * size[:count] * sign, right[:count] * sign[:, None])
+
+    def terms(self, factors: InOutFactors, response: np.ndarray) -> InOutFactors:
+        """The factors with terms of interreflection behind them; `response` (J, M, M, C) is that to smooth light."""
+        strength = np.sqrt((response.astype(np.float64) ** 2).mean((1, 2, 3)))
+        own = response[:1] if (strength[1:] < _MATT * strength[0]).all() else response
+        grey = len(factors.channels) == 1 and np.ptp(self.colours, axis=1).max(initial=0) < _SMALL
+        colours = (self.colours[:, :1] if grey else self.colours).astype(np.float32)
+        view = np.einsum("jxyc,rc->jrxyc", np.broadcast_to(own, (*own.shape[:3], colours.shape[1])), colours)
+        view = view.reshape(-1, *view.shape[2:])
+        direct = np.broadcast_to(factors.view, (*factors.view.shape[:3], colours.shape[1]))
+        return replace(
+            factors,
+            light=np.concatenate((factors.light, np.zeros((len(view), *factors.light.shape[1:]), np.float32))),
+            view=np.concatenate((direct, view)),
+            strength=np.concatenate((factors.strength, np.zeros(len(view)))),
+            channels=factors.channels if grey or len(factors.channels) == 3 else ("R", "G", "B"),
+            bounced=len(view),
+        )
+
+
+@dataclass(frozen=True)
+class Interreflection:
+    """What all surfaces of a scene send on: for every vertex of `normals` (W, 3) and `triangles` of the occluder.
+
+    `seen` (W, 6·m²) float32 are cosθ dω/π of the texels that a vertex sees, of a cube map of m texels along a face;
+    `shares` (W, R) float32 as in `BounceColours`, of the object that a vertex belongs to.
+    """
+
+    occluder: Occluder
+    normals: np.ndarray
+    triangles: np.ndarray
+    seen: np.ndarray
+    shares: np.ndarray
+
+    @classmethod
+    def traced(
+        cls,
+        meshes: Sequence[Mesh],
+        colours: BounceColours,
+        occluder: Occluder,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> "Interreflection":
+        """Of meshes in the occluder's order; `progress` is called with (vertices done, vertices)."""
+        count = sum(len(mesh.positions) for mesh in meshes)
+        seen, done = np.zeros((count, cube.FACES * INNER**2), np.float32), [0]
+        pieces, first = [], 0
+        for mesh in meshes:
+            tracer, normals = Tracer(mesh, occluder, INNER, _INNER_RAYS), mesh.normals.astype(np.float32)
+            starts = range(0, len(mesh.positions), _BLOCK)
+            pieces += [(tracer, normals, first, start, min(start + _BLOCK, len(normals))) for start in starts]
+            first += len(mesh.positions)
+
+        def block(piece: tuple[Tracer, np.ndarray, int, int, int]) -> None:
+            tracer, normals, offset, start, end = piece
+            for v in range(start, end):
+                cosine = (tracer.directions @ normals[v]).clip(0)
+                seen[offset + v] = tracer.visible(v) * cosine * tracer.angles * (1 / np.pi)
+            done[0] += end - start
+            if progress is not None:
+                progress(done[0], count)
+
+        in_parallel(block, pieces)
+        shares = np.repeat(colours.shares, [len(mesh.positions) for mesh in meshes], axis=0).astype(np.float32)
+        normals = np.concatenate([mesh.normals for mesh in meshes])
+        return cls(occluder, normals, occluder.arrays[1], seen, shares)
+
+    @staticmethod
+    def cost(vertices: int) -> tuple[int, int]:
+        """(bytes of memory, rays) that the surfaces of so many vertices take, and what reaches as many."""
+        texels = cube.FACES * INNER**2
+        return 4 * texels * vertices, vertices * (texels * _INNER_RAYS**2 + cube.FACES * OUTER**2) // 2
+
+    @property
+    def colours(self) -> int:
+        """R."""
+        return self.shares.shape[1]
+
+    def received(self, position: np.ndarray, frame: np.ndarray, count: int) -> np.ndarray:
+        """T (J·R, 6·m²) of a point in the world with a frame (3, 3), by `count` = J polynomials."""
+        w = cube.directions(OUTER).reshape(-1, 3)
+        angles = np.tile(cube.solid_angles(OUTER).reshape(-1), cube.FACES)
+        wi = w @ frame.T.astype(np.float64)
+        above = np.flatnonzero(wi[:, 2] > 0)
+        origin = position + self.occluder.offset * frame[2]
+        triangle, weights = self.occluder.first(origin[None], w[above])
+        met = np.flatnonzero(triangle >= 0)
+        corners, shares = self.triangles[triangle[met]], weights[met]
+        # The back of a surface is dark.
+        facing = ((self.normals[corners] * shares[..., None]).sum(1) * w[above[met]]).sum(1) < 0
+        corners, shares, own = corners[facing], shares[facing], above[met[facing]]
+        order = next(n for n in range(count) if len(modes(n)) == count)
+        polynomials = zernike(wi[own], order) * (wi[own, 2] * angles[own])
+        used, place = np.unique(corners, return_inverse=True)
+        sent = np.zeros((len(used), count))
+        np.add.at(sent, place.reshape(-1), (polynomials.T[:, None] * shares[..., None]).reshape(-1, count))
+        each = (sent[:, :, None] * self.shares[used][:, None]).reshape(len(used), count * self.colours)
+        return each.astype(np.float32).T @ self.seen[used]
+
+    def vectors(self, position: np.ndarray, frame: np.ndarray, terms: int, size: int) -> np.ndarray:
+        """The Haar coefficients (J·R, 6·n²) float32 of `received` on a cube map of n texels along a face."""
+        coarse = np.ascontiguousarray(self.received(position, frame, terms // self.colours))
+        transform_faces(coarse.reshape(-1, INNER, INNER), np.empty((INNER, INNER), np.float32))
+        out = np.zeros((terms, cube.FACES, size, size), np.float32)
+        out[:, :, :INNER, :INNER] = coarse.reshape(terms, cube.FACES, INNER, INNER)
+        return out.reshape(terms, -1) * np.float32(INNER / size)
+
+
+def widened(sun: Sun) -> Sun:
+    """The sun as surfaces send its light on: over a disc of `SUN_RADIUS` at least, with the irradiance it has."""
+    return replace(sun, radius=max(sun.radius, SUN_RADIUS))
+
+
+def spread_suns(suns: Sequence[Sun], size: int) -> np.ndarray:
+    """Radiance (6, n, n, 3) on a cube map of suns that are `widened`: that of the texels of `INNER`."""
+    total = cube.FACES * INNER**2
+    found = np.zeros((total, 3))
+    for sun in suns:
+        at = cube.texel_of(widened(sun).directions(_SUN_RAYS), INNER)
+        found += (np.bincount(at, minlength=total) / _SUN_RAYS)[:, None] * sun.irradiance
+    found /= np.tile(cube.solid_angles(INNER).reshape(-1), cube.FACES)[:, None]
+    times = size // INNER
+    return found.reshape(cube.FACES, INNER, INNER, 3).repeat(times, 1).repeat(times, 2)

@@ -1,0 +1,92 @@
+"""The light that the surfaces of a scene send to points, summed in full: what interreflection is held against.
+
+Directions that follow the point's own lobe (`geometry.quadrature`) are traced to what they meet. What that surface
+sends back the same way is the sum over the texels of a coarse cube map of the sky, with its own reflectance and its own
+shadows, and the light of suns, `widened` so that no single direction meets a mirrored one. The point's own reflectance
+takes it from there: nothing is assumed to be matt.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from homofact.brdf.reflectance import Reflectance
+from homofact.geometry.directions import normalize
+from homofact.geometry.quadrature import hemisphere_nodes
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.meshes.tangents import frames
+from homofact.relighting import cube
+from homofact.relighting.interreflection import widened
+from homofact.relighting.seen import SeenVertices
+from homofact.relighting.sunlight import LitPoints, Sun, summed
+from homofact.rendering.light import EnvironmentMap
+
+NODES, INNER = 24, 8  # rings and spokes of directions to surfaces; texels along a face of the sky over them
+_LEAST_COSINE = 0.01
+
+
+@dataclass(frozen=True)
+class SendingSurfaces:
+    """Meshes in the occluder's order, each of its reflectance, under `suns` and any sky."""
+
+    meshes: Sequence[Mesh]
+    reflectances: Sequence[Reflectance]
+    occluder: Occluder
+    suns: Sequence[Sun] = ()
+
+    def bounced(self, seen: SeenVertices, light: EnvironmentMap, nodes: int = NODES, inner: int = INNER) -> np.ndarray:
+        """Radiance (S, 3) towards the eye of light that reaches the points by way of one other surface."""
+        radiance = cube.environment_cube(light, inner)
+        found = np.zeros((len(seen.which), 3))
+        for s, v in enumerate(seen.which.tolist()):
+            wo = torch.from_numpy(seen.wo[s]).clone()
+            # A point that is seen at its very horizon reflects what one a little above it does.
+            wo[2] = wo[2].clamp_min(_LEAST_COSINE)
+            wi, solid = (each[0] for each in hemisphere_nodes(normalize(wo[None]), nodes, nodes))
+            w = wi.numpy() @ seen.rows[s]
+            origin = seen.mesh.positions[v] + self.occluder.offset * seen.rows[s, 2]
+            triangle, weights = self.occluder.first(origin[None], w)
+            met = np.flatnonzero(triangle >= 0)
+            if not len(met):
+                continue
+            sent = self.sent(triangle[met], weights[met], -w[met], radiance)
+            f = seen.reflectance.evaluate(wi[met], normalize(wo[None]).expand(len(met), 3)).double().numpy()
+            found[s] = (f * sent * (wi[met, 2] * solid[met]).numpy()[:, None]).sum(0)
+        return found
+
+    def sent(self, triangle: np.ndarray, weights: np.ndarray, back: np.ndarray, radiance: np.ndarray) -> np.ndarray:
+        """Radiance (H, 3) of points on triangles towards `back` (H, 3), under a cube map and the suns."""
+        found, first = np.zeros((len(triangle), 3)), 0
+        for mesh, reflectance in zip(self.meshes, self.reflectances, strict=True):
+            own = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
+            corners, shares = mesh.triangles[triangle[own] - first], weights[own, :, None]
+            first += len(mesh.triangles)
+            normals = (mesh.normals[corners] * shares).sum(1)
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
+            facing = (normals * back[own]).sum(1) > 0
+            if not facing.any():
+                continue
+            own, normals = own[facing], normals[facing]
+            positions = (mesh.positions[corners[facing]] * shares[facing]).sum(1)
+            points = LitPoints(positions + self.occluder.offset * normals, frames(normals))
+            view = np.einsum("hij,hj->hi", points.frames, back[own])
+            suns = [widened(sun) for sun in self.suns]
+            found[own] = self._sky(points, reflectance, view, radiance)
+            found[own] += summed(reflectance, suns, points, view, self.occluder)
+        return found
+
+    def _sky(self, points: LitPoints, reflectance: Reflectance, view: np.ndarray, radiance: np.ndarray) -> np.ndarray:
+        """The sum (H, 3) over the texels of a cube map that points see, all of them at once."""
+        size = radiance.shape[1]
+        w = cube.directions(size).reshape(-1, 3)
+        flux = radiance.reshape(-1, 3) * np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)[:, None]
+        row, texel = np.nonzero(points.frames[:, 2] @ w.T > 0)
+        clear = ~self.occluder.blocked(points.origins[row], w[texel])
+        row, texel = row[clear], texel[clear]
+        wi = np.einsum("sij,sj->si", points.frames[row], w[texel])
+        f = reflectance.evaluate(torch.from_numpy(wi), torch.from_numpy(view[row])).double().numpy()
+        sent = f * wi[:, 2:] * flux[texel]
+        return np.stack([np.bincount(row, sent[:, c], len(view)) for c in range(3)], 1)
