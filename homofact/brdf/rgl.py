@@ -171,10 +171,7 @@ class AdaptiveTable:
         u_m = _square(theta_m, phi_m - phi_i if self.isotropic else phi_m)
         slices, weights = self._slices(theta_i, self._wrapped(phi_i))
         s = self._warp.invert(u_m, slices, weights)
-        table = self.table.flatten(0, 1)
-        values = torch.zeros(len(wi), len(self.channels), dtype=torch.float64, device=wi.device)
-        for k in range(slices.shape[1]):
-            values += weights[:, k : k + 1] * bilinear(table, s, slices[:, k])
+        values = bilinear(self.table.flatten(0, 1), s, slices, weights)
         if not self.jacobian:
             return values
         area = bilinear(self.sigma, _square(theta_i, phi_i))

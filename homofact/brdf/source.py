@@ -26,6 +26,7 @@ from homofact.brdf.source_names import DEFAULT_CALIBRATE, DEFAULT_COUNT, DEFAULT
 from homofact.brdf.symmetry import find_symmetry
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
+from homofact.linear.threads import one_thread
 
 # ε of the log transform: noise-free values bear the thesis's, measured ones at least this (`measured_epsilon`).
 NOISE_FREE_EPSILON = 1e-5
@@ -54,6 +55,7 @@ class Opening:
         """Whether it is a named material, which is nowhere in the file system."""
         return self.path.startswith(MATERIAL_PREFIX)
 
+    @one_thread
     def open(self, path: str | None = None) -> "Source":
         """The source; from another `path` where one is given. Raises as `open_source`."""
         text = self.path if path is None else path

@@ -8,38 +8,37 @@ density p (Dupuy and Jakob 2018, section 4) takes u = (x, y) to
 
 so that equal areas of s bear equal shares of p. p is bilinear between its nodes; the integrals below are
 exact for it.
+
+Both are compiled: a measurement is asked some millions of times before it is fitted, and each look-up in tensors would
+write and read a dozen arrays.
 """
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
+
+from homofact.linear.kernels import kernel
 
 # The share of a density that is left out at its end, so that an inverse lies where there is some.
 _ALMOST = 1e-12
 
 
-def cell(coordinate: Tensor, nodes: int) -> tuple[Tensor, Tensor]:
-    """(index of the cell, place in it in [0, 1]) of coordinates (N,) in [0, 1] among `nodes` ≥ 2 nodes."""
-    place = coordinate.clamp(0, 1) * (nodes - 1)
-    index = place.floor().clamp_max(nodes - 2)
-    return index.long(), place - index
+def bilinear(table: Tensor, u: Tensor, slices: Tensor | None = None, weights: Tensor | None = None) -> Tensor:
+    """Values (N, ...) in float64 at u (N, 2) of a table (R, C, ...), or of table `slices` (N,) of (P, R, C, ...).
 
-
-def bilinear(table: Tensor, u: Tensor, slices: Tensor | None = None) -> Tensor:
-    """Values (N, ...) in float64 at u (N, 2) of a table (R, C, ...), or of table `slices` (N,) of (P, R, C, ...)."""
+    With `slices` (N, K) the sum over K tables by `weights` (N, K).
+    """
     if slices is None:
         table, slices = table[None], torch.zeros(len(u), dtype=torch.long, device=u.device)
-    _, rows, columns = table.shape[:3]
-    flat = table.reshape(-1, *table.shape[3:])
-    column, x = cell(u[:, 0], columns)
-    row, y = cell(u[:, 1], rows)
-    first = (slices * rows + row) * columns + column
-    total = torch.zeros(len(u), *flat.shape[1:], dtype=torch.float64, device=u.device)
-    corners = ((0, (1 - x) * (1 - y)), (1, x * (1 - y)), (columns, (1 - x) * y), (columns + 1, x * y))
-    for step, weight in corners:
-        total += weight.reshape(-1, *[1] * (flat.dim() - 1)) * flat[first + step]
-    return total
+    shape = table.shape[3:]
+    if weights is None:
+        slices, weights = slices[:, None], torch.ones(len(u), 1, dtype=torch.float64, device=u.device)
+    flat = table.reshape(*table.shape[:3], -1)
+    out = np.zeros((len(u), flat.shape[3]))
+    _bilinear(_array(flat), _array(u.double()), _array(slices), _array(weights), out)
+    return torch.from_numpy(out).reshape(len(u), *shape).to(u.device)
 
 
 @dataclass(frozen=True)
@@ -71,16 +70,10 @@ class MarginalConditional:
 
         A row without any density keeps its x: there is nothing that it could be spread by.
         """
-        _, rows, columns = self.density.shape
-        column, x = cell(u[:, 0], columns)
-        row, y = cell(u[:, 1], rows)
-        lower, upper = self._row(slices, weights, row, column, x), self._row(slices, weights, row + 1, column, x)
-        part = torch.lerp(lower[0], upper[0], y)
-        whole = torch.lerp(lower[1], upper[1], y)
-        across = torch.where(whole > 0, part / torch.where(whole > 0, whole, 1), u[:, 0])
-        below = (weights * self.up[slices, row[:, None]]).sum(1)
-        up = below + y * (lower[1] + y / 2 * (upper[1] - lower[1])) / (rows - 1)
-        return torch.stack((across, up), 1).clamp(0, 1)
+        out = np.zeros((len(u), 2))
+        arrays = (_array(each) for each in (self.density, self.along, self.marginal, self.up))
+        _invert(*arrays, _array(u.double()), _array(slices), _array(weights), out)
+        return torch.from_numpy(out).to(u.device)
 
     def sample(self, s: Tensor, number: int) -> Tensor:
         """u (N, 2) of s (N, 2) in the unit square under density `number` alone: `invert` undone.
@@ -103,15 +96,6 @@ class MarginalConditional:
         across = torch.where(whole > 0, (column + x) / (columns - 1), s[:, 0])
         return torch.stack((across, (row + y) / (rows - 1)), 1).clamp(0, 1)
 
-    def _row(self, slices: Tensor, weights: Tensor, row: Tensor, column: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
-        """(integral up to x, integral of the whole row) (N,) of the blended densities in their `row`."""
-        row, column, x = row[:, None], column[:, None], x[:, None]
-        here, there = self.density[slices, row, column], self.density[slices, row, column + 1]
-        step = x * (here + x / 2 * (there - here)) / (self.density.shape[2] - 1)
-        return (weights * (self.along[slices, row, column] + step)).sum(1), (weights * self.marginal[slices, row]).sum(
-            1
-        )
-
 
 def _last_not_above(rising: Tensor, value: Tensor) -> Tensor:
     """The last cell (N,) of rows (N, n) of rising numbers that begins at or below `value` (N,)."""
@@ -130,3 +114,71 @@ def _integral(values: Tensor) -> Tensor:
     """Trapezoids of step 1 summed along the last axis, 0 at the first node; same shape."""
     halves = (values[..., 1:] + values[..., :-1]) / 2
     return torch.cat((torch.zeros_like(values[..., :1]), halves.cumsum(-1)), -1)
+
+
+def _array(values: Tensor) -> np.ndarray:
+    return np.ascontiguousarray(values.detach().cpu().numpy())
+
+
+@kernel(nogil=True, inline="always")
+def _cell(coordinate: float, nodes: int) -> tuple:
+    """(index of the cell, place in it in [0, 1]) of a coordinate in [0, 1] among `nodes` ≥ 2 nodes."""
+    place = min(max(coordinate, 0.0), 1.0) * (nodes - 1)
+    index = min(int(place), nodes - 2)
+    return index, place - index
+
+
+@kernel(nogil=True, inline="always")
+def _between(one: float, other: float, part: float) -> float:
+    """`torch.lerp`, to the last bit."""
+    return one + part * (other - one) if part < 0.5 else other - (other - one) * (1 - part)
+
+
+@kernel(nogil=True)
+def _bilinear(table: np.ndarray, u: np.ndarray, slices: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
+    """Adds to `out` (N, Q) the blended values of a table (P, R, C, Q) at u (N, 2)."""
+    _, rows, columns, channels = table.shape
+    for n in range(len(u)):
+        column, x = _cell(u[n, 0], columns)
+        row, y = _cell(u[n, 1], rows)
+        w00, w01, w10, w11 = (1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y
+        for k in range(slices.shape[1]):
+            p, weight = slices[n, k], weights[n, k]
+            for q in range(channels):
+                value = w00 * table[p, row, column, q] + w01 * table[p, row, column + 1, q]
+                value += w10 * table[p, row + 1, column, q]
+                value += w11 * table[p, row + 1, column + 1, q]
+                out[n, q] += weight * value
+
+
+@kernel(nogil=True)
+def _invert(
+    density: np.ndarray,
+    along: np.ndarray,
+    marginal: np.ndarray,
+    up: np.ndarray,
+    u: np.ndarray,
+    slices: np.ndarray,
+    weights: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """`MarginalConditional.invert` into `out` (N, 2)."""
+    _, rows, columns = density.shape
+    for n in range(len(u)):
+        column, x = _cell(u[n, 0], columns)
+        row, y = _cell(u[n, 1], rows)
+        # Of the blended densities in the rows below and above: the integral up to x, and that of the whole row.
+        part0, part1, whole0, whole1, below = 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(slices.shape[1]):
+            p, weight = slices[n, k], weights[n, k]
+            here, there = density[p, row, column], density[p, row, column + 1]
+            part0 += weight * (along[p, row, column] + x * (here + x / 2 * (there - here)) / (columns - 1))
+            here, there = density[p, row + 1, column], density[p, row + 1, column + 1]
+            part1 += weight * (along[p, row + 1, column] + x * (here + x / 2 * (there - here)) / (columns - 1))
+            whole0 += weight * marginal[p, row]
+            whole1 += weight * marginal[p, row + 1]
+            below += weight * up[p, row]
+        part, whole = _between(part0, part1, y), _between(whole0, whole1, y)
+        across = part / whole if whole > 0 else u[n, 0]
+        out[n, 0] = min(max(across, 0.0), 1.0)
+        out[n, 1] = min(max(below + y * (whole0 + y / 2 * (whole1 - whole0)) / (rows - 1), 0.0), 1.0)

@@ -11,6 +11,9 @@ def run() -> int:
         if getattr(sys, name) is None:
             # Closed by who started it: else the next file that is opened would take its place.
             setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
+    # Libraries on one thread, as in `linear.threads`: on small arrays two gain nothing, and on a busy machine a
+    # spinning worker waits for a core that its partner holds. Whole pieces of work have threads of their own.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     try:
         from homofact.cli.main import main
     except KeyboardInterrupt:

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from homofact.brdf.warp import MarginalConditional, bilinear, cell
+from homofact.brdf.warp import MarginalConditional, bilinear
 
 
 def uniform(count: int, seed: int = 0) -> Tensor:
@@ -19,10 +19,10 @@ def alone(count: int) -> tuple[Tensor, Tensor]:
     return torch.zeros(count, 1, dtype=torch.long), torch.ones(count, 1, dtype=torch.float64)
 
 
-def test_the_last_node_belongs_to_the_last_cell() -> None:
-    index, place = cell(torch.tensor([-1.0, 0.0, 0.5, 1.0, 2.0]).double(), 5)
-    assert index.tolist() == [0, 0, 2, 3, 3]
-    assert place.tolist() == [0, 0, 0, 1, 1]
+def test_what_lies_beyond_the_last_node_is_read_there() -> None:
+    table = torch.arange(15).double().reshape(3, 5)
+    u = torch.tensor([[-1, 0.5], [0, 0], [1, 1], [2, 0.25], [0.5, 7]]).double()
+    assert bilinear(table, u).tolist() == [5, 0, 14, 6.5, 12]
 
 
 def test_a_table_that_is_bilinear_is_read_exactly() -> None:
@@ -35,6 +35,10 @@ def test_a_table_that_is_bilinear_is_read_exactly() -> None:
     chosen = torch.arange(200) % 2
     both = torch.stack([table, 10 * table])
     assert torch.allclose(bilinear(both, u, chosen), wanted * torch.where(chosen > 0, 10, 1)[:, None], atol=1e-13)
+    pair, share = torch.tensor([[1, 0]]).expand(200, 2), u[:, :1]
+    blended = bilinear(both.float(), u, pair, torch.cat((share, 1 - share), 1))
+    assert torch.allclose(blended, wanted * (1 + 9 * share), atol=1e-5)
+    assert blended.dtype == torch.float64
 
 
 def test_equal_shares_of_density_become_equal_areas() -> None:

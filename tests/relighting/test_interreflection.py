@@ -224,7 +224,8 @@ def test_spread_suns_keep_their_irradiance() -> None:
         flux = spread_suns([sun], size) * cube.solid_angles(size)[..., None]
         np.testing.assert_allclose(flux.sum((0, 1, 2)), sun.irradiance, rtol=0.02)
         middle = (flux[..., :1] * cube.directions(size)).sum((0, 1, 2))
-        assert middle / np.linalg.norm(middle) @ sun.direction > 0.995
+        # As wide as a disc of .2 and the texels that it meets.
+        assert middle @ sun.direction > 0.97 * sun.irradiance[0]
 
 
 def test_compact_forms_have_it(made: tuple[RelightScene, tuple[RelitObject, ...]]) -> None:
