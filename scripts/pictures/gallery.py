@@ -97,7 +97,7 @@ def main(arguments: list[str] | None = None) -> int:
         sheet(options.out.parent / picture, name, source, row, size)
         rows.append(told(name, row))
         progress(*rows[-1])
-        alone = "; known at its samples alone" if row.appearance is None else ""
+        alone = "; a list of samples, without a picture of the source" if row.appearance is None else ""
         parts += [
             f"## {name}",
             f"{kind[0].upper()}{kind[1:]}{alone}.",
@@ -105,21 +105,27 @@ def main(arguments: list[str] | None = None) -> int:
         ]
     header = ("material", "energy", "worst albedo", "RMS", "floor", "sky dB", "Cole error")
     introduction = (
-        "Made by `python scripts/pictures/gallery.py`. A sheet a material: the source beside the default fit of"
-        " three 32²"
-        " textures, under a point light, a round lamp 10° wide and a sky; right of them the differences, each on a"
-        " scale of its own. Energy, worst directional albedo, relative RMS and the floor of a reciprocal fit, and the"
-        " PSNR under the sky are those of [light.md](light.md); the Cole error is of the fifth of the samples that was"
-        " held out. What is known at its samples alone has no light to be compared; hatched is what was not measured."
+        "See what homofact makes of paints, films and metals before you fit your own. Each sheet shows the source"
+        " beside its default fit with three textures of 32² (36 KiB), under a point light, a round lamp 10° wide and a"
+        " sky. Right of them are the differences, each scaled to its own maximum. Angles without measurements are"
+        " hatched. The [table below](#errors) lists the errors."
+    )
+    errors = (
+        "`python scripts/pictures/gallery.py` makes these sheets and this table. [Light](light.md) explains energy,"
+        " worst directional albedo, relative RMS, the floor (the smallest RMS of any reciprocal fit), and the PSNR"
+        " under the sky. The Cole error is on held-out samples (20%). Where only samples exist, there is no source to"
+        " compare pictures with."
     )
     text = "\n\n".join(
         [
             "# Gallery",
             introduction,
+            *parts,
+            "## Errors",
+            errors,
+            markdown(header, rows),
             f"Effort {options.effort}, {count:,} pairs, seed 0. {machine()}",
             *(["a smoke test: the figures mean nothing"] if options.short else []),
-            markdown(header, rows),
-            *parts,
         ]
     )
     write(options.out, text + "\n")

@@ -206,37 +206,60 @@ def main(arguments: list[str] | None = None) -> int:
     table = f"{said} of the good ones, bad with it: {spoiled}.\n\n{markdown(header, rows, 4)}\n\nMade on {machine()}.\n"
     print(table)
     if options.out is not None:
-        write(options.out, f"{HEAD.format(seeds=seeds)}\n{table}\n{TAIL}")
+        write(options.out, f"{HEAD.format(seeds=seeds)}\n{table}")
     return 0
 
 
 HEAD = """\
 <!-- Made by `python scripts/verdict/robustness.py --out docs/robustness.md`: change the words there, not here. -->
-# What can be mended in bad data
+# Repair bad measurements
 
-Cells of the atlas ([stability.md](stability.md)) fitted twice, without an option and with it, over {seeds} draws each.
-Light is that of the fit over the clean one's in the band of angles that is farthest off, explained the share of the
-clean logarithms, both the worst of the draws. A fit is good where the light is within 15% and 90% is explained.
-"""
-TAIL = """\
-## What each does
+Read this page when `homofact info` or a verdict reports outliers, gains, clipped values or noise. Four options of
+`homofact factorize` repair such data in part. The [last section](#results) shows how far, on simulated faults.
 
-* `--robust` (`homofact/brdf/quality/outliers.py`) leaves samples out that are far from all their neighbours, before
-  anything is made of them: A, the flux, the folds, the bounds. A highlight is kept, since its samples agree with each
-  other. The share of the weight that was taken is `outliers` in the fit's details. A too bright sample that is the
-  nearest of all to the mirror direction cannot be told from a highlight, and a single one that is left spoils a search:
-  from 5% of outliers on that may happen. Half of the samples at zero are no outliers.
-* `--calibrate rings` (`homofact/brdf/quality/gains.py`) estimates the gain of every ring of θi and of θo beside a
-  smooth reciprocal fit and divides it out; `--calibrate rows` that of blocks of rows. The mean of the log gains stays,
-  and so does a smooth gain that is the same over θi and θo: both are another material, as likely. Of random gains over
-  both this part is what is left, and a fit may be no better for it. Gains that a clean material may show as well are
-  reported and left alone: clean samples stay as they are, to the bit.
-* `--clipped found`, or a level in sr⁻¹ (`homofact/brdf/quality/clipping.py`): these values pull a fit up where it is
-  under them and never down. The flank is carried on over them by smoothing, a guess. Which projections a search takes
-  is judged with them as they are: left out, searches found mixes that shot up to ten times the highlight.
-* `--epsilon floor` (`homofact/brdf/quality/noise_floor.py`) takes ε from how much the darkest quarter of the samples
-  scatters: samples of the same place, swapped ones, neighbours. A constant floor is a Lambertian base and cannot be
-  told. Where the noise is as large as the mean, cutting it at zero has already lifted the dark, and no ε mends that.
+    homofact factorize samples.csv --robust --calibrate rings+rows --epsilon floor --out out/repaired
+
+## Exclude outliers
+
+`--robust` (`homofact/brdf/quality/outliers.py`) excludes samples that are far from all their neighbours, before
+homofact computes anything from the samples. It keeps highlights, because the samples of a highlight agree with each
+other. `outliers` in the details of the fit is the share of the weight that was excluded.
+
+- An outlier that is the nearest sample of all to the mirror direction looks like a highlight. One such sample can
+  spoil a search. Expect this from 5% of outliers upwards.
+- Many zero samples, such as half of all, are not treated as outliers.
+
+## Divide out gains
+
+`--calibrate rings` (`homofact/brdf/quality/gains.py`) estimates the gain of every ring of θi and of θo together with
+a smooth reciprocal fit, and divides the gains out. `--calibrate rows` does so for blocks of rows, for a lamp that
+drifts.
+
+- The mean of the log gains cannot be found, nor a smooth gain that is the same over θi and θo: both are equally valid
+  samples of another material. If the gains over both angles are random, this part remains, and the fit may not
+  improve.
+- Gains that a clean material can also show are reported and not divided out. Clean samples stay bit-identical.
+
+## Treat clipped values as bounds
+
+With `--clipped found`, or a level in sr⁻¹ (`homofact/brdf/quality/clipping.py`), clipped values raise a fit that is
+below them and never lower one that is above. Smoothing extrapolates the flank of the highlight over them, which is a
+guess. The search still chooses projections with the clipped values as they are: without them, it chose projections
+whose highlight was up to ten times too bright.
+
+## Set ε from the noise
+
+`--epsilon floor` (`homofact/brdf/quality/noise_floor.py`) sets ε from the scatter of the darkest quarter of the
+samples: between samples at the same place, swapped samples, and neighbours. A constant offset looks like a Lambertian
+material and cannot be found. If the noise is as large as the mean, clipping it at zero has already brightened the
+dark samples, and no ε repairs that.
+
+## Results
+
+The cells of the [atlas](stability.md), fitted without and with the option, over {seeds} draws each. `light` is the
+light of the fit over that of the clean material, in the band of angles where it is farthest off. `explained` is the
+explained share of the clean logarithms. Both are the worst of the draws. A fit is good if the light is within 15% and
+90% is explained.
 """
 
 
