@@ -119,11 +119,12 @@ def tables(found: list[Said]) -> str:
     return "\n\n".join(
         [
             markdown(header, rows, 2),
-            "Clean materials, by how they are measured:",
+            "Clean materials, by measurement layout:",
             markdown(("measured", "materials", "accused", "of what"), by_layout),
-            "Suspicions by check, on clean materials and planted ones alike; right is what names the planted fault:",
+            "Suspicions per test, on clean and faulty materials together; \"right\" means that the suspicion names the"
+            " simulated fault:",
             markdown(("check", "said", "right", "share"), _by_check(found)),
-            "Suspicions by the odds they are said with, all checks:",
+            "Suspicions by their odds, all tests:",
             markdown(("odds to 1", "said", "right", "share"), _by_odds(found)),
         ]
     )  # fmt: skip
