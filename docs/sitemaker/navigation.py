@@ -20,7 +20,7 @@ class Section:
 
 
 SECTIONS = (
-    Section("Start", ("start",)),
+    Section("Start", ("start", "which_command", "whats_new")),
     Section(
         "Learn",
         (
