@@ -62,7 +62,7 @@ class ProgressSteps:
             self.note(estimate.words())
 
     def warm_up(self) -> None:
-        """Make the compiled kernels ready before a fit is timed, and say so where it took compiling."""
+        """Make the compiled kernels ready before a fit is timed, and report it if it took compiling."""
         from homofact.linear.normal import warm_up
 
         seconds = warm_up()

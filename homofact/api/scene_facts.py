@@ -60,7 +60,7 @@ def _relit_rows(found: Mapping[str, Any]) -> dict[str, Any]:
         error = "not measured" if each["error"] is None else f"{_whole(each['error']):.2%} (relative RMS)"
         objects[f"object {each['mesh']}"] = (
             f"{each['material']}; {each['vertices']} vertices,"
-            f" {counted(each['terms'], 'term')}, {each['form']}, {each['coefficients_per_vector']:.0f} numbers a"
+            f" {counted(each['terms'], 'term')}, {each['form']}, {each['coefficients_per_vector']:.0f} numbers per"
             f" vector; error {error}"
         )
     return {"light": found["light"], "cube": f"{found['cube']}²", **objects, "stored": _stored(found["bytes"])}

@@ -113,7 +113,7 @@ def reopened_or_why(fitted: "Fitted", source: Any, near: tuple[Path, ...]) -> "R
 
 
 def subset_of(source: Any) -> int:
-    """The most samples that a fit of the source is given, 0 for all: where the source's settings say so."""
+    """The most samples that a fit of the source is given, by the source's settings; 0 for all."""
     return source.subset if isinstance(source, SourceSettings) else 0
 
 

@@ -1,4 +1,4 @@
-"""Terms: how many in-out terms a material needs, and what a homomorphic fit costs instead."""
+"""Terms: the number of in-out terms for a material, and what a homomorphic fit costs instead."""
 
 import math
 from dataclasses import dataclass

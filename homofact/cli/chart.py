@@ -49,7 +49,8 @@ def chart(settings: "Config", seeds: o.Seeds = 1, as_json: o.AsJson = False, qui
         )  # fmt: skip
     for one in found.charts:
         if one.others:
-            screen.note(f"homofact: {one.files[0]}: {one.others} runs of other settings stay, not drawn")
+            left = f"{one.others} runs with other settings stay in the file but not in the chart"
+            screen.note(f"homofact: {one.files[0]}: {left}")
     if not quiet:
         for one in found.charts:
             title = f"{one.source}: held-out Cole error, ε = {one.rows[0].epsilon:g}"

@@ -1,6 +1,6 @@
 """Whether Ctrl-C came while a command ran, and whether the user was told what became of it.
 
-A search that is interrupted keeps its best and says so. But an interrupt can also be lost: raised in a callback or a
+A search that is interrupted keeps its best and reports it. But an interrupt can also be lost: raised in a callback or a
 destructor of a library, Python's exception ends nothing. A command then must not end as if nobody had asked it to stop.
 """
 

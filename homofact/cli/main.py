@@ -63,7 +63,7 @@ class _Command(TyperCommand):
 
 
 class _Commands(Mapping[str, Any]):
-    """The commands by name, each loaded when it is asked for."""
+    """The commands by name, each loaded when it is needed."""
 
     def __init__(self) -> None:
         self._loaded: dict[str, Any] = {}

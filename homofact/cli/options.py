@@ -126,7 +126,7 @@ class Grown:
 
     @property
     def panel(self) -> str | None:
-        """The heading that it stands under."""
+        """Its heading."""
         return FIT if "" not in self._by_method else self._first.option.panel
 
     def info(self, hidden: bool) -> Any:

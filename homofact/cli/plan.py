@@ -98,7 +98,7 @@ def _show_transport(found: "TransportPlan", screen: Screen) -> None:
 
 
 def choice_table(found: "ScenePlan") -> Table:
-    """A line a material: its share, the choice, how much of the tolerance it uses, what it costs, its fits."""
+    """One line per material: its share, the choice, how much of the tolerance it uses, what it costs, its fits."""
     table = plain_table(f"{found.scene.tolerance.describe()} under {_lighting_names(found)}")
     add_names(table, longest=max(len(_name(each)) for each in found.materials))
     table.add_column("chosen")
@@ -166,8 +166,8 @@ def _lighting_names(found: "ScenePlan") -> str:
 def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
     lines = [f"Lighting: {each.name}; {each.describe_spectrum()}." for each in found.scene.lightings]
     lines.append(
-        "order: after which a lobe may be cut under this lighting; terms: of an in-out SVD for that order. of"
-        " tolerance: the largest part of a limit that is used, with the margin for views that were not drawn."
+        "order: the harmonic order at which the lobe can be cut under this lighting; terms: those of an in-out SVD"
+        " for that order. of tolerance: the largest part of a limit that is used, with the margin for unseen views."
     )
     for each in found.distinct:
         if each.highlight_pixels is not None:
@@ -175,19 +175,22 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
                 f"{each.name} at {each.material.pixels} pixels: its highlight covers {each.highlight_pixels:.2g}."
             )
     if not found.scene.tolerance.of_light:
-        lines.append("The Cole error weighs all pairs of directions alike: the lighting does not change this plan.")
+        lines.append(
+            "The Cole error weighs all pairs of directions equally, so the lighting does not change this plan."
+        )
     if found.allocated:
         lines.append(
-            f"The choices that meet the tolerance exceed {found.scene.budget.bytes} bytes: these are shared out so that"
-            f" the picture errs least, {found.error:.0%} of the tolerance by the materials' shares."
+            f"The choices that meet the tolerance exceed {found.scene.budget.bytes} bytes. The plan distributes these"
+            f" to minimize the picture's error: {found.error:.0%} of the tolerance, weighted by the materials' shares."
         )
     one = found.one_size
     if one is None:
         lines.append("One size for all: no single representation was found that meets the tolerance everywhere.")
     else:
         lines.append(
-            f"One size for all: {one.candidate.label} for every material, {one.bytes} bytes and {one.fetches:.3g}"
-            f" fetches a pixel. The plan: {found.bytes} bytes ({_less(found.bytes, one.bytes)}), {found.fetches:.3g}."
+            f"One size for all: {one.candidate.label} for every material takes {one.bytes} bytes and {one.fetches:.3g}"
+            f" fetches per pixel. The plan takes {found.bytes} bytes ({_less(found.bytes, one.bytes)}) and"
+            f" {found.fetches:.3g}."
         )
     lines.append(
         f"Fits: {found.planning_fits} to choose, {found.fits} with one size for all; an exhaustive search needs"

@@ -137,7 +137,7 @@ def say_ending(screen: Screen, report: Report, label: str = "") -> None:
 
 
 def say_subset(screen: Screen, record: dict[str, Any]) -> None:
-    """How many of the training samples a fit was given, where it was not all."""
+    """How many of the training samples the fit used, if not all."""
     drawn = record["subset"]
     if drawn is not None:
         screen.note(f"homofact: fitted to {drawn['samples']} of {drawn['of']} samples, from {drawn['cells']} cells")

@@ -1,4 +1,4 @@
-"""`homofact terms`: how many in-out terms a material needs, and what a homomorphic fit costs instead."""
+"""`homofact terms`: the number of in-out terms for a material, and what a homomorphic fit costs instead."""
 
 from typing import TYPE_CHECKING, Annotated, Any
 

@@ -63,11 +63,11 @@ def noise_table(record: dict[str, Any]) -> Table:
 
 
 def basis_tables(figures: dict[str, Any]) -> list[Table]:
-    """Errors and bytes a material by the number of directions, and those of textures of their own."""
+    """Errors and bytes per material by the number of directions, and those of textures of their own."""
     from homofact.evaluation.wording import figure
 
     count = len(figures["materials"])
-    table = plain_table(f"A basis for {count} materials: held-out log mse (median), bytes a material")
+    table = plain_table(f"A basis for {count} materials: held-out log mse (median), bytes per material")
     add_figures(table, "basis", "left out", "worst", "not left out", "bytes", "own, as good", "pays from")
     for row in figures["rows"]:
         bound = row["own_is_at_most"]

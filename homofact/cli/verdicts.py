@@ -39,7 +39,7 @@ def verdict_lines(verdict: "Verdict") -> list[str]:
 
 
 def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
-    """A line a fit: its label, how far it may be off, and what widens its error bars, by name."""
+    """One line per fit: its label, how far it may be off, and what widens its error bars, by name."""
     width = max(map(len, verdicts))
     return [
         f"Verdict on {label:{width}}  {verdict.summary}"

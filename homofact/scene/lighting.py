@@ -94,8 +94,8 @@ class Lighting:
     def describe_spectrum(self) -> str:
         """In words, which orders the lighting cannot excite."""
         if self.last_excited is None:
-            return f"excites every order looked at (up to {ORDER})"
-        return f"holds under 1% of its energy above order {self.last_excited}: what a lobe has there is not seen"
+            return f"has energy in every order up to {ORDER}"
+        return f"has less than 1% of its energy above order {self.last_excited}, so finer detail of a lobe is invisible"
 
     def irradiance(self, normals: Tensor, order: int | None) -> Tensor:
         """∫ L max(n·ω, 0) dω at unit normals (N, 3), (N, C): by the harmonics up to `order` (3.10), or all of it.

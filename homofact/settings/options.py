@@ -165,7 +165,7 @@ class Declared:
         return ranged or _WORDS[kind]
 
     def from_text(self, text: str) -> Any:
-        """What a word of the command line stands for. Raises BadInput for one that stands for nothing."""
+        """The value of a word of the command line. Raises BadInput for a word without a value."""
         if not self.is_list:
             return _number(text) if float in self.kinds else text
         parts = tuple(part.strip() for part in re.split(f"[{re.escape(self.option.separators)}]", text) if part.strip())

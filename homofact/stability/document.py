@@ -83,7 +83,7 @@ def _coverage(cells: Sequence[Cell]) -> str:
     if not fits:
         return ""
     if not stated:
-        return "No fit states an error bar of total reflected light that could be held against the clean samples."
+        return "No fit states an error bar of total reflected light that could be compared with the clean samples."
     held, none = sum(cell.held is True for cell in stated), len(fits) - len(stated)
     silent = f"; {none} state none" if none else ""
     share = f" ({held / len(stated):.0%})" if len(stated) >= _MANY else ""
@@ -132,7 +132,7 @@ Blinn-Phong material with a broad highlight, a fifth of them held out). It is ju
 the fit never saw, by the mean squared error in log space with ε = {JUDGING_EPSILON:g}, as a factor of the same method's
 error without stress (or of {WORTH_AN_ERROR:g}, an RMS of 5%, where that is smaller).
 
-A fit's error bar of total reflected light is held against the clean samples in bands of incidence, within the range of
+A fit's error bar of total reflected light is compared with the clean samples in bands of incidence, within the range of
 angles for which it is stated; what chance may do to so few samples is taken off.
 
 * **ok**: at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that the unstressed fit's does
@@ -261,7 +261,7 @@ the minimum-norm one within {AGREES_ILL:.0e}, and any other is to come with the 
 
 The ridge keeps the condition number near 1e10 even where no sample holds a texel, and the gauge rows take four to five
 powers of ten off that of smoothed systems. What is left for a solver to fail on are weights that differ by more than
-the ridge: iterations then end by their count, and say so.
+the ridge: iterations then reach their limit, and the fit reports it.
 
 | system | what it is | texels | condition | {" | ".join(solvers)} |
 |{" --- |" * (len(solvers) + 4)}

@@ -89,7 +89,7 @@ STRESSORS = (
         "Every value times a log-normal factor.",
         "In log space this is ordinary noise, and least squares averages it: the error grows as σ²·texels/samples."
         " Strong noise also lifts the mean A by exp(σ²/2), and εA with it buries what is dark.",
-        "More samples a texel, more smoothing, fewer textures.",
+        "More samples per texel, more smoothing, fewer textures.",
         "σ of the logarithm", (0.01, 0.1, 0.3, 1, 3), faulted(FAULTS["noise"]),
     ),
     Stressor(

@@ -144,7 +144,8 @@ def main(arguments: list[str] | None = None) -> int:
         "Made by `python scripts/accuracy/more_is_never_worse.py`. Errors on what was not fitted, each also over"
         " the best with"
         " fewer textures or texels.",
-        f"Effort {effort}, {count} pairs of what can be asked anywhere, ε of the source, seed 0. {machine()}",
+        f"Effort {effort}, {count} pairs of sources that can be evaluated anywhere, ε of the source, seed 0."
+        f" {machine()}",
         markdown(("material", *heads), lines, 2),
         f"Worse by more than {ALLOWED - 1:.0%}: " + ("; ".join(violations) if violations else "none") + ".",
     ]

@@ -1,1 +1,1 @@
-"""Checks of the package as a whole: damaged files, killed writes, memory, installation, equal bits, planted faults."""
+"""Checks of the package as a whole: damaged files, killed writes, memory, installation, same bits, planted faults."""

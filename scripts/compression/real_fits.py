@@ -1,4 +1,4 @@
-"""The measurements of the real table, the methods that are held against each other, and one fit with what it costs."""
+"""The measurements of the real table, the methods that are compared, and one fit with what it costs."""
 
 import sys
 import time
@@ -102,7 +102,7 @@ def subjects(folder: Path) -> list[Subject]:
 
 @dataclass(frozen=True)
 class Problem:
-    """What methods are fitted to, one `way`: the `source` that can be asked anywhere, or `test` samples to judge by."""
+    """What methods are fitted to, one `way`: a `source` to evaluate anywhere, or `test` samples to judge by."""
 
     way: str
     source: Source

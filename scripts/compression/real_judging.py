@@ -1,6 +1,6 @@
-"""How the table of real measurements judges a fit, of a measurement that can be asked anywhere and of samples.
+"""How the table of real measurements judges a fit, of a measurement that can be evaluated anywhere and of samples.
 
-A measurement that can be asked anywhere gives, with f the measurement and f̂ the fit,
+A measurement that can be evaluated anywhere gives, with f the measurement and f̂ the fit,
 
     MALE       mean |log(1 + f cosθi) − log(1 + f̂ cosθi)| over 20,000 pairs under 80°, uniform on both hemispheres
     RMS        relative RMS of f cosθi cosθo over both hemispheres; the floor is that of the measurement's own
@@ -85,7 +85,7 @@ def farthest(ratios: Tensor) -> tuple[float, tuple[int, ...]]:
 
 @dataclass(frozen=True)
 class Asked:
-    """A measurement that can be asked anywhere, and all that a fit is held against."""
+    """A measurement that can be evaluated anywhere, and all that a fit is held against."""
 
     folder: Path
     pixels: int

@@ -40,7 +40,7 @@ The methods:
 - **NBRDF, trained here**, **NPF, fitted here** (Bagher et al. 2016), **GGX** with one and two lobes over a diffuse
   base, **McCool**'s projections, and **SVD**, a sum of products: fitted here to the same training samples as ours. SVD
   is the better one, at its bytes, of in-out and half-difference matrices, and is given the measurement's own values
-  where it can be asked anywhere.
+  where it can be evaluated anywhere.
 
 Bytes are those of float32 numbers: RGB texels, weights, parameters."""
 READING = """\

@@ -177,9 +177,9 @@ def text_of(page: Path, found: dict[str, Any]) -> str:
         f" {figure(found['first'])} s. {found['browser']}, WebGL 2 by SwiftShader, a window of {wide} × {high}."
         f" {machine()}",
         f"- load of the machine meanwhile {os.getloadavg()[0]:.1f} (mean number of programs that want a core)",
-        f"- wanted: {RATE:g} frames a second, {figure(1000 / RATE)} ms a frame",
+        f"- wanted: {RATE:g} frames per second, {figure(1000 / RATE)} ms a frame",
         "",
-        markdown(("dragged", "rank", "frames a second", "page's work, ms", "all processes, ms"), rows),
+        markdown(("dragged", "rank", "frames per second", "page's work, ms", "all processes, ms"), rows),
         "",
         f"The sums of the largest part ({products['pixels']} pixels, rank {products['rank']}): {figure(rate)} thousand"
         f" million products a second, {figure(products['processor'])} ms in all; by a fragment shader"

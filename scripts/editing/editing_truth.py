@@ -158,7 +158,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Measure and give the table."""
     parser = parser_of(__doc__, "out")
     parser.add_argument("--size", type=int, default=24, help="pixels along a side of the picture (%(default)s)")
-    parser.add_argument("--spp", type=int, default=1024, help="Mitsuba's samples a pixel and run (%(default)s)")
+    parser.add_argument("--spp", type=int, default=1024, help="Mitsuba's samples per pixel and run (%(default)s)")
     parser.add_argument("--repeats", type=int, default=4, help="Mitsuba's runs (%(default)s)")
     given = parser.parse_args(arguments)
     size, spp, repeats = (10, 16, 2) if given.short else (given.size, given.spp, given.repeats)
@@ -189,7 +189,7 @@ def main(arguments: list[str] | None = None) -> int:
                   "Mitsuba's noise"), rows, 2),
         "",
         f"{covered} pixels of a torus knot of {len(mesh.triangles)} triangles, low rank as by default. Mitsuba"
-        f" {version}, {VARIANT}, {repeats} runs of {spp} samples a pixel. {machine()}.",
+        f" {version}, {VARIANT}, {repeats} runs of {spp} samples per pixel. {machine()}.",
     ]  # fmt: skip
     return finish("\n".join(lines), given)
 

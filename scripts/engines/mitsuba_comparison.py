@@ -211,7 +211,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--projections", help="one name for all textures, or one each joined by + (the search chooses)")
     parser.add_argument("--texels", type=int, default=32, help="on a side of a texture (%(default)s)")
     parser.add_argument("--size", type=int, default=300, help="pixels per side (%(default)s)")
-    parser.add_argument("--spp", type=int, default=512, help="samples a pixel (%(default)s)")
+    parser.add_argument("--spp", type=int, default=512, help="samples per pixel (%(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)
     if chosen.short:
@@ -263,7 +263,7 @@ def compare(chosen: Any) -> int:
         f"(fit − source)/(source + {FLOOR:.0%} of white), luminance\n"
         f"relative RMS {error:.1%} on the sphere, mean {bias:+.1%}".replace("-", "−"),
     ]
-    footer = [f"{SCENE[0].upper()}{SCENE[1:]}; {chosen.spp} samples a pixel. Mitsuba {mi.__version__}, {VARIANT}."]
+    footer = [f"{SCENE[0].upper()}{SCENE[1:]}; {chosen.spp} samples per pixel. Mitsuba {mi.__version__}, {VARIANT}."]
     picture = chosen.picture or chosen.out / f"{name}.png"
     picture.parent.mkdir(parents=True, exist_ok=True)
     draw(
@@ -283,7 +283,7 @@ def compare(chosen: Any) -> int:
         ],
         2,
     )  # fmt: skip
-    head = f"- {SCENE}; {chosen.size}² pixels, {chosen.spp} samples a pixel, seed {chosen.seed}"
+    head = f"- {SCENE}; {chosen.size}² pixels, {chosen.spp} samples per pixel, seed {chosen.seed}"
     text = "\n".join([f"# {name} in Mitsuba", "", head, f"- {conditions}", *verdict, "", table, ""])
     finish(text, chosen, chosen.out / f"{name}.md")
     print(f"{chosen.out / name}.md, {picture}")

@@ -135,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_effort(parser, "quick")
     parser.add_argument("--fits", type=Path, help="a folder that keeps the fits, and from which they are read")
     parser.add_argument("--size", type=int, default=200, help="pixels per side of a picture (%(default)s)")
-    parser.add_argument("--spp", type=int, default=64, help="samples a pixel (%(default)s)")
+    parser.add_argument("--spp", type=int, default=64, help="samples per pixel (%(default)s)")
     options = parser.parse_args(arguments)
     files = sorted((data_folder(options.data) / "rgl").glob(FILE.format("*")))
     if not files:
@@ -180,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             markdown(shown, pictures),
             f"Fits of three textures of 32², effort {options.effort}, seed 0. The density takes {cost}; it was fitted"
             f" in {sorted(seconds)[len(seconds) // 2]:.1f} s (median). Pictures of {options.size}² pixels,"
-            f" {options.spp} samples a pixel, seed 0, Mitsuba {mi.__version__}. {machine()}",
+            f" {options.spp} samples per pixel, seed 0, Mitsuba {mi.__version__}. {machine()}",
         ]
     )
     return finish(text, options)

@@ -1,4 +1,4 @@
-"""The planner held against exhaustive search: every rung of the ladder fitted once a material, then walks replayed.
+"""Compare the planner with exhaustive search: every candidate fitted once per material, then walks replayed.
 
 Each material's rungs are fitted once (EFFORT of a search, COUNT samples of a model), stored in 8 bits too, and measured
 under each lighting. The exhaustive optimum is the fewest bytes of all rungs that meet a tolerance; the planner, which

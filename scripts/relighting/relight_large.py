@@ -80,7 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = parser_of(__doc__, "out")
     parser.add_argument("--vertices", type=int, default=1_000_000, help="of the large mesh, about (%(default)s)")
     parser.add_argument("--cube", type=int, default=8, help="texels along a face of the cube map (%(default)s)")
-    parser.add_argument("--kept", type=int, default=16, help="coefficients a vector (%(default)s)")
+    parser.add_argument("--kept", type=int, default=16, help="coefficients per vector (%(default)s)")
     chosen = parser.parse_args(arguments)
     count = 10_000 if chosen.short else chosen.vertices
     with tempfile.TemporaryDirectory() as folder:
@@ -98,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
         ("time, s", figure(found["clock"])),
     ]
     lines = [
-        f"cube maps of 6 × {chosen.cube}², one term, {chosen.kept} coefficients a vector. {machine()}",
+        f"cube maps of 6 × {chosen.cube}², one term, {chosen.kept} coefficients per vector. {machine()}",
         "",
         markdown(("", ""), rows),
         "",

@@ -67,7 +67,7 @@ def both(relits: list[Relit], what: Callable[[Relit], object]) -> Callable[[], o
 
 
 def turning(relits: list[Relit], skies: list[np.ndarray]) -> tuple[float, list[float]]:
-    """(seconds a frame of steps under a turning light, their errors frame by frame)."""
+    """(seconds per frame of steps under a turning light, their errors frame by frame)."""
     exact = [Relit(each.transport) for each in relits]
     seconds, errors = [], []
     for sky in skies:
@@ -141,12 +141,12 @@ def main(arguments: list[str] | None = None) -> int:
         ("vertices, object + ground", "36 k + 22 k", vertices),
         ("precomputation, s", "4200", figure(precomputed)),
         ("stored, MB", "84", figure(megabytes)),
-        ("light change from nothing, frames a second", "7.2", figure(1 / light)),
-        ("the same, million RGB coefficients a second", "–", figure(coefficients / light / 1e6)),
-        (f"light change by {A_FRAME} coefficients a frame, frames a second", "–", figure(1 / step)),
+        ("light change from nothing, frames per second", "7.2", figure(1 / light)),
+        ("the same, million RGB coefficients per second", "–", figure(coefficients / light / 1e6)),
+        (f"light change by {A_FRAME} coefficients per frame, frames per second", "–", figure(1 / step)),
         ("its error while the light turns 2° a frame: median, largest", "–",
          f"{figure(float(np.median(errors)))}, {figure(max(errors))}"),
-        ("view change, frames a second", "63", figure(1 / view)),
+        ("view change, frames per second", "63", figure(1 / view)),
         ("clustered, MB", "–", figure(small)),
         ("clustering the object, s", "–", figure(clustering)),
         ("clustered against not clustered, relative RMS", "–", figure(off)),

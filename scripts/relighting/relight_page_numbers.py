@@ -10,7 +10,7 @@ scene is the first sky. A page that is there already is measured as it is.
 A headless Chromium draws with SwiftShader. Frames are counted as the page makes them while the camera is turned by 2° a
 frame: it lowers the resolution to keep up, and the part of the pixels' width that it settles at is said. Beside that
 stand single frames at full resolution. Seconds are of the clock; on a machine that does other work they are too long,
-so the processors' own seconds a frame (browser and drawing, all threads) stand beside them, and the machine's load.
+so the processors' own seconds per frame (browser and drawing, all threads) stand beside them, and the machine's load.
 """
 
 import os
@@ -138,8 +138,8 @@ def text_of(page: Path, found: dict[str, Any]) -> str:
     rows = [
         ("file, bytes", f"{size:,}", f"≤ {LARGEST:,}", held(size <= LARGEST)),
         ("first picture, s", figure(found["first"]), f"≤ {LATEST:g}", held(found["first"] <= LATEST)),
-        (f"turning the camera, frames a second, at {share}", figure(rate), f"≥ {SLOWEST:g}", held(rate >= SLOWEST)),
-        ("the same, processors' seconds a frame", figure(found["processor"]), "", ""),
+        (f"turning the camera, frames per second, at {share}", figure(rate), f"≥ {SLOWEST:g}", held(rate >= SLOWEST)),
+        ("the same, processors' seconds per frame", figure(found["processor"]), "", ""),
         ("one frame at full resolution, ms", milliseconds["plain"], "", ""),
         ("the same with smooth edges, ms", milliseconds["smooth"], "", ""),
         ("light turned, from nothing, ms", milliseconds["light"], "", ""),

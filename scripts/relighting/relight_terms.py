@@ -13,7 +13,7 @@ truncated. Terms are shared out over the materials in five ways, the same number
 - best: the split of which the measured error is least, by dynamic programming over all splits.
 
 The error is the scene's, √(Σ|found − truth|²/Σ|truth|²) over all materials. Bytes are those of --scene-vertices
-vertices a material with 96 coefficients a vector, and of the view maps.
+vertices a material with 96 coefficients per vector, and of the view maps.
 """
 
 import sys

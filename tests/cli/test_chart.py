@@ -129,7 +129,7 @@ def test_runs_of_other_settings_stay_and_are_said(chart: Callable[..., Ran], tmp
     assert chart(*SMALL, *FAST, "--out", tmp_path, "-q").code == 0
     ran = chart(*SMALL, *FAST, "--out", tmp_path, "--epsilon", 0.1, "--json")
     csv_file = tmp_path / "blinn-phong-50.csv"
-    assert ran.err == f"homofact: {csv_file}: 4 runs of other settings stay, not drawn\n"
+    assert ran.err == f"homofact: {csv_file}: 4 runs with other settings stay in the file but not in the chart\n"
     assert {row["epsilon"] for row in json.loads(ran.out)["rows"]} == {0.1}
     assert [row["epsilon"] for row in lines(csv_file)] == ["1e-05"] * 4 + ["0.1"] * 4
 

@@ -63,7 +63,7 @@ def test_a_relit_scene_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert json.loads(capsys.readouterr().out) == {"folder": place, "kind": "relit scene", **RELIT}
     assert main(["info", place]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    for words in ("hall", "relit scene", "42 vertices, 3 terms, wavelets, 64 numbers a vector; error", "16²",
+    for words in ("hall", "relit scene", "42 vertices, 3 terms, wavelets, 64 numbers per vector; error", "16²",
                   "4.21% (relative RMS)", "42 vertices, 1 term,", "error not measured", "0.456 MB"):  # fmt: skip
         assert words in said
 

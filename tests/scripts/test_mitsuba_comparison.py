@@ -38,7 +38,7 @@ def test_the_comparison_draws_what_it_measured(
     assert len(rows) == 2
     cells = [cell.strip() for cell in rows[1].strip("|").split("|")]
     error, noise = (float(cells[k].removesuffix("%")) for k in (2, 4))
-    # Eight samples a pixel are noisy, but the same material all the same.
+    # Eight samples per pixel are noisy, but the same material all the same.
     assert 0 < noise < 100
     assert 0 < error < 100
     with Image.open(picture) as image:
