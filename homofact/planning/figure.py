@@ -116,7 +116,7 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
     log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.25 * 1.8, fewest=3)
     axes.set_xlabel("bytes of one material")
     axes.set_ylabel("error over tolerance, margin included")
-    axes.set_title("Every representation that was asked about", fontsize=9.5)
+    axes.set_title("Candidates that were tried", fontsize=9.5)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(handles=_key(drawn), loc="upper right", fontsize=8, framealpha=0.9, ncols=2)
 
