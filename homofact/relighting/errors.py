@@ -52,7 +52,7 @@ from homofact.relighting.picture import displayed_picture
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.relight import light_coefficients
 from homofact.relighting.seen import SeenPixels, SeenVertices, seen_pixels, seen_vertices
-from homofact.relighting.sending_surfaces import SendingSurfaces
+from homofact.relighting.sending_surfaces import FEW_NODES, SendingSurfaces
 from homofact.relighting.sunlight import SAMPLES, summed
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
@@ -96,7 +96,7 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
             seen = seen_vertices(placed.mesh, placed.material.reflectance, scene.occluder, eye, None)
             colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1]) + seen.sunlit(scene.file.suns)
             if around is not None:
-                colours[seen.which] += around.bounced(seen, scene.file.light)
+                colours[seen.which] += around.bounced(seen, scene.file.light, FEW_NODES)
         found.append(colours)
     return found
 

@@ -21,10 +21,12 @@ from homofact.meshes.tangents import frames
 from homofact.relighting import cube
 from homofact.relighting.interreflection import widened
 from homofact.relighting.seen import SeenVertices
-from homofact.relighting.sunlight import LitPoints, Sun, summed
+from homofact.relighting.sunlight import LitPoints, Sun
 from homofact.rendering.light import EnvironmentMap
 
-NODES, INNER = 24, 8  # rings and spokes of directions to surfaces; texels along a face of the sky over them
+# Rings and spokes of directions to surfaces, fewer where there are many points; texels along a face of the sky.
+NODES, FEW_NODES, INNER = 24, 10, 8
+_SUN_RAYS = 32
 _LEAST_COSINE = 0.01
 
 
@@ -73,20 +75,27 @@ class SendingSurfaces:
             positions = (mesh.positions[corners[facing]] * shares[facing]).sum(1)
             points = LitPoints(positions + self.occluder.offset * normals, frames(normals))
             view = np.einsum("hij,hj->hi", points.frames, back[own])
-            suns = [widened(sun) for sun in self.suns]
-            found[own] = self._sky(points, reflectance, view, radiance)
-            found[own] += summed(reflectance, suns, points, view, self.occluder)
+            found[own] = self._lit(points, reflectance, view, *self._lights(radiance))
         return found
 
-    def _sky(self, points: LitPoints, reflectance: Reflectance, view: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-        """The sum (H, 3) over the texels of a cube map that points see, all of them at once."""
+    def _lights(self, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(directions (L, 3), flux (L, 3)) of a cube map's texels and of the suns, `_SUN_RAYS` each."""
         size = radiance.shape[1]
-        w = cube.directions(size).reshape(-1, 3)
-        flux = radiance.reshape(-1, 3) * np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)[:, None]
-        row, texel = np.nonzero(points.frames[:, 2] @ w.T > 0)
-        clear = ~self.occluder.blocked(points.origins[row], w[texel])
-        row, texel = row[clear], texel[clear]
-        wi = np.einsum("sij,sj->si", points.frames[row], w[texel])
+        angles = np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)
+        w, flux = [cube.directions(size).reshape(-1, 3)], [radiance.reshape(-1, 3) * angles[:, None]]
+        for sun in self.suns:
+            w.append(widened(sun).directions(_SUN_RAYS))
+            flux.append(np.broadcast_to(sun.irradiance / _SUN_RAYS, (_SUN_RAYS, 3)))
+        return np.concatenate(w), np.concatenate(flux)
+
+    def _lit(
+        self, points: LitPoints, reflectance: Reflectance, view: np.ndarray, w: np.ndarray, flux: np.ndarray
+    ) -> np.ndarray:
+        """The sum (H, 3) over the lights that points see, all of them at once."""
+        row, light = np.nonzero(points.frames[:, 2] @ w.T > 0)
+        clear = ~self.occluder.blocked(points.origins[row], w[light])
+        row, light = row[clear], light[clear]
+        wi = np.einsum("sij,sj->si", points.frames[row], w[light])
         f = reflectance.evaluate(torch.from_numpy(wi), torch.from_numpy(view[row])).double().numpy()
-        sent = f * wi[:, 2:] * flux[texel]
+        sent = f * wi[:, 2:] * flux[light]
         return np.stack([np.bincount(row, sent[:, c], len(view)) for c in range(3)], 1)

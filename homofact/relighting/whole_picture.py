@@ -19,13 +19,13 @@ from homofact.relighting.build import RelightScene, RelitObject
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import relative, sending_surfaces
 from homofact.relighting.seen import seen_pixels
+from homofact.relighting.sending_surfaces import FEW_NODES
 from homofact.relighting.sunlight import SAMPLES, summed
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import choose_exposure, displayed
 
 ROWS = 60
 _PART = 64  # pixels between two reports of progress
-_BOUNCED = 10  # rings and spokes of the directions in which pixels look for other surfaces
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def picture_likeness(
             points = replace(found.points, which=found.points.which[part])
             exact[found.numbers[part]] += points.dense(radiance, radiance.shape[1])
             if around is not None:
-                exact[found.numbers[part]] += around.bounced(points, scene.file.light, _BOUNCED)
+                exact[found.numbers[part]] += around.bounced(points, scene.file.light, FEW_NODES)
             done += len(found.numbers[part])
             if progress is not None:
                 progress(done, count)
