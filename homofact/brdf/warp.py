@@ -124,13 +124,14 @@ def _array(values: Tensor) -> np.ndarray:
 def _cell(coordinate: float, nodes: int) -> tuple:
     """(index of the cell, place in it in [0, 1]) of a coordinate in [0, 1] among `nodes` ≥ 2 nodes."""
     place = min(max(coordinate, 0.0), 1.0) * (nodes - 1)
-    index = min(int(place), nodes - 2)
+    # What is no number has no cell: it must not become a place in memory.
+    index = min(int(place), nodes - 2) if place >= 0 else 0
     return index, place - index
 
 
 @kernel(nogil=True, inline="always")
 def _between(one: float, other: float, part: float) -> float:
-    """`torch.lerp`, to the last bit."""
+    """Linear interpolation that is exact at both ends."""
     return one + part * (other - one) if part < 0.5 else other - (other - one) * (1 - part)
 
 

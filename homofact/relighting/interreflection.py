@@ -21,6 +21,7 @@ one's, times a power of 2. A sun is spread over a disc of `SUN_RADIUS` for this 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -136,10 +137,15 @@ class Interreflection:
         """R."""
         return self.shares.shape[1]
 
+    @cached_property
+    def _outer(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directions (L, 3) that are followed to surfaces, and their solid angles (L,)."""
+        angles = np.tile(cube.solid_angles(OUTER).reshape(-1), cube.FACES)
+        return cube.directions(OUTER).reshape(-1, 3), angles
+
     def received(self, position: np.ndarray, frame: np.ndarray, count: int) -> np.ndarray:
         """T (J·R, 6·m²) of a point in the world with a frame (3, 3), by `count` = J polynomials."""
-        w = cube.directions(OUTER).reshape(-1, 3)
-        angles = np.tile(cube.solid_angles(OUTER).reshape(-1), cube.FACES)
+        w, angles = self._outer
         wi = w @ frame.T.astype(np.float64)
         above = np.flatnonzero(wi[:, 2] > 0)
         origin = position + self.occluder.offset * frame[2]

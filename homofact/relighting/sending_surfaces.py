@@ -41,7 +41,7 @@ class SendingSurfaces:
 
     def bounced(self, seen: SeenVertices, light: EnvironmentMap, nodes: int = NODES, inner: int = INNER) -> np.ndarray:
         """Radiance (S, 3) towards the eye of light that reaches the points by way of one other surface."""
-        radiance = cube.environment_cube(light, inner)
+        lights = self._lights(cube.environment_cube(light, inner))
         found = np.zeros((len(seen.which), 3))
         for s, v in enumerate(seen.which.tolist()):
             wo = torch.from_numpy(seen.wo[s]).clone()
@@ -54,13 +54,15 @@ class SendingSurfaces:
             met = np.flatnonzero(triangle >= 0)
             if not len(met):
                 continue
-            sent = self.sent(triangle[met], weights[met], -w[met], radiance)
+            sent = self._sent(triangle[met], weights[met], -w[met], *lights)
             f = seen.reflectance.evaluate(wi[met], normalize(wo[None]).expand(len(met), 3)).double().numpy()
             found[s] = (f * sent * (wi[met, 2] * solid[met]).numpy()[:, None]).sum(0)
         return found
 
-    def sent(self, triangle: np.ndarray, weights: np.ndarray, back: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-        """Radiance (H, 3) of points on triangles towards `back` (H, 3), under a cube map and the suns."""
+    def _sent(
+        self, triangle: np.ndarray, weights: np.ndarray, back: np.ndarray, w: np.ndarray, flux: np.ndarray
+    ) -> np.ndarray:
+        """Radiance (H, 3) of points on triangles towards `back` (H, 3), by lights of `flux` (L, 3) from `w` (L, 3)."""
         found, first = np.zeros((len(triangle), 3)), 0
         for mesh, reflectance in zip(self.meshes, self.reflectances, strict=True):
             own = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
@@ -75,7 +77,7 @@ class SendingSurfaces:
             positions = (mesh.positions[corners[facing]] * shares[facing]).sum(1)
             points = LitPoints(positions + self.occluder.offset * normals, frames(normals))
             view = np.einsum("hij,hj->hi", points.frames, back[own])
-            found[own] = self._lit(points, reflectance, view, *self._lights(radiance))
+            found[own] = self._lit(points, reflectance, view, w, flux)
         return found
 
     def _lights(self, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

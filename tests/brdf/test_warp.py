@@ -1,5 +1,7 @@
 """Bilinear tables and the marginal-conditional warp: laws, then closed forms."""
 
+import math
+
 import pytest
 import torch
 from torch import Tensor
@@ -23,6 +25,12 @@ def test_what_lies_beyond_the_last_node_is_read_there() -> None:
     table = torch.arange(15).double().reshape(3, 5)
     u = torch.tensor([[-1, 0.5], [0, 0], [1, 1], [2, 0.25], [0.5, 7]]).double()
     assert bilinear(table, u).tolist() == [5, 0, 14, 6.5, 12]
+
+
+def test_what_is_no_number_reads_no_memory_beside_the_table() -> None:
+    table = torch.arange(15).double().reshape(3, 5)
+    found = bilinear(table, torch.tensor([[math.nan, 0.5], [0.5, math.nan]]).double())
+    assert all(math.isnan(each) or 0 <= each <= 14 for each in found.tolist())
 
 
 def test_a_table_that_is_bilinear_is_read_exactly() -> None:
