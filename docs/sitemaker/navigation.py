@@ -47,7 +47,10 @@ SECTIONS = (
     Section("Gallery", ("gallery", "editing_gallery")),
     Section(
         "Evidence",
-        ("light", "straightening", "measured", "thesis", "trials", "compression", "real", "stability", "scripts"),
+        (
+            "search", "light", "straightening", "measured", "thesis", "trials", "compression", "real", "stability",
+            "scripts",
+        ),
     ),
     Section(
         "Contribute",

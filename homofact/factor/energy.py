@@ -24,7 +24,8 @@ logs, with sample weights
 which a structure search can use as they are (`weights_of`). The exact J, with its smoothing, is then lowered by L-BFGS
 (`keep_light`) on texels turned by one matrix for all channels, the normal equations of the sample weights
 h = μ w + max_c (½ p v + q v²) with v = max(ĝ, g), which bound J's curvature near the data: one Cholesky factor, and a
-few dozen passes over the samples. Of many texels the factors of the textures' own blocks stand for it
+few dozen passes over the samples. Where the inner problem has just been solved with `weights_of`, its factor serves as
+well. Of many texels the factors of the textures' own blocks stand for it
 (`linear.banded`), and more steps are granted.
 """
 
@@ -58,7 +59,7 @@ SQUARES_SHARE = 0.3
 LEAST_SINE, LEAST_COSINE = 0.05, 0.1
 STEPS = 25
 LARGE_STEPS = 100
-ENDS = 1e-4
+ENDS = 3e-5
 
 
 @dataclass(frozen=True)
@@ -108,13 +109,14 @@ def _curvature(per_value: Any, squares: Any, values: Any) -> Any:
 
 
 def keep_light(
-    samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, flux: Flux
+    samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, flux: Flux, factor: np.ndarray | None = None
 ) -> tuple[tuple[Term, ...], dict[str, float]]:
     """(terms at the minimum of J, {"before", "after": J, "evaluations"}); `samples` have their own weights, not J's.
 
+    `factor` is that of the system that the terms solve with the weights of `Flux.weights_of`, where it is at hand.
     Works on the CPU; textures come back on their own device.
     """
-    light = _Light(samples, terms, smoothing, flux)
+    light = _Light(samples, terms, smoothing, flux, factor)
     start = light.start()
     first, _ = light.evaluate(start)
     steps = STEPS if is_dense(light.unknowns) else LARGE_STEPS
@@ -132,13 +134,18 @@ def keep_light(
 
 
 class _Dense:
-    """U of a dense matrix (K, K), which is destroyed, and a sparse one added to it; the rest as of `BlockBanded`."""
+    """U (K, K), an upper triangle; the rest as of `BlockBanded`."""
 
-    def __init__(self, bound: np.ndarray, penalty: scipy.sparse.coo_matrix) -> None:
+    def __init__(self, factor: np.ndarray) -> None:
+        self._factor = factor
+
+    @classmethod
+    def of(cls, bound: np.ndarray, penalty: scipy.sparse.coo_matrix) -> "_Dense":
+        """U of a dense matrix, which is destroyed, and a sparse one added to it."""
         bound[penalty.row, penalty.col] += penalty.data
         # Texels that next to nothing holds may leave the matrix singular to working precision.
         bound[np.diag_indices_from(bound)] += 1e-9 * np.trace(bound) / len(bound)
-        self._factor = scipy.linalg.cholesky(bound, lower=False, overwrite_a=True, check_finite=False)
+        return cls(scipy.linalg.cholesky(bound, lower=False, overwrite_a=True, check_finite=False))
 
     def times(self, x: np.ndarray) -> np.ndarray:
         """U x."""
@@ -156,7 +163,14 @@ class _Dense:
 class _Light:
     """J over Σ w as a function of z = Uy, with UᵀU the curvature's bound at the start: a problem as round as can be."""
 
-    def __init__(self, samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, flux: Flux) -> None:
+    def __init__(
+        self,
+        samples: LogSamples,
+        terms: tuple[Term, ...],
+        smoothing: Smoothing,
+        flux: Flux,
+        factor: np.ndarray | None = None,
+    ) -> None:
         self._layout = layout_of_terms(terms)
         masks = tuple(term.mask.cpu() for term in terms)
         projections = tuple(term.projection for term in terms)
@@ -183,13 +197,17 @@ class _Light:
         scale = problem.penalty_scale.numpy()[kept] * (unit / self._total)
         self._penalty = scipy.sparse.diags(scale[:, 0]) @ problem.roughness.gram[kept][:, kept]
         self._penalty += scipy.sparse.identity(int(kept.sum())) * (problem.ridge * unit / self._total)
+        self.unknowns = problem.unknowns
+        if factor is not None:
+            # The factor's weights are scaled to have the samples' sum.
+            self._factor = _Dense(np.triu(factor) * (unit / self._total) ** 0.5)
+            return
         found = np.exp(np.minimum(self._sums(self._texels[kept]), MOST))
         most = np.maximum(found, self._given)
         weights = self._hold[:, 0] + _curvature(self._flow, self._squares, most).max(1)
-        self.unknowns = problem.unknowns
         if is_dense(problem.unknowns):
             bound = replace(problem, weights=torch.from_numpy(weights)).data.matrix.numpy()[np.ix_(kept, kept)]
-            self._factor = _Dense(bound, self._penalty.tocoo())
+            self._factor = _Dense.of(bound, self._penalty.tocoo())
         else:
             self._factor = own_blocks(problem, weights, scipy.sparse.csr_matrix(self._penalty))
 

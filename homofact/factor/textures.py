@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -127,7 +128,8 @@ class Solved:
     """Finished terms and how sound their system was.
 
     `condition` is the 1-norm condition number of the normal matrix; `determined` the share of solved texels that
-    samples hold rather than smoothing alone; `steps` the last solve's iterations, 0 where it had none.
+    samples hold rather than smoothing alone; `steps` the last solve's iterations, 0 where it had none; `factor` that of
+    the normal matrix where there was one (`linear.solvers.Solution`).
     """
 
     terms: tuple[Term, ...]
@@ -135,6 +137,7 @@ class Solved:
     condition: float
     determined: float
     steps: int = 0
+    factor: np.ndarray | None = None
 
     def details(self) -> dict[str, float]:
         """The figures by name, JSON-able, for a report."""
@@ -161,6 +164,7 @@ def solve_terms(
     kept = layout.join(masks)
     problem = whole.within(kept, Roughness.of(layout, masks), gauge_rows(projections, masks))
     solution = solve(problem, solver)
+    factor = solution.factor
     if samples.clipped is not None and bool(samples.clipped.any()):
         solution = one_sided(problem, samples.clipped, solution, solver)
     condition = solution.condition
@@ -178,6 +182,7 @@ def solve_terms(
         condition,
         determined_share(data, float(samples.weights.mean())),
         solution.iterations,
+        factor,
     )
 
 

@@ -38,13 +38,15 @@ class Solution:
     """Texels (T, C), 0 where masked; how the solve ended; its iterations, summed over channels.
 
     `condition` is the system's 1-norm condition number where a factor of it was at hand, and an estimate from below of
-    that of the 2-norm where the system was too large for one.
+    that of the 2-norm where the system was too large for one. `factor` is that factor where it was kept: U (K, K) of
+    UᵀU, what is under its diagonal not meant.
     """
 
     texels: Tensor
     status: Status
     iterations: int
     condition: float | None = None
+    factor: np.ndarray | None = None
 
 
 def cholesky(problem: LeastSquares) -> Solution:
@@ -62,7 +64,7 @@ def cholesky(problem: LeastSquares) -> Solution:
         solution = solve_lower(factor, rhs.numpy())
         if solution is not None:
             condition = condition_of_factor(factor, float(np.abs(matrix.numpy()).sum(0).max()))
-            return Solution(problem.expand(torch.from_numpy(solution)), Status.DIRECT, 0, condition)
+            return Solution(problem.expand(torch.from_numpy(solution)), Status.DIRECT, 0, condition, factor.T)
     solution, status = solve_definite(matrix, rhs)
     return Solution(problem.expand(solution), status, 0)
 

@@ -33,8 +33,9 @@ class Search(Method):
     on which one is searched; None leaves the choice to the fit. `search` refines projections: "gradient", "powell", or
     "nlopt-" and an nlopt algorithm's name. `validation` says how a mix and λ are judged on measurements that lie on
     rings of θ: by left-out "rings", or at "random", which rewards the faults of each ring. `effort` is how much is
-    searched, by name or as a number of equivalent inner evaluations, `budget` a guard in seconds. `reciprocal` None
-    gives reciprocity up where the data are clearly better met without, and keeps it where `projections` pins kinds.
+    searched: "quick" and "normal" descend from the best one or three of the mixes that often win (`known_mixes`),
+    "thorough" and a number of equivalent inner evaluations try every mix. `budget` is a guard in seconds. Where
+    `reciprocal` is None, the fit is not reciprocal if the data are clearly better met so and no kinds are pinned.
     `objective` says what is made small: squared logs ("log", the thesis's error), the divergence of flux ("energy"), or
     both. `bytes` stands instead of `size`: textures are as large as fit, their shapes chosen by cross-validation.
 
@@ -74,7 +75,8 @@ class Search(Method):
     )
     effort: str | float = option(
         "normal",
-        "How much is searched: quick, normal, thorough, or a number of inner evaluations",
+        "How much is searched: quick and normal try mixes that often win, thorough and a number of inner evaluations"
+        " try every mix",
         expected_instead=_expected_effort,
         everyday=True,
     )

@@ -1,8 +1,8 @@
 """The searched fit: mix, projections, warp and λ found from the data, the work counted and not timed.
 
 Coarse to fine. A `StructureSearch` on small textures and a subset of the samples chooses the mix; then the searched
-projections are refined jointly on all samples at full size, and λ is chosen again there by cross-validation, for an
-effort of its own; one masked solve gives the textures. Azimuth copies are made here, and
+projections are refined jointly on all samples at full size, and, unless the mix is a known one, λ is chosen again there
+by cross-validation, for an effort of its own; one masked solve gives the textures. Azimuth copies are made here, and
 only where a chosen kind knows the azimuth: fixed and searched isotropic projections see the measured
 samples alone.
 """
@@ -33,6 +33,7 @@ from homofact.methods.common import coarse_size, provenance_of, transform_of, tr
 from homofact.methods.effort import FitBudget, cost_of_solve, units
 from homofact.methods.fitting import FitProgress, MethodFit, ProgressCallback
 from homofact.methods.kinds import ANISOTROPIC_CANDIDATES, ISOTROPIC_CANDIDATES, is_isotropic, is_searched
+from homofact.methods.known_mixes import DESCENDING, NONE, known_mixes
 from homofact.methods.materials import Materials
 from homofact.methods.memory import refuse_too_large
 from homofact.methods.mix import Mix
@@ -40,7 +41,7 @@ from homofact.methods.search import Search
 from homofact.methods.search_data import FOLDS, SearchData
 from homofact.methods.shapes import SmoothingFor, best_within, texels_in
 from homofact.methods.structure_search import SearchOutcome, StructureSearch
-from homofact.methods.trials import StructureSettings, rounded
+from homofact.methods.trials import StructureSettings, Trials, rounded
 
 _ATTEMPTS = 3  # solves more where a fit exceeds what is known beyond its measurement
 # λ at least, where smoothing alone carries a flank on over clipped samples. Of 0, 1e-4, 1e-3 and 1e-2, and of leaving
@@ -90,24 +91,29 @@ def fit_shared(
     channels differ.
     """
     began = time.perf_counter()
-    _check_samples(several)
-    sizes = _Sizes.of(settings, len(several[0].channels))
-    candidates = candidates_of(all(samples.isotropic for samples in several), settings)
-    materials = _prepared(several, settings, sizes, candidates)
-    granted = len(several) * units(settings.effort, settings.most_textures)
-    deadline = math.inf if settings.budget is None else began + settings.budget
-    task = _Task(settings, materials, sizes, granted, deadline)
-    search, fine = FitBudget(granted, deadline), FitBudget(_FINE_SHARE * granted, deadline)
-    outcome = StructureSearch(task.drawn, task.structure, search, _reporting(progress, settings)).run(
-        settings.most_textures, candidates
-    )
+    task = _Task.of(several, settings, began)
+    search, fine = FitBudget(task.granted, task.deadline), FitBudget(_FINE_SHARE * task.granted, task.deadline)
+    outcome = _searched(task, search, progress)
     outcome, shapes = _laid_out(task, outcome, search)
     outcome, mixes = _finish(task, outcome, shapes, fine)
     if outcome.status is Status.GUARD:
         note = f"the guard of {settings.budget:g} s ended the search: another run may end elsewhere"
         outcome = replace(outcome, notes=(*outcome.notes, note))
-    effort = {"granted": granted, "search": search.spent, "fine": fine.spent}
+    effort = {"granted": task.granted, "search": search.spent, "fine": fine.spent}
     return tuple(_fit(task, number, mix, outcome, shapes, effort, began) for number, mix in enumerate(mixes))
+
+
+@one_thread
+def find_mixes(samples: Samples, settings: Search) -> SearchOutcome:
+    """The search over mixes alone, on small textures: the best of one texture, of two, and so on. Raises BadInput."""
+    task = _Task.of((samples,), settings, time.perf_counter())
+    return _searched(task, FitBudget(task.granted, task.deadline), None)
+
+
+def trials_of(samples: Samples, settings: Search) -> Trials:
+    """What `find_mixes` tries mixes on, without a limit of work. Raises BadInput."""
+    task = _Task.of((samples,), settings, time.perf_counter())
+    return Trials(task.drawn, task.structure, FitBudget())
 
 
 @dataclass(frozen=True)
@@ -146,8 +152,20 @@ class _Task:
     settings: Search
     materials: tuple[_Material, ...]
     sizes: _Sizes
+    candidates: tuple[tuple[str, ...], ...]
     granted: float
     deadline: float
+
+    @classmethod
+    def of(cls, several: Sequence[Samples], settings: Search, began: float) -> "_Task":
+        """The task of fitting these materials, begun at that time. Raises BadInput as `fit_shared`."""
+        _check_samples(several)
+        sizes = _Sizes.of(settings, len(several[0].channels))
+        candidates = candidates_of(all(samples.isotropic for samples in several), settings)
+        materials = _prepared(several, settings, sizes, candidates)
+        granted = len(several) * units(settings.effort, settings.most_textures)
+        deadline = math.inf if settings.budget is None else began + settings.budget
+        return cls(settings, materials, sizes, candidates, granted, deadline)
 
     @cached_property
     def full(self) -> Materials:
@@ -163,6 +181,7 @@ class _Task:
     def structure(self) -> StructureSettings:
         """The settings of the search over mixes."""
         settings = self.settings
+        descending = DESCENDING.get(str(settings.effort), 0)
         return StructureSettings(
             self.sizes.coarse,
             settings.reciprocal,
@@ -171,6 +190,9 @@ class _Task:
             search_named(settings.search),
             settings.smoothing,
             settings.seed,
+            known_mixes() if descending else NONE,
+            descending,
+            settings.bytes is not None,
         )
 
     @property
@@ -216,6 +238,12 @@ def _prepared(
     return tuple(materials)
 
 
+def _searched(task: _Task, budget: FitBudget, progress: ProgressCallback | None) -> SearchOutcome:
+    """The best mixes of the drawn samples on small textures."""
+    search = StructureSearch(task.drawn, task.structure, budget, _reporting(progress, task.settings))
+    return search.run(task.settings.most_textures, task.candidates)
+
+
 def _reporting(progress: ProgressCallback | None, settings: Search) -> Callable[[int, int, float], None]:
     """What a structure search calls, handing on to `progress`."""
 
@@ -252,7 +280,9 @@ def _finish(
     mixes = [replace(outcome.mix, smoothing=smoothing)] * count
     if outcome.status in (Status.INTERRUPTED, Status.GUARD):
         return outcome, tuple(mixes)
-    if task.settings.smoothing is None and _dense(shapes):
+    # A known mix has the λ that many fits agree on, which the search has scaled: another search for it, at full size,
+    # gained nothing on any of the materials of scripts/accuracy/known_mixes_against_all.py.
+    if task.settings.smoothing is None and not outcome.known and _dense(shapes):
         for number, material in enumerate(task.full.materials):
             # What is left is shared evenly by those to come.
             own = FitBudget(budget.left / (count - number), budget.deadline)
@@ -346,7 +376,7 @@ def _solved(
         solved = solve_terms(data.judged, mix.projections, shapes, smoothing, settings.solver)
         terms, light = solved.terms, None
         if data.flux is not None:
-            terms, light = keep_light(data.logs, terms, smoothing, data.flux)
+            terms, light = keep_light(data.logs, terms, smoothing, data.flux, solved.factor)
         fit = Factorization(terms, transform, ("",) * len(transform.mean))
         more = None if attempt == _ATTEMPTS else material.extrapolation.exceeding(fit.evaluate, attempt)
         if more is None:

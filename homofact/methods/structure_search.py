@@ -1,6 +1,8 @@
 """The search over whole mixes: what each texture is indexed by, where its projection points, which λ and warp.
 
-One number of textures after another, up to as many as are asked for:
+Where mixes are known that often win (`known_mixes`), these alone are looked at, and the best of them descend
+(`known_search`). Else, and of more textures than known mixes have, one number of textures after another, up to as many
+as are asked for:
 
 * Fixed projections, exhaustively. For every warp all fixed candidates are accumulated together on textures of half the
   size; each mix of them is a block of that matrix (`folded.FixedBank`) and is judged there. The better ones are judged
@@ -29,6 +31,7 @@ from homofact.errors import Advice, Status
 from homofact.factor.projection import Projection, Warp
 from homofact.methods.effort import FitBudget
 from homofact.methods.kinds import WARP_WIDTHS, is_searched, loosened, make, relatives, takes_warp
+from homofact.methods.known_search import finished, looked_at
 from homofact.methods.materials import Banks, Materials
 from homofact.methods.mix import EMPTY, FIRST_SMOOTHING, Mix, freed, scale_of, with_all_loose
 from homofact.methods.tournament import BEAM, LOOKS, tournament
@@ -47,7 +50,8 @@ _ALL_WARPS_UP_TO = 2  # textures: mixes of one more are looked at with the two b
 class SearchOutcome:
     """What a search found, how it ended, and what it cost; `notes` are for the user.
 
-    `levels` are the best mixes of one texture, of two, and so on, with that of the best's number last exchanged.
+    `levels` are the best mixes of one texture, of two, and so on, with that of the best's number last exchanged;
+    `known` says whether all of them are known ones.
     """
 
     mix: Mix
@@ -56,6 +60,7 @@ class SearchOutcome:
     trace: tuple[tuple[float, int, float], ...]
     notes: tuple[str, ...]
     levels: tuple[Mix, ...]
+    known: bool = False
 
 
 class StructureSearch:
@@ -82,6 +87,7 @@ class StructureSearch:
         self._banks: dict[Warp | None, Banks] = {}
         self._best_warps: list[Warp | None] = []
         self._levels: list[Mix] = []
+        self._known = False
 
     def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> SearchOutcome:
         """Choose up to `textures` textures, of the kinds in candidates[j] for texture j (its last entry from there on).
@@ -90,6 +96,8 @@ class StructureSearch:
         """
         pinned = all(len(kinds) == 1 for kinds in candidates)
         notes = self._notes
+        if self._settings.known.note and not pinned:
+            notes.append(self._settings.known.note)
         status = Status.CONVERGED
         try:
             if pinned:
@@ -107,21 +115,32 @@ class StructureSearch:
         if self._budget.late and status is Status.CONVERGED:
             status = Status.GUARD
         levels = tuple(self._best if len(level.kinds) == len(self._best.kinds) else level for level in self._levels)
-        return SearchOutcome(self._best, status, self._budget.evaluations, tuple(self._trace), tuple(notes), levels)
+        return SearchOutcome(
+            self._best, status, self._budget.evaluations, tuple(self._trace), tuple(notes), levels, self._known
+        )
 
     def _run_free(self, textures: int, kinds: tuple[str, ...]) -> None:
         fixed = tuple(kind for kind in kinds if not is_searched(kind))
         searched = tuple(kind for kind in kinds if is_searched(kind))
-        judged: list[Mix] = []
-        whole = self._budget.left
+        whole, known = self._budget.left, 0
         # A system's cost grows with the cube of its texels: later textures get more of the budget.
         weights = [(count + 1) ** 2 for count in range(textures)]
         for count in range(1, textures + 1):
             until = whole * 0.7 * sum(weights[:count]) / sum(weights)
-            judged = self._fixed_mixes(fixed, count)
-            if self._settings.reciprocal is None and self._reciprocal and count == min(textures, 2):
-                judged = self._decided(judged, fixed)
-            if (searched and count > 1) or not judged:
+            undecided = self._settings.reciprocal is None and self._reciprocal and count == min(textures, 2)
+            looked = self._known_mixes(kinds, count)
+            if looked:
+                known = count
+                if undecided and self._better_free(looked[0], fixed, self._trials.glanced):
+                    looked = self._known_mixes(kinds, count)
+                judged = [self._finished(looked, count == textures)]
+            elif known:
+                judged = []
+            else:
+                judged = self._fixed_mixes(fixed, count)
+                if undecided and judged and self._better_free(judged[0], fixed, self._judged_alike):
+                    judged = self._fixed_mixes(fixed, count, again=True)
+            if known < count and ((searched and count > 1) or not judged):
                 before = self._levels[-1] if self._levels else EMPTY
                 starts = self._starts(judged, before, fixed, searched)
                 judged += tournament(self._trials, starts, until)
@@ -130,6 +149,9 @@ class StructureSearch:
             self._offer(judged[0])
             if self._budget.late:
                 return
+        self._known = known == textures
+        if self._known:
+            return
         # Of two textures every fixed pair has been judged, and every kind has been tried beside the best single one.
         for _ in range(_EXCHANGES if textures > 2 or not self._budget.over else 0):
             best = self._best
@@ -137,16 +159,32 @@ class StructureSearch:
             if not self._best.error < ENOUGH * best.error or self._budget.over:
                 break
 
-    def _decided(self, judged: list[Mix], fixed: tuple[str, ...]) -> list[Mix]:
-        """The fixed mixes to go on from: without reciprocity where that is worth it.
+    def _known_mixes(self, kinds: tuple[str, ...], count: int) -> list[Mix]:
+        """The known mixes of `count` textures, looked at, best first; none where none is known.
 
-        The best mix is judged both ways with one texture more that could tell light from viewer: without it a mix may
-        be blind to what it would gain, and fixed kinds show it before anything has been spent on searched ones. Mixes
-        without reciprocity are chosen anew.
+        Of one texture every fixed kind is looked at as well, for materials that are simpler than most.
         """
-        if not judged:
-            return judged
-        best = judged[0]
+        mixes = self._settings.known.of(count, kinds, self._reciprocal, self._settings.bound)
+        if count == 1 and mixes:
+            mixes += [EMPTY.with_one_more(kind, self._make(kind, None)) for kind in kinds if not is_searched(kind)]
+        return looked_at(self._trials, mixes)
+
+    def _finished(self, looked: list[Mix], last: bool) -> Mix:
+        """The best of known mixes, as good as it gets where textures end with its number, or just judged."""
+        if last or self._settings.every_level:
+            mix = finished(self._trials, looked)
+        else:
+            mix = self._trials.beside(lambda mix: self._trials.judge(mix, None), looked[:1])[0]
+        self._tell(len(mix.kinds), mix.error)
+        return mix
+
+    def _better_free(self, best: Mix, fixed: tuple[str, ...], look: Callable[[Mix], tuple[Mix, FitBudget]]) -> bool:
+        """Whether mixes are worth having without reciprocity; from there on it is given up.
+
+        The best mix is judged by `look` both ways with one texture more that could tell light from viewer: without it a
+        mix may be blind to what it would gain, and fixed kinds show it before anything has been spent on searched ones.
+        Mixes without reciprocity are to be chosen anew.
+        """
         more = [name for name in _TELLING if name in fixed and name not in best.kinds]
 
         def asked(reciprocal: bool) -> float:
@@ -155,22 +193,23 @@ class StructureSearch:
                 replace(mix, projections=tuple(replace(own, reciprocal=reciprocal) for own in mix.projections))
                 for mix in mixes
             ]
-            scale = scale_of(best.smoothing)
-            return min(mix.error for mix in self._trials.beside(lambda mix: self._trials.judge(mix, scale), both))
+            return min(mix.error for mix in self._trials.beside(look, both))
 
         kept, without = asked(True), asked(False)
         if not without < FREE_WORTH * kept:
-            return judged
+            return False
         self._reciprocal, self._banks = False, {}
-        anew = self._fixed_mixes(fixed, len(self._levels) + 1, again=True)
         self._notes.append(
-            "the fit is not reciprocal, f(ωi, ωo) is not f(ωo, ωi): of mixes of fixed projections the validation error"
-            f" falls from {kept:.3g} to {without:.3g} by that ({Advice('reciprocal', True)} enforces it)"
+            "the fit is not reciprocal, f(ωi, ωo) is not f(ωo, ωi): where the search tried both, the validation error"
+            f" was {kept:.3g} with reciprocity and {without:.3g} without ({Advice('reciprocal', True)} enforces it)"
         )
         earlier = [freed(mix) for mix in self._levels]
         self._levels = self._trials.beside(lambda mix: self._trials.judge(mix, scale_of(mix.smoothing)), earlier)
         self._best = self._levels[-1] if self._levels else EMPTY
-        return anew
+        return True
+
+    def _judged_alike(self, mix: Mix) -> tuple[Mix, FitBudget]:
+        return self._trials.judge(mix, scale_of(mix.smoothing))
 
     def _run_pinned(self, kinds: tuple[str, ...]) -> None:
         """Textures of given kinds, one after another; the best of their starts and warps goes on."""

@@ -17,6 +17,7 @@ from homofact.factor.textures import texture_shape
 from homofact.linear.threads import in_parallel
 from homofact.methods.effort import FitBudget, cost_of_solve
 from homofact.methods.folded import JointFolded, Judging
+from homofact.methods.known_mixes import NONE, KnownMixes
 from homofact.methods.materials import Materials
 from homofact.methods.mix import Mix, is_movable, scale_of
 
@@ -29,7 +30,9 @@ _POLISH = 40  # iterations of the winner's last descent
 class StructureSettings:
     """Texels along an axis, reciprocity and bound of every trial; random starts of searched kinds; λ where given.
 
-    With `reciprocal` None trials are reciprocal until fixed mixes meet the data better by `FREE_WORTH` without.
+    With `reciprocal` None trials are reciprocal until mixes meet the data better by `FREE_WORTH` without. `known` mixes
+    are tried first, the best few of them (`descending`) moved, and every mix only where there are none. `every_level`
+    asks for the best mix of each number of textures, not of the last one alone.
     """
 
     size: int
@@ -39,6 +42,9 @@ class StructureSettings:
     search: Minimizer
     smoothing: float | None
     seed: int
+    known: KnownMixes = NONE
+    descending: int = 3
+    every_level: bool = False
 
 
 class Trials:
@@ -86,11 +92,15 @@ class Trials:
         budget.spend(folded.solves(folds) * cost_of_solve(folded.unknowns))
         return smoothing, folded.error(smoothing, folds)
 
-    def polished(self, mix: Mix) -> tuple[Mix, FitBudget]:
-        """The mix with λ texture by texture, after a longer descent with these; judged there."""
+    def polished(self, mix: Mix, alike: bool = True) -> tuple[Mix, FitBudget]:
+        """The mix with λ texture by texture, after a longer descent with these; judged there.
+
+        λ is found from one for all textures, unless `alike` is False, from the mix's own.
+        """
         budget = self.budget.beside()
         folded = self.folded(mix, budget)
-        smoothing, error = self.smoothed(folded, (scale_of(mix.smoothing),) * len(mix.kinds), budget, separately=True)
+        start = (scale_of(mix.smoothing),) * len(mix.kinds) if alike else mix.smoothing
+        smoothing, error = self.smoothed(folded, start, budget, separately=True)
         mix = replace(mix, smoothing=smoothing, error=error)
         if not is_movable(mix):
             return mix, budget
@@ -127,11 +137,24 @@ class Trials:
         budget.spend(self.cost(mix, DESCENTS))
         return objective.error(objective.start()), budget
 
-    def judge(self, mix: Mix, scale: float) -> tuple[Mix, FitBudget]:
-        """The mix with the best λ for all textures alike, found from `scale`, and its error there."""
+    def judge(self, mix: Mix, scale: float | None) -> tuple[Mix, FitBudget]:
+        """The mix with the best λ for all textures alike, found from `scale`, or (None) with its own scaled alike."""
         budget = self.budget.beside()
         folded = self.folded(mix, budget)
-        smoothing, error = self.smoothed(folded, (scale,) * len(mix.kinds), budget, separately=False)
+        start = mix.smoothing if scale is None else (scale,) * len(mix.kinds)
+        smoothing, error = self.smoothed(folded, start, budget, separately=False)
+        return replace(mix, smoothing=smoothing, error=error), budget
+
+    def glanced(self, mix: Mix, share: float = DESCENTS) -> tuple[Mix, FitBudget]:
+        """As `judge` from its own λ, on textures of a `share` of the search's size with one fold left out alone."""
+        budget = self.budget.beside()
+        budget.spend(self.cost(mix, share))
+        folded = self.materials.folded(mix.projections, self.shapes(mix.projections, share), 1)
+        given = self.settings.smoothing
+        if given is None:
+            smoothing, error = folded.best_smoothing(mix.smoothing, budget, 1)
+        else:
+            smoothing, error = self.judged(folded, (given,) * len(mix.kinds), budget, 1)
         return replace(mix, smoothing=smoothing, error=error), budget
 
     def folded(self, mix: Mix, budget: FitBudget) -> JointFolded:

@@ -167,6 +167,10 @@ class Finished:
         """Whether there is a result of this key."""
         return key in self._found
 
+    def items(self) -> Iterable[tuple[str, Any]]:
+        """All keys with their results."""
+        return self._found.items()
+
     def __getitem__(self, key: str) -> Any:
         """The result of a key."""
         return self._found[key]

@@ -147,6 +147,29 @@ def test_filler_texels_stay(solved) -> None:
         assert float((off - off.mean(0)).abs().max()) < 1e-9
 
 
+@pytest.mark.parametrize("smoothing", [1e-3, 1e-1])
+def test_the_factor_of_the_solved_system_leads_to_the_same_minimum(solved, smoothing: float) -> None:
+    """From `solve_terms` with the weights near the data, and scaled as the weights of its own would be: those of J."""
+    _, logs, flux, terms = solved
+    flux = Flux(9 * flux.per_value, 9 * flux.log_share, 9 * flux.squares)
+    projections = tuple(term.projection for term in terms)
+    shapes = tuple(tuple(term.texture.shape[:2]) for term in terms)
+    near = replace(logs, weights=flux.weights_of(logs))
+    system = solve_terms(near, projections, shapes, smoothing, "cholesky")
+    assert system.factor is not None
+    _, own = keep_light(logs, system.terms, smoothing, flux)
+    _, given = keep_light(logs, system.terms, smoothing, flux, system.factor)
+    assert given["before"] == pytest.approx(own["before"], rel=1e-9)
+    assert given["after"] == pytest.approx(own["after"], rel=1e-3)
+    assert given["evaluations"] <= own["evaluations"] + 2
+    step = np.random.default_rng(0).normal(size=(int(sum(term.mask.sum() for term in terms)), 2))
+    scale = [
+        np.linalg.norm(_Light(logs, system.terms, smoothing, flux, factor)._factor.times(step))
+        for factor in (None, system.factor)
+    ]
+    assert 0.5 < scale[1] / scale[0] < 1.05
+
+
 def test_blocks_of_textures_lead_to_the_same_minimum(solved, monkeypatch: pytest.MonkeyPatch) -> None:
     _, logs, flux, terms = solved
     _, dense = keep_light(logs, terms, 1e-3, flux)

@@ -1,0 +1,30 @@
+"""The search among known mixes: a look at each, a short descent of the best few, and a longer one of the winner."""
+
+from homofact.methods.effort import FitBudget
+from homofact.methods.mix import Mix, is_movable
+from homofact.methods.trials import DESCENTS, Trials
+
+STEPS = 12  # iterations of the best few
+
+
+def looked_at(trials: Trials, mixes: list[Mix]) -> list[Mix]:
+    """The mixes with their errors on small textures with one fold left out, best first."""
+    return sorted(trials.beside(trials.glanced, mixes), key=lambda mix: mix.error)
+
+
+def finished(trials: Trials, looked: list[Mix]) -> Mix:
+    """The best of the mixes looked at, where the first few descend a little at the search's own size, polished."""
+    moved = trials.beside(lambda mix: _moved(trials, mix), looked[: trials.settings.descending])
+    best = min(moved, key=lambda mix: mix.error)
+    return trials.beside(lambda mix: trials.polished(mix, alike=False), [best])[0]
+
+
+def _moved(trials: Trials, mix: Mix) -> tuple[Mix, FitBudget]:
+    """The mix after a short descent, judged on one fold at the search's own size."""
+    budget = trials.budget.beside()
+    if is_movable(mix):
+        (_, mix), more = trials.descended(mix, None, STEPS, DESCENTS)
+        budget.add(more)
+    mix, more = trials.glanced(mix, 1.0)
+    budget.add(more)
+    return mix, budget
