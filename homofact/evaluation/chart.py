@@ -21,6 +21,8 @@ from homofact.evaluation.machine import machine
 from homofact.evaluation.metric_table import LIGHT
 from homofact.evaluation.seeds import seeds_from
 from homofact.evaluation.split import samples_digest
+from homofact.methods.cole import Cole
+from homofact.methods.cole_search import search_key
 from homofact.methods.fitting import ProgressCallback
 from homofact.methods.method import Method
 from homofact.methods.nmf import Nmf
@@ -139,11 +141,16 @@ def estimate_charts(
     """How long it takes to run `runs` on every source, one after the other; what its ledger has is done."""
     jobs, done = [], {}
     for source, ledger in charts:
+        known: dict[str, int] = {}
         for run, row in zip(runs, found_rows(source, runs, ledger, held_out), strict=True):
+            settings, before = run.settings, 0
             if row is not None:
                 done[len(jobs)] = row.seconds_total - row.seconds_read
-            count = training_count(source, run.settings, held_out)
-            jobs.append((run.settings.name, fit_seconds(run.settings, count)))
+            elif isinstance(settings, Cole):
+                key = search_key(settings)
+                before, known[key] = known.get(key, 0), max(known.get(key, 0), run.textures)
+            count = training_count(source, settings, held_out)
+            jobs.append((settings.name, fit_seconds(settings, count, before)))
     estimate = TimeEstimate(jobs)
     for place, seconds in done.items():
         estimate.finish(place, seconds)

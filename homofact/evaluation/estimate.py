@@ -27,8 +27,11 @@ _KNOWN = {"quick": 0.3, "normal": 0.37}  # of a search among known mixes of one 
 _STEP, _MODEL = 7e-4, 5.0  # of a network's training, and a fit of any other model without textures
 
 
-def fit_seconds(settings: Method, samples: int) -> float:
-    """Modelled seconds of a fit to `samples` samples, azimuth copies included, with its errors and verdict."""
+def fit_seconds(settings: Method, samples: int, known_terms: int = 0) -> float:
+    """Modelled seconds of a fit to `samples` samples, azimuth copies included, with its errors and verdict.
+
+    `known_terms` are textures of Cole's procedure whose search an earlier fit has done (`methods.cole_search`).
+    """
     size, textures = settings.size, settings.most_textures
     if isinstance(settings, Search) and settings.bytes is not None:
         size = math.isqrt(max(settings.bytes // (12 * textures), 1))
@@ -52,7 +55,7 @@ def fit_seconds(settings: Method, samples: int) -> float:
     if isinstance(settings, Cole):
         searched = min(samples, settings.search_samples or samples)
         joint = settings.joint_terms or textures
-        solved = sum(min(term, joint) for term in range(1, textures + 1))
+        solved = sum(min(term, joint) for term in range(known_terms + 1, textures + 1))
         seconds = _POWELL * settings.restarts * solved * (_EVALUATION + _SAMPLE_EVALUATED * searched)
         return after + solve + _guarded(seconds, settings)
     return after + solve

@@ -9,31 +9,25 @@ that faster searches are measured against.
 
 import math
 import time
-from dataclasses import dataclass, replace
-
-import torch
+from dataclasses import replace
 
 from homofact.brdf.samples import Samples
-from homofact.errors import BadInput, Report, Status
+from homofact.errors import Report, Status
 from homofact.factor.confidence import with_deviations
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection
-from homofact.factor.search.minimize import DeadlineReached
-from homofact.factor.search.powell import Powell
-from homofact.factor.textures import LogSamples, Solved, inner_problem, residual, solve_terms, texture_shape
-from homofact.geometry.rotation import Rotation
-from homofact.linear.solvers import solve
+from homofact.factor.textures import LogSamples, Solved, residual, solve_terms, texture_shape
 from homofact.linear.threads import one_thread
 from homofact.methods.cole import Cole
+from homofact.methods.cole_search import SearchedTerms, search_terms
 from homofact.methods.common import (
     at_azimuths,
-    coarse_size,
     provenance_of,
     transform_of,
     trusted_samples,
     with_whole_texels,
 )
-from homofact.methods.fitting import FitProgress, MethodFit, ProgressCallback
+from homofact.methods.fitting import MethodFit, ProgressCallback
 from homofact.methods.memory import refuse_too_large
 
 
@@ -87,7 +81,7 @@ def _fit_terms(samples: Samples, settings: Cole, progress: ProgressCallback | No
         if settings.search_samples == 0
         else LogSamples.of(samples.subset(settings.search_samples, settings.seed), transform)
     )
-    searched = _search_terms(coarse, settings, deadline, progress)
+    searched = search_terms(coarse, settings, deadline, progress)
     solved = solve_greedily(full, searched.projections, settings)
     terms = solved.terms
     if settings.confidence:
@@ -98,7 +92,8 @@ def _fit_terms(samples: Samples, settings: Cole, progress: ProgressCallback | No
         status,
         iterations=sum(report.iterations for report in searched.reports),
         evaluations=sum(report.evaluations for report in searched.reports),
-        seconds=time.perf_counter() - began,
+        # The search of terms that are known from the last fit took its time then.
+        seconds=time.perf_counter() - began + searched.seconds_before,
         residual=float((residual(full, terms) ** 2).mean()),
         seed=settings.seed,
         notes=notes,
@@ -107,43 +102,7 @@ def _fit_terms(samples: Samples, settings: Cole, progress: ProgressCallback | No
     return MethodFit(Factorization(terms, transform, samples.channels, provenance), report)
 
 
-@dataclass(frozen=True)
-class _Searched:
-    """The projections found, a report of every restart, and whether an interrupt ended the search."""
-
-    projections: tuple[Projection, ...]
-    reports: tuple[Report, ...]
-    interrupted: bool
-
-
-def _search_terms(samples: LogSamples, settings: Cole, deadline: float, progress: ProgressCallback | None) -> _Searched:
-    """One projection after another, on the coarse samples with textures of the search's size."""
-    size = coarse_size(settings)
-    generator = torch.Generator().manual_seed(settings.seed)
-    chosen: tuple[Projection, ...] = ()
-    terms: tuple[Term, ...] = ()
-    reports: list[Report] = []
-    try:
-        for number in range(1, settings.textures + 1):
-            joint = number if settings.joint_terms == 0 else settings.joint_terms
-            begin = max(0, number - joint)
-            rest = replace(samples, logs=residual(samples, terms[:begin]))
-            best, restarts = _search_term(rest, chosen[begin:], size, settings, generator, number, deadline, progress)
-            reports += restarts
-            chosen = (*chosen, best)
-            shapes = tuple(texture_shape(p, size) for p in chosen[begin:])
-            solved = solve_terms(rest, chosen[begin:], shapes, settings.smoothing, settings.solver)
-            terms = (*terms[:begin], *solved.terms)
-            if time.perf_counter() > deadline:
-                break
-    except KeyboardInterrupt:
-        if not chosen:
-            raise
-        return _Searched(chosen, tuple(reports), True)
-    return _Searched(chosen, tuple(reports), False)
-
-
-def _ending(searched: _Searched, solved: Solved, settings: Cole) -> tuple[Status, tuple[str, ...]]:
+def _ending(searched: SearchedTerms, solved: Solved, settings: Cole) -> tuple[Status, tuple[str, ...]]:
     """How the fit ended, and what its user should know of that."""
     if searched.interrupted:
         return Status.INTERRUPTED, ()
@@ -155,50 +114,3 @@ def _ending(searched: _Searched, solved: Solved, settings: Cole) -> tuple[Status
     if solved.status is Status.FALLBACK:
         return solved.status, ()
     return (Status.CONVERGED if ended == {Status.CONVERGED} else Status.BUDGET), ()
-
-
-def _search_term(
-    samples: LogSamples,
-    earlier: tuple[Projection, ...],
-    size: int,
-    settings: Cole,
-    generator: torch.Generator,
-    number: int,
-    deadline: float,
-    progress: ProgressCallback | None,
-) -> tuple[Projection, list[Report]]:
-    """The best projection of one more term, over all restarts or until `deadline`, with `earlier` solved beside it."""
-
-    def projection(rotation: Rotation) -> Projection:
-        return Projection.from_rotation(settings.coordinates, rotation, settings.reciprocal, bound=settings.bound)
-
-    evaluations, lowest = 0, float("inf")
-    restart = 0
-    best: Rotation | None = None
-
-    def error(rotation: Rotation) -> float:
-        nonlocal evaluations, lowest, best
-        projections = (*earlier, projection(rotation))
-        shapes = tuple(texture_shape(p, size) for p in projections)
-        problem = inner_problem(samples, projections, shapes, settings.smoothing)
-        value = problem.mean_error(solve(problem, settings.solver).texels)
-        evaluations += 1
-        if value < lowest:
-            lowest, best = value, rotation
-        if progress is not None:
-            progress(FitProgress(number, settings.textures, restart, settings.restarts, evaluations, lowest))
-        if time.perf_counter() > deadline:
-            raise DeadlineReached
-        return value
-
-    began = time.perf_counter()
-    reports: list[Report] = []
-    try:
-        for restart in range(1, settings.restarts + 1):  # noqa: B007 (the error function reports it)
-            reports.append(Powell().minimize(error, Rotation.random(generator), settings.seed)[1])
-    except DeadlineReached:
-        counted = evaluations - sum(report.evaluations for report in reports)
-        reports.append(Report(Status.GUARD, 0, counted, time.perf_counter() - began, lowest, settings.seed))
-    if best is None:
-        raise BadInput("no projection has a finite error", where="samples", expected="finite samples")
-    return projection(best), reports

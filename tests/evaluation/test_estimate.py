@@ -37,7 +37,7 @@ def test_more_of_anything_takes_longer(name: str) -> None:
 def test_the_chart_of_the_readme_is_about_five_minutes(tmp_path: Path) -> None:
     """It took 305 s on two cores."""
     paint = open_source("material:lafortune-blue-paint")
-    methods = made_each(("mccool", "cole"), {}) | made_each(("search",), {"budget": 5.0})
+    methods = made_each(("mccool", "cole"), {}) | made_each(("search",), {"effort": "quick"})
     runs = plan(methods, (1, 2, 3), (8, 16), ("gradient",))
     found = estimate_charts([(paint, ChartLedger(tmp_path / "a.csv"))], runs)
     assert found.left == len(runs) == 14
@@ -47,7 +47,9 @@ def test_the_chart_of_the_readme_is_about_five_minutes(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", methods_with("budget"))
 def test_a_guard_bounds_the_search(name: str) -> None:
     method: Any = METHODS[name]
-    free, guarded = method(), method(budget=1.0)
+    # A search among known mixes is over before any guard.
+    longer = {"effort": "thorough"} if name in methods_with("effort") else {}
+    free, guarded = method(**longer), method(budget=1.0, **longer)
     assert fit_seconds(guarded, 1000) < 2 < fit_seconds(free, 1000)
     assert fit_seconds(replace(guarded, budget=1e6), 1000) == fit_seconds(free, 1000)
 
@@ -86,7 +88,8 @@ def test_what_a_ledger_has_is_done_and_tells_of_the_rest(source: Source, tmp_pat
     assert told == [0, 1]
     found = estimate_charts([(source, ledger)], runs)
     assert found.left == 2
-    modelled = [fit_seconds(run.settings, 240) for run in runs]
+    # The search of the last begins as that of the one before it does.
+    modelled = [fit_seconds(run.settings, 240, known) for run, known in zip(runs, (0, 0, 0, 1), strict=True)]
     measured = sum(row.seconds_total - row.seconds_read for row in rows)
     assert found.seconds_left == pytest.approx(sum(modelled[2:]) * measured / sum(modelled[:2]))
 
@@ -100,3 +103,17 @@ def test_what_a_ledger_has_is_done_and_tells_of_the_rest(source: Source, tmp_pat
 )  # fmt: skip
 def test_words(seconds: float, words: str) -> None:
     assert about(seconds) == words
+
+
+def test_a_search_that_an_earlier_fit_has_done_takes_no_time_again(tmp_path: Path) -> None:
+    """Cole's: one texture's search is the first part of two textures', and that of larger textures at one size."""
+    paint = open_source("material:lafortune-blue-paint", count=2000)
+    base = {"cole": Cole()}
+    both = plan(base, (1, 2), (16,), ("gradient",))
+    alone = [estimate_charts([(paint, ChartLedger(tmp_path / "a.csv"))], [run]).seconds_left for run in both]
+    together = estimate_charts([(paint, ChartLedger(tmp_path / "a.csv"))], both).seconds_left
+    assert together < alone[1] + 0.4 * alone[0]
+    sizes = plan(base, (2,), (16, 24), ("gradient",))
+    assert estimate_charts([(paint, ChartLedger(tmp_path / "a.csv"))], sizes).seconds_left < 1.4 * alone[1]
+    smaller = plan(base, (2,), (8, 16), ("gradient",))
+    assert estimate_charts([(paint, ChartLedger(tmp_path / "a.csv"))], smaller).seconds_left > 1.6 * alone[1]
