@@ -6,6 +6,7 @@ EMBEDDED = {
     "homofact.embedded.data_synthetic": "data_synthetic",
     "homofact.embedded.configs": "configs",
     "homofact.embedded.configs.scenes": "configs/scenes",
+    "homofact.embedded.configs.schemas": "configs/schemas",
 }
 PAGES = (
     "homofact.web",

@@ -99,7 +99,9 @@ class EditSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _EditTable(SceneTable):
+class EditSceneTable(SceneTable):
+    """The whole file."""
+
     object: tuple[EditObjectTable, ...]
     ground: EditGroundTable | None = None
     sun: tuple[SunTable, ...] = ()
@@ -167,7 +169,7 @@ def read_edit_scene(path: str | Path) -> EditSceneFile:
 
 def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) -> EditSceneFile:
     """The scene of a table whose paths are relative to `folder`; `place` goes before every message. Raises BadInput."""
-    found = read_table(_EditTable, table, place)
+    found = read_table(EditSceneTable, table, place)
     try:
         objects, ground = found_tables(found.object, found.ground, folder)
         objects = tuple(_with_pattern(each, folder, f"object[{k}].pattern") for k, each in enumerate(objects))

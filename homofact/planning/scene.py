@@ -113,7 +113,7 @@ class _ToleranceTable:
 
 
 @dataclass(frozen=True)
-class _SceneTable:
+class PlanSceneTable:
     """The whole file."""
 
     material: tuple[SceneMaterial, ...]
@@ -123,6 +123,7 @@ class _SceneTable:
     seed: int = option(0, "Of the views and the fits", least=0, most=MOST_SEED)
 
     def __post_init__(self) -> None:
+        """Refuse shares that do not add up to 1, and no lighting. Raises BadInput."""
         total = math.fsum(material.share for material in self.material)
         if abs(total - 1) > SHARE_SLACK:
             raise BadInput(f"the shares add up to {total:.6g}", where="material", expected="1")
@@ -139,7 +140,7 @@ def read_scene(path: str | Path) -> Scene:
     file = Path(path)
     given = read_toml(file, "a scene in TOML")
     check_kind(given, PLANNING, file)
-    scene = read_table(_SceneTable, given, f"{file}: ")
+    scene = read_table(PlanSceneTable, given, f"{file}: ")
     tables = scene.lighting if isinstance(scene.lighting, tuple) else (scene.lighting,)
     try:
         return Scene(

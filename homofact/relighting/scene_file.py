@@ -115,7 +115,9 @@ class RelightLightTable(LightTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _RelightTable(SceneTable):
+class RelightSceneTable(SceneTable):
+    """The whole file."""
+
     object: tuple[RelightObjectTable, ...]
     lighting: RelightLightTable
     ground: RelightGroundTable | None = None
@@ -166,7 +168,7 @@ def read_relight_scene(path: str | Path) -> RelightSceneFile:
     file = Path(path)
     given = read_toml(file, "a scene in TOML")
     check_kind(given, RELIGHTING, file)
-    found = read_table(_RelightTable, given, f"{file}: ")
+    found = read_table(RelightSceneTable, given, f"{file}: ")
     asked = found.transport
     try:
         objects, ground = found_tables(found.object, found.ground, file.parent)

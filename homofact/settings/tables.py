@@ -44,8 +44,8 @@ def keys_of(cls: type[Any], name: str = "") -> list[str]:
     keys = []
     for field, hint in typing.get_type_hints(cls).items():
         key = _joined(name, field)
-        section = _section_in(hint)
-        if not _is_rest(hint):
+        section = section_in(hint)
+        if not is_rest(hint):
             keys += [key] if section is None else [key, *keys_of(section, key)]
     return keys
 
@@ -82,7 +82,7 @@ class _Reader:
             return cls(**values)
         except BadInput as error:
             first = re.match(r"\w*", error.where)
-            rest = next((values[field.name] for field, hint in _fields(cls) if _is_rest(hint)), {})
+            rest = next((values[field.name] for field, hint in _fields(cls) if is_rest(hint)), {})
             if first is not None and first[0] in {*rest, *(field.name for field, _ in _fields(cls))}:
                 raise error.moved_to(self.place(_joined(name, error.where))) from error
             place = self.place(name).removesuffix(": ")
@@ -90,11 +90,11 @@ class _Reader:
 
     def values(self, cls: type[Any], table: Any, name: str) -> dict[str, Any]:
         """What section `name` says, by the fields of `cls`."""
-        fields = {field.name: (field, hint) for field, hint in _fields(cls) if not _is_rest(hint)}
+        fields = {field.name: (field, hint) for field, hint in _fields(cls) if not is_rest(hint)}
         if not isinstance(table, Mapping):
             expected = f"a table of {', '.join(fields)}" if name.endswith("]") else f"a section [{name}]"
             self.refuse(name, described(table), expected)
-        rest = next((field.name for field, hint in _fields(cls) if _is_rest(hint)), None)
+        rest = next((field.name for field, hint in _fields(cls) if is_rest(hint)), None)
         others = {key: value for key, value in table.items() if key not in fields}
         if others and rest is None:
             last, value = next(iter(others.items()))
@@ -107,10 +107,10 @@ class _Reader:
 
     def value(self, value: Any, field: "dataclasses.Field[Any]", hint: Any, name: str) -> Any:
         """One entry as its field declares it."""
-        section = _section_in(hint)
+        section = section_in(hint)
         if section is None:
             return declared(field, hint).read(value, self.place(name))
-        if section in _kinds(hint) and not (isinstance(value, list) and len(_kinds(hint)) > 1):
+        if section in types_in(hint) and not (isinstance(value, list) and len(types_in(hint)) > 1):
             return self.build(section, value, name)
         if not isinstance(value, list):
             self.refuse(name, described(value), _expected(hint, field))
@@ -131,20 +131,20 @@ def _fields(cls: type[Any]) -> "list[tuple[dataclasses.Field[Any], Any]]":
     return [(field, hints[field.name]) for field in dataclasses.fields(cls)]
 
 
-def _kinds(hint: Any) -> tuple[Any, ...]:
+def types_in(hint: Any) -> tuple[Any, ...]:
     """The alternatives of a type hint but None, which no table can hold."""
     either = typing.get_args(hint) if isinstance(hint, UnionType) else (hint,)
     return tuple(kind for kind in either if kind is not type(None))
 
 
-def _is_rest(hint: Any) -> bool:
+def is_rest(hint: Any) -> bool:
     """Whether a field takes the keys that no other field has."""
     return typing.get_origin(hint) is Mapping
 
 
-def _section_in(hint: Any) -> type[Any] | None:
+def section_in(hint: Any) -> type[Any] | None:
     """The dataclass that a hint asks for, alone or in a tuple; None where it asks for plain values."""
-    for kind in _kinds(hint):
+    for kind in types_in(hint):
         inner = typing.get_args(kind)[0] if typing.get_origin(kind) is tuple else kind
         if isinstance(inner, type) and dataclasses.is_dataclass(inner):
             return inner
@@ -153,7 +153,7 @@ def _section_in(hint: Any) -> type[Any] | None:
 
 def _expected(hint: Any, field: "dataclasses.Field[Any]") -> str:
     """What a field's value should have been, in words."""
-    section = _section_in(hint)
+    section = section_in(hint)
     if section is not None:
-        return f"a section [{field.name}]" if section in _kinds(hint) else f"sections [[{field.name}]]"
+        return f"a section [{field.name}]" if section in types_in(hint) else f"sections [[{field.name}]]"
     return declared(field, hint).expected

@@ -64,12 +64,15 @@ class _SvbrdfTable:
 
 
 @dataclass(frozen=True)
-class _MethodTable:
+class SweepMethodTable:
+    """One [[method]]: its name, what tables call it, and its settings."""
+
     method: str = required("How it is fitted, as for a comparison")
     label: str | None = option(None, "What tables call it")
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        """Refuse settings that stand above all sections. Raises BadInput."""
         for name, above in (("seed", "seeds"), ("bytes", "bytes")):
             if name in self.settings:
                 expected = f"{above} = [...] above all sections"
@@ -77,7 +80,7 @@ class _MethodTable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _SweepTable(EvaluateSettings):
+class SweepTable(EvaluateSettings):
     """The whole file."""
 
     name: str | None = option(None, "The sweep's name", none="the file's")
@@ -89,7 +92,7 @@ class _SweepTable(EvaluateSettings):
         (), "A fit each of every method that has a size", least=1, most=2**40, expected_instead=none_twice
     )
     source: SourceSettings = field(default_factory=SourceSettings)
-    method: tuple[_MethodTable, ...]
+    method: tuple[SweepMethodTable, ...]
     svbrdf: _SvbrdfTable | None = None
 
     def __post_init__(self) -> None:
@@ -154,7 +157,7 @@ def read_sweep(path: str | Path) -> AskedSweep:
     file = Path(path)
     given = read_toml(file, "a sweep in TOML")
     check_kind(given, SWEEP, file)
-    table = read_table(_SweepTable, given, f"{file}: ")
+    table = read_table(SweepTable, given, f"{file}: ")
     try:
         asked = AskedSweep(
             file.stem if table.name is None else table.name,
@@ -172,7 +175,7 @@ def read_sweep(path: str | Path) -> AskedSweep:
     return asked
 
 
-def _methods(tables: tuple[_MethodTable, ...]) -> "tuple[tuple[str, Method], ...]":
+def _methods(tables: tuple[SweepMethodTable, ...]) -> "tuple[tuple[str, Method], ...]":
     found: dict[str, Method] = {}
     for number, table in enumerate(tables):
         where = f"method[{number}]"

@@ -277,6 +277,10 @@ def test_whole_texels_take_a_quarter_and_no_fit_of_their_own(tmp_path: Path) -> 
     scene = Scene("one", (SceneMaterial("own", 1.0),), (named_lighting("sun"),), Tolerance.of(reflected=0.5))
     plan = plan_scene(scene, QUICK, {"own": fits})
     folder = tmp_path / "plan" / write_plan(tmp_path / "plan", plan)["own"]
+    choice = plan.materials[0].walk.choice
+    assert choice is not None
+    assert choice.storage == WHOLE
+    stored = fits.fitted(choice)[0]
     assert (folder / "texture_0.png").read_bytes()[24] == 8
     assert (folder / "brdf.glsl").is_file()
     wi, wo = fits.source.samples.wi, fits.source.samples.wo
