@@ -8,6 +8,7 @@ a mix is judged by the mean of their left-out errors. One material is the case K
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor
 
 from homofact.factor.objective import JointObjective, Objective
 from homofact.factor.projection import Projection
@@ -75,6 +76,14 @@ class Materials:
         """Fixed projections accumulated together, as `FixedBank.of`."""
         own = (FixedBank.of(material.samples, material.partitions, projections, shapes) for material in self.materials)
         return Banks(projections, tuple(own))
+
+    def digested(self) -> tuple[Tensor, ...]:
+        """Every tensor of them, for a digest."""
+        tensors: list[Tensor] = []
+        for own in self.materials:
+            tensors += [own.samples.wi, own.samples.wo, own.samples.logs, own.samples.weights]
+            tensors += [partition.folds for partition in own.partitions]
+        return tuple(tensors)
 
 
 @dataclass(frozen=True)

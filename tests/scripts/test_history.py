@@ -13,7 +13,7 @@ LINE = Line("2026-01-02", "0.1.0", "fast, 2 cores", "info", 10.0, 2.0, 2.5, 300.
 
 
 def _now(**changes: object) -> Line:
-    return replace(LINE, version="0.2.0", **changes)  # type: ignore[arg-type]
+    return replace(LINE, version="0.2.0", **changes)
 
 
 @pytest.mark.parametrize("name", ["work", "peak", "evaluations", "error"])

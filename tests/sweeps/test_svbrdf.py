@@ -33,11 +33,11 @@ method = "search"
 effort = 3.0
 size = 5
 search_size = 4
-projections = ["theta_h-theta_d", "theta_i-theta_o"]
+projections = ["theta_h-theta_d", "isotropic-angles"]
 [svbrdf]
 labels = "labels.npy"
 """
-ALONE = Search(textures=2, effort=3.0, size=5, search_size=4, projections=("theta_h-theta_d", "theta_i-theta_o"))
+ALONE = Search(textures=2, effort=3.0, size=5, search_size=4, projections=("theta_h-theta_d", "isotropic-angles"))
 
 
 def written(folder: Path, text: str = SWEEP, labels: np.ndarray | None = None) -> Path:
@@ -88,6 +88,7 @@ def test_the_figures_are_those_of_samples_that_no_fit_saw(made: Path) -> None:
         own = replace(ALONE, epsilon=layer.transform.epsilon).fit(split.parts(source)[0]).factorization
         alone = measure(own, split.test_samples(source), own.transform)
         assert cluster["alone"]["held_out"]["log_mse"] == pytest.approx(alone.log_mse, rel=1e-9)
+        assert cluster["alone"]["held_out"]["log_mse"] != cluster["shared"]["held_out"]["log_mse"]
     for side in ("shared", "alone"):
         own = [cluster[side]["held_out"]["log_mse"] for cluster in record["clusters"]]
         assert record[side]["log_mse"] == pytest.approx(sum(own) / 2)
