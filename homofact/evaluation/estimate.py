@@ -20,7 +20,7 @@ _CUBE = 2.2e-10  # unknowns³ of a dense solve
 _SAMPLE_MEASURED = 7e-6  # a sample in errors and verdict
 _ALWAYS = 0.3  # the verdict's own pictures of the fit
 _POWELL = 140  # evaluations of Powell's method for a restart of a term
-_EVALUATION, _SAMPLE_EVALUATED = 2e-3, 2.3e-6  # of an inner problem, for each term solved together
+_EVALUATION, _SAMPLE_EVALUATED = 5e-4, 2.9e-7  # of an inner problem, for each term solved together
 
 _UNIT = 7e-3  # of `methods.effort`
 _KNOWN = {"quick": 0.3, "normal": 0.37}  # of a search among known mixes of one texture

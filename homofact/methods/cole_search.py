@@ -20,6 +20,7 @@ from homofact.factor.search.minimize import DeadlineReached
 from homofact.factor.search.powell import Powell
 from homofact.factor.textures import LogSamples, inner_problem, residual, solve_terms, texture_shape
 from homofact.geometry.rotation import Rotation
+from homofact.linear.size import is_dense
 from homofact.linear.solvers import solve
 from homofact.methods.cole import Cole
 from homofact.methods.common import coarse_size
@@ -142,7 +143,9 @@ def _search_term(
         projections = (*earlier, projection(rotation))
         shapes = tuple(texture_shape(p, size) for p in projections)
         problem = inner_problem(samples, projections, shapes, settings.smoothing)
-        value = problem.mean_error(solve(problem, settings.solver).texels)
+        texels = solve(problem, settings.solver).texels
+        # From the equations where they have been accumulated, instead of by another pass over the samples.
+        value = problem.data.error(texels) if is_dense(problem.unknowns) else problem.mean_error(texels)
         evaluations += 1
         if value < lowest:
             lowest, best = value, rotation

@@ -1,9 +1,10 @@
 """What a search that tries known mixes first costs and saves, beside one that tries every mix.
 
-Ten measurements of RGL, three Cornell paints and twenty surrogates that no known mix was made from; each is fitted with
-two textures of 16² and three of 32², by every way in turn: "all", the exhaustive search with the units that "normal"
-grants, the same with another seed, and the efforts by name. Errors are the Cole error of held-out samples at random
-azimuths and the relative RMS of f cosθi cosθo; ratios are to "all". CPU seconds are those of the fit, on one thread.
+Ten measurements of RGL, three Cornell paints, twenty surrogates and eight analytic models; no known mix was made from
+one of them. Each is fitted with two textures of 16² and three of 32², by every way in turn: "all", the exhaustive
+search with the units that "normal" grants, the same with another seed, and the efforts by name. Errors are the Cole
+error of held-out samples at random azimuths and the relative RMS of f cosθi cosθo; ratios are to "all". CPU seconds
+are those of the fit, on one thread.
 
     python scripts/accuracy/known_mixes_against_all.py [--work FILE] [--efforts quick normal] [--data FOLDER]
 """
@@ -28,6 +29,11 @@ from scripts.shared.harness import CORNELL, Finished, data_folder, figure, finis
 from scripts.verdict.drawn_cases import MORE_NETWORKS, NETWORKS, UNTOUCHED
 
 SIZES = ((2, 16), (3, 32))
+GROUPS = ("RGL", "Cornell", "surrogate", "model")
+MODELS = (
+    "lafortune-blue-paint", "lafortune-clay", "lafortune-skin", "cook-torrance-plastic", "phong-30", "blinn-phong-50",
+    "torrance-sparrow-20", "car-paint-red",
+)  # fmt: skip
 # A number of units tries every mix; these are what "normal" grants. Another seed shows how far such searches differ.
 ALL, AGAIN = "all", "all, seed 1"
 
@@ -38,7 +44,8 @@ def sources(folder: Path) -> list[tuple[str, str, str]]:
     found += [("Cornell", name, str(folder / "cornell" / f"{name}.brdf")) for name in CORNELL]
     found += [("surrogate", name, f"{folder / NETWORKS}#{name}") for name in UNTOUCHED]
     found += [("surrogate", name, f"{folder / MORE_NETWORKS}#{name}") for name in REPORTED]
-    return [line for line in found if Path(line[2].split("#")[0]).is_file()]
+    found = [line for line in found if Path(line[2].split("#")[0]).is_file()]
+    return found + [("model", name, f"material:{name}") for name in MODELS]
 
 
 def measured(path: str, textures: int, size: int, way: str) -> dict[str, Any]:
@@ -61,7 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = parser_of(__doc__, "data", "out")
     parser.add_argument("--work", type=Path, help="where results are kept, so that an ended run goes on")
     parser.add_argument("--efforts", nargs="*", default=["quick", "normal"], help="efforts beside all (%(default)s)")
-    parser.add_argument("--groups", nargs="+", default=["RGL", "Cornell", "surrogate"], help="which materials")
+    parser.add_argument("--groups", nargs="+", default=GROUPS, choices=GROUPS, help="which materials")
     options = parser.parse_args(arguments)
     found = Finished(options.work)
     materials = [line for line in sources(data_folder(options.data)) if line[0] in options.groups]
@@ -71,28 +78,37 @@ def main(arguments: list[str] | None = None) -> int:
     rows, summary = [], []
     ways = [ALL, AGAIN, *options.efforts]
     for textures, size in SIZES:
-        ratios: dict[str, list[tuple[float, float, float]]] = {way: [] for way in ways}
-        for _, name, path in materials:
+        fits: dict[str, list[dict[str, dict[str, Any]]]] = {}
+        for group, name, path in materials:
             both = {}
             for way in ways:
                 key = f"{name} {textures} {size} {way}"
                 both[way] = found[key] if key in found else found.keep(key, measured(path, textures, size, way))
-            base = both[ALL]
-            for way in ways:
-                own = both[way]
-                ratios[way].append(tuple(own[key] / base[key] for key in ("error", "rms", "seconds")))
-            cells = [f"{figure(both[way][key])}" for way in ways for key in ("error", "rms", "seconds")]
+            fits.setdefault(group, []).append(both)
+            cells = [figure(both[way][key]) for way in ways for key in ("error", "rms", "seconds")]
             rows.append((name, f"{textures} × {size}²", *cells))
             progress(*rows[-1], *("+".join(both[way]["kinds"]) for way in ways))
-        for way in ways:
-            error, rms, cpu = zip(*ratios[way], strict=True)
-            seconds = [found[f"{name} {textures} {size} {way}"]["seconds"] for _, name, _ in materials]
-            figures = (median(error), max(error), median(rms), max(rms), median(cpu), median(seconds))
-            summary.append((f"{textures} × {size}²", way, *(f"{value:.2f}" for value in figures)))
+        for group, every in fits.items():
+            for way in ways[1:]:
+                ratios = [[both[way][key] / both[ALL][key] for both in every] for key in ("error", "rms", "seconds")]
+                error, rms, cpu = ratios
+                seconds = [both[way]["seconds"] for both in every]
+                figures = (median(error), max(error), median(rms), max(rms), median(cpu), median(seconds))
+                summary.append((group, f"{textures} × {size}²", way, *(f"{value:.2f}" for value in figures)))
     header = ("material", "textures", *(f"{way} {key}" for way in ways for key in ("error", "rms", "s")))
-    short = ("textures", "way", "error, median", "worst", "rms, median", "worst", "CPU, median", "CPU s, median")
+    short = (
+        "materials",
+        "textures",
+        "way",
+        "error, median",
+        "worst",
+        "rms, median",
+        "worst",
+        "CPU, median",
+        "CPU s, median",
+    )
     head = f"Ratios to the search of all mixes. {machine()}"
-    return finish([head, markdown(short, summary, 2), markdown(header, rows, 2)], options)
+    return finish([head, markdown(short, summary, 3), markdown(header, rows, 2)], options)
 
 
 if __name__ == "__main__":
