@@ -8,7 +8,7 @@ error and the relative RMS of f cosθi cosθo, which are the same on every machi
 With `--checkouts` the versions in these folders are run in turn, command by command. `--check` ends with 1 where a
 figure is more than 20% above the last one of the same command, of the same kind of machine where it depends on that.
 
-    python scripts/speed/history.py [--checkouts FOLDER …] [--write] [--check] [--plot FILE] [--data FOLDER]
+    python scripts/speed/history.py [--checkouts FOLDER …] [--long] [--write] [--check] [--plot FILE]
 """
 
 import csv
@@ -79,8 +79,8 @@ def reference() -> float:
     return time.process_time() - began
 
 
-def commands(folder: Path, short: bool) -> Iterator[Command]:
-    """The fixed set; of real measurements as far as they are at hand."""
+def commands(folder: Path, short: bool, long: bool) -> Iterator[Command]:
+    """The fixed set; of real measurements as far as they are at hand, the chart and plan of the README if `long`."""
     measured = str(ROOT / "data_synthetic" / "synthetic_cornell.brdf")
     size = ("--textures", "1", "--size", "4") if short else ("--textures", "2", "--size", "16")
     yield Command("info", ("info", measured))
@@ -96,6 +96,11 @@ def commands(folder: Path, short: bool) -> Iterator[Command]:
         yield Command("factorize golden yellow", words, fits=True)
     yield Command("export", ("export", "{fit}", "--to", "{out}"))
     yield Command("view", ("view", "{fit}", "--out", "{out}.html"))
+    if long:
+        grid = ("--textures", "1,2,3", "--sizes", "8,16", "--effort", "quick")
+        yield Command("chart", ("chart", "material:lafortune-blue-paint", *grid, "--out", "{out}"))
+        scene = str(ROOT / "configs" / "scenes" / "example.toml")
+        yield Command("plan", ("plan", scene, "--against", "sun", "--plot", "{out}.png"))
 
 
 def version_of(checkout: Path) -> str:
@@ -194,6 +199,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--repeats", type=int, default=3, help="runs of every command (%(default)s)")
     parser.add_argument("--csv", type=Path, default=KEPT, help="the file of lines (%(default)s)")
+    parser.add_argument("--long", action="store_true", help="the chart and the plan of the README too")
     parser.add_argument("--write", action="store_true", help="append the lines to the file")
     parser.add_argument("--check", action="store_true", help="end with 1 where a figure has risen by more than 20%%")
     parser.add_argument("--plot", type=Path, help="draw all lines into this file")
@@ -206,7 +212,7 @@ def main(arguments: list[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         fits: dict[Path, Path] = {}
         loop = min(reference() for _ in range(3 if options.short else 12))
-        for command in commands(data_folder(options.data), options.short):
+        for command in commands(data_folder(options.data), options.short, options.long):
             repeats = 1 if options.short else options.repeats
             now += measured(command, options.checkouts, repeats, fits, Path(folder), loop)
             progress(*(f"{line.version} {line.command}: {line.cpu:.2f} s" for line in now[-len(options.checkouts) :]))
