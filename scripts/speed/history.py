@@ -175,7 +175,7 @@ def draw(lines: Sequence[Line], file: Path) -> None:
     from matplotlib.figure import Figure
 
     versions = list(dict.fromkeys(line.version for line in lines))
-    page = Figure(figsize=(9, 4.2), layout="constrained")
+    page = Figure(figsize=(10.5, 4.2), layout="constrained")
     for axes, name, label in zip(
         page.subplots(1, 2), ("work", "peak"), ("CPU time / reference loop", "Peak memory, MB"), strict=True
     ):
@@ -187,7 +187,8 @@ def draw(lines: Sequence[Line], file: Path) -> None:
         axes.set_ylabel(label)
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
-    page.axes[0].legend(fontsize="small")
+    shown, names = page.axes[0].get_legend_handles_labels()
+    page.legend(shown, names, loc="outside right upper", fontsize="small")
     page.savefig(file, dpi=150)
 
 
