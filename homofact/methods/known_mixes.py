@@ -1,9 +1,9 @@
 """Mixes that often win, tried first.
 
-Most materials are best met by few mixes: of a thousand exhaustive searches those of most end near one of some dozens.
-`scripts/accuracy/known_mixes.py` runs these searches on materials that no reported figure is of, and keeps the mixes
-that together come nearest to all of its results in `known_mixes.json`. A search at the efforts "quick" and "normal"
-looks at them and descends from the best; "thorough" and efforts given as numbers try every mix.
+Most materials are best met by few mixes. `scripts/accuracy/known_mixes.py` runs exhaustive searches on surrogates and
+analytic models, and keeps the mixes that together come nearest to all of their results in `known_mixes.json`. A search
+at the efforts "quick" and "normal" looks at them and descends from the best; "thorough" and efforts given as numbers
+try every mix.
 """
 
 import json

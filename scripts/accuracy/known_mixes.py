@@ -1,9 +1,9 @@
 """Find the mixes that searches try first (`homofact/methods/known_mixes.json`).
 
-Exhaustive searches (with what "normal" grants, textures of 16²) on materials that no reported figure is of:
-neural surrogates of MERL and RGL materials, mixtures of two, measurements of them with noise on a goniometer's rings,
-and analytic models, anisotropic ones among them. Their results are gathered in --work, which a run that was ended goes
-on with. Of all mixes found those are kept that together come nearest to the best of every material.
+Exhaustive searches (with what "normal" grants, textures of 16²): neural surrogates of MERL and RGL materials but those
+in `MEASURED`, `REPORTED` and `drawn_cases.UNTOUCHED`, mixtures of two, measurements of them with noise on the rings of
+a goniometer, and analytic models, anisotropic ones among them. Their results are gathered in --work, which a run that
+was ended goes on with. Of all mixes found those are kept that together come nearest to the best of every material.
 
     python scripts/accuracy/known_mixes.py --work FOLDER [--write] [--data FOLDER]
 """
