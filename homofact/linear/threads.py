@@ -28,6 +28,8 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        # Asked for the first time, numba launches its threads and sets OpenMP's number, torch's too. That comes first.
+        numba.get_num_threads()
         before = torch.get_num_threads()
         torch.set_num_threads(1)
         try:
