@@ -40,8 +40,8 @@ SECTIONS = (
     Section(
         "Guides",
         (
-            "python", "formats", "results", "verdict", "artefacts", "suspicion", "robustness", "export", "interchange",
-            "mitsuba", "sampling", "planning", "relighting", "editing", "sweep", "report", "papers",
+            "python", "gpu", "formats", "results", "verdict", "artefacts", "suspicion", "robustness", "export",
+            "interchange", "mitsuba", "sampling", "planning", "relighting", "editing", "sweep", "report", "papers",
         ),
     ),
     Section("Gallery", ("gallery", "editing_gallery")),

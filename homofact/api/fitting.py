@@ -62,6 +62,8 @@ def fit(source: Any, method: Method | None = None, *, progress: ProgressCallback
         method = method if method.epsilon is not None else replace(method, epsilon=given.default_epsilon)
         samples, _ = Split.of(given, 0.0, method.seed).parts(given)
     made = method.fit(samples, progress)
+    # What judges a fit works on the processor.
+    samples = samples.to("cpu")
     turned = samples.rotated_at_random(method.seed)
     fitted = made.factorization
     errors = measure(fitted, turned, fitted.transform)

@@ -184,6 +184,14 @@ class Samples:
         parts = {name: getattr(self, name)[index] for name in ("wi", "wo", "values", "weights")}
         return replace(self, **parts, clipped=clipped)
 
+    def to(self, device: Any) -> "Samples":
+        """The samples with all tensors on a device, such as "cuda"; themselves where they are there already."""
+        if self.wi.device == torch.device(device):
+            return self
+        names = ("wi", "wo", "values", "weights", "clipped")
+        parts = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: part.to(device) for name, part in parts.items() if part is not None})
+
     def channel(self, name: str) -> "Samples":
         """One channel alone. Raises BadInput naming the channels there are."""
         if name not in self.channels:

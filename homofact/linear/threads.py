@@ -30,6 +30,8 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
         # Asked for the first time, numba launches its threads and sets OpenMP's number, torch's too. That comes first.
         numba.get_num_threads()
+        if torch.cuda.is_initialized():
+            _load_linear_algebra()
         before = torch.get_num_threads()
         torch.set_num_threads(1)
         try:
@@ -57,6 +59,12 @@ def in_parallel(function: Callable[[T], R], pieces: Iterable[T]) -> list[R]:
         return function(piece)
 
     return list(_workers(threads).map(work, listed))
+
+
+@lru_cache(maxsize=1)
+def _load_linear_algebra() -> None:
+    """Let torch load its solvers for GPUs now: it loads them at their first use, and fails if threads do so at once."""
+    torch.linalg.cholesky_ex(torch.ones(1, 1, device="cuda"))
 
 
 @lru_cache(maxsize=1)

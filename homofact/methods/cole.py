@@ -26,6 +26,7 @@ class Cole(Method):
 
     name: ClassVar[str] = "cole"
     implementation: ClassVar[str] = "homofact.methods.cole_fit:fit_cole"
+    on_devices = True
 
     textures: int = shared.textures()
     size: int = shared.size()

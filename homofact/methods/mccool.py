@@ -34,6 +34,7 @@ class McCool(Method):
 
     name: ClassVar[str] = "mccool"
     implementation: ClassVar[str] = "homofact.methods.mccool_fit:fit_mccool"
+    on_devices = True
 
     projections: tuple[str, ...] = option(
         ("wi", "h"), "The fixed projections, joined by +, one a texture", choices=FIXED_PROJECTIONS, separators="+,",

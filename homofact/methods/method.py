@@ -25,6 +25,8 @@ class Method(ABC):
     name: ClassVar[str]
     implementation: ClassVar[str]
     """The function (samples, settings, progress) → `MethodFit`, as "package.module:function"."""
+    on_devices: ClassVar[bool] = False
+    """Whether it fits samples of another device there; the others take a copy of them on the processor."""
 
     size: int
     """Texels per side of a texture; 0 for a model without textures."""
@@ -66,4 +68,5 @@ class Method(ABC):
         far. Raises BadInput where the samples cannot be fitted.
         """
         module, function = self.implementation.split(":")
+        samples = samples if self.on_devices else samples.to("cpu")
         return getattr(import_module(module), function)(samples, self, progress)

@@ -47,6 +47,7 @@ class Search(Method):
 
     name: ClassVar[str] = "search"
     implementation: ClassVar[str] = "homofact.methods.search_fit:fit_search"
+    on_devices = True
 
     textures: int = shared.textures()
     size: int = shared.size()

@@ -36,7 +36,7 @@ class Scatter:
 
 def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
     """The scatter of the module's head; None for fewer samples than two neighbourhoods."""
-    some = samples.subset(MOST_SAMPLES, seed)
+    some = samples.subset(MOST_SAMPLES, seed).to("cpu")
     if len(some) < 2 * NEIGHBOURS:
         return None
     place = places_of(some).numpy()
