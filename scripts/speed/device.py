@@ -210,7 +210,13 @@ def calls(short: bool) -> Iterator[Work]:
 
     def fitted(device: torch.device) -> Callable[[], Any]:
         moved = on(device, samples)
-        return lambda: homofact.fit(moved, textures=2, size=16, effort="quick", epsilon=1e-5).report.residual
+
+        def error() -> float:
+            report = homofact.fit(moved, textures=2, size=16, effort="quick", epsilon=1e-5).report
+            assert report is not None
+            return report.residual
+
+        return error
 
     yield Work("homofact.fit and its verdict", f"{len(samples):,} samples", fitted, repeats=1)
     fit = homofact.fit(samples, textures=2, size=16, effort="quick", epsilon=1e-5)

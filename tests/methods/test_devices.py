@@ -38,6 +38,8 @@ def test_samples_on_a_gpu_are_fitted_as_well(name: str) -> None:
     ours, theirs = homofact.fit(here, method), homofact.fit(there, method)
     # A search may turn elsewhere at the last bit; what needs no search is equal.
     tolerance = 0.5 if "search" in name or name == "cole" else 1e-6
+    assert theirs.report is not None
+    assert ours.report is not None
     assert theirs.report.residual == pytest.approx(ours.report.residual, rel=tolerance)
     assert theirs.verdict is not None
     values = theirs.evaluate(there.wi, there.wo)
