@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from homofact.brdf.tinted import Tinted
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.clusters import Clustered, clustered
-from homofact.relighting.factored_material import FactoredMaterial, factored
+from homofact.relighting.factored_material import FactoredMaterial, factored, in_parts
 from homofact.relighting.harmonic import Harmonic, harmonic
 from homofact.relighting.interreflection import ORDER, BounceColours, Interreflection
 from homofact.relighting.lit import LitObject
@@ -25,6 +26,7 @@ from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.materials import Stage
 from homofact.scene.meshes import MeshGroup
 from homofact.scene.objects import SceneObject, place_objects
+from homofact.scene.tint import SurfaceTint
 
 # Bytes of memory of a vertex and a triangle: the object's mesh, that of all, Embree's with its tree.
 _PLACE_BYTES, _TRIANGLE_BYTES = 200, 300
@@ -50,7 +52,7 @@ class RelitObject:
     """An object with its transport, and the compact form where it was asked for.
 
     `fit` stands for the material where that is a file of measurements, `lobe` is its separate lobe, `sunlight` the
-    light of the scene's suns.
+    light of the scene's suns, `tint` what a base-colour texture makes of the material.
     """
 
     mesh: Mesh
@@ -60,6 +62,7 @@ class RelitObject:
     fit: FileFit | None = None
     lobe: SeparateLobe | None = None
     sunlight: Sunlight | None = None
+    tint: SurfaceTint | None = None
 
     @property
     def form(self) -> str:
@@ -73,12 +76,13 @@ class RelitObject:
     def nbytes(self) -> int:
         """What relighting reads: the compact form where there is one, the view maps, what a lobe and suns need."""
         stored = self.transport.nbytes if self.compact is None else self.compact.nbytes
-        beside = sum(each.nbytes for each in (self.lobe, self.sunlight) if each is not None)
+        beside = sum(each.nbytes for each in (self.lobe, self.sunlight, self.tint) if each is not None)
         return stored + self.transport.factors.view.nbytes + beside
 
     def lit(self, light: np.ndarray, suns: bool = True) -> LitObject:
         """The object under a cube map of radiance and its suns, by the form that is used."""
-        return LitObject.of(self.transport, self.compact, self.lobe, light, self.sunlight if suns else None)
+        lit = self.sunlight if suns else None
+        return LitObject.of(self.transport, self.compact, self.lobe, light, lit, self.tint)
 
 
 @dataclass(frozen=True)
@@ -134,15 +138,12 @@ def open_relight_scene(
     """
     objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
     notes = (*file.notes, *notes)
-    flat = [placed.mesh.name for placed in objects if placed.material.picture is not None]
-    if flat:
-        notes = (*notes, f"{', '.join(flat)}: the base-colour texture counts by its mean colour")
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
     tables = [*file.objects, *([] if file.ground is None else [file.ground])]
     known: dict[tuple[object, ...], FactoredMaterial] = {}
     choices = []
     for placed, table in zip(objects, tables, strict=True):
-        mesh, words, reflectance = placed.mesh, placed.material.words, placed.material.reflectance
+        mesh, words, reflectance = placed.mesh, placed.material.words, placed.reflectance
         if file.reflected is not None:
             if stage is not None:
                 stage(f"planning {mesh.name}")
@@ -150,7 +151,11 @@ def open_relight_scene(
                 mesh, words, reflectance, occluder, file.light, file.cameras[0].eye, file.reflected, file.settings,
                 table.terms, file.seed, table.lobe,
             )  # fmt: skip
-            choices.append(TransportChoice(plan.factored, plan.settings(file.settings), plan))
+            made = plan.factored
+            if isinstance(reflectance, Tinted):
+                error = plan.chosen.of_terms if table.terms is None else None
+                made = in_parts(reflectance, made, table.terms, error=error, light=file.light)
+            choices.append(TransportChoice(made, plan.settings(file.settings), plan))
             continue
         key = (words, table.lobe, table.terms, table.error, table.share)
         if key not in known:
@@ -179,7 +184,7 @@ def _with_sun_tables(
         if key not in known:
             if stage is not None:
                 stage(f"tabulating {Path(words).name}")
-            known[key] = sun_tables(placed.material.reflectance, lobe)
+            known[key] = sun_tables(placed.reflectance, lobe)
         found.append(replace(choice, sun_tables=known[key]))
     return found
 
@@ -195,7 +200,7 @@ def _with_bounces(
         if key not in known:
             if stage is not None:
                 stage(f"summing the response of {Path(placed.material.words).name}")
-            reflectance = placed.material.reflectance
+            reflectance = placed.reflectance
             known[key] = mean_albedo(reflectance), smooth_response(reflectance, ORDER, key[1])
         albedos.append(known[key])
     colours = BounceColours.of([mean for mean, _ in albedos])
@@ -238,5 +243,6 @@ def relit_objects(
             count = None if file.clusters < 0 else min(file.clusters, made.vertices)
             compact = clustered(made, file.components, clusters=count, seed=file.seed)
         lit = Sunlight.traced(file.suns, choice.sun_tables, placed.mesh, scene.occluder) if file.suns else None
-        objects.append(RelitObject(placed.mesh, placed.material.words, made, compact, placed.material.fit, lobe, lit))
+        words, fit = placed.material.words, placed.material.fit
+        objects.append(RelitObject(placed.mesh, words, made, compact, fit, lobe, lit, placed.tint))
     return tuple(objects)

@@ -36,6 +36,7 @@ import numpy as np
 import torch
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.tinted import Tinted
 from homofact.errors import BadInput
 from homofact.evaluation.image_metrics import psnr as psnr_of
 from homofact.meshes.mesh import Mesh
@@ -93,7 +94,7 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
         eye = scene.file.cameras[0].eye
         # An object may be out of the camera's sight as a whole.
         with contextlib.suppress(BadInput):
-            seen = seen_vertices(placed.mesh, placed.material.reflectance, scene.occluder, eye, None)
+            seen = seen_vertices(placed.mesh, placed.reflectance, scene.occluder, eye, None, tint=placed.tint)
             colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1]) + seen.sunlit(scene.file.suns)
             if around is not None:
                 colours[seen.which] += around.bounced(seen, scene.file.light, FEW_NODES)
@@ -105,8 +106,10 @@ def sending_surfaces(scene: RelightScene) -> SendingSurfaces | None:
     """The surfaces of a scene whose light between them counts; None where it does not."""
     if scene.bounces is None:
         return None
-    meshes, reflectances = zip(*((each.mesh, each.material.reflectance) for each in scene.objects), strict=True)
-    return SendingSurfaces(meshes, reflectances, scene.occluder, scene.file.suns)
+    meshes, reflectances, tints = zip(
+        *((each.mesh, each.reflectance, each.tint) for each in scene.objects), strict=True
+    )
+    return SendingSurfaces(meshes, reflectances, scene.occluder, scene.file.suns, tints)
 
 
 def scene_errors(
@@ -117,20 +120,20 @@ def scene_errors(
     camera, seed, meshes = scene.file.cameras[0], scene.file.seed, [relit.mesh for relit in objects]
     around = sending_surfaces(scene)
     for number, (placed, relit) in enumerate(zip(scene.objects, objects, strict=True)):
-        given = (relit.mesh, placed.material.reflectance, scene.occluder, camera.eye)
+        given = (relit.mesh, placed.reflectance, scene.occluder, camera.eye)
         pixels, rim = None, None
         try:
-            seen = seen_vertices(*given, vertices, seed)
+            seen = seen_vertices(*given, vertices, seed, tint=placed.tint)
         except BadInput:
             found.append(None)
             continue
         # What turns no rim to the camera has none; what stands beside the picture has no pixels.
         if "rim" in stages:
             with contextlib.suppress(BadInput):
-                rim = seen_vertices(*given, max(vertices // _RIM_PART, 1), seed, rim=True)
+                rim = seen_vertices(*given, max(vertices // _RIM_PART, 1), seed, True, placed.tint)
         if "picture" in stages:
             with contextlib.suppress(BadInput):
-                pixels = seen_pixels(meshes, number, *given[1:3], camera, vertices, seed)
+                pixels = seen_pixels(meshes, number, *given[1:3], camera, vertices, seed, placed.tint)
         light = scene.file.light
         found.append(measured_errors(seen, relit, light, stages, pixels, rim, around))
     return found
@@ -168,12 +171,11 @@ def measured_errors(
     # What a part errs by counts against the light of all.
     apart = partial(relative, weights=seen.weights, of=None if lobe is None and not suns and around is None else truth)
     if {"terms", "maps"} & {*stages}:
-        fine = factor(part, terms=factors.direct, map_size=_FINE_MAPS)
-        exact = seen.dense(radiance, size, fine)
+        exact = seen.dense(radiance, size, _fine(part, factors))
         if "terms" in stages:
             errors["terms"] = apart(exact, under_sky if lobe is None else seen.dense(radiance, size, part))
         if "maps" in stages:
-            errors["maps"] = apart(seen.dense(radiance, size, factors), exact)
+            errors["maps"] = apart(seen.dense(radiance, size, factors.in_parts), exact)
     if "cube" in stages:
         much = seen.dense(cube.environment_cube(light, FINE * size), FINE * size)
         errors["cube"] = apart(under_sky, much)
@@ -183,7 +185,7 @@ def measured_errors(
             errors["truncation"] = apart(cut, every)
         if "quantisation" in stages:
             errors["quantisation"] = apart(stored, cut)
-    whole = LitObject.of(transport, None, lobe, radiance, relit.sunlight)
+    whole = LitObject.of(transport, None, lobe, radiance, relit.sunlight, relit.tint)
     used = whole if compact is None else relit.lit(radiance)
     stage = "harmonics" if isinstance(compact, Harmonic) else "clusters"
     shown = _seen_of(seen, factors, used.tuples)
@@ -191,7 +193,7 @@ def measured_errors(
         errors[stage] = apart(shown, _seen_of(seen, factors, whole.tuples))
     own = used.lobe_at(_vertices(seen))
     if lobe is not None and "lobe" in stages:
-        errors["lobe"] = apart(own, seen.dense(radiance, size, lobe.table))
+        errors["lobe"] = apart(own, seen.dense(radiance, size, lobe.table.in_parts))
     by_suns = used.suns_at(_vertices(seen))
     if suns and "suns" in stages:
         errors["suns"] = apart(by_suns, under_suns)
@@ -212,7 +214,7 @@ def measured_errors(
         points = pixels.lit_points(relit.mesh)
         mixed = used.between(pixels.mixture, seen.eye, points.seen(suns, seen.occluder, SAMPLES))
         exact = pixels.points.dense(radiance, size)
-        exact += summed(seen.reflectance, suns, points, pixels.points.wo, seen.occluder)
+        exact += summed(seen.reflectance, suns, points, pixels.points.wo, seen.occluder, pixels.points.tint)
         exact += 0.0 if around is None else around.bounced(pixels.points, light)
         errors["picture"], psnr = relative(mixed, exact), _psnr(mixed, exact)
     below = float(np.maximum(-shown, 0).sum() / np.abs(shown).sum())
@@ -242,8 +244,22 @@ def _psnr(found: np.ndarray, truth: np.ndarray) -> float:
 
 def _seen_of(seen: SeenVertices, factors: InOutFactors, tuples: np.ndarray, terms: slice = slice(None)) -> np.ndarray:
     """Light (S, 3) towards the eye of K-tuples (V, K, 3) of all vertices, by some of the terms."""
-    h = view_values(factors, seen.wo)[:, terms]
+    h = _tinted(view_values(factors, seen.wo), factors, seen)[:, terms]
     return np.einsum("skc,skc->sc", h, tuples[seen.which][:, terms])
+
+
+def _tinted(h: np.ndarray, factors: InOutFactors, seen: SeenVertices) -> np.ndarray:
+    """View values (S, K, 3) with what a texture makes of them."""
+    return h if seen.tint is None else np.where(factors.tinted_terms[:, None], h * seen.tint[:, None], h)
+
+
+def _fine(part: Reflectance, factors: InOutFactors) -> Reflectance:
+    """As many terms of a part, of a texture's two parts each, on maps of `_FINE_MAPS` texels."""
+    if not isinstance(part, Tinted):
+        return factor(part, terms=factors.direct, map_size=_FINE_MAPS)
+    counts = (factors.tinted, factors.direct - factors.tinted)
+    halves = zip((part.tinted, part.plain), counts, strict=True)
+    return Tinted(*(factor(half, terms=count, map_size=_FINE_MAPS) for half, count in halves))
 
 
 def _vectors(
@@ -268,7 +284,7 @@ def _vectors(
             tuples[0, s, k] = vectors[k].astype(np.float64) @ light
             tuples[1, s, k] = vectors[k][place].astype(np.float64) @ light[place]
             tuples[2, s, k] = transport.vector(v, k)[place] @ light[place]
-    h = view_values(factors, seen.wo)[:, :terms]
+    h = _tinted(view_values(factors, seen.wo), factors, seen)[:, :terms]
     whole, cut, stored = (np.einsum("skc,skc->sc", h, each) for each in tuples)
     return whole, cut, stored
 

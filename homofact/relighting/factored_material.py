@@ -6,14 +6,16 @@ vertex one bit per texel, and the factors are those of the rest. Their number th
 the light of the whole material.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.tinted import Tinted
 from homofact.errors import BadInput
 from homofact.relighting.decomposition import decompositions
 from homofact.relighting.factoring import MAP_SIZE, SHARE, check_channels, factor, factors_of_sizes
 from homofact.relighting.factors import InOutFactors
-from homofact.relighting.lobe_table import LobeTable, Rest, lobe_table
+from homofact.relighting.lobe_table import LobeTable, Rest, lobe_table, without_lobe
 from homofact.rendering.light import EnvironmentMap
 
 AUTO, SEPARATE, FACTORED = "auto", "separate", "factored"
@@ -34,7 +36,7 @@ class FactoredMaterial:
 
     def part(self, reflectance: Reflectance) -> Reflectance:
         """What the factors are of, the material being `reflectance`."""
-        return reflectance if self.lobe is None else Rest(reflectance, self.lobe)
+        return reflectance if self.lobe is None else without_lobe(reflectance, self.lobe)
 
 
 def factored(
@@ -50,7 +52,8 @@ def factored(
 
     `terms`, `share`, `error`, `map_size` and `light` are those of `factoring.factor`. Where `terms` or a `share` are
     given a lobe is separate only if that is asked for. The rest has the rule `error`, `ERROR` where it is not given,
-    unless there are `terms`. Raises BadInput as `factor`, for another `lobe`, and for a `share` with a separate lobe.
+    unless there are `terms`. A material with a texture has the factors of its two parts, `terms` of each. Raises
+    BadInput as `factor`, for another `lobe`, and for a `share` with a separate lobe.
     """
     if lobe not in LOBES:
         raise BadInput(where="lobe", found=repr(lobe), expected=f"one of {', '.join(LOBES)}")
@@ -60,8 +63,41 @@ def factored(
         found = factor(reflectance, terms, SHARE if share is None else share, map_size, error, light)
         given = terms is not None or share is not None
         if lobe == FACTORED or given or found.terms <= MOST_SHARED:
-            return FactoredMaterial(found)
-    return separated(reflectance, (map_size,), terms, error, light)[0]
+            whole = FactoredMaterial(found)
+            return (
+                in_parts(reflectance, whole, terms, share, error, light) if isinstance(reflectance, Tinted) else whole
+            )
+    whole = separated(reflectance, (map_size,), terms, error, light)[0]
+    return in_parts(reflectance, whole, terms, None, error, light) if isinstance(reflectance, Tinted) else whole
+
+
+def in_parts(
+    reflectance: Tinted,
+    whole: FactoredMaterial,
+    terms: int | None = None,
+    share: float | None = None,
+    error: float | None = None,
+    light: EnvironmentMap | None = None,
+) -> FactoredMaterial:
+    """The factors of a material with a texture: of each of its parts by the rule that made those of the `whole`."""
+    lobe, size = whole.lobe, whole.factors.view.shape[1]
+    rest = reflectance if lobe is None else without_lobe(reflectance, lobe)
+    assert isinstance(rest, Tinted)
+    if lobe is not None and terms is None and error is None:
+        error = ERROR
+    found = []
+    for part in (rest.tinted, rest.plain):
+        if error is None:
+            made = factor(part, terms, SHARE if share is None else share, size, light=light)
+        else:
+            # Errors of the two add up in squares.
+            own = factors_of_sizes(part, (size,), error=error / math.sqrt(2), light=light, whole=whole.factors.energy)
+            made = own[0] if lobe is None else own[0].first(MOST_REST)
+        found.append(made)
+    both, energy = found[0].with_plain(found[1]), whole.factors.energy
+    # What the parts' terms leave out adds up; what they hold of their own products is nobody's strength.
+    lost = sum(each.energy - each.beside - float(each.strength.sum()) for each in found)
+    return FactoredMaterial(replace(both, energy=energy, beside=energy - lost - float(both.strength.sum())), lobe)
 
 
 def separated(

@@ -13,6 +13,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.tinted import Tinted
 from homofact.geometry.parabolic import to_disc
 
 
@@ -22,7 +24,8 @@ class InOutFactors:
 
     The last `bounced` terms are not of f but of light between surfaces (`interreflection`). `strength` (K,) is each
     term's part of `energy`, the expected Σ_c B² cosθo dωo of the light B that natural light, or the light that `factor`
-    was given, sends back; `beside` is the part of it that a separate lobe takes, which may be below 0. Texel (i, j)
+    was given, sends back; `beside` is the part of it that a separate lobe takes, which may be below 0. The first
+    `tinted` terms, and those between surfaces where there are such, count times the tint of a texture. Texel (i, j)
     lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
     """
 
@@ -33,6 +36,7 @@ class InOutFactors:
     channels: tuple[str, ...]
     beside: float = 0.0
     bounced: int = 0
+    tinted: int = 0
 
     @property
     def terms(self) -> int:
@@ -43,6 +47,19 @@ class InOutFactors:
     def direct(self) -> int:
         """How many are the terms of f."""
         return self.terms - self.bounced
+
+    @property
+    def tinted_terms(self) -> np.ndarray:
+        """Which terms (K,) count times the tint of a texture."""
+        place = np.arange(self.terms)
+        return (place < self.tinted) | ((self.tinted > 0) & (place >= self.direct))
+
+    @property
+    def in_parts(self) -> Reflectance:
+        """The maps as a reflectance: of a material with a texture, in two parts."""
+        if not self.tinted:
+            return self
+        return Tinted(*(self.chosen(np.flatnonzero(own)) for own in (self.tinted_terms, ~self.tinted_terms)))
 
     @property
     def share(self) -> float:
@@ -78,6 +95,23 @@ class InOutFactors:
         """The strongest `terms` alone."""
         return replace(self, light=self.light[:terms], view=self.view[:terms], strength=self.strength[:terms])
 
+    def chosen(self, places: np.ndarray) -> "InOutFactors":
+        """Those terms alone, as terms of f that no texture tints."""
+        own = {name: getattr(self, name)[places] for name in ("light", "view", "strength")}
+        return replace(self, **own, bounced=0, tinted=0)
+
+    def with_plain(self, plain: "InOutFactors") -> "InOutFactors":
+        """These terms, which a texture tints, and then others that none does; the energy is that of both."""
+        return InOutFactors(
+            np.concatenate((self.light, plain.light)),
+            np.concatenate((_widened(self.view), _widened(plain.view))),
+            np.concatenate((self.strength, plain.strength)),
+            self.energy,
+            self.channels if len(self.channels) == 3 else ("R", "G", "B"),
+            self.beside,
+            tinted=self.terms,
+        )
+
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """Values (N, C) of the maps in sr⁻¹, negative ones included; 0 under the horizon."""
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
@@ -85,6 +119,10 @@ class InOutFactors:
         h = look_up(torch.from_numpy(self.packed_view).flatten(2).double(), wo.double())
         values = torch.einsum("nk,nkc->nc", g, h.reshape(len(h), self.terms, -1))
         return torch.where(above[:, None], values, 0.0).to(wi)
+
+
+def _widened(view: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(view, (*view.shape[:3], 3))
 
 
 def texel_points(size: int) -> Tensor:

@@ -10,20 +10,26 @@ from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.interreflection import spread_suns
 from homofact.relighting.lobe import SeparateLobe, SurfacePoints
 from homofact.relighting.lobe_light import LightCells
+from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.relight import Light, Relit, light_coefficients, light_cube, shaded
 from homofact.relighting.sunlight import Sunlight
+from homofact.scene.tint import SurfaceTint
 
 
 @dataclass(frozen=True)
 class LitObject:
-    """The K-tuples (V, K, 3) of an object's vertices, the light's `cells` for a separate `lobe`, and its suns."""
+    """The K-tuples (V, K, 3) of an object's vertices, the light's `cells` for a separate `lobe`, and its suns.
+
+    `tint` is what a base-colour texture makes of its material.
+    """
 
     transport: WaveletTransport
     tuples: np.ndarray
     lobe: SeparateLobe | None = None
     cells: LightCells | None = None
     sunlight: Sunlight | None = None
+    tint: SurfaceTint | None = None
 
     @classmethod
     def of(
@@ -33,6 +39,7 @@ class LitObject:
         lobe: SeparateLobe | None,
         light: Light,
         sunlight: Sunlight | None = None,
+        tint: SurfaceTint | None = None,
     ) -> "LitObject":
         """Under a light, by the compact form where there is one, and suns. Raises BadInput for no light."""
         cells = None if lobe is None else LightCells.of(light_cube(light, transport.settings.cube))
@@ -40,32 +47,52 @@ class LitObject:
         if bounced and sunlight is not None:
             spread = spread_suns(sunlight.suns, transport.settings.cube)
             tuples[:, -bounced:] += lit_tuples(transport, compact, spread)[:, -bounced:]
-        return cls(transport, tuples, lobe, cells, sunlight)
+        return cls(transport, tuples, lobe, cells, sunlight, tint)
 
     def terms(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
         """Radiance (V, 3) float32 of the vertices towards a point `eye` (3,), by the in-out factors alone."""
-        return shaded(self.transport, self.tuples, eye)
+        if self.tint is None:
+            return shaded(self.transport, self.tuples, eye)
+        plain, tinted = self._parts(eye)
+        return (plain + tinted * self.tint.at_vertices).astype(np.float32)
+
+    def terms_at(self, points: SurfacePoints, eye: Sequence[float] | np.ndarray) -> np.ndarray:
+        """The same (S, 3) float64 mixed at points between vertices, with the texture's own colour there."""
+        if self.tint is None:
+            return points.mixed(shaded(self.transport, self.tuples, eye).astype(np.float64))
+        plain, tinted = (points.mixed(each.astype(np.float64)) for each in self._parts(eye))
+        return plain + tinted * self.tint.between(points.corners, points.shares)
+
+    def _parts(self, eye: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Radiance (V, 3) twice: of the terms that no texture tints, and of those that it does, where its tint is 1."""
+        tinted = self.transport.factors.tinted_terms
+        return tuple(shaded(self.transport, self.tuples, eye, np.flatnonzero(own)) for own in (~tinted, tinted))
 
     def lobe_at(self, points: SurfacePoints) -> np.ndarray:
         """Radiance (S, 3) of the separate lobe; 0 where none does."""
         if self.lobe is None or self.cells is None:
             return np.zeros((len(points.frames), 3), np.float32)
-        return self.lobe.at(points, self.cells)
+        return self.lobe.at(points, self.cells) * self._under(self.lobe.table, points)
+
+    def _under(self, table: LobeTable, points: SurfacePoints) -> np.ndarray | float:
+        """What the texture multiplies a table's light by."""
+        return 1.0 if self.tint is None else table.under(self.tint.between(points.corners, points.shares), points.wo)
 
     def suns_at(self, points: SurfacePoints, seen: np.ndarray | None = None) -> np.ndarray:
         """Radiance (S, 3) by suns of which points see the parts `seen` (S, Q), mixed of the vertices' unless given."""
         if self.sunlight is None:
             return np.zeros((len(points.frames), 3))
-        return self.sunlight.at(points, points.mixed(self.sunlight.seen) if seen is None else seen)
+        tint = None if self.tint is None else self.tint.between(points.corners, points.shares)
+        return self.sunlight.at(points, points.mixed(self.sunlight.seen) if seen is None else seen, tint)
 
     def shade(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
         """Radiance (V, 3) float32 of the vertices towards a point `eye` (3,); negative residues stay in it."""
         found = self.terms(eye)
-        if self.lobe is not None and self.cells is not None:
-            found += self.lobe.at_vertices(self.transport.positions, self.transport.frames, eye, self.cells)
-        if self.sunlight is not None:
-            lit = self.sunlight.at_vertices(self.transport.positions, self.transport.frames, eye)
-            found += lit.astype(np.float32)
+        if self.lobe is None and self.sunlight is None:
+            return found
+        points = SurfacePoints.all_vertices(self.transport.positions, self.transport.frames, eye)
+        found += self.lobe_at(points)
+        found += self.suns_at(points, None if self.sunlight is None else self.sunlight.seen).astype(np.float32)
         return found
 
     def between(
@@ -75,8 +102,7 @@ class LitObject:
 
         `seen` is as in `suns_at`.
         """
-        terms = points.mixed(self.terms(eye).astype(np.float64))
-        return terms + self.lobe_at(points) + self.suns_at(points, seen)
+        return self.terms_at(points, eye) + self.lobe_at(points) + self.suns_at(points, seen)
 
 
 def lit_tuples(transport: WaveletTransport, compact: Clustered | Harmonic | None, light: Light) -> np.ndarray:

@@ -36,6 +36,15 @@ class SurfacePoints:
         corners = np.repeat(which[:, None], 3, 1)
         return cls(frames, wo, corners, np.broadcast_to(np.array([1.0, 0.0, 0.0]), corners.shape))
 
+    @classmethod
+    def all_vertices(
+        cls, positions: np.ndarray, frames: np.ndarray, eye: Sequence[float] | np.ndarray
+    ) -> "SurfacePoints":
+        """All vertices, with their `frames` (V, 3, 3), seen from a point `eye` (3,). Raises BadInput for no point."""
+        towards = checked_eye(eye) - positions
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        return cls.at_vertices(frames, np.einsum("vij,vj->vi", frames, towards), np.arange(len(positions)))
+
     def only(self, which: np.ndarray) -> "SurfacePoints":
         """Those numbered."""
         return SurfacePoints(self.frames[which], self.wo[which], self.corners[which], self.shares[which])
@@ -82,10 +91,7 @@ class SeparateLobe:
         self, positions: np.ndarray, frames: np.ndarray, eye: Sequence[float] | np.ndarray, cells: LightCells
     ) -> np.ndarray:
         """Radiance (V, 3) float32 of all vertices towards a point `eye` (3,). Raises BadInput for no point."""
-        towards = checked_eye(eye) - positions
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        wo = np.einsum("vij,vj->vi", frames, towards)
-        return self.at(SurfacePoints.at_vertices(frames, wo, np.arange(len(positions))), cells)
+        return self.at(SurfacePoints.all_vertices(positions, frames, eye), cells)
 
 
 def checked_eye(eye: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -20,8 +20,8 @@ f cosθo alone. A broad grid would round off the end of cosθi at the horizon; t
 """
 
 import math
-from dataclasses import dataclass
-from typing import cast
+from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -30,6 +30,7 @@ from torch import Tensor
 from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.symmetry import find_symmetry
+from homofact.brdf.tinted import Tinted
 from homofact.geometry.directions import from_spherical
 
 STEEPEST = math.radians(89.7)
@@ -50,7 +51,9 @@ _HALF_VIEW, _HALF_AZIMUTHS = 0.5, 8
 class LobeTable:
     """T as `values` (levels, turns, N, N, 3) float32 in sr⁻¹; `width` is w; φo has the `period` in radians.
 
-    `cosine` says whether cosθi is in T. A `Reflectance` of three channels: the lobe.
+    `cosine` says whether cosθi is in T; `tinted` (levels, 3) float32 which part of each channel the base colour of a
+    texture multiplies, linear between the nodes of θo; None where there is no texture. A `Reflectance` of three
+    channels: the lobe.
     """
 
     values: np.ndarray
@@ -58,6 +61,7 @@ class LobeTable:
     period: float
     channels: tuple[str, ...] = ("R", "G", "B")
     cosine: bool = True
+    tinted: np.ndarray | None = None
 
     @property
     def turns(self) -> int:
@@ -79,9 +83,29 @@ class LobeTable:
         """Of the lobe, where it has fallen to half of its height: a slope of the half vector."""
         return self.width / _WIDTHS
 
-    def record(self) -> dict[str, float | bool]:
+    @property
+    def in_parts(self) -> Reflectance:
+        """The table as a reflectance: in two parts where there is a texture."""
+        return self if self.tinted is None else Tinted(self.times(self.tinted), self.times(1 - self.tinted))
+
+    def times(self, parts: np.ndarray) -> "LobeTable":
+        """The table with the channels times numbers (levels, 3), without a texture."""
+        return replace(self, values=self.values * parts[:, None, None, None].astype(np.float32), tinted=None)
+
+    def under(self, tint: np.ndarray, wo: np.ndarray) -> np.ndarray:
+        """What its light is multiplied by (S, 3) towards views (S, 3), at points of such tints (S, 3)."""
+        if self.tinted is None:
+            return np.ones_like(tint)
+        levels = len(self.tinted)
+        level = _level_of(torch.acos(torch.from_numpy(wo[:, 2]).double().clamp(0, 1)), levels).clamp(0, levels - 1)
+        at, nodes = level.numpy(), np.arange(levels)
+        part = np.stack([np.interp(at, nodes, self.tinted[:, c]) for c in range(3)], 1)
+        return 1 + part * (tint - 1)
+
+    def record(self) -> dict[str, Any]:
         """Its numbers, beside the values."""
-        return {"width": self.width, "period": self.period, "cosine": self.cosine}
+        tinted = None if self.tinted is None else self.tinted.tolist()
+        return {"width": self.width, "period": self.period, "cosine": self.cosine, "tinted": tinted}
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
@@ -133,23 +157,44 @@ class Rest(Derived):
         return self.base.evaluate(wi, wo).double().expand(-1, 3) - self.lobe.evaluate(wi, wo)
 
 
+def without_lobe(reflectance: Reflectance, lobe: LobeTable) -> Reflectance:
+    """What a reflectance is without a lobe; of a material with a texture each part without its part of the lobe."""
+    if not isinstance(reflectance, Tinted):
+        return Rest(reflectance, lobe)
+    assert lobe.tinted is not None
+    of_tinted, of_plain = lobe.times(lobe.tinted), lobe.times(1 - lobe.tinted)
+    return Tinted(Rest(reflectance.tinted, of_tinted), Rest(reflectance.plain, of_plain))
+
+
 def lobe_table(reflectance: Reflectance) -> LobeTable:
     """The lobe of a reflectance of 1 or 3 channels."""
-    return _tabulated(reflectance, _WIDTHS * half_width(reflectance), lobe=True)
+    table = _tabulated(reflectance, _WIDTHS * half_width(reflectance), lobe=True)
+    return (
+        replace(table, tinted=_tinted_parts(reflectance, len(table.values)))
+        if isinstance(reflectance, Tinted)
+        else table
+    )
 
 
 def sun_tables(reflectance: Reflectance, lobe: LobeTable | None = None) -> tuple[LobeTable, ...]:
     """Tables that add up to all of a reflectance of 1 or 3 channels: one, or of a sharp lobe two.
 
-    `lobe` is its lobe, where that is known.
+    Of a material with a texture one more, since its parts have tables of their own. `lobe` is its lobe, where that is
+    known.
     """
+    broad = lobe is None and _WIDTHS * half_width(reflectance) > _BROAD
+    if not broad and lobe is None:
+        lobe = lobe_table(reflectance)
+    rest = reflectance if lobe is None else without_lobe(reflectance, lobe)
+    parts = [(rest.tinted, 1.0), (rest.plain, 0.0)] if isinstance(rest, Tinted) else [(rest, 0.0)]
     if lobe is None:
-        width = _WIDTHS * half_width(reflectance)
-        if width > _BROAD:
-            return (_small_table(reflectance, width),)
-        lobe = _tabulated(reflectance, width, lobe=True)
-    # As fine as the lobe's: what that misses between its nodes would fill the cells of a coarser grid.
-    return lobe, _tabulated(Rest(reflectance, lobe), _WIDTHS, lobe=False)
+        made = [(_small_table(part, _WIDTHS * half_width(part)), tinted) for part, tinted in parts]
+    else:
+        # As fine as the lobe's: what that misses between its nodes would fill the cells of a coarser grid.
+        made = [(_tabulated(part, _WIDTHS, lobe=False), tinted) for part, tinted in parts]
+    if isinstance(rest, Tinted):
+        made = [(replace(each, tinted=np.full((len(each.values), 3), part, np.float32)), part) for each, part in made]
+    return (*(() if lobe is None else (lobe,)), *(each for each, _ in made))
 
 
 def _small_table(reflectance: Reflectance, width: float) -> LobeTable:
@@ -178,7 +223,7 @@ def _tabulated(
     u = torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)
     rim = u.norm(dim=-1, keepdim=True)
     slope = u / rim.clamp_min(1e-12) * (width * rim.clamp_max(_RIM) / (1 - rim.clamp_max(_RIM)))
-    theta = STEEPEST * (1 - (1 - torch.linspace(0, 1, levels, dtype=torch.float64)) ** 2)
+    theta = _angles(levels)
     values = torch.zeros(levels, turns, nodes, nodes, 3, dtype=torch.float64)
     for level, angle in enumerate(theta.tolist()):
         wo = from_spherical(*torch.tensor([angle, 0.0], dtype=torch.float64))
@@ -207,6 +252,27 @@ def half_width(reflectance: Reflectance) -> float:
         below = (f - f.min() < (f[0] - f.min()) / 2).nonzero()
         found.append(float(_SLOPES[int(below[0, 0])]) if len(below) else 1.0)
     return min(found)
+
+
+def _tinted_parts(reflectance: Tinted, levels: int) -> np.ndarray:
+    """Of the lobe's height above the least f the part (levels, 3) of the tinted part, at every node of θo."""
+    found = np.zeros((levels, 3), np.float32)
+    for level, theta in enumerate(_angles(levels).tolist()):
+        wo = from_spherical(*torch.tensor([theta, 0.0], dtype=torch.float64))
+        # Across the plane of incidence, where the light stays above the horizon longest.
+        wi = _mirrored(_SLOPES[:, None] * torch.tensor([0.0, 1.0], dtype=torch.float64), wo)
+        wi = wi[wi[:, 2] > 0]
+        heights = []
+        for part in (reflectance.tinted, reflectance.plain):
+            f = part.evaluate(wi, wo.expand_as(wi)).double().expand(-1, 3)
+            heights.append((f[0] - f.amin(0)).clamp_min(0))
+        found[level] = (heights[0] / (heights[0] + heights[1]).clamp_min(1e-300)).numpy()
+    return found
+
+
+def _angles(levels: int) -> Tensor:
+    """θo of the nodes."""
+    return STEEPEST * (1 - (1 - torch.linspace(0, 1, levels, dtype=torch.float64)) ** 2)
 
 
 def _level_of(theta: Tensor, levels: int) -> Tensor:

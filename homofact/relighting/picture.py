@@ -38,7 +38,8 @@ def picture(
     """(radiance (H, W, 3) float64, the part of each pixel that objects cover (H, W)).
 
     `colours` are the vertices' radiance (V, 3) towards the camera; `occluder` holds the meshes in this order. The lobes
-    and the suns of the objects that are `lit`, in this order too, are added pixel by pixel. A level plane ends softly.
+    and the suns of the objects that are `lit`, in this order too, are added pixel by pixel, and textures are read at
+    each of its rays. A level plane ends softly.
     """
     w = camera.rays(_RAYS)
     shape = w.shape[:3]
@@ -58,8 +59,10 @@ def picture(
         rays = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
         own, shares = triangle[rays] - first, weights[rays]
         first += len(mesh.triangles)
-        if lit and (lit[number].lobe is not None or suns):
+        if lit and (lit[number].lobe is not None or lit[number].tint is not None or suns):
             points = surface_points(mesh, own, shares, -flat[rays])
+            if lit[number].tint is not None:
+                found[rays] = lit[number].terms_at(points, camera.eye)
             if lit[number].lobe is not None:
                 found[rays] += _lobe(lit[number], points, rays, shape[2])
             if suns:

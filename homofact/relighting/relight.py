@@ -62,15 +62,23 @@ def light_coefficients(light: Light, size: int) -> np.ndarray:
     return _transformed(light_cube(light, size))
 
 
-def shaded(transport: WaveletTransport, tuples: np.ndarray, eye: Sequence[float] | np.ndarray) -> np.ndarray:
+def shaded(
+    transport: WaveletTransport,
+    tuples: np.ndarray,
+    eye: Sequence[float] | np.ndarray,
+    terms: np.ndarray | None = None,
+) -> np.ndarray:
     """Radiance (V, 3) float32 towards a point `eye` (3,) of K-tuples (V, K, 3); negative residues stay in it.
 
-    0 where a vertex is seen from behind. Raises BadInput for an eye that is no point.
+    0 where a vertex is seen from behind. `terms` numbers those that count, all unless given. Raises BadInput for an
+    eye that is no point.
     """
     point = checked_eye(eye)
     out = np.empty((transport.vertices, 3), np.float32)
-    lit = np.ascontiguousarray(tuples, np.float32)
     maps = transport.factors.packed_view
+    if terms is not None:
+        tuples, maps = tuples[:, terms], np.ascontiguousarray(maps[:, :, terms])
+    lit = np.ascontiguousarray(tuples, np.float32)
     shade_all(transport.positions, transport.frames, point.astype(np.float32), maps, lit, out)
     return out
 

@@ -147,6 +147,8 @@ def save_scene(file: Path, scene: RelightResult) -> None:
         if each.sunlight is not None:
             own |= {f"sun_values_{k}": table.values for k, table in enumerate(each.sunlight.tables)}
             own["sun_seen"] = each.sunlight.seen
+        if each.tint is not None:
+            own |= {"tints": each.tint.tints, "uv": each.tint.uv}
         arrays |= {f"object_{number}_{name}": array for name, array in own.items()}
         entries.append(
             {
@@ -156,6 +158,7 @@ def save_scene(file: Path, scene: RelightResult) -> None:
                 "energy": factors.energy,
                 "beside": factors.beside,
                 "bounced": factors.bounced,
+                "tinted": factors.tinted,
                 "lobe": None if each.lobe is None else each.lobe.table.record(),
                 "sun_tables": [] if each.sunlight is None else [table.record() for table in each.sunlight.tables],
                 "compact": "harmonic" if isinstance(each.compact, Harmonic) else each.compact is not None,

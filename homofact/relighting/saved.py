@@ -26,11 +26,12 @@ from homofact.relighting.precompute import TransportSettings, WaveletTransport
 from homofact.relighting.sunlight import MOST_SUNS, Sun, Sunlight
 from homofact.rendering.light import LEAST_LIGHT, MOST_LIGHT
 from homofact.scene.cameras import Camera
+from homofact.scene.tint import SurfaceTint
 
 VECTORS = ("start", "index", "number", "scale")
 FACTORS = ("light", "view", "strength")
 # Objects, cameras; lengths, scales and maps of which products of four stay finite in float32.
-_MOST_OBJECTS, _MOST_CAMERAS, _MOST_TABLES, _MOST = 10_000, 1000, 2, 1e9
+_MOST_OBJECTS, _MOST_CAMERAS, _MOST_TABLES, _MOST = 10_000, 1000, 3, 1e9
 _UNIT = 1.0 + 1e-3
 
 
@@ -85,14 +86,20 @@ def read_object(arrays: Arrays, number: int, entry: Fields, suns: tuple[Sun, ...
     strength = part.floats("factors_strength", (terms,), least=0.0, dtype=np.float64)
     energy, beside = entry.number("energy", above=0), entry.number("beside")
     bounced = entry.whole("bounced", 0, terms) if "bounced" in entry.found else 0
-    factors = InOutFactors(light, view, strength, energy, channels, beside, bounced)
+    tinted = entry.whole("tinted", 0, terms - bounced) if "tinted" in entry.found else 0
+    factors = InOutFactors(light, view, strength, energy, channels, beside, bounced, tinted)
     mesh = _mesh(part, entry.text("name"))
     count = len(mesh.positions)
     positions, rows = mesh.positions.astype(np.float32), part.rotations("frames", count)
     made = WaveletTransport(positions, rows, factors, settings, *_vectors(part, count * terms, settings))
     lobe = _lobe(part, entry, made) if entry.found.get("lobe") is not None else None
     lit = _sunlight(part, entry, suns, count) if suns else None
-    return RelitObject(mesh, entry.text("material"), made, _compact(part, entry, made), lobe=lobe, sunlight=lit)
+    tint = None
+    if tinted:
+        texture = part.floats("tints", (None, None, 3), least=0.0)
+        tint = SurfaceTint(texture, part.floats("uv", (count, 2), MOST_VALUE, dtype=np.float64))
+    compact = _compact(part, entry, made)
+    return RelitObject(mesh, entry.text("material"), made, compact, lobe=lobe, sunlight=lit, tint=tint)
 
 
 def read_suns(fields: Fields) -> tuple[Sun, ...]:
@@ -215,7 +222,13 @@ def _table(part: Part, name: str, numbers: Fields) -> LobeTable:
     if min(levels, rows) < 2 or turns < 1 or rows != columns:
         raise part.refuse(name, f"is of shape {values.shape}", "square grids of two nodes or more")
     width, period = numbers.number("width", above=0), numbers.number("period", above=0)
-    return LobeTable(values, width, period, cosine=numbers.flag("cosine") if "cosine" in numbers.found else True)
+    cosine = numbers.flag("cosine") if "cosine" in numbers.found else True
+    tinted = None
+    if numbers.found.get("tinted") is not None:
+        tinted = np.array(numbers.rows("tinted", levels, 3), np.float32)
+        if tinted.min() < 0 or tinted.max() > 1:
+            numbers.refuse("tinted", "numbers from 0 to 1")
+    return LobeTable(values, width, period, cosine=cosine, tinted=tinted)
 
 
 def _sunlight(part: Part, entry: Fields, suns: tuple[Sun, ...], count: int) -> Sunlight:

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.tinted import values_under
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
@@ -21,6 +22,7 @@ from homofact.relighting.lobe import SurfacePoints
 from homofact.relighting.sunlight import LitPoints, Sun, summed
 from homofact.relighting.tracer import Tracer
 from homofact.scene.cameras import Camera
+from homofact.scene.tint import SurfaceTint
 
 RIM = 0.2  # the rim is where cosθo is below this: 4% of a sphere's picture
 
@@ -30,7 +32,7 @@ class SeenVertices:
     """Vertices that an eye sees, with what their light is summed from.
 
     `weights` (S,) are their parts of the picture, alike unless given; `view` (S, 3) is the view in their frames,
-    where it is not the eye's.
+    where it is not the eye's; `tints` (V, 3) are those of a texture at all vertices of the mesh.
     """
 
     mesh: Mesh
@@ -40,6 +42,7 @@ class SeenVertices:
     which: np.ndarray
     weights: np.ndarray | None = None
     view: np.ndarray | None = None
+    tints: np.ndarray | None = None
     rows: np.ndarray = field(init=False)
     wo: np.ndarray = field(init=False)
 
@@ -66,14 +69,20 @@ class SeenVertices:
             kept = wi[:, 2] > 0
             wi = torch.from_numpy(wi[kept])
             wo = torch.from_numpy(self.wo[s]).expand(len(wi), 3)
-            values = asked.evaluate(wi, wo).double().numpy() * wi[:, 2:].numpy()
+            tint = None if self.tints is None else torch.from_numpy(self.tints[v])
+            values = values_under(asked, tint, wi, wo).double().numpy() * wi[:, 2:].numpy()
             found[s] = (values * flux[lit[kept]]).sum(0)
         return found
 
     def sunlit(self, suns: Sequence[Sun]) -> np.ndarray:
         """The light of suns (S, 3), by the reflectance itself at many directions of each disc."""
         origins = self.mesh.positions[self.which] + self.occluder.offset * self.rows[:, 2]
-        return summed(self.reflectance, suns, LitPoints(origins, self.rows), self.wo, self.occluder)
+        return summed(self.reflectance, suns, LitPoints(origins, self.rows), self.wo, self.occluder, self.tint)
+
+    @property
+    def tint(self) -> np.ndarray | None:
+        """Of the vertices (S, 3)."""
+        return None if self.tints is None else self.tints[self.which]
 
 
 def seen_vertices(
@@ -84,11 +93,13 @@ def seen_vertices(
     most: int | None,
     seed: int = 0,
     rim: bool = False,
+    tint: SurfaceTint | None = None,
 ) -> SeenVertices:
     """So many vertices that face the eye and that nothing hides from it, drawn by the seed in proportion to their area.
 
     One that takes much of the picture may be drawn several times. All of them, weighted, where `most` is None; with
-    `rim` those of the rim alone. Raises BadInput where the eye sees none.
+    `rim` those of the rim alone. `tint` is what a texture makes of the reflectance. Raises BadInput where the eye sees
+    none.
     """
     point = np.asarray(eye, np.float64)
     towards = point - mesh.positions
@@ -100,9 +111,10 @@ def seen_vertices(
     open_ = facing[~occluder.blocked(start, towards[facing])]
     if not len(open_):
         raise BadInput(f"no vertex is seen from {tuple(point.tolist())}", where=mesh.name, expected="another eye")
-    if most is None:
-        return SeenVertices(mesh, reflectance, occluder, point, open_, area[open_])
-    return SeenVertices(mesh, reflectance, occluder, point, open_[_drawn(area[open_], most, seed)])
+    weights = area[open_] if most is None else None
+    which = open_ if most is None else open_[_drawn(area[open_], most, seed)]
+    tints = None if tint is None else tint.at_vertices
+    return SeenVertices(mesh, reflectance, occluder, point, which, weights, tints=tints)
 
 
 def vertex_areas(mesh: Mesh, eye: np.ndarray) -> np.ndarray:
@@ -134,7 +146,7 @@ class SeenPixels:
 
 def seen_pixels(
     meshes: Sequence[Mesh], number: int, reflectance: Reflectance, occluder: Occluder, camera: Camera, most: int | None,
-    seed: int = 0,
+    seed: int = 0, tint: SurfaceTint | None = None,
 ) -> SeenPixels:  # fmt: skip
     """The camera's pixels that see a mesh, so many or all: `number` of the `meshes` of the occluder, in order.
 
@@ -156,7 +168,8 @@ def seen_pixels(
         kept = kept[_drawn(np.ones(len(kept)), min(most, len(kept)), seed)]
     positions = (mesh.positions[corners[kept]] * shares[kept]).sum(1)
     points = replace(mesh, positions=positions, normals=normals[kept], triangles=mesh.triangles[:0])
-    seen = SeenVertices(points, reflectance, occluder, eye, np.arange(len(kept)))
+    tints = None if tint is None else tint.between(corners[kept], shares[kept, :, 0])
+    seen = SeenVertices(points, reflectance, occluder, eye, np.arange(len(kept)), tints=tints)
     return SeenPixels(seen, SurfacePoints(seen.rows, seen.wo, corners[kept], shares[kept, :, 0]), own[kept])
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.tinted import values_under
 from homofact.geometry.directions import normalize
 from homofact.geometry.quadrature import hemisphere_nodes
 from homofact.meshes.mesh import Mesh
@@ -23,6 +24,7 @@ from homofact.relighting.interreflection import widened
 from homofact.relighting.seen import SeenVertices
 from homofact.relighting.sunlight import LitPoints, Sun
 from homofact.rendering.light import EnvironmentMap
+from homofact.scene.tint import SurfaceTint
 
 # Rings and spokes of directions to surfaces, fewer where there are many points; texels along a face of the sky.
 NODES, FEW_NODES, INNER = 24, 10, 8
@@ -32,12 +34,13 @@ _LEAST_COSINE = 0.01
 
 @dataclass(frozen=True)
 class SendingSurfaces:
-    """Meshes in the occluder's order, each of its reflectance, under `suns` and any sky."""
+    """Meshes in the occluder's order, each of its reflectance and with its texture's tint, under `suns` and any sky."""
 
     meshes: Sequence[Mesh]
     reflectances: Sequence[Reflectance]
     occluder: Occluder
     suns: Sequence[Sun] = ()
+    tints: Sequence[SurfaceTint | None] | None = None
 
     def bounced(self, seen: SeenVertices, light: EnvironmentMap, nodes: int = NODES, inner: int = INNER) -> np.ndarray:
         """Radiance (S, 3) towards the eye of light that reaches the points by way of one other surface."""
@@ -55,7 +58,9 @@ class SendingSurfaces:
             if not len(met):
                 continue
             sent = self._sent(triangle[met], weights[met], -w[met], *lights)
-            f = seen.reflectance.evaluate(wi[met], normalize(wo[None]).expand(len(met), 3)).double().numpy()
+            tint = None if seen.tints is None else torch.from_numpy(seen.tints[v])
+            pairs = wi[met], normalize(wo[None]).expand(len(met), 3)
+            f = values_under(seen.reflectance, tint, *pairs).double().numpy()
             found[s] = (f * sent * (wi[met, 2] * solid[met]).numpy()[:, None]).sum(0)
         return found
 
@@ -64,7 +69,8 @@ class SendingSurfaces:
     ) -> np.ndarray:
         """Radiance (H, 3) of points on triangles towards `back` (H, 3), by lights of `flux` (L, 3) from `w` (L, 3)."""
         found, first = np.zeros((len(triangle), 3)), 0
-        for mesh, reflectance in zip(self.meshes, self.reflectances, strict=True):
+        tints = [None] * len(self.meshes) if self.tints is None else self.tints
+        for mesh, reflectance, texture in zip(self.meshes, self.reflectances, tints, strict=True):
             own = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
             corners, shares = mesh.triangles[triangle[own] - first], weights[own, :, None]
             first += len(mesh.triangles)
@@ -77,7 +83,8 @@ class SendingSurfaces:
             positions = (mesh.positions[corners[facing]] * shares[facing]).sum(1)
             points = LitPoints(positions + self.occluder.offset * normals, frames(normals))
             view = np.einsum("hij,hj->hi", points.frames, back[own])
-            found[own] = self._lit(points, reflectance, view, w, flux)
+            tint = None if texture is None else texture.between(corners[facing], shares[facing, :, 0])
+            found[own] = self._lit(points, reflectance, tint, view, w, flux)
         return found
 
     def _lights(self, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -91,13 +98,20 @@ class SendingSurfaces:
         return np.concatenate(w), np.concatenate(flux)
 
     def _lit(
-        self, points: LitPoints, reflectance: Reflectance, view: np.ndarray, w: np.ndarray, flux: np.ndarray
+        self,
+        points: LitPoints,
+        reflectance: Reflectance,
+        tint: np.ndarray | None,
+        view: np.ndarray,
+        w: np.ndarray,
+        flux: np.ndarray,
     ) -> np.ndarray:
-        """The sum (H, 3) over the lights that points see, all of them at once."""
+        """The sum (H, 3) over the lights that points see, all of them at once; `tint` (H, 3) is that of a texture."""
         row, light = np.nonzero(points.frames[:, 2] @ w.T > 0)
         clear = ~self.occluder.blocked(points.origins[row], w[light])
         row, light = row[clear], light[clear]
         wi = np.einsum("sij,sj->si", points.frames[row], w[light])
-        f = reflectance.evaluate(torch.from_numpy(wi), torch.from_numpy(view[row])).double().numpy()
+        own = None if tint is None else torch.from_numpy(tint[row])
+        f = values_under(reflectance, own, torch.from_numpy(wi), torch.from_numpy(view[row])).double().numpy()
         sent = f * wi[:, 2:] * flux[light]
         return np.stack([np.bincount(row, sent[:, c], len(view)) for c in range(3)], 1)

@@ -19,10 +19,11 @@ import numpy as np
 import torch
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.tinted import values_under
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
-from homofact.relighting.lobe import SurfacePoints, checked_eye
+from homofact.relighting.lobe import SurfacePoints
 from homofact.relighting.lobe_table import LobeTable
 from homofact.scene.suns import SunTable
 from homofact.settings.options import option
@@ -150,45 +151,52 @@ class Sunlight:
         lobe = 2 * self.tables[0].half_width
         return min(max(math.ceil(math.pi * (sun.radius / lobe) ** 2), 1), MOST_DIRECTIONS)
 
-    def at(self, points: SurfacePoints, seen: np.ndarray) -> np.ndarray:
-        """Radiance (S, 3) of points that see the parts (S, Q) of the discs."""
+    def at(self, points: SurfacePoints, seen: np.ndarray, tint: np.ndarray | None = None) -> np.ndarray:
+        """Radiance (S, 3) of points that see the parts (S, Q) of the discs; `tint` (S, 3) is that of a texture."""
         found = np.zeros((len(seen), 3))
         for number, sun in enumerate(self.suns):
             rows = np.flatnonzero((seen[:, number] > 0) & (points.wo[:, 2] > 0))
             count, f = self.directions(sun), np.zeros((len(rows), 3))
-            for w in sun.directions(count) if count > 1 else (sun.direction,):
-                f += sum(reflected(table, w, points.frames[rows], points.wo[rows]) for table in self.tables)
+            for table in self.tables:
+                times = 1.0 if tint is None else table.under(tint[rows], points.wo[rows])
+                for w in sun.directions(count) if count > 1 else (sun.direction,):
+                    f += reflected(table, w, points.frames[rows], points.wo[rows]) * times
             found[rows] += f * seen[rows, number, None] * (sun.irradiance / count)
         return found
 
-    def at_vertices(self, positions: np.ndarray, rows: np.ndarray, eye: Sequence[float] | np.ndarray) -> np.ndarray:
-        """Radiance (V, 3) of all vertices, with frames `rows` (V, 3, 3), towards a point `eye` (3,).
 
-        Raises BadInput for no point.
-        """
-        towards = checked_eye(eye) - positions
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        wo = np.einsum("vij,vj->vi", rows, towards)
-        return self.at(SurfacePoints.at_vertices(rows, wo, np.arange(len(positions))), self.seen)
+def reflected(
+    reflectance: Reflectance, direction: np.ndarray, rows: np.ndarray, wo: np.ndarray, tint: np.ndarray | None = None
+) -> np.ndarray:
+    """f cosθi (S, 3) of light from a direction (3,) in the world towards views (S, 3) in frames `rows` (S, 3, 3).
 
-
-def reflected(reflectance: Reflectance, direction: np.ndarray, rows: np.ndarray, wo: np.ndarray) -> np.ndarray:
-    """f cosθi (S, 3) of light from a direction (3,) in the world towards views (S, 3) in frames `rows` (S, 3, 3)."""
+    `tint` (S, 3) is that of a texture.
+    """
     wi = rows @ direction
     if not len(wi):
         return np.zeros((0, 3))
-    f = reflectance.evaluate(torch.from_numpy(wi), torch.from_numpy(np.ascontiguousarray(wo, np.float64)))
+    pairs = torch.from_numpy(wi), torch.from_numpy(np.ascontiguousarray(wo, np.float64))
+    f = values_under(reflectance, None if tint is None else torch.from_numpy(tint), *pairs)
     return (f.double().numpy() * wi[:, 2:].clip(0)) * np.ones(3)
 
 
 def summed(
-    reflectance: Reflectance, suns: Sequence[Sun], points: LitPoints, wo: np.ndarray, occluder: Occluder
+    reflectance: Reflectance,
+    suns: Sequence[Sun],
+    points: LitPoints,
+    wo: np.ndarray,
+    occluder: Occluder,
+    tint: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The exact light (S, 3) of discs: the reflectance itself at `SAMPLES` directions of each, those that are seen."""
+    """The exact light (S, 3) of discs: the reflectance itself at `SAMPLES` directions of each, those that are seen.
+
+    `tint` (S, 3) is that of a texture.
+    """
     found = np.zeros((len(wo), 3))
     for sun in suns:
         for w in sun.directions(SAMPLES):
             lit = np.flatnonzero((points.frames[:, 2] @ w > 0) & (wo[:, 2] > 0))
             lit = lit[~occluder.blocked(points.origins[lit], np.broadcast_to(w, (len(lit), 3)))]
-            found[lit] += reflected(reflectance, w, points.frames[lit], wo[lit]) * sun.irradiance / SAMPLES
+            own = None if tint is None else tint[lit]
+            found[lit] += reflected(reflectance, w, points.frames[lit], wo[lit], own) * sun.irradiance / SAMPLES
     return found

@@ -67,7 +67,8 @@ def picture_likeness(
     seen = []
     for number, placed in enumerate(scene.objects):
         try:
-            found = seen_pixels(meshes, number, placed.material.reflectance, scene.occluder, camera, None)
+            given = (placed.reflectance, scene.occluder, camera, None)
+            found = seen_pixels(meshes, number, *given, tint=placed.tint)
         except BadInput:
             continue
         seen.append((objects[number], found))
@@ -79,7 +80,8 @@ def picture_likeness(
         lit = found.lit_points(relit.mesh)
         seen_suns = lit.seen(scene.file.suns, scene.occluder, SAMPLES)
         shown[found.numbers] = relit.lit(radiance).between(found.mixture, camera.eye, seen_suns)
-        exact[found.numbers] = summed(found.points.reflectance, scene.file.suns, lit, found.points.wo, scene.occluder)
+        points, suns = found.points, scene.file.suns
+        exact[found.numbers] = summed(points.reflectance, suns, lit, points.wo, scene.occluder, points.tint)
         for first in range(0, len(found.numbers), _PART):
             part = slice(first, first + _PART)
             points = replace(found.points, which=found.points.which[part])

@@ -12,6 +12,7 @@ from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import open_source
 from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.brdf.tinted import Tinted
 from homofact.containers.srgb import decode_srgb
 from homofact.errors import BadInput
 from homofact.exporting.as_source import is_fit
@@ -63,6 +64,14 @@ class OpenedMaterial:
     fit: FileFit | None = None
     picture: np.ndarray | None = None
     left_out: tuple[str, ...] = ()
+
+    @property
+    def tinted(self) -> Tinted | None:
+        """The material in two parts where it has a `picture`: what its colour multiplies, and the rest."""
+        model = self.reflectance
+        if self.picture is None or not isinstance(model, MetallicRoughness) or not any(model.base_colour):
+            return None
+        return Tinted.of(model)
 
 
 def open_materials(

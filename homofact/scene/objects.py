@@ -6,11 +6,13 @@ The tables are read by `settings.tables`; sources and meshes are relative to the
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
+from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.files.embedded import located
 from homofact.files.reading import split_member
@@ -22,6 +24,7 @@ from homofact.scene.cameras import Camera, check_point
 from homofact.scene.file_fits import FileFits
 from homofact.scene.materials import MaterialTable, OpenedMaterial, Stage, found_source, open_materials
 from homofact.scene.meshes import SHAPE_PREFIX, MeshGroup, lowest, open_mesh, shape
+from homofact.scene.tint import SurfaceTint
 from homofact.scene.visibility import seen_from_behind
 from homofact.settings.options import option
 
@@ -62,6 +65,18 @@ class SceneObject:
 
     mesh: Mesh
     material: OpenedMaterial
+
+    @cached_property
+    def tint(self) -> SurfaceTint | None:
+        """What its material's texture makes of it; None where there is none."""
+        picture, uv = self.material.picture, self.mesh.uv
+        return None if picture is None or uv is None else SurfaceTint.of(picture, uv)
+
+    @cached_property
+    def reflectance(self) -> Reflectance:
+        """Its material, in two parts where it has a texture."""
+        tinted = None if self.tint is None else self.material.tinted
+        return self.material.reflectance if tinted is None else tinted
 
 
 ObjectKind = TypeVar("ObjectKind", bound=ObjectTable)
