@@ -193,7 +193,7 @@ def _with_bounces(
     objects: Sequence[SceneObject], choices: Sequence[TransportChoice], stage: Stage | None
 ) -> tuple[BounceColours, list[TransportChoice]]:
     """(the colours of the light between surfaces, the choices with its terms)."""
-    known: dict[tuple[str, int], tuple[np.ndarray, np.ndarray]] = {}
+    known: dict[tuple[str, int], tuple[np.ndarray, list[np.ndarray]]] = {}
     albedos = []
     for placed, choice in zip(objects, choices, strict=True):
         key = (placed.material.words, choice.material.factors.view.shape[1])
@@ -201,7 +201,9 @@ def _with_bounces(
             if stage is not None:
                 stage(f"summing the response of {Path(placed.material.words).name}")
             reflectance = placed.reflectance
-            known[key] = mean_albedo(reflectance), smooth_response(reflectance, ORDER, key[1])
+            tinted = isinstance(reflectance, Tinted)
+            parts = (reflectance.tinted, reflectance.plain) if tinted else (reflectance,)
+            known[key] = mean_albedo(reflectance), [smooth_response(part, ORDER, key[1]) for part in parts]
         albedos.append(known[key])
     colours = BounceColours.of([mean for mean, _ in albedos])
     found = []

@@ -25,7 +25,7 @@ class InOutFactors:
     The last `bounced` terms are not of f but of light between surfaces (`interreflection`). `strength` (K,) is each
     term's part of `energy`, the expected Σ_c B² cosθo dωo of the light B that natural light, or the light that `factor`
     was given, sends back; `beside` is the part of it that a separate lobe takes, which may be below 0. The first
-    `tinted` terms, and those between surfaces where there are such, count times the tint of a texture. Texel (i, j)
+    `tinted` terms, and then the first half of the `bounced` ones, count times the tint of a texture. Texel (i, j)
     lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
     """
 
@@ -52,7 +52,8 @@ class InOutFactors:
     def tinted_terms(self) -> np.ndarray:
         """Which terms (K,) count times the tint of a texture."""
         place = np.arange(self.terms)
-        return (place < self.tinted) | ((self.tinted > 0) & (place >= self.direct))
+        between = (place >= self.direct) & (place < self.direct + self.bounced // 2)
+        return (place < self.tinted) | ((self.tinted > 0) & between)
 
     @property
     def in_parts(self) -> Reflectance:

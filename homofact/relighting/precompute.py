@@ -268,9 +268,11 @@ class _Work(Tracer):
             lit = self.visible(v)
             transport_vectors(self.rows[v], lit, self.directions, self.angles, self.maps, direct, scratch)
             if self.between is not None and self.factors.bounced:
-                vectors[len(direct) :] = self.between.vectors(
-                    self.positions[v], self.rows[v], self.factors.bounced, self.settings.cube
-                )
+                # The same light for both parts of a material with a texture.
+                parts = 2 if self.factors.tinted else 1
+                count = self.factors.bounced // parts
+                received = self.between.vectors(self.positions[v], self.rows[v], count, self.settings.cube)
+                vectors[len(direct) :] = np.tile(received, (parts, 1))
             square = 0.0 if tolerance is None else threshold_of_energy(vectors, self.weights, tolerance)
             for k in range(terms):
                 if tolerance is None:

@@ -35,7 +35,7 @@ function makeProgram(gl, vertex, fragment, what, { kept = null, attributes = {} 
     gl.deleteShader(shader);
   }
   for (const [name, place] of Object.entries(attributes)) gl.bindAttribLocation(program, place, name);
-  if (kept) gl.transformFeedbackVaryings(program, [kept], gl.INTERLEAVED_ATTRIBS);
+  if (kept) gl.transformFeedbackVaryings(program, [kept].flat(), gl.INTERLEAVED_ATTRIBS);
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
     throw new Trouble(`The shader of ${what} does not link on this machine.`, report,

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from scipy.spatial.transform import Rotation
 
 from homofact.brdf.source_names import MATERIAL_PREFIX
@@ -33,20 +34,23 @@ from homofact.relighting.page.order import cached_order
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.sunlight import Sunlight
+from homofact.rendering.tonemap import encode_srgb
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import faded
+from homofact.scene.tint import SurfaceTint
 from homofact.web.packing import boxed, differences, halves, pack
 from homofact.web.scene_page import Numbers, write_scene_page
 
 PACKAGE = "homofact.relighting.page"
 SHARED = ("hdr.js", "latlong.js")
 SCRIPTS = (
-    "cube.js", "sky.js", "turner.js", "lobe.js", "suns.js", "transport.js", "relit.js", "shade.js", "lobe_gpu.js",
-    "suns_gpu.js", "shaders.js", "gpu.js", "background.js", "stage.js", "highlights.js", "camera.js", "readings.js",
-    "controls.js", "page.js",
+    "cube.js", "sky.js", "turner.js", "tint.js", "lobe.js", "suns.js", "transport.js", "relit.js", "shade.js",
+    "lobe_gpu.js", "suns_gpu.js", "shaders.js", "gpu.js", "background.js", "stage.js", "highlights.js", "camera.js",
+    "readings.js", "controls.js", "page.js",
 )  # fmt: skip
 # Endings of files that a name is shown without.
 _ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")
+MOST_TEXELS = 512  # of a texture, along a side
 CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
 
 
@@ -54,7 +58,7 @@ CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
 class PageObject:
     """A mesh with the transport at its vertices, and the separate `lobe` of its material where it has one.
 
-    From distances `fade` (near, far) of the y axis on it ends softly.
+    From distances `fade` (near, far) of the y axis on it ends softly. `tint` is what a texture makes of its material.
     """
 
     name: str
@@ -64,6 +68,7 @@ class PageObject:
     fade: tuple[float, float] | None = None
     lobe: SeparateLobe | None = None
     sunlight: Sunlight | None = None
+    tint: SurfaceTint | None = None
 
     @property
     def basis(self) -> WaveletTransport:
@@ -92,7 +97,8 @@ def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
         if isinstance(made, Harmonic):
             made = made.clustered()
         name, material = shown_name(each.mesh.name), shown_name(each.material)
-        found.append(PageObject(name, each.mesh, made, material, faded(each.mesh), each.lobe, each.sunlight))
+        more = (faded(each.mesh), each.lobe, each.sunlight, each.tint)
+        found.append(PageObject(name, each.mesh, made, material, *more))
     return found
 
 
@@ -188,6 +194,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
             "steps": pack(transport.steps),
         }
     view, few = transport.factors.packed_view, coarse_triangles(mesh)
+    beside = [each for each in (given.lobe, given.sunlight, given.tint) if each is not None]
     return {
         "name": given.name,
         "material": given.material,
@@ -206,7 +213,8 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "reference": None if colours is None else _halves(colours),
         "lobe": None if given.lobe is None else _lobe(given.lobe),
         "sunlight": None if given.sunlight is None else _sunlight(given.sunlight),
-        "bytes": transport.nbytes + sum(each.nbytes for each in (given.lobe, given.sunlight) if each is not None),
+        "tint": None if given.tint is None else _tint(given.tint, transport.factors.tinted),
+        "bytes": transport.nbytes + sum(each.nbytes for each in beside),
     }
 
 
@@ -227,6 +235,23 @@ def _sunlight(lit: Sunlight) -> dict[str, Any]:
     seen = np.rint(lit.seen * 255).astype(np.uint8)
     counts = [lit.directions(sun) for sun in lit.suns]
     return {"tables": [_table(table) for table in lit.tables], "seen": pack(seen), "directions": counts}
+
+
+def _tint(tint: SurfaceTint, terms: int) -> dict[str, Any]:
+    """The texture, of at most `MOST_TEXELS` a side, as bytes by sRGB's curve of parts of its largest tint."""
+    texels = tint.tints.astype(np.float64)
+    while max(texels.shape[:2]) > MOST_TEXELS:
+        # Means of two along each side that is too long; an odd row or column is left out.
+        across = [2 if size > MOST_TEXELS else 1 for size in texels.shape[:2]]
+        rows, columns = (size // step for size, step in zip(texels.shape[:2], across, strict=True))
+        even = texels[: rows * across[0], : columns * across[1]]
+        texels = even.reshape(rows, across[0], columns, across[1], 3).mean((1, 3))
+    scale = texels.max((0, 1)).clip(1e-12)
+    codes = np.rint(255 * encode_srgb(torch.from_numpy(texels / scale)).numpy()).astype(np.uint8)
+    return {
+        "height": texels.shape[0], "width": texels.shape[1], "scale": scale.tolist(), "texels": pack(codes),
+        "uv": pack((tint.uv - np.floor(tint.uv.min(0))).astype(np.float32)), "terms": terms,
+    }  # fmt: skip
 
 
 def _triangles(triangles: np.ndarray) -> dict[str, str]:

@@ -1,7 +1,8 @@
 // What lies on the graphics card: an object's buffers and textures.
 
-// The attributes that number the vertices of a surface of chosen ones, and the corners of a triangle.
-const NUMBER = 6, CORNERS = 7;
+// The attributes that number the vertices of a surface of chosen ones, and the corners of a triangle; of textures what is
+// shone where the tint is 1, the tint, and the place in the texture.
+const NUMBER = 6, CORNERS = 7, TINTED = 8, TINT = 9, PLACE = 10;
 
 /** The values (`width` a vertex) of the chosen vertices; all where none are chosen. */
 function picked(values, width, chosen) {
@@ -25,11 +26,12 @@ class Surface {
   constructor(gl, object, triangles, chosen = null, corners = null) {
     this.vertices = chosen ? chosen.length : object.vertices;
     this.indices = triangles.length;
-    const attribute = (place, width, buffer) => {
+    this.chosen = chosen;
+    const attribute = (place, width, buffer, stride = 0, offset = 0) => {
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
       gl.enableVertexAttribArray(place);
-      if (place >= NUMBER) gl.vertexAttribIPointer(place, width, gl.UNSIGNED_INT, 0, 0);
-      else gl.vertexAttribPointer(place, width, gl.FLOAT, false, 0, 0);
+      if (place === NUMBER || place === CORNERS) gl.vertexAttribIPointer(place, width, gl.UNSIGNED_INT, 0, 0);
+      else gl.vertexAttribPointer(place, width, gl.FLOAT, false, stride, offset);
       return buffer;
     };
     const fill = (place, width, values, use = gl.STATIC_DRAW) => {
@@ -46,7 +48,15 @@ class Surface {
     this.drawing = gl.createVertexArray();
     gl.bindVertexArray(this.drawing);
     for (const each of given) attribute(...each);
-    this.colours = fill(4, 3, 12 * this.vertices, gl.DYNAMIC_COPY);
+    if (object.tint) {
+      this.colours = fill(4, 3, 24 * this.vertices, gl.DYNAMIC_COPY);
+      attribute(4, 3, this.colours, 24);
+      attribute(TINTED, 3, this.colours, 24, 12);
+      fill(TINT, 3, picked(object.tint.vertices, 3, chosen));
+      fill(PLACE, 2, picked(object.tint.uv, 2, chosen));
+    } else {
+      this.colours = fill(4, 3, 12 * this.vertices, gl.DYNAMIC_COPY);
+    }
     if (corners) fill(CORNERS, 3, corners);
     if (object.reference && !corners) {
       fill(3, 3, picked(object.reference, 3, chosen));
@@ -69,6 +79,7 @@ class ObjectOnGpu {
     this.makeMaps();
     this.makeTuples();
     this.lobe = object.lobe ? new LobeOnGpu(gl, object.lobe) : null;
+    this.tint = object.tint ? new TintOnGpu(gl, object.tint) : null;
     this.sunTables = object.sunlight?.tables.map((table) => ({ ...table, texture: tableTexture(gl, table) }));
   }
 
@@ -119,7 +130,7 @@ class ObjectOnGpu {
 
   /** Whether K-tuples fit beside the rest into what a vertex may pass to pixels. */
   get byPixel() {
-    return this.object.quads + (this.lobe ? 6 : 5) <= this.gl.getParameter(this.gl.MAX_VARYING_VECTORS);
+    return this.object.quads + (this.lobe ? 6 : 5) + (this.tint ? 3 : 0) <= this.gl.getParameter(this.gl.MAX_VARYING_VECTORS);
   }
 
   /**
@@ -130,9 +141,9 @@ class ObjectOnGpu {
   program(...kinds) {
     const { gl, object } = this, key = kinds.join();
     if (!this.programs.has(key)) {
-      const defines = Object.fromEntries([["QUADS", object.quads], ...kinds.map((kind) => [kind, 1]), ...(object.fade ? [["FADES", 1]] : []), ...(object.sunlight ? [["SUNS", 1]] : [])]);
+      const defines = Object.fromEntries([["QUADS", object.quads], ...kinds.map((kind) => [kind, 1]), ...(object.fade ? [["FADES", 1]] : []), ...(object.sunlight ? [["SUNS", 1]] : []), ...(object.tint ? [["TINTED", 1]] : [])]);
       const [vertex, fragment] = kinds[0] === "SHADES" ? [shadeVertex(object), NOTHING] : [surfaceVertex(object), surfaceFragment(object, kinds.includes("BETWEEN"), object.suns)];
-      this.programs.set(key, makeProgram(gl, shaderText(vertex, defines), shaderText(fragment, defines), object.name, { kept: kinds[0] === "SHADES" ? "v_colour" : null }));
+      this.programs.set(key, makeProgram(gl, shaderText(vertex, defines), shaderText(fragment, defines), object.name, { kept: kinds[0] === "SHADES" ? (object.tint ? ["v_colour", "v_tinted"] : "v_colour") : null }));
     }
     return this.programs.get(key);
   }
@@ -178,10 +189,12 @@ class ObjectOnGpu {
 
   /** The colours (3 a vertex) that the last shading of a surface made. */
   read(coarse = false) {
-    const { gl } = this, surface = this.surface(coarse), found = new Float32Array(3 * surface.vertices);
+    const { gl, object } = this, surface = this.surface(coarse), width = object.tint ? 6 : 3, found = new Float32Array(width * surface.vertices);
     gl.bindBuffer(gl.ARRAY_BUFFER, surface.colours);
     gl.getBufferSubData(gl.ARRAY_BUFFER, 0, found);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
-    return found;
+    if (!object.tint) return found;
+    const tints = picked(object.tint.vertices, 3, surface.chosen);
+    return tints.map((tint, p) => { const at = 6 * Math.floor(p / 3) + (p % 3); return found[at] + found[at + 3] * tint; });
   }
 }

@@ -134,7 +134,7 @@ function addLobe(object, eye, cells, found) {
     // A view beyond the table's last angle is raised to it.
     const level = Math.max(oz, LEAST_COSINE), aside = oz < LEAST_COSINE ? Math.sin(STEEPEST) : across;
     const sum = lobeAt(object.lobe, p / 3, [...tx, ...ty, ...n], aside, level, tableAt(object.lobe, ox, oy, level), cells);
-    for (let k = 0; k < 3; k++) found[p + k] += sum[k] / level;
+    for (let k = 0; k < 3; k++) found[p + k] += (sum[k] / level) * tintOf(object.lobe, object.tint, p, level, k);
   }
   return found;
 }

@@ -10,7 +10,7 @@ const LOBE_UNITS = { cells: 2, table: 3, sight: 4 };
  * `lobe(position, normal, tangent)`; u_eye stands before it. For a vertex, NUMBER; `between` the corners of a triangle,
  * v_corners, by its shares, v_share.
  */
-const lobeSum = ({ levels, turns, nodes, words }, between = false) => `
+const lobeSum = ({ levels, turns, nodes, words, tinted }, between = false) => `
 uniform highp sampler2D u_cells;
 uniform highp sampler2DArray u_lobe;
 uniform highp usampler2D u_sight;
@@ -58,6 +58,9 @@ vec3 tableAt(vec2 at, int turn, int level) {
   return textureLod(u_lobe, vec3(place, float(level)), 0.0).rgb;
 }
 
+${tinted ? `${tintedParts("LOBE_TINTED", { tinted })}// The part of the lobe that a texture tints.
+vec3 lobeTinted = vec3(0.0);
+` : ""}
 vec3 lobe(vec3 position, vec3 normal, vec3 tangent) {
   vec3 n = normalize(normal), s = normalize(tangent - dot(tangent, n) * n), b = cross(n, s), w = normalize(u_eye - position);
   // Seen from behind: as at the horizon, as the terms are. Farther behind than a triangle at the outline reaches: not at all.
@@ -73,7 +76,7 @@ vec3 lobe(vec3 position, vec3 normal, vec3 tangent) {
   float level = (1.0 - sqrt(max(1.0 - acos(min(oz, 1.0)) / STEEPEST, 0.0))) * ${levels - 1}.0;
   int low = min(int(level), ${levels - 2});
   float up = min(level - float(low), 1.0);
-${turns === 1 ? "" : `  float turn = fract(atan(turned.y, turned.x) / u_lobe_period) * ${turns}.0, over = fract(turn);
+${tinted ? "  lobeTinted = mix(LOBE_TINTED[low], LOBE_TINTED[low + 1], up);\n" : ""}${turns === 1 ? "" : `  float turn = fract(atan(turned.y, turned.x) / u_lobe_period) * ${turns}.0, over = fract(turn);
   int first = int(turn) % ${turns}, second = (first + 1) % ${turns};
 `}  int texels = ${ROOT_CELLS} << (2 * u_top), sights = texels >> (2 * u_finer);
   vec3 sum = vec3(0.0);

@@ -2,7 +2,7 @@
 
 /** Radiance (3 V) of an object's vertices towards the eye; 0 where one is seen from behind. Residues stay negative. */
 function shade(object, eye, terms) {
-  const { positions, normals, tangents, vertices, tuples, map } = object;
+  const { positions, normals, tangents, vertices, tuples, map, tinted } = object, tints = object.tint?.vertices;
   const { size, channels, texels } = map, count = Math.min(terms, object.terms), all = object.terms * channels;
   const found = new Float32Array(3 * vertices), stride = 4 * object.quads, [green, blue] = channels === 3 ? [1, 2] : [0, 0];
   for (let v = 0, p = 0; v < vertices; v++, p += 3) {
@@ -21,9 +21,9 @@ function shade(object, eye, terms) {
     const here = (i * size + j) * all, right = here + all, below = here + size * all, across = below + all;
     for (let k = 0, m = 0, t = v * stride; k < count; k++, m += channels, t += 3) {
       const h = (c) => w00 * texels[here + m + c] + w01 * texels[right + m + c] + w10 * texels[below + m + c] + w11 * texels[across + m + c];
-      found[p] += h(0) * tuples[t];
-      found[p + 1] += h(green) * tuples[t + 1];
-      found[p + 2] += h(blue) * tuples[t + 2];
+      found[p] += h(0) * tuples[t] * (tinted[k] ? tints[p] : 1);
+      found[p + 1] += h(green) * tuples[t + 1] * (tinted[k] ? tints[p + 1] : 1);
+      found[p + 2] += h(blue) * tuples[t + 2] * (tinted[k] ? tints[p + 2] : 1);
     }
   }
   return found;

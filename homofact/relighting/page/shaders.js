@@ -1,14 +1,16 @@
 // The page's shaders: shading of vertices, kept by transform feedback; surfaces by vertex or by pixel; the sky.
 
 /** Σ over the terms of the view map times the K-tuple, towards the eye; a line a term, K-tuples in vec4 t[QUADS]. */
-function viewMaps(terms) {
+function viewMaps({ terms, tinted }) {
   const part = (i) => `t[${i >> 2}].${"xyzw"[i & 3]}`;
-  const lines = Array.from({ length: terms }, (_, k) => `  if (u_terms > ${k}) sum += textureLod(u_maps, vec3(at, ${k}.0), 0.0).rgb`
+  const lines = Array.from({ length: terms }, (_, k) => `  if (u_terms > ${k}) ${tinted[k] ? "tinted" : "sum"} += textureLod(u_maps, vec3(at, ${k}.0), 0.0).rgb`
     + ` * vec3(${part(3 * k)}, ${part(3 * k + 1)}, ${part(3 * k + 2)});`);
   return `
 uniform highp sampler2DArray u_maps;
 uniform int u_terms;
 uniform vec3 u_eye;
+// What a texture's tint multiplies.
+vec3 tinted = vec3(0.0);
 
 vec3 outgoing(vec3 position, vec3 normal, vec3 tangent, vec4 t[QUADS]) {
   vec3 n = normalize(normal), s = normalize(tangent - dot(tangent, n) * n), w = normalize(u_eye - position);
@@ -40,13 +42,19 @@ vec4 tuple(int q) {
 
 const fetched = (quads, to) => Array.from({ length: quads }, (_, q) => `  ${to}[${q}] = tuple(${q});`).join("\n");
 
-/** Shades each vertex once; v_colour is what transform feedback keeps. "ALONE": of the separate lobe alone; "TERMS": without it. */
-const shadeVertex = ({ terms, quads, lobe }) => `
+/**
+ * Shades each vertex once; v_colour is what transform feedback keeps, and v_tinted, which a texture's tint multiplies. "ALONE":
+ * of the separate lobe alone; "TERMS": without it.
+ */
+const shadeVertex = ({ terms, tinted, quads, lobe }) => `
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec3 a_normal;
 layout(location = 2) in vec3 a_tangent;
 out vec3 v_colour;
-${TUPLES}${viewMaps(terms)}${lobe ? lobeSum(lobe) : ""}
+#ifdef TINTED
+out vec3 v_tinted;
+#endif
+${TUPLES}${viewMaps({ terms, tinted })}${lobe ? lobeSum(lobe) : ""}
 void main() {
 #ifdef ALONE
   v_colour = vec3(0.0);
@@ -56,8 +64,13 @@ ${fetched(quads, "t")}
   v_colour = outgoing(a_position, a_normal, a_tangent, t);
 #endif
 ${lobe ? `#ifndef TERMS
-  v_colour += lobe(a_position, a_normal, a_tangent);
+  vec3 own = lobe(a_position, a_normal, a_tangent);
+${lobe.tinted ? "  tinted += own * lobeTinted;\n  own *= 1.0 - lobeTinted;" : ""}
+  v_colour += own;
 #endif` : ""}
+#ifdef TINTED
+  v_tinted = tinted;
+#endif
   gl_Position = vec4(0.0);
 }
 `;
@@ -92,6 +105,19 @@ ${TUPLES}
 layout(location = 4) in vec3 a_colour;
 out vec3 v_colour;
 #endif
+#ifdef TINTED
+layout(location = 8) in vec3 a_tinted;
+layout(location = 9) in vec3 a_tint;
+layout(location = 10) in vec2 a_place;
+#ifdef COLOURED
+out vec3 v_tinted;
+#endif
+#ifdef COMPARED
+out vec3 v_tint;
+#else
+out vec2 v_place;
+#endif
+#endif
 #if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES) || defined(SUNS)
 out vec3 v_position;
 #endif
@@ -116,6 +142,16 @@ ${fetched(quads, "v_tuple")}
 #endif
 #ifdef COLOURED
   v_colour = a_colour;
+#endif
+#ifdef TINTED
+#ifdef COLOURED
+  v_tinted = a_tinted;
+#endif
+#ifdef COMPARED
+  v_tint = a_tint;
+#else
+  v_place = a_place;
+#endif
 #endif
 #if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES) || defined(SUNS)
   v_position = a_position;
@@ -148,19 +184,34 @@ vec3 compared(vec3 own, vec3 shown) {
 }
 `;
 
-const surfaceFragment = ({ terms, lobe, sunlight }, between, suns) => `
+const surfaceFragment = ({ terms, tinted, lobe, sunlight }, between, suns) => `
+#ifdef TINTED
+// A reference is known at vertices: beside it the texture is too.
+#ifdef COMPARED
+in vec3 v_tint;
+#else
+in vec2 v_place;
+uniform highp sampler2D u_tint;
+uniform vec3 u_tint_scale;
+#endif
+vec3 tint = vec3(1.0);
+#endif
+
 #if defined(BY_PIXEL) || defined(BETWEEN) || defined(SUNS)
 in vec3 v_normal;
 #endif
 #ifdef BY_PIXEL
 in vec3 v_tangent;
 in vec4 v_tuple[QUADS];
-${viewMaps(terms)}
+${viewMaps({ terms, tinted })}
 #elif defined(BETWEEN) || defined(SUNS)
 uniform vec3 u_eye;
 #endif
 #ifdef COLOURED
 in vec3 v_colour;
+#ifdef TINTED
+in vec3 v_tinted;
+#endif
 #endif
 #if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES) || defined(SUNS)
 in vec3 v_position;
@@ -180,16 +231,32 @@ void main() {
   // What lies under a soft end is no longer there: such an end stays as it is.
   if (length(v_position.xz) > u_fade.x) discard;
 #endif
+#ifdef TINTED
+#ifdef COMPARED
+  tint = v_tint;
+#else
+  tint = texture(u_tint, v_place).rgb * u_tint_scale;
+#endif
+#endif
 #ifdef BY_PIXEL
   vec3 own = outgoing(v_position, v_normal, v_tangent, v_tuple);
+#ifdef TINTED
+  own += tinted * tint;
+#endif
 #else
   vec3 own = vec3(0.0);
 #endif
 #ifdef COLOURED
   own += v_colour;
+#ifdef TINTED
+  own += v_tinted * tint;
+#endif
 #endif
 #ifdef BETWEEN
-  if (gl_FrontFacing) own += lobeBetween(v_position, v_normal);
+  if (gl_FrontFacing) {
+    vec3 lit = lobeBetween(v_position, v_normal);
+    own += ${lobe?.tinted ? "lit * (1.0 + lobeTinted * (tint - 1.0))" : "lit"};
+  }
 #endif
 #ifdef SUNS
   if (gl_FrontFacing) own += sunlight(v_position, v_normal);

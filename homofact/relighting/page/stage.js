@@ -166,6 +166,7 @@ class Stage {
     this.tones(view, program);
     if (byPixel || between) each.bind(program, view);
     if (between) each.lobe.bind(program, this.cells);
+    if (each.tint && !compared) each.tint.bind(program);
     if (each.sunTables) {
       this.shadows.bind(program, each.sunTables, object.sunlight.directions, view.sunny);
       gl.uniform3f(program.at("u_eye"), ...orbit.eye);

@@ -84,7 +84,7 @@ function addSuns(object, eye, suns, turn, found) {
         const hx = (c * x + s * y + aside) / (z + oz), hy = (c * y - s * x) / (z + oz);
         for (const table of sunlight.tables) {
           const value = tableValue(table, tableAt(table, ox, oy, oz), hx, hy), factor = table.cosine ? short : short * z;
-          for (let k = 0; k < 3; k++) found[p + k] += value[k] * factor * sun.irradiance[k];
+          for (let k = 0; k < 3; k++) found[p + k] += value[k] * factor * sun.irradiance[k] * tintOf(table, object.tint, p, oz, k);
         }
       }
     });

@@ -2,7 +2,7 @@
 
 // Of a shadow map; samples of it a pixel; suns at most.
 const SHADOW = 2048, SHADOW_TAPS = 24, MOST_SUNS = 8;
-const SUN_UNITS = { tables: [5, 6], shadow: 7, depths: 8 };
+const SUN_UNITS = { tables: [5, 6, 10], shadow: 7, depths: 8 };
 
 /** `sunlight(position, normal)`; u_eye stands before it. */
 const sunSum = ({ tables }, count) => `
@@ -16,6 +16,7 @@ uniform float u_sun_softness[${count}];
 uniform vec3 u_sun_across[${count}];
 uniform int u_sun_directions[${count}];
 ${tables.map((_, k) => `uniform highp sampler2DArray u_sun_table_${k};\nuniform vec3 u_sun_numbers_${k};`).join("\n")}
+${tables.map((table, k) => tintedParts(`SUN_TINTED_${k}`, table)).join("")}
 
 /** Points of a disc, spread evenly. */
 vec2 spread(int k, float turn) {
@@ -83,7 +84,7 @@ ${tables.map(tableLookUp).join("")}    }
 `;
 
 /** Lines that add a table's value at the slopes h to f. Its numbers are its scale, width and period. */
-function tableLookUp({ levels, turns, nodes, cosine }, k) {
+function tableLookUp({ levels, turns, nodes, cosine, tinted }, k) {
   const rows = nodes * turns, from = (turn, layer) =>
     `textureLod(u_sun_table_${k}, vec3((at.y + 0.5) / ${nodes}.0, (at.x + 0.5 + float(${turn} * ${nodes})) / ${rows}.0, float(${layer})), 0.0).rgb`;
   const between = (turn) => `mix(${from(turn, "low")}, ${from(turn, "low + 1")}, up)`;
@@ -96,7 +97,7 @@ ${turns === 1 ? "" : `    turn = fract(atan(turned.y, turned.x) / u_sun_numbers_
     over = fract(turn);
     first = int(turn) % ${turns};
     second = (first + 1) % ${turns};
-`}    f += u_sun_numbers_${k}.x * ${cosine ? "" : "z * "}${value};
+`}    f += u_sun_numbers_${k}.x * ${cosine ? "" : "z * "}${tinted ? `(1.0 + mix(SUN_TINTED_${k}[low], SUN_TINTED_${k}[low + 1], up) * (tint - 1.0)) * ` : ""}${value};
 `;
 }
 

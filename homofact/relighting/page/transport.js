@@ -16,6 +16,8 @@ class Transport {
     this.sunny = null;
     this.tuples = new Float32Array(4 * this.quads * this.vertices);
     this.columns = null;
+    // Terms that count times a texture's tint: the first ones, and half of those of light between surfaces.
+    this.tinted = Array.from({ length: this.terms }, (_, k) => Boolean(this.tint) && (k < this.tint.terms || (k >= this.terms - this.bounced && k < this.terms - this.bounced / 2)));
   }
 
   /** Every vector's product with the light (Haar coefficients × 3), the largest `kept` numbers of each. */
@@ -152,6 +154,7 @@ async function unpackTransport(packed, coefficients, suns) {
     reference: reference ? fromHalves(arrays.reference, reference.scale) : null,
     lobe: lobe ? await unpackLobe(lobe, packed.vertices) : null,
     suns, sunlight: packed.sunlight ? await unpackSunlight(packed.sunlight) : null,
+    tint: packed.tint ? await unpackTint(packed.tint) : null,
     ...geometry(packed, arrays.positions, arrays.turns),
   });
 }
