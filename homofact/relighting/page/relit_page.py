@@ -28,7 +28,9 @@ def write_relit_page(
             "bytes": entry["bytes"],
         }
         for stage, value in (entry["error"] or {}).items():
-            if stage not in ("below_zero", "vertices"):
+            if stage == "psnr":
+                rows["PSNR of the pixels"] = f"{value:.1f} dB"
+            elif stage not in ("below_zero", "vertices"):
                 rows[f"error, {stage}"] = percent(value)
         numbers[f"{shown_name(entry['mesh'])}, {shown_name(entry['material'])}"] = rows
     reference = None if saved.reference is None else PageReference(saved.reference)
