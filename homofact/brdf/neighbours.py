@@ -18,12 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
+from homofact.geometry.nearest import tree_of
 from homofact.linear.kernels import kernel
 
 NEAREST, MORE = 12, 24
@@ -51,7 +51,7 @@ def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> In
     """The values of `samples` at pairs of directions (N, 3), by the ε of the logarithm."""
     transform = LogTransform.of_values(samples.values.cpu(), epsilon)
     logs = transform.forward(samples.values.cpu()).numpy()
-    tree = KDTree(_places(samples.wi.cpu(), samples.wo.cpu(), samples.isotropic))
+    tree = tree_of(_places(samples.wi.cpu(), samples.wo.cpu(), samples.isotropic))
     spacing = np.asarray(tree.query(tree.data, k=min(1 + THEIR_NEIGHBOURS, len(samples)))[0])[:, -1]
     above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
     place = _places(wi.double(), wo.double(), samples.isotropic)

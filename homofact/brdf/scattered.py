@@ -9,11 +9,10 @@ range of the samples' logs, so that nothing is invented outside the measured ang
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import torch
-from scipy.interpolate import RBFInterpolator
 from torch import Tensor
 
 from homofact.brdf.in_kind import answering_in_kind
@@ -22,6 +21,9 @@ from homofact.brdf.reflectance import Reflectance, innermost
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import coordinate_system
+
+if TYPE_CHECKING:
+    from scipy.interpolate import RBFInterpolator
 
 GLOBAL_LIMIT = 2000
 
@@ -115,14 +117,16 @@ class Scattered:
         return self._transform.forward(self.samples.values.cpu()).numpy()
 
     @cached_property
-    def _thin_plate(self) -> RBFInterpolator:
+    def _thin_plate(self) -> "RBFInterpolator":
         return self._interpolator("thin_plate_spline", 1)
 
     @cached_property
-    def _linear(self) -> RBFInterpolator:
+    def _linear(self) -> "RBFInterpolator":
         return self._interpolator("linear", 0)
 
-    def _interpolator(self, kernel: str, degree: int) -> RBFInterpolator:
+    def _interpolator(self, kernel: str, degree: int) -> "RBFInterpolator":
+        from scipy.interpolate import RBFInterpolator  # with all of scipy.optimize: a tenth of a second to load
+
         return RBFInterpolator(
             self._place(self.samples.wi, self.samples.wo),
             self._logs,

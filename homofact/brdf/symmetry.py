@@ -14,15 +14,19 @@ on rings of θ.
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.geometry.directions import draw_cosine_weighted, draw_uniform, from_spherical, normalize, to_spherical
+from homofact.geometry.nearest import tree_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 _ALIKE = 1e-3
 _PAIRS = 512
@@ -96,7 +100,7 @@ class Swapped:
     """
 
     chosen: Tensor
-    tree: KDTree
+    tree: "KDTree"
     here: Tensor
     nearest: Tensor
     paired: Tensor
@@ -114,7 +118,7 @@ def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
         there = here[:, [1, 0, 2]]
     else:
         here, there = torch.cat((wi, wo), 1), torch.cat((wo, wi), 1)
-    tree = KDTree(here.numpy())
+    tree = tree_of(here.numpy())
     distance, nearest = tree.query(there.numpy(), distance_upper_bound=_NEAR)
     paired = torch.from_numpy(np.isfinite(distance)) & ((here - there).norm(dim=1) > 2 * _NEAR)
     return Swapped(chosen, tree, here, torch.from_numpy(np.asarray(nearest)), paired)

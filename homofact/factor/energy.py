@@ -34,7 +34,6 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.optimize
 import scipy.sparse
 import torch
 from torch import Tensor
@@ -120,7 +119,9 @@ def keep_light(
     start = light.start()
     first, _ = light.evaluate(start)
     steps = STEPS if is_dense(light.unknowns) else LARGE_STEPS
-    result = scipy.optimize.minimize(
+    from scipy.optimize import minimize  # not by commands that read a fit alone
+
+    result = minimize(
         light.evaluate, start, jac=True, method="L-BFGS-B", options={"maxiter": steps, "ftol": ENDS, "gtol": 0.0}
     )
     if not result.fun < first:

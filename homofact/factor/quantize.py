@@ -29,7 +29,6 @@ from typing import TypeVar
 import numpy as np
 import scipy.linalg
 import torch
-from scipy.optimize import linprog
 from torch import Tensor
 
 from homofact.brdf.samples import Samples
@@ -173,6 +172,8 @@ def _smallest_ranges(texels: np.ndarray, gauge: np.ndarray, owner: np.ndarray) -
     # y + G a ≤ high and −(y + G a) ≤ −low, texture by texture.
     upper = np.block([[gauge, -selector, nothing], [-gauge, nothing, selector]])
     cost = np.concatenate([np.zeros(count), np.ones(textures), -np.ones(textures)])
+    from scipy.optimize import linprog  # not by commands that read a fit alone
+
     for c in range(texels.shape[1]):
         found = linprog(cost, upper, np.concatenate([-texels[:, c], texels[:, c]]), bounds=(None, None))
         if found.status == 0:

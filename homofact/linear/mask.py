@@ -11,8 +11,6 @@ grows or is filled beyond one end goes on at the other.
 
 import numpy as np
 import torch
-from scipy.ndimage import binary_dilation, distance_transform_edt
-from scipy.spatial import ConvexHull, QhullError
 from torch import Tensor
 
 from homofact.linear.bilinear import stencil
@@ -26,6 +24,8 @@ def covered(points: Tensor, shape: Shape, axes: Axes = CLAMPED) -> Tensor:
 
     Points on one line have no area; the texels along the segment between the outermost count.
     """
+    from scipy.spatial import ConvexHull, QhullError  # not by commands that read a fit alone
+
     flat = points.cpu()
     try:
         hull = ConvexHull(flat.numpy())
@@ -55,6 +55,8 @@ def covered(points: Tensor, shape: Shape, axes: Axes = CLAMPED) -> Tensor:
 
 def grown(mask: Tensor, steps: int, axes: Axes = CLAMPED) -> Tensor:
     """The mask (rows, columns) and all texels within `steps` of it, diagonals too; round, and across a pole."""
+    from scipy.ndimage import binary_dilation
+
     array = mask.cpu().numpy()
     rounds = tuple((1, 1) if axis is Axis.PERIODIC else (0, 0) for axis in axes)
     cut = tuple(slice(1, -1) if axis is Axis.PERIODIC else slice(None) for axis in axes)
@@ -68,6 +70,8 @@ def grown(mask: Tensor, steps: int, axes: Axes = CLAMPED) -> Tensor:
 
 def filled(texture: Tensor, mask: Tensor, axes: Axes = CLAMPED) -> Tensor:
     """Texels outside of the mask take the value of the nearest inside: a safe guess, and harmless to filters."""
+    from scipy.ndimage import distance_transform_edt
+
     outside = ~mask.cpu().numpy()
     rounds = tuple((n, n) if axis is Axis.PERIODIC else (0, 0) for n, axis in zip(mask.shape, axes, strict=True))
     wide = np.pad(outside, rounds, mode="wrap")

@@ -6,8 +6,6 @@ each orientation, or, where it has only one side like Möbius' strip, into a sin
 """
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 
 def wound_alike(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
@@ -20,6 +18,10 @@ def wound_alike(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
     first, second, alike = _neighbours(positions, triangles)
     if alike.all():
         return triangles, 0
+    # Few meshes come this far.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     # As they are from 0, turned from `count`.
     ends = np.where(alike, second, second + count)
     others = np.where(alike, second + count, second)

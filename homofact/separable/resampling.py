@@ -8,10 +8,10 @@ In four dimensions its thin plates overshoot between samples of a highlight (Ash
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
@@ -20,6 +20,10 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.scattered import Scattered
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.nearest import tree_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 EPSILON = 1e-2
 NEIGHBOURS = 20
@@ -93,14 +97,14 @@ class LocalPlanes:
         return LogTransform.of_values(self.samples.values, EPSILON)
 
     @cached_property
-    def _data(self) -> tuple[KDTree, Tensor, Tensor]:
+    def _data(self) -> "tuple[KDTree, Tensor, Tensor]":
         """(tree, places (N, k), logs (N, C))."""
         logs = self._transform.forward(self.samples.values)
         place = self._place(self.samples.wi, self.samples.wo)
         if self.reciprocal:
             place = np.concatenate((place, self._place(self.samples.wo, self.samples.wi)))
             logs = torch.cat((logs, logs))
-        return KDTree(place), torch.from_numpy(place), logs
+        return tree_of(place), torch.from_numpy(place), logs
 
     def _at(self, place: np.ndarray) -> Tensor:
         tree, places, logs = self._data

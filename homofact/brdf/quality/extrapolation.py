@@ -22,16 +22,20 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from homofact.brdf.pair_density import draw_lobe, scheme_of
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import angles_of_pairs
 from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.nearest import tree_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 COUNT, SHARE = 6000, 0.003
 _CHECKED = 60_000  # pairs at which a fit is held against what it may not exceed
@@ -53,7 +57,7 @@ class Extrapolation:
         self._samples = samples
         self._known: KDTree | None = None
         if scheme_of(samples) is None:
-            self._known = KDTree(_place(samples))
+            self._known = tree_of(_place(samples))
             usual = self._known.query(self._known.data[:: max(1, self._known.n // 2000)], k=2)[0][:, 1]
             self._far = max(LEAST_FAR, FAR * float(np.median(usual)))
             self._grazing = float(_least_cosine(samples).min()) - 1e-3
@@ -117,8 +121,8 @@ class Extrapolation:
         return bound
 
     @cached_property
-    def _discs(self) -> KDTree:
-        return KDTree(_on_discs(self._samples))
+    def _discs(self) -> "KDTree":
+        return tree_of(_on_discs(self._samples))
 
     def _outside(self, pairs: Samples) -> Tensor:
         extent, (low, high) = _extent(pairs), self._range
@@ -132,7 +136,7 @@ class Extrapolation:
         values = self._samples.values[:1].expand(len(wi), -1)
         return replace(self._samples, wi=wi, wo=wo, values=values, weights=torch.ones_like(wi[:, 0]), clipped=None)
 
-    def _far_from(self, known: KDTree, pairs: Samples) -> tuple[Tensor, Tensor]:
+    def _far_from(self, known: "KDTree", pairs: Samples) -> tuple[Tensor, Tensor]:
         """(whether each of `pairs` is not measured, the number of the sample nearest to it), (N,) each."""
         distance, nearest = (np.asarray(numbers) for numbers in known.query(_place(pairs)))
         grazing = _least_cosine(pairs) < self._grazing

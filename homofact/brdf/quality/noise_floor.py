@@ -15,11 +15,11 @@ of |difference|/√2.
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 
 from homofact.brdf.quality.scatter import local_scatter
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import angles_of_pairs
+from homofact.geometry.nearest import tree_of
 
 FEWEST = 30
 _DARK_SHARE = 0.25
@@ -67,6 +67,6 @@ def _swapped(samples: Samples) -> np.ndarray:
     else:
         here = torch.cat((samples.wi, samples.wo), 1).cpu().numpy()
         there = here[:, [3, 4, 5, 0, 1, 2]]
-    distance, nearest = KDTree(here).query(there, distance_upper_bound=NEAR)
+    distance, nearest = tree_of(here).query(there, distance_upper_bound=NEAR)
     rows = np.flatnonzero(np.isfinite(distance) & (np.linalg.norm(here - there, axis=1) > 2 * NEAR))
     return np.stack((rows, np.asarray(nearest)[rows]), 1)

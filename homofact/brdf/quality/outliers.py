@@ -21,12 +21,12 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 
 from homofact.brdf.quality.suspicion.evidence import Evidence
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
+from homofact.geometry.nearest import tree_of
 
 NEIGHBOURS, BEFORE = 16, 15
 NEAR, FAR = 5.0, 8.0
@@ -78,7 +78,7 @@ def _of_part(samples: Samples) -> np.ndarray:
     """The weights of samples that are looked at together: found `PASSES` times, each time from the fit of the last."""
     theta_h, theta_d, _ = (angle.cpu().numpy() for angle in rusinkiewicz_angles(samples.wi, samples.wo))
     place = _place(samples)
-    near = np.asarray(KDTree(place).query(place, k=NEIGHBOURS + 1)[1])[:, 1:]
+    near = np.asarray(tree_of(place).query(place, k=NEIGHBOURS + 1)[1])[:, 1:]
     neighbourhoods = (near, _before(theta_h, itself=True), _before(theta_d, itself=False))
     logs = _logs(samples)
     directions = (samples.wi.cpu().numpy(), samples.wo.cpu().numpy())

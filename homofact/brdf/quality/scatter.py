@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import angles_of_pairs
+from homofact.geometry.nearest import tree_of
 
 NEIGHBOURS = 12
 _QUERIES = 2000
@@ -44,7 +44,7 @@ def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
     linear = (some.values / mean).numpy()
     logs = LogTransform(0.01, mean).forward(some.values).numpy()
     chosen = torch.randperm(len(some), generator=torch.Generator().manual_seed(seed))[:_QUERIES].numpy()
-    _, near = KDTree(place).query(place[chosen], k=NEIGHBOURS)
+    _, near = tree_of(place).query(place[chosen], k=NEIGHBOURS)
     both = np.hstack([logs, linear])
     near = np.asarray(near)
     residuals = _left_out(place[near], both[near])

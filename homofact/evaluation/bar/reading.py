@@ -12,10 +12,10 @@ The fit's light is then integrated beside theirs at the angles of `energy.ALBEDO
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
@@ -26,7 +26,11 @@ from homofact.evaluation.energy import ALBEDO_DEGREES, HIGHLIGHT
 from homofact.evaluation.verdict.flux import flux_of
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import from_spherical
+from homofact.geometry.nearest import tree_of
 from homofact.geometry.quadrature import hemisphere_nodes
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 NEIGHBOURS = 6
 MOST_SAMPLES = 12_000
@@ -73,7 +77,7 @@ class SampleReading:
 class _Known:
     """Samples to be read: where they stand, and (N, C) their logarithms and what a fit misses of them."""
 
-    tree: KDTree
+    tree: "KDTree"
     logs: Tensor
     missed: Tensor
 
@@ -128,7 +132,7 @@ def place_of(wi: Tensor, wo: Tensor, isotropic: bool) -> np.ndarray:
 
 
 def _known(place: np.ndarray, logs: Tensor, missed: Tensor, chosen: Tensor) -> _Known:
-    return _Known(KDTree(place[chosen.numpy()]), logs[chosen], missed[chosen])
+    return _Known(tree_of(place[chosen.numpy()]), logs[chosen], missed[chosen])
 
 
 def _between_halves(
@@ -187,7 +191,7 @@ class _Nodes:
         flux = self.weight[..., None] * values
         return flux.sum(1), float((flux * self.brightest[..., None]).sum())
 
-    def gaps(self, tree: KDTree) -> tuple[tuple[float, ...], float]:
+    def gaps(self, tree: "KDTree") -> tuple[tuple[float, ...], float]:
         """`gap` and `highlight_gap` of `SampleReading`."""
         flux = self.weight * self.values.mean(-1)
         far = torch.from_numpy(np.asarray(tree.query(self.place)[0])).reshape(flux.shape)

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from homofact.brdf.pair_density import solid_angles
@@ -20,6 +19,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import light_azimuths, ring_numbers, swapped_neighbours
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import from_spherical, to_spherical
+from homofact.geometry.nearest import tree_of
 from homofact.geometry.quadrature import disc_nodes, hemisphere_nodes
 from homofact.linear.robust import scale_of
 
@@ -92,7 +92,7 @@ def brightest(samples: Samples, flux: Tensor, found: Tensor) -> float | None:
     if len(samples) < 4 * BESIDE:
         return None
     place = places_of(samples).numpy()
-    near = torch.from_numpy(np.asarray(KDTree(place).query(place, k=BESIDE + 1)[1]))
+    near = torch.from_numpy(np.asarray(tree_of(place).query(place, k=BESIDE + 1)[1]))
     order = samples.values.mean(1)[near].mean(1).sort(descending=True, stable=True).indices
     own = (flux * samples.values.mean(1))[order]
     count = int((own.cumsum(0) < BRIGHTEST * own.sum()).sum()) + 1
@@ -118,7 +118,7 @@ def between_samples(samples: Samples, flux: Tensor) -> float:
     if samples.isotropic:
         theta_h, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
         place = torch.stack((theta_h.clamp_min(0).sqrt(), theta_d), 1).numpy()
-    _, near = KDTree(place).query(place[order[:count].numpy()], k=BESIDE + 1)
+    _, near = tree_of(place).query(place[order[:count].numpy()], k=BESIDE + 1)
     beside = values[torch.from_numpy(np.asarray(near)[:, 1:])].mean(1)
     return float((1 - beside / values[order[:count]].clamp_min(1e-300)).clamp_min(0).median())
 
@@ -203,7 +203,7 @@ def dark_light(samples: Samples, flux: Tensor) -> tuple[float, float, float]:
         if not bool(gone.any()) or bool(gone.all()):
             continue
         there = ~gone
-        _, near = KDTree(place[there.numpy()]).query(place[gone.numpy()])
+        _, near = tree_of(place[there.numpy()]).query(place[gone.numpy()])
         values = samples.values[there, channel]
         lost = float((flux[gone] * values[torch.from_numpy(np.asarray(near))]).sum())
         missing = max(missing, lost / (lost + float((flux[there] * values).sum())))
