@@ -1,8 +1,13 @@
 """The console script: the commands are loaded where an interrupt is no fault, and a closed stream is there."""
 
 import contextlib
+import gc
 import os
 import sys
+
+# Objects that are made between two looks for cycles. Loading torch, numba and scipy makes half a million that all stay;
+# at Python's own 700 four or five searches through everything take .3 s of each command and find nothing.
+_BETWEEN_LOOKS = 7000
 
 
 def run() -> int:
@@ -14,6 +19,7 @@ def run() -> int:
     # Libraries on one thread, as in `linear.threads`: on small arrays two gain nothing, and on a busy machine a
     # spinning worker waits for a core that its partner holds. Whole pieces of work have threads of their own.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    gc.set_threshold(_BETWEEN_LOOKS)
     try:
         from homofact.cli.main import main
     except KeyboardInterrupt:
