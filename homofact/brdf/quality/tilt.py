@@ -38,6 +38,7 @@ from torch import Tensor
 from homofact.brdf.adaptive import refilled
 from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.pair_density import density, draw_lobe
+from homofact.brdf.quality.least_angle import COARSE, FINE, LeastAngle, steps_round
 from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.table import AngleTable
@@ -46,13 +47,13 @@ from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import normalize, to_spherical
 
 LIMIT = math.radians(70)
-PAIRS, BLOCKS, DRAWS = 7000, 14, 1000
+PAIRS, BLOCKS = 7000, 14
 SEARCHED = 0.6  # degrees to both sides
 LEAST = 0.005  # degrees
 LEAST_GAIN = 0.1
 LEAST_NEAR_PLANE = 0.5
 LEAST_MISFIT = 2e-3  # below it nothing is looked for: a clean table
-_COARSE, _FINE = 0.05, 0.02
+_FEW = 5
 _Partner = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 
 
@@ -133,9 +134,8 @@ def find_tilt(reflectance: Reflectance, seed: int = 0) -> TiltFinding:
     if _incidences(reflectance) < 2:
         unknown = TiltAngle(0.0, -SEARCHED, SEARCHED, 0.0, 0.0, 0.0, reason="light from one angle shows no reciprocity")
         return TiltFinding(unknown, unknown)
-    in_plane = _doubted(
-        _without_the_tables_own(pairs, reflectance, pairs.angle(reflectance, Tilt, _swapped)), "reciprocal"
-    )
+    found = _without_the_tables_own(pairs, reflectance, pairs.angle(reflectance, Tilt, _swapped))
+    in_plane = _doubted(pairs.with_undone(found, reflectance, Tilt, _swapped), "reciprocal")
     if in_plane.claimed and (levelled := pairs.levelled(reflectance)) < in_plane.undone:
         reason = (
             f"a gain over the angle explains the lack of reciprocity better (of {in_plane.misfit:.1%} it leaves "
@@ -143,7 +143,12 @@ def find_tilt(reflectance: Reflectance, seed: int = 0) -> TiltFinding:
         )
         in_plane = replace(in_plane, reason=reason)
     held = math.radians(in_plane.degrees) if in_plane.claimed else 0.0
-    out_of_plane = _doubted(pairs.angle(reflectance, lambda angle: Tilt(held, angle), _mirrored), "mirrored")
+
+    def across(angle: float) -> Tilt:
+        return Tilt(held, angle)
+
+    found = pairs.angle(reflectance, across, _mirrored)
+    out_of_plane = _doubted(pairs.with_undone(found, reflectance, across, _mirrored), "mirrored")
     return TiltFinding(in_plane, out_of_plane)
 
 
@@ -154,9 +159,8 @@ def _without_the_tables_own(pairs: "_TiltPairs", reflectance: Reflectance, found
     straight = Straightened(reflectance, Tilt(math.radians(found.degrees)))
     own = pairs.angle(refilled(reflectance, _ReciprocalMean(straight)), Tilt, _swapped, coarse=0.1)
     degrees = found.degrees - own.degrees
-    undone = pairs.misfit(Straightened(reflectance, Tilt(math.radians(degrees))), _swapped)
     low, high, near = (angle - own.degrees for angle in (found.low, found.high, found.near_plane))
-    return TiltAngle(degrees, low, high, found.misfit, undone, near, own.misfit)
+    return TiltAngle(degrees, low, high, found.misfit, math.nan, near, own.misfit)
 
 
 def _incidences(reflectance: Reflectance) -> int:
@@ -173,7 +177,7 @@ def _doubted(angle: TiltAngle, law: str) -> TiltAngle:
         reason = f"the values are {law} within {angle.misfit:.1%}"
     elif angle.low <= 0 <= angle.high:
         reason = f"no angle is distinguishable from 0 ({span})"
-    elif abs(angle.degrees) > SEARCHED - _COARSE:
+    elif abs(angle.degrees) > SEARCHED - COARSE:
         reason = f"no angle within {SEARCHED:g}° makes the values {law} (error {angle.misfit:.1%})"
     elif abs(angle.degrees) < LEAST:
         reason = f"the angle is below {LEAST:g}° ({span})"
@@ -233,32 +237,37 @@ class _TiltPairs:
     def angle(
         self, reflectance: Reflectance, tilt: Callable[[float], Tilt], partner: _Partner, coarse: float = SEARCHED
     ) -> TiltAngle:
-        """The angle within `coarse` degrees that makes pairs and their partners most alike."""
+        """The angle within `coarse` degrees that makes pairs and their partners most alike; `undone` is not known."""
 
-        def blocks(degrees: float) -> np.ndarray:
-            return self._blocks(Straightened(reflectance, tilt(math.radians(degrees))), partner)
+        def blocks(pairs: _TiltPairs, degrees: float) -> np.ndarray:
+            return pairs._blocks(Straightened(reflectance, tilt(math.radians(degrees))), partner)
 
-        found = {0.0: blocks(0.0)}
-        misfit = _ratio(found[0.0])
+        upright = blocks(self, 0.0)
+        misfit = _ratio(upright)
         if misfit <= LEAST_MISFIT:
             return TiltAngle(0.0, 0.0, 0.0, misfit, misfit, 0.0)
-        for step, reach in ((_COARSE, coarse), (_FINE, 2 * _COARSE)):
-            best = min(found, key=lambda degrees: _ratio(found[degrees]))
-            for degrees in (best + np.arange(-reach, reach + step / 2, step)).round(6).tolist():
-                if abs(degrees) <= SEARCHED and degrees not in found:
-                    found[degrees] = blocks(degrees)
-        at = np.array(sorted(found))
-        table = np.stack([found[degrees] for degrees in at.tolist()])
-        degrees = _lowest(at, table.sum(2))
-        draws = np.random.default_rng(0).integers(0, BLOCKS, (DRAWS, BLOCKS))
-        near, others = table[:, :, :BLOCKS], table[:, :, BLOCKS:]
-        spread = [_lowest(at, (near + others)[:, :, draw].sum(2)) for draw in draws]
-        low, high = np.quantile(spread, (0.025, 0.975)).tolist()
-        return TiltAngle(degrees, low, high, misfit, _ratio(blocks(degrees)), _lowest(at, near.sum(2)))
+        search = LeastAngle(lambda degrees: blocks(self, degrees), {0.0: upright})
+        steps = steps_round(0.0, coarse, COARSE, SEARCHED)
+        # Where the way is long, a fifth of the pairs at every other step say about where it ends.
+        few = self.every(_FEW)
+        guess = min(steps[::2], key=lambda degrees: _ratio(blocks(few, degrees))) if coarse == SEARCHED else 0.0
+        best = search.best_of(steps, guess)
+        grid = sorted({*steps, *steps_round(best, 2 * COARSE, FINE, SEARCHED)})
+        degrees, (low, high), near = search.answer(grid, best)
+        return TiltAngle(degrees, low, high, misfit, math.nan, near)
 
-    def misfit(self, reflectance: Reflectance, partner: _Partner) -> float:
-        """e of the module's head."""
-        return _ratio(self._blocks(reflectance, partner))
+    def every(self, step: int) -> "_TiltPairs":
+        """Every pair whose number divides by `step`."""
+        return _TiltPairs(*(part[::step].contiguous() for part in (self.wi, self.wo, self.weight, self.block)))
+
+    def with_undone(
+        self, angle: TiltAngle, reflectance: Reflectance, tilt: Callable[[float], Tilt], partner: _Partner
+    ) -> TiltAngle:
+        """The angle with the misfit that is left when it is undone."""
+        if not math.isnan(angle.undone):
+            return angle
+        straight = Straightened(reflectance, tilt(math.radians(angle.degrees)))
+        return replace(angle, undone=_ratio(self._blocks(straight, partner)))
 
     def levelled(self, reflectance: Reflectance) -> float:
         """The misfit that the best gain exp(c θ²) leaves of pairs and swapped pairs, to first order in c."""
@@ -284,15 +293,3 @@ def _ratio(sums: np.ndarray) -> float:
     """e of sums (2, 2 BLOCKS)."""
     apart, both = sums.sum(1)
     return math.sqrt(apart / both) if both > 0 else 0.0
-
-
-def _lowest(at: np.ndarray, sums: np.ndarray) -> float:
-    """The angle of the least ratio of sums (K, 2), by the parabola through the least of K and its neighbours."""
-    ratio = sums[:, 0] / np.maximum(sums[:, 1], 1e-300)
-    k = int(np.argmin(ratio))
-    if k in (0, len(at) - 1):
-        return float(at[k])
-    (below, above), (before, after) = at[[k - 1, k + 1]] - at[k], ratio[[k - 1, k + 1]] - ratio[k]
-    left, right = before / below, after / above
-    curve = (right - left) / (above - below)
-    return float(at[k] - (left - curve * below) / (2 * curve)) if curve > 0 else float(at[k])
