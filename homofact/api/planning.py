@@ -226,7 +226,7 @@ def transport_record(plans: "Sequence[ObjectPlan]") -> dict[str, Any]:
 def _is_relighting(scene: Path) -> bool:
     if not scene.is_file():
         return False
-    from homofact.relighting.scene_file import is_relight_scene
+    from homofact.relighting.scene_kind import is_relight_scene
 
     return is_relight_scene(scene)
 

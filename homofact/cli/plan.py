@@ -78,7 +78,9 @@ def plan(
             screen.note(f"The figure: {plot}")
         if write is not None:
             screen.note(f"The choices: {write}")
-    screen.answer(found.record())
+    if as_json:
+        # With verdicts on what was chosen under the other lighting, which nothing else shows.
+        screen.answer(found.record())
 
 
 def _show(found: "PlanResult", screen: Screen) -> None:

@@ -90,7 +90,7 @@ class RepresentationEvaluator:
             # The source's come first: what is wrong with the lighting is no fault of the fit.
             _ = self._drawn
             try:
-                drawn = self.stage.draw(reflectance)
+                drawn = self._drawn_once(reflectance)
             except BadInput:
                 return Errors(*(math.inf,) * len(KINDS))
         return self._judged(reflectance, drawn, kinds)
@@ -99,7 +99,8 @@ class RepresentationEvaluator:
         """The errors of one colour as "constant" or "lambert-9"."""
         drawn: list[Tensor] = []
         if set(kinds) != {"cole"}:
-            drawn = self.stage.draw(model)
+            albedo = torch.tensor(model.diffuse, dtype=torch.float64)
+            drawn = [radiance * albedo for radiance in self.stage.white(model.channels)]
             drawn = drawn if candidate.method == CONSTANT else self.cut(model, drawn)
         return self._judged(model, drawn, kinds)
 
@@ -107,7 +108,7 @@ class RepresentationEvaluator:
     def to_white(self) -> tuple[Tensor, Tensor]:
         """Σ B E and Σ E² (C,) over the nodes, by Σ B²: of the source's light B and that of a white sphere, E."""
         names = self.source.samples.channels
-        white = self.stage.draw(Lambert((1.0,) * len(names), channels=names))
+        white = self.stage.white(names)
         met = there = torch.zeros(len(names), dtype=torch.float64)
         whole = 0.0
         for own, one, view in zip(self._drawn, white, self.stage.views, strict=True):
@@ -123,6 +124,18 @@ class RepresentationEvaluator:
         train = self._train
         weights = train.weights / train.weights.sum()
         return self.transform.inverse((self.transform.forward(train.values) * weights[:, None]).sum(0))
+
+    def _drawn_once(self, reflectance: Reflectance) -> list[Tensor]:
+        """As the stage draws: a walk judges a fit by what is limited, and a record of the choice by every kind."""
+        # By identity, and held, so that no other fit comes to have it.
+        known = self._fits_drawn
+        if id(reflectance) not in known:
+            known[id(reflectance)] = reflectance, self.stage.draw(reflectance)
+        return known[id(reflectance)][1]
+
+    @cached_property
+    def _fits_drawn(self) -> dict[int, tuple[Reflectance, list[Tensor]]]:
+        return {}
 
     def _judged(self, reflectance: Reflectance, drawn: list[Tensor], kinds: tuple[str, ...]) -> Errors:
         errors: dict[str, float] = {}

@@ -56,7 +56,7 @@ class MaterialPlan:
         outcome = self.outcome
         return max(0.0, outcome.error - 1) if outcome is not None else math.inf
 
-    @property
+    @cached_property
     def needed_orders(self) -> tuple[int, ...]:
         """After which order the lobe may be cut, by lighting: for the tolerance on light, else for 5% of it."""
         error = dict(self.tolerance.limits).get("reflected", USUAL_ERROR)

@@ -22,6 +22,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.reflectance import Reflectance
 from homofact.geometry.directions import from_cosine
 from homofact.rendering.filtered import FilteredMaterial, Surroundings
@@ -124,6 +125,16 @@ class Stage:
         """The irradiance (N, C) at the normals of each view that the nine terms of the harmonics do not hold."""
         light = self.lighting
         return tuple(light.irradiance(view.normals, None) - light.irradiance(view.normals, 2) for view in self.views)
+
+    def white(self, channels: tuple[str, ...]) -> list[Tensor]:
+        """As `draw` of a white diffuse sphere: drawn once, whichever materials are measured against it."""
+        if channels not in self._white:
+            self._white[channels] = self.draw(Lambert((1.0,) * len(channels), channels=channels))
+        return self._white[channels]
+
+    @cached_property
+    def _white(self) -> dict[tuple[str, ...], list[Tensor]]:
+        return {}
 
     def draw(self, reflectance: Reflectance) -> list[Tensor]:
         """The radiance (N, C) at the nodes of each view, C 1 or 3. Raises BadInput where it is not finite."""

@@ -196,10 +196,5 @@ def read_relight_scene(path: str | Path) -> RelightSceneFile:
     )  # fmt: skip
 
 
-def is_relight_scene(path: Path) -> bool:
-    """Whether a scene's file has objects rather than materials. Raises BadInput for what is no TOML."""
-    return "object" in read_toml(path, "a scene in TOML")
-
-
 def _given(table: object, name: str) -> bool:
     return getattr(table, name) is not None
