@@ -15,6 +15,7 @@ kinks where a sample crosses from one cell of a texture to the next; there are N
 is small.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 
@@ -61,6 +62,8 @@ class Objective:
         self._projections = projections
         self._template = inner_problem(samples, projections, shapes, smoothing)
         self._scale = 1 / (float(samples.weights.sum()) * samples.logs.shape[1])
+        self._parts = _slices(p.quaternions.size for p in projections if p.quaternions is not None)
+        self._lookups = _slices(p.lookups for p in projections)
         self.evaluations = 0
 
     def start(self) -> Tensor:
@@ -70,15 +73,13 @@ class Objective:
 
     def parts(self) -> list[slice]:
         """Where each searched projection stands in the vector."""
-        lengths = [len(p.rotation.numbers) for p in self._projections if p.rotation is not None]
-        ends = list(accumulate(lengths, initial=0))
-        return [slice(begin, end) for begin, end in pairwise(ends)]
+        return list(self._parts)
 
     def projections(self, vector: Tensor) -> tuple[Projection, ...]:
         """The projections that a vector stands for."""
-        result, parts = [], iter(self.parts())
+        result, parts = [], iter(self._parts)
         for projection in self._projections:
-            if projection.rotation is None:
+            if projection.quaternions is None:
                 result.append(projection)
                 continue
             rotation = Rotation.of_numbers(vector[next(parts)].detach())
@@ -91,11 +92,13 @@ class Objective:
 
     def problem(self, vector: Tensor) -> LeastSquares:
         """The inner problem at a vector."""
-        matrices = [matrix for p in self.projections(vector) for matrix in p.matrices()]
-        lookups = tuple(
-            replace(lookup, matrix=matrix) for lookup, matrix in zip(self._template.lookups, matrices, strict=True)
-        )
-        return replace(self._template, lookups=lookups)
+        lookups = list(self._template.lookups)
+        for own, projection in zip(self._lookups, self.projections(vector), strict=True):
+            # Fixed ones stay.
+            if projection.quaternions is not None:
+                pairs = zip(lookups[own], projection.matrices(), strict=True)
+                lookups[own] = [replace(lookup, matrix=matrix) for lookup, matrix in pairs]
+        return replace(self._template, lookups=tuple(lookups))
 
     def error(self, vector: Tensor) -> float:
         """R alone, by the normal equations; no pass for the gradient."""
@@ -116,17 +119,14 @@ class Objective:
 
     def _chain(self, vector: Tensor, by_matrix: Tensor) -> Tensor:
         """The derivative by the vector, from those by every lookup's matrix (L, 2, 4)."""
-        result, parts, number = torch.zeros_like(vector), iter(self.parts()), 0
-        for projection in self._projections:
-            lookups = projection.lookups
-            own = slice(number, number + lookups)
-            number += lookups
-            if projection.rotation is None:
+        result, parts = torch.zeros_like(vector), iter(self._parts)
+        for projection, own in zip(self._projections, self._lookups, strict=True):
+            if projection.quaternions is None:
                 continue
             system = projection.system
             by = by_matrix[own, :, : system.dimension]
             combined = by[0]
-            if lookups == 2:
+            if len(by) == 2:
                 combined = combined + by[1] @ swap_of(system).T
             own = next(parts)
             rows, pulled_back = rows_with_slope(vector[own].numpy())
@@ -134,6 +134,11 @@ class Objective:
                 pulled_back(bound_slopes(rows, combined.numpy(), system.domain, self._bound))
             )
         return result
+
+
+def _slices(lengths: Iterable[int]) -> list[slice]:
+    """Where pieces of these lengths stand, one after another."""
+    return [slice(begin, end) for begin, end in pairwise(accumulate(lengths, initial=0))]
 
 
 class JointObjective:

@@ -10,18 +10,21 @@ A rotation of R³ is v ↦ q v q⁻¹ for a single quaternion q: the pair (q, q�
 """
 
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.geometry.namespace import namespace
 
 
-def multiply(a: Tensor, b: Tensor) -> Tensor:
-    """The quaternion product ab, (..., 4)."""
-    aw, ax, ay, az = a.unbind(-1)
-    bw, bx, by, bz = b.unbind(-1)
-    return torch.stack(
+def multiply(a: Any, b: Any) -> Any:
+    """The quaternion product ab, (..., 4), of tensors or of arrays."""
+    aw, ax, ay, az = (a[..., k] for k in range(4))
+    bw, bx, by, bz = (b[..., k] for k in range(4))
+    return namespace(a).stack(
         (
             aw * bw - ax * bx - ay * by - az * bz,
             aw * bx + ax * bw + ay * bz - az * by,
@@ -137,8 +140,13 @@ class Rotation:
         """The 4 × 4 matrix R with R v = left · v · right, or the 3 × 3 one with R v = q v q⁻¹."""
         q = self.quaternions
         left, right = (q[0], q[1]) if self.dimension == 4 else (q[0], conjugate(q[0]))
-        basis = torch.eye(4, dtype=q.dtype, device=q.device)
-        images = multiply(multiply(left.expand(4, 4), basis), right.expand(4, 4)).T
+        if q.requires_grad or q.device.type != "cpu":
+            basis = torch.eye(4, dtype=q.dtype, device=q.device)
+            images = multiply(multiply(left, basis), right).T
+        else:
+            # A search makes thousands of them, and an operation on four numbers takes torch five times as long.
+            first, last = left.numpy(), right.numpy()
+            images = torch.from_numpy(multiply(multiply(first, np.eye(4, dtype=first.dtype)), last).T)
         return images if self.dimension == 4 else images[1:, 1:]
 
 

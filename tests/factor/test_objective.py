@@ -51,6 +51,22 @@ def test_the_gradient_is_the_slope_away_from_the_kinks(mix: tuple[str, ...], rec
         assert float(slope @ direction) == pytest.approx((ahead - behind) / (2 * step), rel=2e-4, abs=2e-7)
 
 
+@pytest.mark.parametrize("reciprocal", [True, False])
+@pytest.mark.parametrize("mix", MIXES.values(), ids=MIXES)
+def test_the_problem_at_a_vector_is_that_of_the_projections_there(mix: tuple[str, ...], reciprocal: bool) -> None:
+    samples = _log_samples(60)
+    objective = _objective(mix, samples, reciprocal)
+    generator = torch.Generator().manual_seed(3)
+    vector = objective.start() + 0.3 * torch.randn(len(objective.start()), dtype=torch.float64, generator=generator)
+    shapes = tuple((1 if kind == "theta_i" else 6, 6) for kind in mix)
+    expected = textures.inner_problem(samples, objective.projections(vector), shapes, 1e-2)
+    for found in (objective.problem(vector), objective.problem(vector)):
+        assert torch.equal(found.coordinates, expected.coordinates)
+        for one, other in zip(found.lookups, expected.lookups, strict=True):
+            assert (one.start, one.shape, one.offset) == (other.start, other.shape, other.offset)
+            assert torch.equal(one.matrix, other.matrix)
+
+
 def test_values_of_both_paths_agree_and_the_length_of_a_quaternion_does_not_matter() -> None:
     objective = _objective(("half-diff", "in-out"), _log_samples(500))
     vector = objective.start()

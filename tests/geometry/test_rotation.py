@@ -192,3 +192,13 @@ def test_normalized_mends_the_drift() -> None:
     drifted = Rotation(pair.quaternions * torch.tensor([[1.01], [0.97]]))
     assert close(drifted.normalized().matrix(), pair.matrix())
     assert not close(drifted.matrix(), pair.matrix(), 1e-3)
+
+
+@pytest.mark.parametrize("dimension", [3, 4])
+def test_arrays_make_the_same_bits_as_tensors(dimension: int) -> None:
+    """A search asks for the matrix by arrays, a module that is trained by tensors with a slope."""
+    rotation = Rotation.random(torch.Generator().manual_seed(5), dimension)
+    taught = Rotation(rotation.quaternions.clone().requires_grad_())
+    assert torch.equal(rotation.matrix(), taught.matrix().detach())
+    taught.matrix().sum().backward()
+    assert taught.quaternions.grad is not None
