@@ -76,7 +76,7 @@ class PicturePage:
         for line, left, middle, bold in self._texts:
             self._figure.text(left / self.width, 1 - middle / height, line, va="center", **_font(bold))
         self._canvas.draw()
-        Image.fromarray(np.asarray(self._canvas.buffer_rgba())[..., :3]).save(path, format="PNG", optimize=True)
+        Image.fromarray(np.asarray(self._canvas.buffer_rgba())[..., :3]).save(path, format="PNG")
 
     def _reach(self, bottom: int) -> int:
         self.height = max(self.height, bottom)

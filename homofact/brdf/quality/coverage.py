@@ -51,7 +51,9 @@ def spread(samples: Samples) -> dict[str, Any]:
     theta, phi = to_spherical(samples.wi)
     # At the normal every azimuth is the same light.
     pair = torch.stack((theta, torch.where(theta < 1e-6, 0.0, phi)), 1) * (180 / math.pi)
-    figures["lights"] = int(torch.unique((pair * 100).round(), dim=0).shape[0])
+    hundredths = (pair * 100).round()
+    # One number for both: sorted ten times as fast as rows.
+    figures["lights"] = int(torch.unique(hundredths[:, 0] * 100_000 + hundredths[:, 1]).numel())
     return figures
 
 

@@ -58,3 +58,10 @@ def test_info_has_them_and_the_units() -> None:
     assert facts["units"] == "1/sr, no cosine"
     assert facts["faults"]["holes"]["cells"] == 216
     assert facts["spread_degrees"]["theta_o"][0] < facts["spread_degrees"]["theta_o"][2]
+
+
+def test_lights_are_told_apart_by_a_hundredth_of_a_degree_in_either_angle() -> None:
+    theta = [10.0, 10.0, 10.004, 10.02, 10.0, 9.0]
+    phi = torch.tensor([0.0, 180.0, 0.0, 0.0, -0.02, 100.0], dtype=torch.float64).deg2rad()
+    wi = from_spherical(torch.tensor(theta, dtype=torch.float64).deg2rad(), phi)
+    assert spread(Samples(wi, wi, torch.ones(6, 1), channels=("Y",), isotropic=False))["lights"] == 5
