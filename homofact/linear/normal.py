@@ -205,26 +205,37 @@ def _stencil(x, n, matrices, layout, lookup, numbers, values):  # pragma: no cov
 def _accumulate(x, matrices, layout, targets, weights, matrix, begin, end):  # pragma: no cover (compiled)
     """Add the lower triangle of a range's BᵀWB to `matrix`; its BᵀWf and energy."""
     channels = targets.shape[1]
-    entries = 4 * layout.shape[0]
+    lookups = layout.shape[0]
     rhs = np.zeros((matrix.shape[0], channels))
     energy = np.zeros(channels)
-    numbers = np.empty(entries, dtype=np.int64)
-    values = np.empty(entries)
+    # Unsigned numbers are never counted from the end, which would be asked of every one of them.
+    numbers = np.empty(4 * lookups, dtype=np.uint64)
+    values = np.empty(4 * lookups)
+    # How many entries come first that are of textures before a lookup's own: their columns are left of all its rows.
+    firsts = np.zeros(lookups, dtype=np.int64)
+    for lookup in range(lookups):
+        while firsts[lookup] < 4 * lookup and layout[firsts[lookup] // 4, 4] < layout[lookup, 4]:
+            firsts[lookup] += 4
     for n in range(begin, end):
         w = weights[n]
-        for lookup in range(layout.shape[0]):
+        for lookup in range(lookups):
             _stencil(x, n, matrices, layout, lookup, numbers, values)
-        for a in range(entries):
-            row = numbers[a]
-            weighted = w * values[a]
-            for b in range(a):
-                column = numbers[b]
-                # Two entries of a sample that share a texel count once for each order.
-                share = 2.0 if column == row else 1.0
-                matrix[max(row, column), min(row, column)] += share * weighted * values[b]
-            matrix[row, row] += weighted * values[a]
-            for c in range(channels):
-                rhs[row, c] += weighted * targets[n, c]
+        for lookup in range(lookups):
+            first = firsts[lookup]
+            for a in range(4 * lookup, 4 * lookup + 4):
+                row = numbers[a]
+                weighted = w * values[a]
+                own, own_rhs = matrix[row], rhs[row]
+                for b in range(first):
+                    own[numbers[b]] += weighted * values[b]
+                for b in range(first, a):
+                    column = numbers[b]
+                    # Two entries of a sample that share a texel count once for each order.
+                    share = 2.0 if column == row else 1.0
+                    matrix[max(row, column), min(row, column)] += share * weighted * values[b]
+                own[row] += weighted * values[a]
+                for c in range(channels):
+                    own_rhs[c] += weighted * targets[n, c]
         for c in range(channels):
             energy[c] += w * targets[n, c] ** 2
     return rhs, energy
@@ -270,7 +281,7 @@ def _gradient(x, matrices, layout, targets, weights, texels, begin, end):  # pra
     lookups = layout.shape[0]
     slopes = np.zeros((lookups, 2, 4))
     squares = 0.0
-    numbers = np.empty(4 * lookups, dtype=np.int64)
+    numbers = np.empty(4 * lookups, dtype=np.uint64)
     values = np.empty(4 * lookups)
     inside = np.empty((lookups, 2), dtype=np.bool_)
     difference = np.empty(channels)

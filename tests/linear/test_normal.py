@@ -1,5 +1,7 @@
 """The compiled and the torch accumulation against each other and against the dense product."""
 
+from dataclasses import replace
+
 import numba
 import pytest
 import torch
@@ -19,6 +21,17 @@ def test_both_paths_equal_the_dense_product(case: Problem, path) -> None:
     assert torch.allclose(found.matrix, weighted.T @ rows, rtol=1e-10, atol=1e-10)
     assert torch.allclose(found.rhs, weighted.T @ problem.targets, rtol=1e-10, atol=1e-10)
     assert torch.allclose(found.energy, (problem.weights[:, None] * problem.targets**2).sum(0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3, 4, 5), (4, 5, 0, 1, 2, 3), (5, 0, 3, 1, 4, 2)])
+def test_lookups_of_several_textures_may_come_in_any_order(order: tuple[int, ...]) -> None:
+    problem = planted("three", samples=300, shapes=((3, 4), (2, 2), (4, 3)), shared=True).problem
+    assert len(problem.lookups) == 6
+    problem = replace(problem, lookups=tuple(problem.lookups[k] for k in order))
+    rows = dense_rows(problem)
+    arguments = (problem.coordinates, problem.lookups, problem.targets, problem.weights, problem.unknowns)
+    found = accumulate_compiled(*arguments)
+    assert torch.allclose(found.matrix, (rows * problem.weights[:, None]).T @ rows, rtol=1e-10, atol=1e-10)
 
 
 def test_paths_agree_to_1e_10_over_threads_and_chunks() -> None:
