@@ -6,7 +6,22 @@ import os
 from types import ModuleType
 
 from homofact.brdf.channels import check_channels
-from homofact.brdf.formats import alta, astm, cornell, csv, curet, mdl, merl, nbrdf, npz, rgl, utia
+from homofact.brdf.formats import (
+    alta,
+    astm,
+    cornell,
+    csv,
+    curet,
+    mdl,
+    merl,
+    nbrdf,
+    npz,
+    rgl,
+    speos,
+    utia,
+    window,
+    zemax,
+)
 from homofact.brdf.formats.hints import hint_of
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.samples import Samples
@@ -17,7 +32,22 @@ from homofact.files.text import beginning
 # Every reader is a module with NAME, DESCRIPTION, sniff(head) and read(path, channels), or open_file(path, channels,
 # drawing) where the file is a reflectance by itself. The first that knows the head has the file; a
 # format without a header has SIZES, and gets a file of such a size that no head is known of.
-READERS: tuple[ModuleType, ...] = (nbrdf, npz, rgl, mdl, merl, alta, astm, csv, curet, cornell, utia)
+READERS: tuple[ModuleType, ...] = (
+    nbrdf,
+    npz,
+    rgl,
+    mdl,
+    merl,
+    window,
+    speos,
+    zemax,
+    alta,
+    astm,
+    csv,
+    curet,
+    cornell,
+    utia,
+)
 _HEAD = 65_536
 
 

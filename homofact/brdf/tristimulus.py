@@ -1,0 +1,49 @@
+"""CIE XYZ, linear sRGB and spectra of tables: what files of measured light hold beside what homofact works in."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from homofact.brdf.channels import spectral_names, wavelengths_of
+from homofact.brdf.spectral import FROM_XYZ, to_luminance, to_rgb
+from homofact.errors import BadInput
+
+_RGB = ("R", "G", "B")
+
+
+def from_xyz(xyz: Tensor) -> Tensor:
+    """Linear sRGB (..., 3) of CIE XYZ (..., 3) with D65's white; negative where a colour leaves the gamut."""
+    return xyz @ torch.tensor(FROM_XYZ, dtype=xyz.dtype).T
+
+
+def to_xyz(values: Tensor, channels: Sequence[str]) -> Tensor:
+    """CIE XYZ (N, 3) of values (N, C) in linear sRGB or a spectrum; of one channel alone (N, 1), taken as Y.
+
+    Raises BadInput for other channels, and as `spectral.to_rgb`.
+    """
+    if len(channels) == 1:
+        return values
+    if tuple(channels) == _RGB:
+        rgb = values
+    elif (wavelengths := wavelengths_of(channels)) is not None:
+        rgb = to_rgb(values, wavelengths, clip=False)[0]
+    else:
+        raise BadInput(f"channels {', '.join(channels)}", expected="R, G, B, one alone, or wavelengths")
+    return rgb @ torch.linalg.inv(torch.tensor(FROM_XYZ, dtype=rgb.dtype)).T
+
+
+def spectra_in(
+    values: Tensor, wavelengths: Sequence[float], channels: str
+) -> tuple[Tensor, tuple[str, ...], dict[str, Any]]:
+    """(values (..., C), channel names, facts of the colour) of spectra (..., W) in "rgb", "luminance" or "spectral".
+
+    Raises BadInput as `spectral.to_rgb`.
+    """
+    if channels == "spectral":
+        return values, spectral_names(wavelengths), {}
+    converted, facts = (to_rgb if channels == "rgb" else to_luminance)(
+        values.reshape(-1, values.shape[-1]), wavelengths
+    )
+    return converted.reshape(*values.shape[:-1], -1), _RGB if channels == "rgb" else ("Y",), facts
