@@ -9,6 +9,7 @@
 INV_STERADIAN is f in sr⁻¹; INV_STERADIAN_COSINE_FACTOR is f times the cosine of the view (by which the real
 file at hand becomes reciprocal to 2%), which is divided out; RGB_COLOR and XYZ_COLOR are taken as f in linear
 sRGB and CIE XYZ. Other lines with # are comments; `#CHANNELS` is our own writer's and names the values.
+Where the line #PARAM_OUT is missing, FILE#INV_STERADIAN or another of the four states it.
 Rows with a direction under the horizon are left out and counted, so are, where a cosine is divided out, those
 nearer to the horizon than 0.6°, whose error the division makes a hundredfold. Negative values are set to 0 and
 counted.
@@ -34,12 +35,12 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import FROM_XYZ
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
-from homofact.files.reading import read_bytes
+from homofact.files.reading import read_bytes, split_member
 from homofact.files.text import check_last_line, number_table, numbered_lines, short
 from homofact.geometry.directions import to_spherical
 
 NAME = "alta"
-DESCRIPTION = "ALTA text (#DIM, #PARAM_IN, #PARAM_OUT, rows)"
+DESCRIPTION = "ALTA text (#DIM, #PARAM_IN, #PARAM_OUT or FILE#UNITS, rows)"
 _COSINE = "INV_STERADIAN_COSINE_FACTOR"
 _OUTPUTS = ("INV_STERADIAN", _COSINE, "RGB_COLOR", "XYZ_COLOR")
 _LEAST_COSINE = 0.01
@@ -57,6 +58,11 @@ def sniff(head: bytes) -> bool:
     return False
 
 
+def material_names(path: str | os.PathLike[str]) -> list[str]:
+    """What FILE#NAME may state of the values."""
+    return list(_OUTPUTS)
+
+
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     """The samples of a file, isotropic where its parameterization has no azimuth of the whole pair.
 
@@ -64,10 +70,12 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     column counts, numbers that are none, a cut end, no row above the horizon.
     """
     check_channels(channels)
+    path, stated = split_member(path)
     raw = read_bytes(path, DESCRIPTION)
     lines = list(numbered_lines(raw))
     header, comments = _header(path, lines)
-    name, output = _named(path, header, "#PARAM_IN", PARAMETERIZATIONS), _named(path, header, "#PARAM_OUT", _OUTPUTS)
+    name = _named(path, header, "#PARAM_IN", PARAMETERIZATIONS)
+    output = _output(path, header, stated)
     parameters = PARAMETERIZATIONS[name]
     count, intervals = _sizes(path, header, parameters.columns)
     if output.endswith("COLOR") and count != 3:
@@ -116,7 +124,9 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
             "format": NAME,
             "comments": comments,
             "parameterization": name + (f" ({parameters.open})" if parameters.open else ""),
-            "units": "1/sr, no cosine" + ("; cosine of the view divided out" if output == _COSINE else ""),
+            "units": "1/sr, no cosine"
+            + ("; cosine of the view divided out" if output == _COSINE else "")
+            + (f"; {output} stated, not in the file" if "#PARAM_OUT" not in header else ""),
             "faults": faults,
         },
     )
@@ -150,6 +160,24 @@ def _named(path: object, header: dict[str, tuple[int, str]], key: str, known: Co
     if text not in known:
         raise line_fault(path, number, f"{key} is {short(text)}", f"one of {words}")
     return text
+
+
+def _output(path: object, header: dict[str, tuple[int, str]], stated: str | None) -> str:
+    """What the values are: by #PARAM_OUT, or as FILE#NAME states where that is missing."""
+    held = header.get("#PARAM_OUT", (0, ""))[1]
+    if stated is None and not held:
+        name = os.path.basename(str(path))
+        hint = f"or state it: {name}#{_OUTPUTS[0]}, or {name}#{_COSINE} where the cosine of the view is in"
+        raise BadInput(
+            "no #PARAM_OUT, so its units are unknown", where=path, expected=f"one of {', '.join(_OUTPUTS)}", hint=hint
+        )
+    if stated is None:
+        return _named(path, header, "#PARAM_OUT", _OUTPUTS)
+    if held and held != stated:
+        raise BadInput(f"#PARAM_OUT is {short(held)}", where=path, expected=f"no #{stated} with it")
+    if stated not in _OUTPUTS:
+        raise BadInput(f"units {short(stated)}", where=path, expected=f"one of {', '.join(_OUTPUTS)}")
+    return stated
 
 
 def _sizes(path: object, header: dict[str, tuple[int, str]], columns: int) -> tuple[int, int]:
