@@ -1,7 +1,9 @@
 """Converting: a source or a fit written in another format, chosen by the ending of the new file.
 
 .csv, .npz and .dat (ALTA text) hold samples: the measurement's, or drawn from the model. .binary (MERL) and .bsdf
-(RGL) are full tables: the source's own where it is one, else the model or interpolated samples at their nodes.
+(RGL) are full tables: the source's own where it is one, else the model or interpolated samples at their nodes. So are
+the formats of lighting and optics: .xml (WINDOW and Radiance), .brdf and .anisotropicbsdf (Ansys Speos), and Zemax's,
+which shares its ending .bsdf with RGL's and is asked for by name.
 """
 
 import os
@@ -21,8 +23,19 @@ from homofact.sections import SourceSettings
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
 
-ENDINGS = (".binary", ".bsdf", ".csv", ".npz", ".dat")
-_TABLES = (".binary", ".bsdf")
+# The formats of each ending, its own first.
+FORMATS = {
+    ".binary": ("merl",),
+    ".bsdf": ("rgl", "zemax"),
+    ".csv": ("csv",),
+    ".npz": ("npz",),
+    ".dat": ("alta",),
+    ".xml": ("klems", "tree"),
+    ".brdf": ("speos",),
+    ".anisotropicbsdf": ("speos",),
+}
+ENDINGS = tuple(FORMATS)
+_SAMPLES = (".csv", ".npz", ".dat")
 # Pairs at which a written table is compared with its source.
 _PAIRS = 5000
 
@@ -40,7 +53,7 @@ class ConvertResult:
     size : int
         Its bytes.
     format : str
-        Its format: "merl", "rgl", "csv", "npz" or "alta".
+        Its format: "merl", "rgl", "zemax", "csv", "npz", "alta", "klems", "tree" or "speos".
     notes : tuple of str
         What got lost, was interpolated or mended, in sentences.
     facts : dict
@@ -63,6 +76,7 @@ def convert(
     source: Any,
     to: Place,
     *,
+    form: str | None = None,
     undo: Sequence[str] = (),
     channels: str = "rgb",
     count: int = DEFAULT_COUNT,
@@ -79,7 +93,10 @@ def convert(
     source : source, Fit or path
         What is converted, as for `fit`; or a fit, its folder or its .npz file.
     to : path
-        The new file: .binary (MERL), .bsdf (RGL, Mitsuba's measured), .csv, .npz or .dat (ALTA).
+        The new file: .binary (MERL), .bsdf (RGL, Mitsuba's measured), .csv, .npz, .dat (ALTA), .xml (WINDOW and
+        Radiance), .brdf or .anisotropicbsdf (Ansys Speos).
+    form : str, optional
+        A format that shares an ending: "zemax" for .bsdf, "tree" (tensor tree) for .xml, else RGL and Klems' bands.
     undo : sequence of str, optional
         Conventions to undo, as `info` names them: "cosine-o", "srgb", "elevation" and others. Not for tables.
     channels : str, optional
@@ -103,7 +120,7 @@ def convert(
     Raises
     ------
     BadInput
-        For what cannot be read, an unknown ending, and a file that is there.
+        For what cannot be read, an unknown ending, a format that the ending has not, and a file that is there.
 
     Examples
     --------
@@ -115,6 +132,7 @@ def convert(
     given = _given(source)
     target = Path(to)
     check_file(target, *ENDINGS)
+    kind = _format(target, form)
     if target.exists() and not force:
         raise BadInput("exists already", where=target, expected=f"a new file or {Advice('force', True)}")
 
@@ -122,7 +140,7 @@ def convert(
     from homofact.brdf.quality.suspicion.undo import names_in, undone
 
     names = names_in(",".join(undo))
-    if names and target.suffix.lower() in _TABLES:
+    if names and target.suffix.lower() not in _SAMPLES:
         raise BadInput(where="undo", found=f"it with {target}", expected="a file of samples (.csv, .npz or .dat)")
     steps = ProgressSteps(progress)
     steps.stage("reading")
@@ -132,7 +150,7 @@ def convert(
     steps.stage("writing")
     target.parent.mkdir(parents=True, exist_ok=True)
     facts: dict[str, Any] = {}
-    replace_file(target, lambda made: facts.update(_write(made, subject)), new=not force)
+    replace_file(target, lambda made: facts.update(_write(made, subject, kind)), new=not force)
     if names:
         lost = read - len(subject.samples)
         facts["undone"] = list(names)
@@ -142,6 +160,14 @@ def convert(
     facts["notes"] += mending_lines(subject.samples.provenance)
     size = target.stat().st_size
     return ConvertResult(subject.name, target, size, facts["format"], tuple(facts["notes"]), facts)
+
+
+def _format(target: Path, form: str | None) -> str:
+    """The format that is asked for, or the ending's own. Raises BadInput for one that the ending has not."""
+    known = FORMATS[target.suffix.lower()]
+    if form is not None and form not in known:
+        raise BadInput(where="form", found=f"{form!r} with {target.name}", expected=f"one of {', '.join(known)}")
+    return form or known[0]
 
 
 def _given(source: Any) -> Any:
@@ -173,8 +199,8 @@ def _opened(source: Any, settings: SourceSettings, seed: int) -> "Source":
     return as_source(fitted, "fit", settings.count, settings.scheme, seed)
 
 
-def _write(target: Path, subject: "Source") -> dict[str, Any]:
-    """Write the source in the format of the file's ending; what was written, and what got lost."""
+def _write(target: Path, subject: "Source", kind: str) -> dict[str, Any]:
+    """Write the source in a format of `FORMATS`; what was written, and what got lost."""
     from homofact.brdf.formats import alta, csv, merl
     from homofact.brdf.source import NOISE_FREE_EPSILON
 
@@ -183,20 +209,21 @@ def _write(target: Path, subject: "Source") -> dict[str, Any]:
     samples = replace(subject.samples, provenance=facts_of_source)
     comments = (f"converted from {subject.name}", *samples.provenance.get("comments", ()))
     facts: dict[str, Any] = {"samples": len(samples), "channels": list(samples.channels), "notes": []}
-    ending = target.suffix.lower()
-    if ending == ".binary":
+    if kind == "merl":
         counts = merl.write(target, subject.reflectance)
         facts |= {"format": "merl", "samples": counts["written"], "channels": ["R", "G", "B"], "bins": counts}
         if not samples.isotropic:
             facts["notes"].append("an anisotropic source: the table holds the cut with h in the xz-plane")
         if not hasattr(subject.reflectance, "raw") and subject.kind == "measurement":
             facts["notes"].append("bins between and beyond the samples are interpolated")
-    elif ending == ".bsdf":
+    elif kind == "rgl":
         facts |= _write_adaptive(target, subject, comments)
-    elif ending == ".csv":
+    elif kind in ("klems", "tree", "zemax", "speos"):
+        facts |= _write_lighting(target, subject, kind, comments)
+    elif kind == "csv":
         csv.write(target, samples, comments)
         facts["format"] = "csv"
-    elif ending == ".npz":
+    elif kind == "npz":
         from homofact.brdf.formats import npz
 
         header = {"comments": list(comments), "noise_free": noise_free}
@@ -205,7 +232,7 @@ def _write(target: Path, subject: "Source") -> dict[str, Any]:
     else:
         alta.write(target, samples, comments=comments)
         facts["format"] = "alta"
-    if ending in (".npz", ".dat") and bool((samples.weights != 1).any()):
+    if kind in ("npz", "alta") and bool((samples.weights != 1).any()):
         facts["notes"].append("weights are not kept in this format")
     return facts
 
@@ -231,4 +258,41 @@ def _write_adaptive(target: Path, subject: "Source", comments: tuple[str, ...]) 
         middle, most = relative_differences(reflectance, table, _PAIRS)
         facts["difference"] = {"median": middle, "quantile_99": most}
         notes.append(f"off the source's values by {middle:.2%} in the median, {most:.2%} at the 99th percentile")
+    return facts
+
+
+def _write_lighting(target: Path, subject: "Source", kind: str, comments: tuple[str, ...]) -> dict[str, Any]:
+    """Write a format of lighting or optics; what it holds, what got lost, and how far off the source it is."""
+    from homofact.brdf.adaptive import relative_differences
+    from homofact.brdf.formats import open_file, speos_writer, window_writer, zemax
+    from homofact.brdf.tristimulus import CieY
+
+    reflectance, isotropic, channels = subject.reflectance, subject.samples.isotropic, subject.samples.channels
+    notes = []
+    if kind == "klems":
+        found = window_writer.write_klems(target, reflectance, isotropic, subject.name, comments)
+        count = int(found["values"])
+        notes.append(f"means over 145 x 145 bands, known to {found['error']:.2%} at the 99th percentile")
+    elif kind == "tree":
+        found = window_writer.write_tree(target, reflectance, isotropic, subject.name, comments)
+        count = int(found["values"])
+        notes.append(f"a tree of {count} values, means over its leaves")
+    elif kind == "zemax":
+        count = zemax.write(target, reflectance, isotropic, comments)
+    elif target.suffix.lower() == ".brdf":
+        count = speos_writer.write_brdf(target, reflectance, isotropic, comments)
+    else:
+        count = speos_writer.write_anisotropic(target, reflectance, isotropic, comments)
+        if len(channels) > 1:
+            notes.append("one spectrum for all directions: colours that change with direction are lost")
+    if kind in ("klems", "tree"):
+        notes.append("the same reflection on both sides, no transmission")
+    if subject.kind == "measurement":
+        notes.append("between and beyond the samples values are interpolated")
+    facts: dict[str, Any] = {"format": kind, "samples": count, "notes": notes}
+    written = open_file(f"{target}#back" if kind == "tree" else target).reflectance if kind != "klems" else None
+    if written is not None:
+        middle, most = relative_differences(CieY(reflectance), CieY(written), _PAIRS)
+        facts["difference"] = {"median": middle, "quantile_99": most}
+        notes.append(f"luminance off the source's by {middle:.2%} in the median, {most:.2%} at the 99th percentile")
     return facts

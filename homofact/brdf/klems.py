@@ -6,10 +6,9 @@ direction opposite to it in the plane of the surface, so that the mirror directi
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -89,6 +88,13 @@ class KlemsBasis:
         count = torch.tensor(self.counts)[self.rings][:, None]
         return from_spherical(torch.acos(cosine), 2 * math.pi * (self.places[:, None] + along - 0.5) / count)
 
+    def mirrored(self) -> Tensor:
+        """The patch (size,) that each becomes where x is turned round. Raises BadInput for odd numbers of patches."""
+        count = torch.tensor(self.counts)[self.rings]
+        if any(n % 2 and n > 1 for n in self.counts):
+            raise BadInput(f"basis {self.name} with counts {self.counts}", expected="even numbers, or 1")
+        return torch.arange(self.size) - self.places + torch.remainder(count // 2 - self.places, count)
+
     def middles(self) -> Tensor:
         """Directions (size, 3) at the middle angles of the patches; of a patch that is a whole cap the normal."""
         bounds = torch.tensor(self.bounds, dtype=torch.float64)
@@ -133,7 +139,6 @@ class KlemsTable:
     values: Tensor
     channels: tuple[str, ...]
     flipped: bool = False
-    facts: dict[str, Any] = field(default_factory=dict)
 
     @property
     def nbytes(self) -> int:
@@ -169,24 +174,41 @@ class KlemsTable:
         )
 
     @cached_property
-    def anisotropy(self) -> float:
-        """How far the matrix is from one of |Δφ| alone: the mean difference over the mean, weighted by cosθo dω."""
+    def _kinds(self) -> Tensor:
+        """Which entries (light.size · view.size,) have equal θi, θo and |Δφ|: a number from 0 for each such set."""
         light, view = self.light, self.view
         turns = math.lcm(*light.counts, *view.counts)
         steps = [turns // torch.tensor(basis.counts)[basis.rings] * basis.places for basis in (light, view)]
         gap = torch.remainder(steps[1] - steps[0][:, None], turns)
         gap = torch.minimum(gap, turns - gap)
         kind = (light.rings[:, None] * len(view.counts) + view.rings) * turns + gap
-        _, kind = kind.reshape(-1).unique(return_inverse=True)
-        count = int(kind.max()) + 1
-        values = self.values.double().sum(2).reshape(-1)
-        mean = torch.zeros(count, dtype=torch.float64).index_add_(0, kind, values)
-        mean /= torch.bincount(kind, minlength=count)
-        weights = (light.projected[:, None] * view.projected).reshape(-1)
-        total = float((weights * values).sum())
-        return float((weights * (values - mean[kind]).abs()).sum()) / total if total else 0.0
+        return kind.reshape(-1).unique(return_inverse=True)[1]
+
+    def averaged(self) -> "KlemsTable":
+        """The table with the mean of all entries of equal θi, θo and |Δφ|, as an isotropic material has them."""
+        kind, count = self._kinds, int(self._kinds.max()) + 1
+        flat = self.values.double().reshape(-1, len(self.channels))
+        total = torch.zeros(count, len(self.channels), dtype=torch.float64).index_add_(0, kind, flat)
+        mean = total / torch.bincount(kind, minlength=count)[:, None]
+        return replace(self, values=mean[kind].reshape(self.values.shape))
+
+    @cached_property
+    def anisotropy(self) -> float:
+        """How far the matrix is from one of |Δφ| alone: the mean difference over the mean, weighted by cosθ dω."""
+        weights = self.light.projected[:, None] * self.view.projected
+        own, mean = (each.values.double().sum(2) for each in (self, self.averaged()))
+        total = float((weights * own).sum())
+        return float((weights * (own - mean).abs()).sum()) / total if total else 0.0
 
     @property
     def isotropic(self) -> bool:
         """Whether entries of equal θi, θo and |Δφ| differ by less than 3% in the mean."""
         return self.anisotropy < _ISOTROPIC
+
+    def other_side(self) -> "KlemsTable":
+        """The same surface on the other side of a file, whose x points the other way.
+
+        Raises BadInput for a basis with an odd number of patches in a ring, whose mirror image is another basis.
+        """
+        light, view = self.light.mirrored(), self.view.mirrored()
+        return replace(self, values=self.values[light][:, view], flipped=not self.flipped)

@@ -1,12 +1,15 @@
 """CIE XYZ, linear sRGB and spectra of tables: what files of measured light hold beside what homofact works in."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from homofact.brdf.channels import spectral_names, wavelengths_of
+from homofact.brdf.in_kind import answering_in_kind
+from homofact.brdf.reflectance import Derived
 from homofact.brdf.spectral import FROM_XYZ, to_luminance, to_rgb
 from homofact.errors import BadInput
 
@@ -32,6 +35,22 @@ def to_xyz(values: Tensor, channels: Sequence[str]) -> Tensor:
     else:
         raise BadInput(f"channels {', '.join(channels)}", expected="R, G, B, one alone, or wavelengths")
     return rgb @ torch.linalg.inv(torch.tensor(FROM_XYZ, dtype=rgb.dtype)).T
+
+
+@dataclass(frozen=True)
+class CieY(Derived):
+    """CIE Y of a `Reflectance` in linear sRGB, of a spectrum or of one channel, itself a `Reflectance`."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """("Y",)."""
+        return ("Y",)
+
+    @answering_in_kind
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """CIE Y (N, 1) in sr⁻¹, without the cosine."""
+        xyz = to_xyz(self.base.evaluate(wi, wo), self.base.channels)
+        return xyz[:, 1:2] if xyz.shape[1] == 3 else xyz
 
 
 def spectra_in(

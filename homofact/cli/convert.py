@@ -20,15 +20,24 @@ def convert(
         Path,
         typer.Argument(
             metavar="OUT",
-            help="The new file: .binary (MERL), .bsdf (RGL, Mitsuba's measured), .csv, .npz or .dat (ALTA).",
+            help="The new file: .binary (MERL), .bsdf (RGL, Mitsuba's measured), .csv, .npz, .dat (ALTA), .xml (WINDOW,"
+            " Radiance), .brdf or .anisotropicbsdf (Ansys Speos).",
         ),
     ],
+    form: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="A format that shares its ending: zemax (.bsdf), tree (.xml, a tensor tree instead of Klems' bands).",
+            show_default=False,
+        ),
+    ] = None,
     undo: Annotated[
         str,
         typer.Option(
             metavar="NAMES",
             help="Conventions to undo, with commas, as homofact info names them: cosine-o, srgb, elevation, ..."
-            " (not for .binary and .bsdf; an unknown name lists them).",
+            " (for .csv, .npz and .dat; an unknown name lists them).",
             show_default=False,
         ),
     ] = "",
@@ -42,8 +51,8 @@ def convert(
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
         found = convert(
-            source, target, undo=[name.strip() for name in undo.split(",") if name.strip()], channels=asked.channels,
-            count=asked.count, scheme=asked.scheme, calibrate=asked.calibrate, seed=settings.seed,
+            source, target, form=form, undo=[name.strip() for name in undo.split(",") if name.strip()],
+            channels=asked.channels, count=asked.count, scheme=asked.scheme, calibrate=asked.calibrate, seed=settings.seed,
             force=settings.output.force, progress=progress,
         )  # fmt: skip
     if not quiet:

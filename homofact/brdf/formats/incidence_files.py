@@ -14,6 +14,11 @@ from homofact.geometry.directions import from_spherical
 # Angles of incidence in degrees, and rotations of an anisotropic sample.
 INCIDENCES = (0, 2, *range(5, 90, 5), 87, 89)
 ROTATIONS = tuple(range(0, 360, 30))
+# Polar angles from the mirror direction in degrees, fine where a highlight is.
+_FINE = [0, 0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 20, 22.5, 25, 27.5, 30]
+_RADIAL = [*_FINE, *range(35, 181, 5)]
+# Azimuths from the mirror direction in degrees where the normal is the pole, to half a turn.
+_AROUND = [0, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 12.5, 15, 17.5, 20, 25, 30, *range(40, 181, 10)]
 # Directions evaluated at once.
 _CHUNK = 2**18
 
@@ -64,8 +69,10 @@ def tabulated(reflectance: Reflectance, isotropic: bool, about_mirror: bool) -> 
 
 
 def _table(reflectance: Reflectance, theta: float, turn: float, isotropic: bool, about_mirror: bool) -> IncidenceTable:
-    polar = torch.tensor(_radial(theta) if about_mirror else _polar(theta), dtype=torch.float64).deg2rad()
-    azimuth = torch.arange(0, 181 if isotropic and about_mirror else 361, 5, dtype=torch.float64).deg2rad()
+    polar = torch.tensor(_RADIAL if about_mirror else _polar(theta), dtype=torch.float64).deg2rad()
+    half = [*range(0, 181, 5)] if about_mirror else _AROUND
+    whole = half if isotropic and about_mirror else [*half, *(360 - x for x in half[-2::-1])]
+    azimuth = torch.tensor(whole, dtype=torch.float64).deg2rad()
     empty = torch.zeros(len(polar), len(azimuth), len(reflectance.channels), dtype=torch.float64)
     made = IncidenceTable(math.radians(theta), math.radians(turn), polar, azimuth, empty)
     wo = directions(made, about_mirror)
@@ -76,12 +83,6 @@ def _table(reflectance: Reflectance, theta: float, turn: float, isotropic: bool,
         view = torch.cat((wo[rows, :2], wo[rows, 2:].clamp_min(1e-4)), 1)
         values[rows] = reflectance.evaluate(wi[rows], view / view.norm(dim=1, keepdim=True)).double()
     return IncidenceTable(made.theta_i, made.turn, polar, azimuth, values.reshape(empty.shape))
-
-
-def _radial(theta: float) -> list[float]:
-    """Polar angles from the mirror direction in degrees, fine where a highlight is."""
-    fine = [0, 0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 20, 22.5, 25, 27.5, 30]
-    return [*fine, *range(35, 181, 5)]
 
 
 def _polar(theta: float) -> list[float]:
