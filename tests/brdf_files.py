@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import lighting_files as lighting
 import numpy as np
 import torch
 from rgl_files import rough, write_tensors
@@ -14,7 +15,21 @@ from torch import Tensor
 
 from homofact.brdf.adaptive import tabulated
 from homofact.brdf.analytic import Lambert
-from homofact.brdf.formats import alta, astm, cornell, csv, curet, merl, npz, read_samples, rgl, utia
+from homofact.brdf.formats import (
+    alta,
+    astm,
+    cornell,
+    csv,
+    curet,
+    merl,
+    npz,
+    read_samples,
+    rgl,
+    speos_writer,
+    utia,
+    window_writer,
+    zemax,
+)
 from homofact.brdf.materials import material
 from homofact.brdf.neural import LAYERS
 from homofact.brdf.samples import Samples
@@ -98,6 +113,15 @@ WHOLE_FILES: dict[str, WholeFile] = {
     "mdl": WholeFile(by(write_mdl), swapped(struct.pack("<3I", 1, 4, 6), struct.pack("<3I", 1, 2**31, 2**31))),
     "nbrdf": WholeFile(by(write_network)),
     "curet": WholeFile(make_curet),
+    "window": WholeFile(
+        by(lambda path: path.write_text(lighting.coloured_window())),
+        swapped(b"<nPhis>4</nPhis>", b"<nPhis>20000</nPhis>"),
+    ),
+    "speos": WholeFile(by(lambda path: path.write_text(lighting.speos())), swapped(b"\n2\t3\n", b"\n99999\t99999\n")),
+    "zemax": WholeFile(
+        by(lambda path: path.write_text(lighting.zemax("XYZ"))), swapped(b"ScatterRadial  3", b"ScatterRadial  99999")
+    ),
+    "pabopto": WholeFile(by(lambda path: path.write_text(lighting.pabopto(colour=True)))),
     "rgl": WholeFile(
         lambda folder: write_tensors(folder / "whole", rough((0.0,))),
         lambda raw: raw[:14] + struct.pack("<I", 2**32 - 1) + raw[18:],
@@ -130,9 +154,9 @@ def as_paint(found: Samples, directions: float, turned: bool = False) -> bool:
     return same and inner and heights and (turned or whole)
 
 
-def is_grey(found: Samples) -> bool:
+def is_grey(found: Samples, tolerance: float = 1e-15) -> bool:
     wanted = GREY.evaluate(found.wi, found.wo)
-    return near(found.values, wanted, 1e-15) and found.channels == ("R", "G", "B")
+    return near(found.values, wanted, tolerance) and found.channels == ("R", "G", "B")
 
 
 def is_nearly_grey(found: Samples) -> bool:
@@ -174,6 +198,31 @@ WRITERS: dict[str, Writer] = {
         lambda path, second: rgl.write(path, tabulated(DARK if second else GREY, True, side=32, thetas=8)),
         read_samples,
         is_nearly_grey,
+    ),
+    "klems": Writer(
+        lambda path, second: window_writer.write_klems(path, DARK if second else GREY, True, "grey"),
+        read_samples,
+        lambda found: is_grey(found, 1e-6),
+    ),
+    "tree": Writer(
+        lambda path, second: window_writer.write_tree(path, DARK if second else GREY, True, "grey"),
+        read_samples,
+        lambda found: is_grey(found, 1e-6),
+    ),
+    "zemax": Writer(
+        lambda path, second: zemax.write(path, DARK if second else GREY, True),
+        read_samples,
+        lambda found: is_grey(found, 1e-5),
+    ),
+    "speos": Writer(
+        lambda path, second: speos_writer.write_brdf(path, DARK if second else GREY, True),
+        read_samples,
+        lambda found: is_grey(found, 1e-6),
+    ),
+    "speos anisotropic": Writer(
+        lambda path, second: speos_writer.write_anisotropic(path, DARK if second else GREY, True),
+        read_samples,
+        lambda found: is_grey(found, 1e-6),
     ),
     "utia": Writer(lambda path, second: utia.write(path, DARK if second else GREY), read_samples, is_grey),
     "cornell": Writer(

@@ -52,8 +52,8 @@ def convert(
     with screen.progress() as progress:
         found = convert(
             source, target, form=form, undo=[name.strip() for name in undo.split(",") if name.strip()],
-            channels=asked.channels, count=asked.count, scheme=asked.scheme, calibrate=asked.calibrate, seed=settings.seed,
-            force=settings.output.force, progress=progress,
+            channels=asked.channels, count=asked.count, scheme=asked.scheme, calibrate=asked.calibrate,
+            seed=settings.seed, force=settings.output.force, progress=progress,
         )  # fmt: skip
     if not quiet:
         screen.show(f"{found.file}: {found.format}, {found.size} bytes", *found.notes)

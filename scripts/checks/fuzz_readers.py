@@ -28,7 +28,7 @@ import numpy as np
 import torch
 
 from homofact.brdf.analytic import Lambert
-from homofact.brdf.formats import READERS, cornell, open_file, read_by
+from homofact.brdf.formats import READERS, cornell, open_file, read_by, speos_writer, window_writer, zemax
 from homofact.brdf.formats import alta as write_alta
 from homofact.brdf.formats import astm as write_astm
 from homofact.brdf.formats import csv as write_csv
@@ -62,6 +62,12 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     take("astm", lambda path: write_astm.write(path, paint))
     take("merl", lambda path: write_merl.write(path, Lambert((0.3, 0.2, 0.1)), (4, 4, 8)))
     take("utia", lambda path: write_utia.write(path, Lambert((0.3, 0.2, 0.1))))
+    take("window", lambda path: window_writer.write_klems(path, Lambert((0.3, 0.2, 0.1)), True, "grey"))
+    take("zemax", lambda path: zemax.write(path, Lambert((0.3, 0.2, 0.1)), True))
+    take("speos", lambda path: speos_writer.write_anisotropic(path, Lambert((0.3, 0.2, 0.1)), True))
+    made["pabopto"] = b"#format: theta phi DSF\n#intheta 30\n#inphi 180\n" + b"".join(
+        b"%d %d %.3f\n" % (theta, phi, 0.01 * theta + 0.1) for theta in range(0, 80, 10) for phi in range(0, 360, 30)
+    )
     angles = torch.tensor([[0.1, 0.0, 0.2, 3.0], [0.5, 0.0, 0.6, 2.0]], dtype=torch.float64)
     take("cornell", lambda path: cornell.write(path, angles, torch.full((2, 5), 0.25), [400, 450, 500, 600, 700]))
     entries = np.random.default_rng(0).random((4, 4, 6, 3)).astype("<f4")

@@ -16,6 +16,7 @@ from homofact.brdf.formats import (
     merl,
     nbrdf,
     npz,
+    pabopto,
     rgl,
     speos,
     utia,
@@ -33,21 +34,8 @@ from homofact.files.text import beginning
 # drawing) where the file is a reflectance by itself. The first that knows the head has the file; a
 # format without a header has SIZES, and gets a file of such a size that no head is known of.
 READERS: tuple[ModuleType, ...] = (
-    nbrdf,
-    npz,
-    rgl,
-    mdl,
-    merl,
-    window,
-    speos,
-    zemax,
-    alta,
-    astm,
-    csv,
-    curet,
-    cornell,
-    utia,
-)
+    nbrdf, npz, rgl, mdl, merl, window, speos, zemax, pabopto, alta, astm, csv, curet, cornell, utia,
+)  # fmt: skip
 _HEAD = 65_536
 
 
