@@ -56,9 +56,9 @@ INCIDENCES, AZIMUTHS, RADIALS = (0, 40), (0, 90, 180), (0, 10, 60)
 def zemax_rows(share: float = 1.0) -> str:
     rows = []
     for k, _ in enumerate(INCIDENCES):
-        rows.append(f"TIS {0.2 + 0.1 * k}")
+        rows.append(f"TIS {0.2 + 0.1 * k:g}")
         for j, _ in enumerate(AZIMUTHS):
-            rows.append("\t".join(f"{share * (0.3 + 0.1 * k - 0.002 * x + 0.01 * j):.6g}" for x in RADIALS))
+            rows.append("\t".join(f"{share * (0.3 + 0.1 * k - 0.002 * x + 0.01 * j * (x > 0)):.6g}" for x in RADIALS))
     return "\n".join(rows)
 
 

@@ -263,3 +263,20 @@ def test_the_real_tape(real_data: Path) -> None:
     ratios = [math.log(v / seen[o, i, p]) for (i, o, p), v in seen.items() if i < o and (o, i, p) in seen]
     assert len(ratios) > 20
     assert abs(sorted(ratios)[len(ratios) // 2]) < 0.05
+
+
+def test_units_that_the_file_leaves_out_can_be_stated(tmp_path: Path) -> None:
+    path = tmp_path / "tape.dat"
+    path.write_text(GOOD.replace("#PARAM_OUT INV_STERADIAN\n", ""))
+    with refused("no #PARAM_OUT, so its units are unknown") as caught:
+        read_samples(path)
+    assert "tape.dat#INV_STERADIAN" in caught.value.hint
+    plain, cosine = (read_samples(f"{path}#{name}") for name in ("INV_STERADIAN", "INV_STERADIAN_COSINE_FACTOR"))
+    assert torch.allclose(cosine.values, plain.values / plain.wo[:, 2:])
+    assert plain.provenance["units"] == "1/sr, no cosine; INV_STERADIAN stated, not in the file"
+    with refused(found="units 'ENERGY'"):
+        read_samples(f"{path}#ENERGY")
+    path.write_text(GOOD)
+    assert torch.equal(read_samples(f"{path}#INV_STERADIAN").values, plain.values)
+    with refused(found="#PARAM_OUT is 'INV_STERADIAN'"):
+        read_samples(f"{path}#RGB_COLOR")

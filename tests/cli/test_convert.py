@@ -206,3 +206,41 @@ def test_conventions_are_undone(tmp_path: Path, capsys: pytest.CaptureFixture[st
         assert main(["convert", str(with_cosine), str(tmp_path / target), "--undo", names]) == 2
         assert words in capsys.readouterr().err.replace("\n", " ")
         assert not (tmp_path / target).exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "form", "read"),
+    [
+        ("clay.xml", [], "klems", "window"),
+        ("clay.xml", ["--form", "tree"], "tree", "window"),
+        ("clay.bsdf", ["--form", "zemax"], "zemax", "zemax"),
+        ("clay.brdf", [], "speos", "speos"),
+        ("clay.anisotropicbsdf", [], "speos", "speos"),
+    ],
+)
+def test_formats_of_lighting_and_optics(
+    tmp_path: Path, name: str, more: list[str], form: str, read: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / name
+    assert main(["convert", MATERIAL, str(out), "--count", "10", "--json", *more]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["format"], answer["bytes"]) == (form, out.stat().st_size)
+    source = open_source(str(out))
+    assert source.samples.provenance["format"] == read
+    assert source.samples.isotropic
+    if form == "klems":
+        assert any("145 x 145 bands" in note for note in answer["notes"])
+    else:
+        assert answer["difference"]["median"] < 0.005
+    samples = sample_model(material("lafortune-clay").model, 300, "cosine")
+    error = (source.reflectance.evaluate(samples.wi, samples.wo).mean(1) / samples.values.mean(1) - 1).abs()
+    assert float(error.median()) < (0.05 if form == "klems" else 0.01)
+
+
+def test_a_format_that_an_ending_has_not_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["convert", MATERIAL, str(tmp_path / "a.bsdf"), "--form", "speos"]) == 2
+    assert "form: found 'speos' with a.bsdf, expected one of rgl, zemax" in capsys.readouterr().err
+    assert main(["convert", "material:ward-brushed", str(tmp_path / "a.brdf"), "--count", "10"]) == 2
+    said = capsys.readouterr().err
+    assert "an anisotropic material, expected an ending .anisotropicbsdf" in said
+    assert list(tmp_path.iterdir()) == []

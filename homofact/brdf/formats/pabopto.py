@@ -167,7 +167,7 @@ def _samples(file: object, tables: list[_Table], side: str) -> tuple[Tensor, Ten
         parts.append((wi.expand(len(wo), 3), wo / wo.norm(dim=1, keepdim=True).clamp_min(1e-300), values))
     wi, wo, values = (torch.cat(each) for each in zip(*parts, strict=True))
     if not len(wi):
-        found = f"holds {across} rows, all of transmission" if across else "no row above the horizon"
+        found = f"all rows ({across}) are transmission" if across else "no row above the horizon"
         raise BadInput(found, where=file, expected="rows on the light's side: homofact reads reflection alone")
     return wi / wi.norm(dim=1, keepdim=True), wo, values, across, near
 

@@ -105,7 +105,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
         totals.append(total)
         values.append(block)
     if reader.left:
-        raise reader.fault(f"{reader.left} lines after DataEnd", "the end of the file")
+        raise reader.fault(f"lines after DataEnd ({reader.left})", "the end of the file")
     if every[-1][1] != "DataEnd":
         check_last_line(file, raw, every[-1][0])
     stacked = np.stack(values, -1)
@@ -221,7 +221,7 @@ def _reading(
     )  # fmt: skip
     names = ("Y",) if values.shape[-1] == 1 else ("X", "Y", "Z")
     tables = IncidenceTables(rows, about_mirror=True, channels=names)
-    own = np.array([[_hemispherical(tables, table).numpy() for table in row] for row in tables.tables])
+    own = np.array([[_total_of(table, names) for table in row] for row in rows])
     facts["tables_reflect"] = np.round(own, 6).tolist()
     if len(totals):
         scale = totals / np.where(own > 0, own, np.inf)
@@ -242,6 +242,11 @@ def _reading(
     if len(names) == 3:
         tables = _in_rgb(tables)
     return reading_of(path, tables, channels, facts)
+
+
+def _total_of(table: IncidenceTable, names: tuple[str, ...]) -> np.ndarray:
+    """∫ f cosθo dωo (C,) of one table about the mirror direction."""
+    return _hemispherical(IncidenceTables(((table,),), about_mirror=True, channels=names), table).numpy()
 
 
 def _changed(tables: IncidenceTables, values: Iterable[torch.Tensor], channels: tuple[str, ...]) -> IncidenceTables:
@@ -265,7 +270,7 @@ def write(path: str | os.PathLike[str], reflectance: Reflectance, isotropic: boo
     """Write a reflectance at the nodes of `incidence_files`; the number of its values.
 
     Monochrome of one channel, XYZ of R, G, B or a spectrum; PlaneSymmetrical where it is isotropic, else ASymmetrical4D
-    with 12 rotations. Five digits are written. Raises BadInput as `to_xyz`, and for a place that cannot be written.
+    with 12 rotations. Six digits are written. Raises BadInput as `to_xyz`, and for a place that cannot be written.
     """
     tables = tabulated(reflectance, isotropic, about_mirror=True)
     every = [table for row in tables.tables for table in row]
@@ -289,7 +294,7 @@ def write(path: str | os.PathLike[str], reflectance: Reflectance, isotropic: boo
         for table, block, total in zip(every, blocks, totals, strict=True):
             lines.append(f"TIS {max(0.0, float(to_xyz(total[None], tables.channels)[0, c])):.6g}")
             values = block[:, c].reshape(table.values.shape[:2]).T
-            lines += ["\t".join(f"{x:.5g}" for x in row) for row in values.clamp_min(0).tolist()]
+            lines += ["\t".join(f"{x:.6g}" for x in row) for row in values.clamp_min(0).tolist()]
         lines.append("DataEnd")
     write_text(path, "\n".join(lines) + "\n")
     return len(names) * sum(len(block) for block in blocks)
