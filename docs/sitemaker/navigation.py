@@ -40,8 +40,9 @@ SECTIONS = (
     Section(
         "Guides",
         (
-            "python", "gpu", "formats", "results", "verdict", "artefacts", "suspicion", "robustness", "export",
-            "interchange", "mitsuba", "sampling", "planning", "relighting", "editing", "sweep", "report", "papers",
+            "python", "gpu", "formats", "lighting", "results", "verdict", "artefacts", "suspicion", "robustness",
+            "export", "interchange", "mitsuba", "sampling", "planning", "relighting", "editing", "sweep", "report",
+            "papers",
         ),
     ),
     Section("Gallery", ("gallery", "editing_gallery")),

@@ -2,8 +2,8 @@
 
 .csv, .npz and .dat (ALTA text) hold samples: the measurement's, or drawn from the model. .binary (MERL) and .bsdf
 (RGL) are full tables: the source's own where it is one, else the model or interpolated samples at their nodes. So are
-the formats of lighting and optics: .xml (WINDOW and Radiance), .brdf and .anisotropicbsdf (Ansys Speos), and Zemax's,
-which shares its ending .bsdf with RGL's and is asked for by name.
+the formats of lighting and optics: .xml (WINDOW and Radiance), .brdf and .anisotropicbsdf (Ansys Speos), and Zemax's
+.bsdf, which needs `form` because RGL's files have the same ending.
 """
 
 import os
@@ -163,7 +163,7 @@ def convert(
 
 
 def _format(target: Path, form: str | None) -> str:
-    """The format that is asked for, or the ending's own. Raises BadInput for one that the ending has not."""
+    """Return `form`, or the ending's own format. Raises BadInput for a form that does not have the ending."""
     known = FORMATS[target.suffix.lower()]
     if form is not None and form not in known:
         raise BadInput(where="form", found=f"{form!r} with {target.name}", expected=f"one of {', '.join(known)}")

@@ -4,7 +4,7 @@ A direction is a place in the unit square by the map of Shirley and Chiu (1997),
 tree of four dimensions is over the square of the direction opposite to the light's and that of the viewer; one of three
 dimensions, for what is isotropic, over (1 − sinθi)/2, of which half of the range is used, and the square of the viewer
 turned until the direction opposite to the light's has azimuth 0. A node has 2ⁿ branches, bit i of whose number is the
-half of dimension i, or a grid of values with dimension 0 slowest (Ward, Mistrick, Lee, McNeil and Jonsson 2011).
+half of dimension i, or a grid of values with dimension 0 slowest, as Radiance's bsdf_t.c reads it.
 """
 
 import math
