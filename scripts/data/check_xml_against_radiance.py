@@ -166,7 +166,7 @@ def written_rows(
     radiance.made(resampled, "bsdf2klems", str(tree))
     table = innermost(_opened(f"{resampled}#back"))
     assert isinstance(table, KlemsTable)
-    found = (CieY(table).base.values if len(table.channels) == 1 else _luminance(table))[light, view]
+    found = _luminance(table)[light, view]
     rows.append([f"{name}, tree by bsdf2klems", *quantiles(found, band_means(luminance, light, view))])
     theta = torch.arange(0, 81, 10, dtype=torch.float64)
     means = torch.stack([_hemispherical(luminance, float(t)) for t in _spread(theta)]).reshape(len(theta), -1).mean(1)

@@ -74,6 +74,14 @@ def test_a_highlight_follows_the_mirror_direction_between_incidences() -> None:
     assert float(back) == pytest.approx(math.exp(-20 * (1 - math.cos(math.radians(60)))), rel=0.2)
 
 
+def test_a_table_whose_viewer_would_be_under_the_horizon_has_no_say() -> None:
+    ones = torch.ones(len(POLAR), len(TURN), 1, dtype=torch.float64)
+    tables = IncidenceTables(((table(20, ones), table(40, 3 * ones)),), False, ("Y",))
+    # 45 degrees beyond the mirror direction are 65 and 85 in the tables; 55 degrees are 75 and 95.
+    seen = from_spherical(torch.tensor([75.0, 85.0]).deg2rad(), torch.full((2,), math.pi)).double()
+    assert tables.evaluate(light(30).expand(2, 3), seen)[:, 0].tolist() == pytest.approx([2, 1])
+
+
 def test_light_turned_about_the_normal_turns_what_is_seen() -> None:
     tables = IncidenceTables(((lobe(20), lobe(40)),), False, ("Y",))
     wi, wo = draw_uniform(100, torch.Generator().manual_seed(2))

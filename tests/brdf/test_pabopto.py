@@ -31,6 +31,8 @@ def test_directions_and_values(tmp_path: Path) -> None:
 def test_up_becomes_90_degrees(tmp_path: Path) -> None:
     samples = read_samples(file_of(tmp_path, pabopto().replace("#upphi 90", "#upphi 0")))
     assert float(to_spherical(samples.wi)[1][0].rad2deg()) == pytest.approx(-90)
+    assert abs(float(to_spherical(samples.wo)[1][4].rad2deg())) == pytest.approx(180)
+    assert float(to_spherical(samples.wo)[1][3].rad2deg()) == pytest.approx(90)
 
 
 def test_the_cosine_is_divided_out(tmp_path: Path) -> None:

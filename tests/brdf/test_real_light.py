@@ -14,7 +14,7 @@ from homofact.geometry.directions import from_spherical, to_spherical
 
 
 def tables(path: str) -> IncidenceTables:
-    found = innermost(open_file(path).reflectance)  # type: ignore[arg-type]
+    found = innermost(open_file(path).reflectance)  # pyright: ignore[reportArgumentType]
     assert isinstance(found, IncidenceTables)
     return found
 

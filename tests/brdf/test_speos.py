@@ -22,7 +22,7 @@ def file_of(folder: Path, text: str) -> Path:
 
 
 def tables_of(path: Path | str, channels: str = "spectral") -> IncidenceTables:
-    found = innermost(open_file(path, channels).reflectance)  # type: ignore[arg-type]
+    found = innermost(open_file(path, channels).reflectance)  # pyright: ignore[reportArgumentType]
     assert isinstance(found, IncidenceTables)
     return found
 

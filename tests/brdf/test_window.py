@@ -99,6 +99,10 @@ def test_what_depends_on_the_difference_of_azimuths_is_isotropic(tmp_path: Path)
     assert reading.samples.isotropic
     assert reading.samples.provenance["anisotropy"] < 1e-12
     assert not read_samples(file_of(tmp_path, GREY)).isotropic
+    # What prefers one turn to the other is not mirror-symmetric.
+    twisted = [[1.0] + [0.5] * 4] + [[0.5] + [(0.1, 0.2, 0.1, 0.9)[(o - i) % 4] for i in range(4)] for o in range(4)]
+    text = "\n".join(" ".join(map(str, row)) for row in twisted)
+    assert not read_samples(file_of(tmp_path, window(window_block("Reflection Back", "Visible", text)))).isotropic
 
 
 def test_bases_divide_the_hemisphere() -> None:

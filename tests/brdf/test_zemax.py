@@ -33,7 +33,7 @@ def test_angles_are_about_the_mirror_direction(tmp_path: Path) -> None:
     value = {round(float(v), 6): w for v, w in zip(samples.values[own, 0], samples.wo[own], strict=True)}
     assert float(to_spherical(value[0.4 - 0.02])[0].rad2deg()) == pytest.approx(30)
     assert 0.4 - 0.12 + 0.02 not in value
-    assert float(reading.reflectance.evaluate(samples.wi[own][:1], mirror[None])) == pytest.approx(0.4)  # type: ignore[union-attr]
+    assert float(reading.reflectance.evaluate(samples.wi[own][:1], mirror[None])) == pytest.approx(0.4)  # pyright: ignore[reportOptionalMemberAccess]
 
 
 def test_values_are_taken_as_they_are_or_scaled_to_the_total(tmp_path: Path) -> None:
