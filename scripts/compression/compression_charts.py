@@ -1,6 +1,6 @@
-"""The chart of the field's comparison: error against bytes and against speed, judged by what a method does not know.
+"""Draw the comparison's error against bytes and speed, judged by proxies that a method was not fitted to.
 
-What is fitted here is shown as fitted to one reading, nbrdf, beside which ours then stands.
+Methods that homofact fits are shown as fitted to one proxy, nbrdf.
 """
 
 import statistics
@@ -40,7 +40,7 @@ def draw(path: Path, found: Sequence[Entry], speeds: list[dict[str, str]]) -> No
     def nbytes(label: str) -> float | None:
         return statistics.median(e.shown.nbytes for e in judged if e.label == label)
 
-    columns: list[tuple[str, Callable[[str], float | None]]] = [("bytes a material", nbytes)]
+    columns: list[tuple[str, Callable[[str], float | None]]] = [("bytes per material", nbytes)]
     if speeds:
         columns.append(("millions of evaluations a second, one thread", lambda label: median_of(speeds, label)))
     chart = Figure(figsize=(5.2 * len(columns), 8.2), layout="constrained")
@@ -56,9 +56,7 @@ def draw(path: Path, found: Sequence[Entry], speeds: list[dict[str, str]]) -> No
     low, high = panels[1, 0].get_ylim()
     for axis in panels[1]:
         log_y(axis, low, high)
-    words = (
-        f"Median over materials, judged by readings that a method was not fitted to\n(ours, GGX, McCool: to {OF[0]})"
-    )
+    words = f"Median over materials, judged by proxies that a method was not fitted to\n(ours, GGX, McCool: to {OF[0]})"
     chart.suptitle(words, fontsize=10)
     replace_file(path, lambda made: chart.savefig(made, dpi=110, format="png"))
 

@@ -1,8 +1,8 @@
-"""Why many more bytes are worth little on the reading that is fitted: more of one thing at a time.
+"""Repeat some fits of the comparison with more of one thing at a time, to see what more bytes can gain.
 
     python scripts/compression/compression_limits.py [--materials A,B] [--cache FOLDER] [--data FOLDER] [--short]
 
-Fits of the networks' reading, judged by it (`compression_protocol`). "highlight" is the root mean square difference of
+Fits of the proxy nbrdf, judged by it (`compression_protocol`). "highlight" is the root mean square difference of
 logarithms where θh < 10°, "rest" where it is more. The rows are written to limits.csv in the cache folder, from which
 `compression_table.py` makes its table.
 """

@@ -1,4 +1,4 @@
-"""Ours by seed: some materials of the field's table with seeds 0, 1 and 2.
+"""Fit some materials of the comparison with seeds 0, 1 and 2.
 
     python scripts/compression/compression_seeds.py [--materials 3] [--seeds 3] [--cache FOLDER] [--data FOLDER]
 

@@ -1,4 +1,4 @@
-"""Evaluations a second of every method of the field's table: the same directions, one run, one thread.
+"""Time evaluations of every method of the comparison: the same directions, one run, one thread.
 
     python scripts/compression/compression_speed.py [--materials 3] [--cache FOLDER] [--data FOLDER] [--short]
 

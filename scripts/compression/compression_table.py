@@ -1,12 +1,12 @@
-"""The field in one table: what the 100 MERL materials become in other methods' few bytes and in ours.
+"""Compare homofact with published compressions of the 100 MERL materials, at equal bytes.
 
     python scripts/compression/compression_table.py [--count 100] [--methods A,B] [--means A,B] [--plot FILE.png]
 
-MERL itself is not at hand. Three published fits of it are taken as readings (`published_fits`): networks (nbrdf),
-factors (npf) and Neural Processes (nps). What was published is scored against the readings that it is not itself; a
-method that is fitted here is fitted to one reading, or to the mean of two, and scored against the others
-(`compression_protocol`). Nothing is chosen by hand for a material, all settings are defaults but the bytes. Errors on
-the reading that a method was fitted to stand apart.
+The measurements of MERL may not be shipped. Three published fits of them serve as proxies, called readings in the code
+(`published_fits`): networks (nbrdf), factors (npf) and Neural Processes (nps). A published fit is scored against the
+proxies other than itself. A method that is fitted here is fitted to one proxy, or to the mean of two, and scored
+against the others (`compression_protocol`). Nothing is chosen by hand for a material, and all settings but the bytes
+are defaults. Errors on the proxy that a method was fitted to are in a table of their own.
 
 Materials are taken in an order that spreads over all names, every tenth from the first, every tenth from the sixth, and
 so on, so that the first of them are a fair sample; what is done is kept in the cache folder, also from run to run.
@@ -36,53 +36,81 @@ from scripts.shared.harness import data_folder, finish, listed, markdown, parser
 
 STARTS = (0, 5, 2, 7, 4, 9, 1, 6, 3, 8)
 INTRODUCTION = """\
-The MERL materials by published fits (NBRDF, NPF, Neural Processes, ABC, SGD: [references](references.bib)), by GGX
-and McCool's projections fitted here, and by ours at three budgets of bytes, all other settings defaults. The
-measurements themselves are not at hand: three of the published fits (nbrdf, npf, nps) stand for them, as readings, and
-each reading's own error is then part of everyone's.
+Read this page to choose between homofact and other compact representations of a measured BRDF. It compares them on
+the 100 MERL materials, in error, bytes and speed. The other representations are NBRDF, NPF, Neural Processes, ABC
+and SGD as published ([references](references.bib)), and GGX lobes and McCool's projections, which homofact fits. The
+rows "ours" are homofact's default search at three budgets of bytes, with all other settings at their defaults. For
+measurements instead of published fits, read [Real measurements](real.md). To compare methods on your own file, run
 
-MALE, Cole error (ε = 1e-2) and energy (the worst channel's relative error) of 20,000 pairs under 80°; MAE, RMSE, SSIM
-and PSNR of spheres under three skies. Median over materials, in brackets what a tenth of them is worse than. `nps`
-needs a decoder of 4 MB beside its 28 bytes."""
+    homofact compare SOURCE --methods mccool,search,ggx,npf --plot out/methods.png
+
+The measurements of MERL may not be shipped. Three published fits of them (nbrdf, npf, nps) serve as proxies: a
+method is fitted to a proxy, and its error is measured against a proxy. The error of the proxies is therefore part of
+every figure except those of the [first table](#error-on-the-proxy-that-a-method-was-fitted-to).
+
+![Error against bytes and speed](pictures/compression.png)"""
+READING = """\
+Each figure is a median over materials. The figure in brackets is the 90th percentile: a tenth of the materials is
+worse.
+
+- **MALE** is the mean of |log(1 + f cosθi) − log(1 + f̂ cosθi)|, **Cole** the Cole error with ε = 1e-2, and
+  **energy** the relative error of the total reflected light in the worst channel ([glossary](glossary.md)). They are
+  measured over 20,000 pairs of directions under 80°.
+- **MAE**, **RMSE**, **SSIM** and **PSNR** compare rendered spheres under three skies.
+- **bytes** are those of one material. `nps` also needs a decoder of 4 MB, which all materials share. **fetches** are
+  texture lookups per evaluation."""
 OWN = """\
-So do published tables judge: there NBRDF has an MAE of .0028 and SSIM of .995, NPF .0056 and .990 (Sztrajman et al.
-2021), of MERL itself. Of ours .0025, .996 and 47 dB were asked at 3.2 KiB, 50 and 56 dB at 12 and 48 KiB."""
+Each method is judged by the proxy that it was fitted to, as published tables do. On MERL itself, Sztrajman et al.
+(2021) report an MAE of .0028 and an SSIM of .995 for NBRDF, and .0056 and .990 for NPF. Our targets were an MAE of
+.0025, an SSIM of .996 and a PSNR of 47 dB at 3.2 KiB, and a PSNR of 50 dB at 12 KiB and 56 dB at 48 KiB."""
 ADDED = """\
-A fit of a reading cannot be nearer to the truth than the reading is but by luck. What counts is how little it adds: the
-reading itself judged by the two others, beside what is fitted to that reading. "More than the reading" is the median
-over materials of the difference in the score; "nearer than it in" is the share of materials and judges where the fit
-has the better one. Ours adds next to nothing at any budget (of nbrdf and nps it is more often a little nearer to the
-others than they are); McCool's projections and GGX, fitted to the same, show what it is to lose something."""
+A fit of a proxy can be nearer to the truth than the proxy only by chance. This table shows how much error the fit
+adds. The row "nbrdf itself" judges nbrdf by the two other proxies. The rows below it judge the fits of nbrdf by the
+same two. "Added by the fit" is the median difference of the two scores. "Fit better in" is the share of materials
+and judges for which the fit has the better score. homofact adds almost nothing at any budget. Its fits of nbrdf and
+nps are more often slightly nearer to the other proxies than nbrdf and nps are. McCool's projections and GGX, fitted
+to the same proxies, show what a real loss looks like."""
 OTHERS = """\
-A published fit is judged by the readings that it is not; what is fitted here to one reading by the two others. Since
-ours comes out about as far from the others as the reading that it was fitted to, ours pooled over three readings lies
-between nbrdf, nps and npf: it inherits npf's error where it is fitted to npf."""
+A published fit is judged by the proxies other than itself. A method that homofact fits to one proxy is judged by the
+two others, and in the rows "mean of two proxies" by the third. homofact's fits are about as far from the other
+proxies as the proxy that they were fitted to. Its pooled row therefore lies between nbrdf, nps and npf: fits of npf
+inherit npf's error."""
 AHEAD = """\
-Judge by judge, ours first. Against a reading stands ours fitted to that reading, so that both know the same; against
-what was published of MERL itself (abc, sgd) or fitted here, ours fitted to the two other readings. Ours at the bytes of
-the other, or the smallest of ours where the other has fewer. Where npf judges, abc is ahead of nbrdf and nps
-themselves, so ours, which knows only these, is behind it."""
+Each row compares homofact (first figure) with another method (second figure) by one proxy. If the other method is
+itself a proxy, homofact was fitted to that proxy, so both have the same information. Against methods that were
+published for MERL itself (abc, sgd) or fitted here, the row pools homofact's fits of the two other proxies. homofact
+has as many bytes as the other method, or its smallest budget if the other method has fewer. Judged by npf, abc is
+ahead of nbrdf and nps themselves. homofact was fitted to only these two there, so it is behind abc too."""
 SPEED = """\
-`scripts/compression/compression_speed.py`: the same directions in one run on one thread, each at its best batch size,
-beside other work; medians over materials. All but nps are shading programs by one compiler."""
+`scripts/compression/compression_speed.py` evaluates the same directions with every method in one run on one thread,
+each method at its best batch size, while other work ran on the machine. M/s are millions of evaluations per second,
+as a median over materials. homofact compiles the programs of all methods except nps, which runs in torch."""
 SEEDED = """\
-`scripts/compression/compression_seeds.py`: samples are drawn, and the fit run, with seeds 0, 1 and 2; mean ± sample
-standard deviation over the seeds. Fitted to nbrdf."""
+`scripts/compression/compression_seeds.py` draws the samples and runs the fit with seeds 0, 1 and 2. The table shows
+the mean over the seeds ± the sample standard deviation. All fits are of nbrdf; "by others" means judged by the other
+proxies."""
 ORDER = """\
-Sztrajman et al. 2021, table 1: GGX < SGD < ABC < NPF < NBRDF. Means over materials, judged by what a method is not."""
+Sztrajman et al. (2021, table 1) rank the methods GGX < SGD < ABC < NPF < NBRDF. The table shows means over
+materials, each method judged by the proxies other than itself and other than the one it was fitted to."""
 SGD = """\
-ABC, NPF and NBRDF come out in the published order. SGD does not: it falls behind our GGX. Its formula here is, term by
-term (distribution, masking, the sum, the order of the 33 numbers), that of the public implementation that the numbers
-come from, so the numbers are the reason. Its distribution falls off like exp(−tan²θh/α): a highlight that is narrow and
-has a long tail, as those of metals and metallic paints, becomes too wide and too low, and ends where the readings go
-on. The table has the median of mean |log(f̂/f)| by the half vector's angle, and in brackets how many pairs are off by
-more than a factor of two, f by nbrdf. GGX has the long tail, and ours is fitted to cube roots, which do not forget it;
-the published GGX was fitted otherwise."""
+ABC, NPF and NBRDF come out in the published order. SGD does not: it falls behind our GGX fits. The formula is not
+the reason. Term by term (distribution, masking, the sum, the order of the 33 numbers) it is that of the public
+implementation from which the numbers come, so the numbers are the reason. SGD's distribution falls off like
+exp(−tan²θh/α). Metals and metallic paints have a narrow highlight with a long tail. SGD makes such a highlight too
+wide and too low, and its tail ends where the proxies' tails continue. GGX has the long tail, and homofact fits it to
+cube roots, which keep the tail's weight; the published GGX was fitted differently. The table shows mean |log(f̂/f)|
+by the half vector's angle, as a median over materials with nbrdf as f. The figure in brackets is the share of pairs
+that are off by more than a factor of two."""
 CROWDED = """\
-Why 48 KiB are hardly better than 12 on the reading that is fitted: `scripts/compression/compression_limits.py` fits the
-same with more of one thing at a time. None of it helps much, neither texels, samples, textures nor effort. What is left
-is what a product of textures of two coordinates each cannot say about a function of three. "Highlight" is the root mean
-square difference of logarithms where θh < 10°, "rest" where it is more."""
+On the proxy that is fitted, 48 KiB are hardly better than 12 KiB. `scripts/compression/compression_limits.py`
+repeats the fits with more of one thing at a time. More texels, samples, textures and search effort all help little.
+The error that remains comes from the form of the fit: a product of textures of two coordinates cannot represent
+every function of three. "Highlight" is the root mean square difference of logarithms where θh < 10°, "rest" the same
+where θh is larger."""
+LIMITATIONS = """\
+- Every judge is a proxy with an error of its own. The measurements of MERL were not used.
+- NPF and NBRDF were fitted here to few materials. Each table states their number.
+- The seconds of a fit were measured while other work ran. If two budgets share a search, its seconds count for each."""
 
 
 def spread(every: Sequence[str]) -> list[str]:
@@ -95,7 +123,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = parser_of(__doc__, "data", "out")
     parser.add_argument("--count", type=int, default=100, help="how many materials, spread over all")
     parser.add_argument("--methods", default=",".join(DEFAULT_METHODS), help=f"of {', '.join(METHODS)}")
-    parser.add_argument("--means", default="", help="methods that are fitted to the mean of two readings too")
+    parser.add_argument("--means", default="", help="methods to fit to the mean of two proxies too")
     parser.add_argument("--done", action="store_true", help="only what is in the cache, of materials that are complete")
     parser.add_argument("--cache", type=Path, default=Path("out/compression"), help="the folder of what is done")
     parser.add_argument("--plot", type=Path, help="a PNG of error against bytes and speed")
@@ -130,37 +158,34 @@ def parts(found: Sequence[Entry], every: Sequence[str], cache: Path, short: bool
     others, behind = ahead(found)
     page = [
         "<!-- Made by `python scripts/compression/compression_table.py`: change the words there, not here. -->",
-        "# The field in one table",
+        "# Compare with published compressions",
         INTRODUCTION,
-        "![Error against bytes and speed](pictures/compression.png)",
-        f"{count} of {len(every)} materials: {', '.join(m for m in every if m in done)}.",
-        f"Fits of {DEFAULT_COUNT} pairs ({DEFAULT_SCHEME}) of a reading, {PAIRS} others to judge, seed 0; seconds are"
-        " beside other work, those of a search that two budgets share counted for each.",
-        machine(),
-        *(["a smoke test: the figures mean nothing"] if short else []),
-        "## On the reading that a method was fitted to",
+        *(["This is a smoke test: its figures mean nothing."] if short else []),
+        "## How to read the tables",
+        READING,
+        "## Error on the proxy that a method was fitted to",
         OWN,
         table(found, lambda e: e.readings == (e.by,)),
-        "## What a fit adds to its reading",
+        "## Error that a fit adds to its proxy",
         ADDED,
         added(found),
-        "## Judged by readings that a method was not fitted to",
+        "## Error on the other proxies",
         OTHERS,
         table(found, lambda e: e.by not in e.readings),
         *(
             line
             for by in READINGS
-            for line in (f"### by {by}", table(found, lambda e, by=by: e.by == by and by not in e.readings))
+            for line in (f"### Judged by {by}", table(found, lambda e, by=by: e.by == by and by not in e.readings))
         ),
-        "## Where ours is ahead, and where not",
+        "## Where homofact is ahead, and where not",
         AHEAD,
         behind,
         others,
     ]
     for title, words, rows, made in (
-        ("Speed", SPEED, read(cache), speeds),
-        ("Seeds", SEEDED, rows_of(cache / SEEDS), seeds),
-        ("More bytes", CROWDED, rows_of(cache / LIMITS), limits),
+        ("Evaluation speed", SPEED, read(cache), speeds),
+        ("Scatter over seeds", SEEDED, rows_of(cache / SEEDS), seeds),
+        ("Gain of more bytes", CROWDED, rows_of(cache / LIMITS), limits),
     ):
         if rows:
             page += [f"## {title}", words, made(rows)]
@@ -168,7 +193,20 @@ def parts(found: Sequence[Entry], every: Sequence[str], cache: Path, short: bool
     def truth(material: str):
         return kept(cache, material, "nbrdf", _missing).values
 
-    return [*page, "## The published order", ORDER, order(found), SGD, zones(found, truth, "nbrdf")]
+    return [
+        *page,
+        "## The published order",
+        ORDER,
+        order(found),
+        SGD,
+        zones(found, truth, "nbrdf"),
+        "## Limits",
+        LIMITATIONS,
+        "## Materials and settings",
+        f"Every method is fitted to {DEFAULT_COUNT} pairs of a proxy (scheme `{DEFAULT_SCHEME}`) and judged on {PAIRS}"
+        f" other pairs, with seed 0. Machine: {machine()}.",
+        f"{count} of {len(every)} materials: {', '.join(m for m in every if m in done)}.",
+    ]
 
 
 def limits(rows: Sequence[dict[str, str]]) -> str:

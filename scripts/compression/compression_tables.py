@@ -1,4 +1,4 @@
-"""The tables of the field's comparison, made of its entries (`compression_fits.Entry`)."""
+"""The tables of the comparison with published compressions, made of its entries (`compression_fits.Entry`)."""
 
 import math
 import statistics
@@ -53,7 +53,7 @@ def table(found: Sequence[Entry], test: Test) -> str:
             those = [e for e in found if e.label == label and len(e.readings) == several and test(e)]
             if not those:
                 continue
-            words = label + (" (mean of two readings)" if several == 2 else "")
+            words = label + (" (mean of two proxies)" if several == 2 else "")
             seconds = [e.shown.seconds for e in those if not math.isnan(e.shown.seconds)]
             spent = figure(statistics.median(seconds)) if seconds else "–"
             nbytes = f"{statistics.median(e.shown.nbytes for e in those):.0f}"
@@ -83,7 +83,7 @@ def added(found: Sequence[Entry]) -> str:
                 nearer = statistics.fmean((x > 0) if name in MORE_IS_BETTER else (x < 0) for x in off)
                 cells += [both(name, those), f"{statistics.median(off):+.2g}", f"{nearer:.0%}"]
             rows.append((f"{label} of {reading}", materials(those), *cells))
-    heads = [x for name in CRITERIA for x in (name, "more than the reading", "nearer than it in")]
+    heads = [x for name in CRITERIA for x in (name, "added by the fit", "fit better in")]
     return markdown(("", "materials", *heads), rows)
 
 
@@ -123,8 +123,9 @@ def ahead(found: Sequence[Entry]) -> tuple[str, str]:
         for label, by in dict.fromkeys((label, by) for label, by, _ in behind)
     ]
     summary = (
-        f"Of {count} figures ours is ahead in {count - len(behind) - level}, level in {level} (≈: within {LEVEL:.0%},"
-        f" PSNR {LEVEL_DB} dB), and behind in {len(behind)} (bold)" + (f": {'; '.join(named)}." if named else ".")
+        f"homofact is ahead in {count - len(behind) - level} of {count} figures, level in {level}"
+        f" (≈: within {LEVEL:.0%}, or {LEVEL_DB} dB of PSNR), and behind in {len(behind)} (bold)"
+        + (f": {'; '.join(named)}." if named else ".")
     )
     return text, summary
 

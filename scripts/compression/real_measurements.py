@@ -1,4 +1,4 @@
-"""The first table on real measurements: ours at four budgets beside what others published and what is fitted here.
+"""Compare homofact at four budgets with published and locally fitted methods on real measurements.
 
     python scripts/compression/real_measurements.py --done FILE.jsonl [--hybrid FOLDER] [--methods A,B]
         [--materials A,B] [--kept] [--out docs/real.md] [--plot docs/pictures/real.png]

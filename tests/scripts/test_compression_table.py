@@ -1,4 +1,4 @@
-"""The field in one table: the published formulas agree as their README says, and scores are what they are called."""
+"""The comparison with published compressions: published formulas agree as their README says, scores are as named."""
 
 import os
 from collections.abc import Callable
@@ -143,13 +143,13 @@ def test_where_ours_is_not_ahead_is_said(script: Callable[[str], ModuleType]) ->
     cells = [cell.strip() for cell in lines["npf"].split("|")[5:-1]]
     assert cells == ["2 / 3", "**6 / 5**", "4 / 6", "**12 / 10**", "38 / 37", "**34 / 35**"]
     assert all(cell.strip().startswith("**") for cell in lines["abc"].split("|")[5:-1])
-    assert words.startswith("Of 12 figures ours is ahead in 3, level in 0")
+    assert words.startswith("homofact is ahead in 3 of 12 figures, level in 0")
     assert "behind in 9" in words
     near = module.ahead(entries_of(module, {"npf": (1, 3, 5), "ours 3.2 KiB": (2, 3.05, 6)}))
     assert near[0].splitlines()[2].split("|")[5].strip() == "3.05 / 3 ≈"
     # 36.95 against 37 dB.
     assert near[0].splitlines()[2].split("|")[9].strip().endswith("≈")
-    assert near[1].startswith("Of 6 figures ours is ahead in 0, level in 3")
+    assert near[1].startswith("homofact is ahead in 0 of 6 figures, level in 3")
     assert "npf by nbrdf: MALE (tenth), energy (tenth), PSNR (tenth)" in words
     # Ours fitted to another reading counts against what was published of MERL itself, not against npf.
     more = found + entries_of(module, {"ours 3.2 KiB": (0.1, 0.1, 0.1)}, of="nps")
@@ -311,6 +311,6 @@ def test_what_is_done_is_not_done_again(
     protocol.surroundings.cache_clear()
     assert "| GGX × 1 | 1 | 32 | 0 |" in first
     # A method is not judged by what it was fitted to.
-    by_npf = first.split("### by npf")[1].split("\n##")[0]
+    by_npf = first.split("### Judged by npf")[1].split("\n##")[0]
     assert "| npf |" not in by_npf
     assert "| abc |" in by_npf
