@@ -1,4 +1,4 @@
-"""The atlas in words: docs/stability.md, one section a stressor with its mechanism, remedy and measured numbers."""
+"""Write docs/stability.md: one section per stressor, with its cause, remedy and measured errors."""
 
 import os
 from collections import Counter
@@ -24,7 +24,7 @@ from homofact.stability.solver_atlas import AGREES, AGREES_ILL, SYSTEMS, WELL_PO
 from homofact.stability.stressors import stressor
 from homofact.version import __version__
 
-_MANY = 20  # fits: of fewer no percentage is said
+_MANY = 20  # fits: fewer get no percentage
 _WORDS = {
     CellOutcome.REFUSED: "refused",
     CellOutcome.CRASHED: "crashed",
@@ -57,12 +57,23 @@ def _head(atlas: Atlas, link: str) -> str:
 <!-- Made by `make stability`: change the paragraphs in homofact/stability, not here. -->
 # Where fits fail
 
-{len(atlas.plan.stressors)} stressors, each swept from harmless to fatal, on {len(methods)} methods: {tally}.
+Read this page before you fit difficult data. It shows which properties of a measurement damage which method, whether
+homofact warns, and what you can do. Find your problem in the table and follow its link to the cause and the remedy.
 
-{_coverage(atlas.cells)}
+`homofact stability` makes these tests. To repeat some of them, run
 
-The error of the worst fit of each sweep, as a factor of the same method's error without the stress. \\*: the fit's own
-verdict warns of it; **silent**: it is over {WRONG:g} times and nothing is said.
+    homofact stability --stressors zeros,outliers --methods search,mccool --out out/atlas
+
+It writes every fit to `atlas.csv` and draws the pictures below. `--document FILE.md` writes this page.
+
+## Which data damage which method
+
+Each of {len(atlas.plan.stressors)} stressors changes the data of a test problem step by step, from harmless to fatal.
+{len(methods)} methods fit every step: {tally}.
+
+The table shows the worst fit of each sweep: its error as a multiple of the same method's error without the stressor.
+\\*: the fit's own verdict warns. **silent**: the error is over {WRONG:g} times as large, and nothing warns.
+[How it is measured](#how-it-is-measured) defines all words. {_coverage(atlas.cells)}
 
 | stressor | {" | ".join(methods)} |
 |{" --- |" * (len(methods) + 1)}
@@ -70,14 +81,11 @@ verdict warns of it; **silent**: it is over {WRONG:g} times and nothing is said.
 
 Every fit, from harmless on the left to fatal on the right:
 
-![The atlas]({link}/atlas.png)
-
-How this was measured is said [at the end](#how-it-is-measured). The whole table is `atlas.csv`; a part of it is run by
-`homofact stability`."""
+![The atlas]({link}/atlas.png)"""
 
 
 def _coverage(cells: Sequence[Cell]) -> str:
-    """How often the error bars of total reflected light hold, and how often none is stated."""
+    """How often the error bars of total reflected light cover the true error, and how often none is stated."""
     fits = [cell for cell in cells if cell.factor is not None and cell.outcome is not CellOutcome.CRASHED]
     stated = [cell for cell in fits if cell.held is not None]
     if not fits:
@@ -85,9 +93,11 @@ def _coverage(cells: Sequence[Cell]) -> str:
     if not stated:
         return "No fit states an error bar of total reflected light that could be compared with the clean samples."
     held, none = sum(cell.held is True for cell in stated), len(fits) - len(stated)
-    silent = f"; {none} state none" if none else ""
+    silent = f"; {none} more state none" if none else ""
     share = f" ({held / len(stated):.0%})" if len(stated) >= _MANY else ""
-    return f"The error bar of total reflected light holds in {held} of {len(stated)} fits{share}{silent}."
+    return (
+        f"The error bar of total reflected light covers the true error in {held} of {len(stated)} fits{share}{silent}."
+    )
 
 
 def _summary(atlas: Atlas, stress: Stressor) -> str:
@@ -115,8 +125,8 @@ def _anchor(title: str) -> str:
 def _measuring(atlas: Atlas, where: str) -> str:
     settings, scale = atlas.plan.settings, atlas.plan.scale
     shared = (
-        f"{settings['textures']} textures of\n{settings['size']}² texels, ε = {settings['epsilon']:g},"
-        f" searches of {settings['effort']:g} inner evaluations"
+        f"{settings['textures']} textures of {settings['size']}² texels, ε = {settings['epsilon']:g},"
+        f" and searches of {settings['effort']:g} evaluations"
     )
     base = "\n".join(
         f"| {name} | {judged.error:.2g} | {judged.row.held_out.log_mse:.2g} |"
@@ -127,29 +137,32 @@ def _measuring(atlas: Atlas, where: str) -> str:
     return f"""\
 ## How it is measured
 
-Every cell is one fit of stressed samples, with the settings that all share ({shared}; {scale.samples} samples of a
-Blinn-Phong material with a broad highlight, a fifth of them held out). It is judged on {scale.clean} clean samples that
-the fit never saw, by the mean squared error in log space with ε = {JUDGING_EPSILON:g}, as a factor of the same method's
-error without stress (or of {WORTH_AN_ERROR:g}, an RMS of 5%, where that is smaller).
+Every cell of a table is one fit of stressed samples. All fits share their settings: {shared}.
+There are {scale.samples} samples of a Blinn-Phong material with a broad highlight, and a fifth of them is held out.
+Each fit is then judged on {scale.clean} clean samples that it never saw. The error is the mean squared error in log
+space with ε = {JUDGING_EPSILON:g}. Tables show it as a multiple of the same method's error without the stressor, or of
+{WORTH_AN_ERROR:g} (an RMS of 5%) if that is larger.
 
-A fit's error bar of total reflected light is compared with the clean samples in bands of incidence, within the range of
-angles for which it is stated; what chance may do to so few samples is taken off.
+The error bar of total reflected light is compared with the clean samples in bands of incidence, within the range of
+angles for which the fit states it. The comparison allows for the scatter of so few samples.
 
-* **ok**: at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that the unstressed fit's does
-  not.
-* **degraded**: a larger factor, or a verdict that warns (\\*). Most warnings come before the damage.{really}
-* **refused**: no fit, but one line that names what is wrong.
-* **silently wrong**: over {WRONG:g} times the unstressed error, and no word of it. The atlas exists to find these.
+* **ok**: the error is at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that it does not
+  find in the unstressed fit.
+* **degraded**: the error is larger, or the verdict warns (\\*). Most warnings come before the damage.{really}
+* **refused**: homofact makes no fit and prints one line that names the problem.
+* **silently wrong**: the error is over {WRONG:g} times the unstressed error, and nothing warns. These tests exist to
+  find such fits.
 
-A factor below 1 is not a mistake: some stresses leave an easier problem (a region where the material is constant).
+A multiple below 1 is no mistake: some stressors leave an easier problem, such as a region where the material is
+constant.
 
-The unstressed fits themselves:
+These are the fits without a stressor:
 
 | method | error, clean | error, own held-out | its verdict finds |
 | --- | --- | --- | --- |
 {base}
 
-All numbers are of seed {atlas.plan.seed} and homofact {__version__} on {in_markdown(where)}.{absent}"""
+All numbers were measured with seed {atlas.plan.seed} and homofact {__version__} on {in_markdown(where)}.{absent}"""
 
 
 def _really_bad(atlas: Atlas) -> str:
@@ -163,12 +176,13 @@ def _really_bad(atlas: Atlas) -> str:
         return ""
     bad = Counter(cell.method for cell in fine if cell.bad)
     methods = ", ".join(f"{bad[name]} {name}" for name in atlas.plan.methods)
+    bad_warned, all_bad = (sum(cell.bad for cell in those) for those in (warned, degraded))
     return (
-        f" By their light\n  {sum(cell.bad for cell in degraded)} of these {len(degraded)} are really bad (off by over"
-        f" {BAD_LIGHT:.0%} in a band of angles, or under\n  {LEAST_EXPLAINED:.0%} of the clean logarithms explained):"
-        f" {sum(cell.bad for cell in warned)} of the {len(warned)} that the verdict warns of, and"
-        f"\n  {sum(cell.bad for cell in degraded if not cell.new)} of the others; of the {len(fine)} called ok,"
-        f"\n  {sum(cell.bad for cell in fine)}, whose method is about as bad without the stress ({methods})."
+        f" Judged by total\n  reflected light, {all_bad} of these {len(degraded)} fits are bad: they are off by over"
+        f" {BAD_LIGHT:.0%} in a band of angles, or explain under\n  {LEAST_EXPLAINED:.0%} of the clean logarithms. The"
+        f" verdict warns of {len(warned)} fits, of which {bad_warned} are bad; of the others, {all_bad - bad_warned} are."
+        f"\n  Of the {len(fine)} fits called ok, {bad.total()} are bad, but without the stressor their method is about as"
+        f" bad\n  ({methods})."
     )
 
 
@@ -185,9 +199,8 @@ def _section(atlas: Atlas, stress: Stressor) -> str:
     ]
     table = "\n".join(lines)
     return (
-        f"## {_title(stress)}\n\n`{stress.name}`. {stress.description} {stress.mechanism}"
-        f" {_measured(atlas, stress)}\n\n"
-        f"**Remedy.** {stress.remedy}\n\n{table}"
+        f"## {_title(stress)}\n\n`{stress.name}`: {stress.description}\n\n**Cause.** {stress.mechanism}\n\n"
+        f"**Remedy.** {stress.remedy}\n\n**Measured.** {_measured(atlas, stress)}\n\n{table}"
     )
 
 
@@ -212,22 +225,24 @@ def _measured(atlas: Atlas, stress: Stressor) -> str:
         ranked = sorted(worst.values(), key=lambda cell: cell.factor or 0)
         low, high = ranked[0], ranked[-1]
         if len(ranked) == 1:
-            sentences.append(f"Measured: at worst {low.factor:.2g} times the unstressed error ({low.method}).")
+            sentences.append(f"The worst fit has {low.factor:.2g} times the unstressed error ({low.method}).")
         else:
             sentences.append(
-                f"Measured: at its worst {low.factor:.2g} times the unstressed error for {low.method}"
-                f" and {high.factor:.2g} times for {high.method}."
+                f"The worst fit of a method has between {low.factor:.2g} ({low.method}) and {high.factor:.2g}"
+                f" ({high.method}) times its unstressed error."
             )
         warned = next((cell for cell in reversed(ranked) if cell.new), None)
         if warned is not None and warned.said:
-            sentences.append(f"What {warned.method} then says: “{in_markdown(warned.said[0])}.”")
+            sentences.append(f"The verdict on the fit by {warned.method} is then “{in_markdown(warned.said[0])}.”")
     refused = next((cell for cell in cells if cell.outcome is CellOutcome.REFUSED), None)
     if refused is not None:
-        sentences.append(f"From {refused.label} on it is refused: “{in_markdown(refused.message.partition(': ')[2])}.”")
+        sentences.append(
+            f"From {refused.label} onwards the data are refused: “{in_markdown(refused.message.partition(': ')[2])}.”"
+        )
     sentences.append(_coverage(cells))
     silent = [f"{cell.method} at {cell.label}" for cell in cells if cell.outcome is CellOutcome.SILENT]
     if silent:
-        sentences.append(f"Nothing is said by {', '.join(silent)}.")
+        sentences.append(f"There is no warning from {', '.join(silent)}.")
     return " ".join(filter(None, sentences))
 
 
@@ -244,7 +259,7 @@ def _solvers(cells: list[SolverCell], link: str) -> str:
     silent = [f"{cell.solver} on “{cell.system}”" for cell in cells if cell.answer is SolverOutcome.SILENT]
     table = "\n".join(rows)
     silence = (
-        f"{len(silent)} answers differ without a word: {', '.join(silent)}."
+        f"{len(silent)} answers differ without a warning: {', '.join(silent)}."
         if silent
         else "No answer differs silently."
     )
@@ -253,15 +268,16 @@ def _solvers(cells: list[SolverCell], link: str) -> str:
 
 ![The solvers]({link}/solvers.png)
 
-Every solver on the same inner problems. The system is the stacked rows (samples, smoothing, ridge, gauge), its
-condition number that of the normal matrix, from the singular values of the rows; the reference is the minimum-norm
-answer by these, refined in extended precision. A system is called well posed up to a condition number of
-{WELL_POSED:.0e}, and its answers are to agree to {AGREES:.0e} (they do to {furthest:.1e}); beyond, an answer counts as
-the minimum-norm one within {AGREES_ILL:.0e}, and any other is to come with the status `fallback` or `budget`. {silence}
+Every solver solves the same linear systems: the stacked rows of samples, smoothing, ridge and gauge. The condition
+number is that of the normal matrix, from the singular values of the rows. The reference is the minimum-norm solution by
+these singular values, refined in extended precision. A system is well posed up to a condition number of
+{WELL_POSED:.0e}. There, every answer should agree with the reference to {AGREES:.0e}, and all do to {furthest:.1e}.
+Beyond, an answer counts as the minimum-norm solution within {AGREES_ILL:.0e}, and any other should have the status
+`fallback` or `budget`. {silence}
 
-The ridge keeps the condition number near 1e10 even where no sample holds a texel, and the gauge rows take four to five
-powers of ten off that of smoothed systems. What is left for a solver to fail on are weights that differ by more than
-the ridge: iterations then reach their limit, and the fit reports it.
+The ridge keeps the condition number near 1e10, even if no sample determines a texel. The gauge rows lower that of
+smoothed systems by four to five powers of ten. A solver can then fail only if weights differ by more than the ridge:
+iterations reach their limit, and the fit reports it.
 
 | system | what it is | texels | condition | {" | ".join(solvers)} |
 |{" --- |" * (len(solvers) + 4)}

@@ -33,31 +33,31 @@ def _many_textures(strength: float, seed: int, scale: Scale) -> Problem:
 
 STRESSORS = (
     Stressor(
-        "smoothing", "smoothing from none to far too much",
-        "λ of the Laplacian from 0 to 1e8.",
-        "At 0 the texels between the samples hang in the air; at 1 and more the Laplacian costs as much as the data,"
-        " and what is left are the functions it does not see, {1, u, v, uv}: a highlight becomes a ramp. Solvers"
-        " do not complain: the training error does.",
-        "λ of 1e-4 to 1e-2, or none given: `search` finds it by cross-validation.",
+        "smoothing", "too little or too much smoothing",
+        "λ of the Laplacian goes from 0 to 1e8.",
+        "At 0, nothing determines the texels between the samples. From 1 on, the Laplacian costs as much as the data,"
+        " and the fit approaches the functions that the Laplacian ignores, {1, u, v, uv}: a highlight becomes a ramp."
+        " Solvers do not warn, but the training error shows it.",
+        "Use a λ of 1e-4 to 1e-2, or give none: `search` then finds it by cross-validation.",
         "λ", (1e-3, 0, 1, 1e3, 1e8), smoothing,
     ),
     Stressor(
         "coincident", "projections that coincide",
-        "Two and more textures under one projection.",
-        "Only the sum of such textures reads the data; any function can move from one to the other. The null space is"
-        " as large as a texture, far more than the constants and ramps that the gauge fixes, and the ridge decides: it"
-        " shares the sum evenly. The product is right, each texture by itself means nothing.",
-        "None for the product. For textures to look at or edit: one texture a projection.",
+        "Two or more textures have the same projection.",
+        "The data determine only the sum of such textures: any function can move from one to the other. The null space"
+        " is as large as a texture, far larger than the constants and ramps that the gauge fixes. The ridge decides"
+        " and divides the sum evenly. The product is right, but each single texture means nothing.",
+        "Nothing is needed for the product. If you want to view or edit textures, use each projection once.",
         "textures", (1, 2, 3, 5), coincident,
     ),
     Stressor(
-        "many-textures", "more textures than the data can tell apart",
-        "Two to twelve textures for a tenth of the samples.",
-        "Besides the constant, overlapping projections share linear ramps and products (the null space that is fixed in"
-        " closed form), and where samples are sparse far more functions that no sample sees. Smoothing and the gauge"
-        " keep these small, so the product suffers little; what the textures show by themselves is then mostly"
+        "many-textures", "more textures than the data determine",
+        "Two to twelve textures are fitted to a tenth of the samples.",
+        "Overlapping projections share a constant, linear ramps and products, which is the null space that homofact"
+        " fixes in closed form. Where samples are sparse, they also share many functions that no sample sees."
+        " Smoothing and the gauge keep these small, so the product suffers little. A single texture then shows mostly"
         " smoothing.",
-        "As many textures as lower the held-out error; `search` stops by itself where one is not worth having.",
+        "Use as many textures as lower the held-out error. `search` stops when another texture does not pay.",
         "textures", (2, 4, 8, 12), _many_textures,
     ),
 )  # fmt: skip

@@ -122,95 +122,98 @@ def _dynamic_range(strength: float, seed: int, scale: Scale) -> Problem:
 STRESSORS = (
     Stressor(
         "few-samples", "fewer samples than texels",
-        "Fewer and fewer samples, down to the 205 of a CUReT material and below.",
-        "A texture has size² texels, and two of them more unknowns than a sparse measurement has samples. The"
-        " smoothing then decides most texels: ramps are drawn on between the samples, and a highlight that no sample"
-        " met is not there. Fixed textures over absolute directions lose most, since they need samples at all azimuths;"
-        " textures over angles alone gather the same samples in fewer texels.",
-        "Smaller textures (`size`), fewer of them, fixed projections, or more samples; believe the held-out error"
-        " only when a few dozen samples are held out.",
+        "The number of samples falls to the 205 of a CUReT material and below.",
+        "A texture has size² texels, and two textures have more texels than a sparse measurement has samples."
+        " Smoothing then decides most texels: it continues ramps between the samples, and a highlight without samples"
+        " is missing from the fit. Fixed textures over absolute directions lose most, because they need samples at all"
+        " azimuths. Textures over angles only gather the same samples in fewer texels.",
+        "Use smaller textures (`size`), fewer textures, fixed projections, or more samples. Believe the held-out error"
+        " only if at least a few dozen samples are held out.",
         "samples", (1500, 600, 205, 60, 20), faulted(FAULTS["few"]),
     ),
     Stressor(
         "hole", "a hole in the hemisphere",
-        "No viewer in a ring about 45° from the normal.",
-        "Texels that only the missing directions would read are filled by smoothing from the rim of the hole. A smooth"
-        " material survives that; a highlight that passes through the hole is cut off.",
-        "Measure there, or index by half and difference angles: the ring is then seen from other pairs, and no texel"
-        " is left dark.",
+        "No sample has a viewer in a ring about 45° from the normal.",
+        "Smoothing fills the texels of the missing directions from the rim of the hole. A smooth material survives"
+        " that. A highlight that passes through the hole is cut off.",
+        "Measure these directions, or index the textures by half and difference angles: pairs outside the ring then"
+        " reach the same texels, and none stays empty.",
         "degrees, half width", (2, 10, 25, 40), faulted(FAULTS["hole"]),
     ),
     Stressor(
         "no-highlight", "the highlight was not measured",
-        "No sample whose half vector is near the normal: the mirror direction was left out.",
-        "Nothing in the data says how bright the highlight is. Every fit continues the flank inwards by smoothing,"
-        " which keeps ramps straight, and where the peak ends up is chance. No held-out sample can show it, since those"
-        " lack the highlight as well: only the texels that no sample holds tell.",
-        "Measure near the mirror direction; else treat the fit as one of the diffuse part.",
+        "The samples near the mirror direction are missing: no half vector is near the normal.",
+        "Nothing in the data shows how bright the highlight is. Smoothing keeps ramps straight, so every fit continues"
+        " the flank inwards, and the height of the peak is arbitrary. The held-out error cannot show this, because the"
+        " held-out samples lack the highlight as well. Only the share of texels without samples shows it.",
+        "Measure near the mirror direction. Otherwise use the fit for the diffuse part only.",
         "degrees", (2, 10, 25, 45), faulted(FAULTS["no-highlight"]),
     ),
     Stressor(
-        "untouched-texels", "texels no sample touches, smoothing off",
-        "Textures grow while the samples stay, with smoothing 0.",
-        "Without smoothing nothing holds a texel that no sample reads, or that shares its only sample with its"
-        " neighbours: the normal matrix is singular but for a tiny ridge, whose minimum-norm answer puts such texels"
-        " near zero in log space, which is the mean brightness and has nothing to do with their surroundings.",
-        "A smoothing above 0 (1e-3), or textures that the samples can fill.",
+        "untouched-texels", "texels without samples, smoothing off",
+        "Textures grow while the number of samples stays the same, and smoothing is 0.",
+        "Without smoothing, nothing determines a texel that no sample reads, or that shares its only sample with its"
+        " neighbours. Only a tiny ridge keeps the normal matrix from being singular. Its minimum-norm solution puts"
+        " such texels near zero in log space, which is the mean brightness and has nothing to do with the surrounding"
+        " texels.",
+        "Use a smoothing above 0 (1e-3), or textures that the samples can fill.",
         "texels per side", (8, 16, 24, 32), _untouched_texels,
     ),
     Stressor(
         "grazing", "grazing angles",
-        "A third of the samples towards the horizon, where the material grows as 1/cos.",
-        "Microfacet models and measurements divided by the cosine blow up at the horizon. The values there lift the"
-        " mean A, and with it εA, and the last ring of texels has to hold a range that smoothing pulls into its"
-        " neighbours."
-        " Away from the horizon the log transform bears it: the clean samples here end at 87°, and their error hardly"
-        " moves. What suffers is the horizon itself, and the energy: the verdict's albedo and held-out error see it.",
-        "Leave out what was measured beyond about 85°, or give it little weight; lower `epsilon`.",
+        "A third of the samples moves towards the horizon, where the material grows as 1/cos.",
+        "Microfacet models, and measurements divided by the cosine, grow without bound at the horizon. These values"
+        " raise the mean A, and with it εA. The last ring of texels then has a range that smoothing carries into the"
+        " neighbouring texels. Away from the horizon the log transform limits the damage: the clean samples here end"
+        " at 87°, and their error hardly changes. The damage is at the horizon and in the energy, where the verdict's"
+        " albedo and held-out error show it.",
+        "Leave out samples beyond about 85°, or give them little weight; lower `epsilon`.",
         "degrees", (80, 85, 89, 89.9, 89.999), grazing,
     ),
     Stressor(
         "h-at-normal", "half vectors at the normal",
-        "Every half vector closer and closer to the normal, where φh is undefined.",
-        "At h = n the half/difference frame has no azimuth to turn by. The stabilised frame (thesis eq. 1.4) keeps"
-        " the tangent as its axis there, so nothing jumps; but all samples fall into one texel of a texture over h,"
-        " and the rest of it has no data.",
-        "None is needed where the fit is used in the same region; outside it the texels are smoothing alone.",
+        "All half vectors move towards the normal, where φh is undefined.",
+        "At h = n, the half/difference frame has no azimuth. The stabilised frame (thesis eq. 1.4) keeps the tangent"
+        " as its axis there, so the coordinates stay continuous. However, all samples fall into one texel of a texture"
+        " over h, and its other texels have no data.",
+        "Nothing is needed if you use the fit in the same region. Outside it, smoothing alone determines the texels.",
         "degrees", (30, 3, 0.1, 1e-4, 0), _half_vector_at_normal,
     ),
     Stressor(
         "h-at-tangent", "half vectors at the tangent",
-        "Both directions, and the half vector, closer and closer to the tangent on the horizon.",
-        "The frame rejects the tangent from h, and at h = t nothing is left of it: the limit takes its place. Close to"
-        " it the difference vector turns quickly with h, so equal values scatter over a texture indexed by d.",
-        "None is needed: samples on the horizon carry no light. Leave them out where they disturb.",
+        "Both directions and their half vector move towards the tangent on the horizon.",
+        "The frame projects the tangent off h, and at h = t nothing is left of it, so homofact uses the limit instead."
+        " Close to this point the difference vector turns quickly with h. Equal values then scatter over a texture"
+        " indexed by d.",
+        "Nothing is needed, because samples on the horizon carry no light. Leave them out if they disturb the fit.",
         "degrees", (45, 10, 1, 0.01, 1e-7), _half_vector_at_tangent,
     ),
     Stressor(
         "one-azimuth", "one azimuth only",
-        "All light from a narrow sector of azimuth, handed over without azimuth copies.",
-        "A texture indexed by absolute directions (ωi, h) is filled only where the sector falls, and is smoothing"
-        " everywhere else: perfect on the measurement, meaningless on a turned object. Coordinates that do not know"
-        " the azimuth do not notice.",
-        "Azimuth copies (`copies=8`, made by every command for isotropic measurements; `Samples.azimuth_copies` in"
-        " Python), or a method whose textures do not know the azimuth (`search`).",
+        "All light comes from a narrow sector of azimuth, and the samples are not copied to other azimuths.",
+        "A texture indexed by absolute directions (ωi, h) has samples only in that sector, and smoothing fills the"
+        " rest. The fit is perfect on the measurement and meaningless on a turned object. Coordinates that do not"
+        " depend on azimuth are unaffected.",
+        "Copy the samples to other azimuths, or use a method whose textures do not depend on azimuth (`search`). Every"
+        " command makes such copies of isotropic measurements (`copies=8`); in Python call `Samples.azimuth_copies`.",
         "degrees", (360, 180, 60, 10, 0), _one_azimuth,
     ),
     Stressor(
-        "anisotropy", "anisotropy given to an isotropic fit",
-        "A brushed metal that is said to be isotropic.",
+        "anisotropy", "anisotropic data in an isotropic fit",
+        "A brushed metal is declared isotropic.",
         "The same (θh, θd, φd) then has many values, and the fit returns their mean in log space. More samples do not"
-        " help, and training and held-out error agree: both are high.",
-        "Say that the material is anisotropic (`isotropic=False`), so that kinds that know the azimuth are tried.",
+        " help. Training and held-out error agree, and both are high.",
+        "Declare the material anisotropic (`isotropic=False`), so that homofact tries coordinates that depend on"
+        " azimuth.",
         "ratio of slopes", (1.1, 1.5, 3, 10), anisotropy,
     ),
     Stressor(
         "dynamic-range", "dynamic range (near mirrors)",
-        "A highlight brighter and narrower, up to 1e7 over the ground.",
-        "A mirror's lobe is narrower than a texel over θh, so the texture cannot hold it however many samples there"
-        " are, and bilinear interpolation in log space smears it exponentially: a peak spread over one texel of 10° is"
+        "The highlight becomes brighter and narrower, up to 1e7 times the diffuse part.",
+        "A mirror's lobe is narrower than a texel over θh, so no number of samples lets the texture represent it."
+        " Bilinear interpolation in log space spreads the lobe exponentially: a peak spread over one texel of 10° is"
         " orders of magnitude too bright at its flanks.",
-        "A stretched θh (`search` tries it), larger textures, or the mirror part taken out and added by itself.",
+        "Stretch θh (`search` tries it), use larger textures, or take the mirror part out and add it separately.",
         "brightest over ground", (10, 100, 1e4, 1e6, 1e7), _dynamic_range,
     ),
 )  # fmt: skip

@@ -65,27 +65,27 @@ def _car_paint(strength: float, seed: int, scale: Scale) -> Problem:
 STRESSORS = (
     Stressor(
         "real-retroreflector", "retroreflective tape (measured)",
-        "A yellow retroreflective tape, its values to a power up to 1.",
-        "The tape sends most light back where it came from, and its values span three powers of ten (0.04 to 39 sr⁻¹)."
-        " The lobe is a ridge at θd = 0 for every θh, which textures over h or ωi alone cannot hold.",
-        "A texture over θd and enough texels there (`search`, larger `size`), and no trust in angles not measured.",
+        "The values of a yellow retroreflective tape are raised to a power up to 1.",
+        "The tape sends most light back to its source, and its values span three powers of ten (0.04 to 39 sr⁻¹). The"
+        " lobe is a ridge at θd = 0 for every θh, which textures over h or ωi alone cannot represent.",
+        "Use a texture over θd with enough texels there (`search`, larger `size`), and do not trust the fit at"
+        " unmeasured angles.",
         "power", (0.25, 0.5, 1), retroreflector,
     ),
     Stressor(
         "real-non-reciprocal", "measured materials that are not reciprocal",
-        "Four materials of the RGL database in a reciprocal fit, against the same fit without reciprocity.",
-        "Their measurements are off reciprocity by 7% and more. What the reciprocal fit cannot hold is small"
-        " against what any small textures cannot hold.",
-        "`reciprocal=False` where the measurement is to be reproduced; reciprocity kept where a renderer needs it.",
+        "Four materials of the RGL database are fitted with reciprocity, and compared with the same fit without it.",
+        "Their measurements deviate from reciprocity by at least 7%. This deviation is small compared with what small"
+        " textures cannot represent in any case.",
+        "Use `reciprocal=False` to reproduce the measurement. Keep reciprocity if a renderer needs it.",
         "material", (0, 1, 2, 3), rgl, ("aurora", "golden", "chm blue", "flakes"),
     ),
     Stressor(
         "real-negative", "measured values below zero",
-        "A car paint of which 11 to 14% is negative, and its far angles extrapolated.",
-        "The reader cuts negative values to zero and counts them. The zeros are not noise here, they are"
-        " a quarter of the green channel, over half of the samples beyond 75°, and the fit learns that no green is"
-        " there.",
-        "`homofact info` shows the count; leave the extrapolated angles out.",
+        "11 to 14% of the values of a car paint are negative, and its values at large angles are extrapolated.",
+        "The reader cuts negative values to zero and counts them. These zeros are not noise: they are a quarter of the"
+        " green channel, and over half of its samples beyond 75°. The fit learns that there is no green there.",
+        "`homofact info` shows the count. Leave the extrapolated angles out.",
         "share of the samples", (1, 0.3, 0.1), _car_paint,
     ),
 )  # fmt: skip

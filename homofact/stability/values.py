@@ -71,115 +71,117 @@ STRESSORS = (
     Stressor(
         "zeros", "exact zeros",
         "A share of the samples is exactly zero.",
-        "The logarithm of zero is log ε, far under everything else, and least squares weighs such a distance by its"
-        " square: a few zeros pull whole neighbourhoods down.",
-        "Take zeros out as missing, use `robust=True`, or an ε of the order of the noise (1e-2).",
+        "The logarithm of zero is log ε, far below all other values, and least squares weighs such a distance by its"
+        " square. A few zeros therefore darken whole neighbourhoods.",
+        "Remove zeros that mean missing data, use `robust=True`, or set ε to the order of the noise (1e-2).",
         "share", (0.001, 0.01, 0.1, 0.5, 0.9), faulted(FAULTS["zeros"]),
     ),
     Stressor(
         "epsilon", "the choice of ε",
-        "ε of the log transform from 0.1 to 1e-8, with 2% of exact zeros.",
-        "ε is how far down a zero is: at 1e-8 every zero stands 18 natural units under the mean and drags its"
-        " neighbours by orders of magnitude; at 0.1 the dark part of the material is under ε, its logarithm flat.",
-        "ε from the noise floor of the measurement: 1e-2 for what a goniometer gives, 1e-5 only for noise-free models.",
+        "ε of the log transform falls from 0.1 to 1e-8, and 2% of the samples are exactly zero.",
+        "ε decides how far below the mean a zero lies. At 1e-8, every zero is 18 natural units below the mean and"
+        " darkens its neighbours by orders of magnitude. At 0.1, the dark part of the material lies below ε, so its"
+        " logarithm is flat.",
+        "Set ε to the noise floor of the measurement: 1e-2 for a goniometer, 1e-5 only for noise-free models.",
         "ε", (1e-1, 1e-2, 1e-3, 1e-5, 1e-8), epsilon,
     ),
     Stressor(
         "multiplicative-noise", "multiplicative noise",
-        "Every value times a log-normal factor.",
+        "Every value is multiplied by a log-normal factor.",
         "In log space this is ordinary noise, and least squares averages it: the error grows as σ²·texels/samples."
-        " Strong noise also lifts the mean A by exp(σ²/2), and εA with it buries what is dark.",
-        "More samples per texel, more smoothing, fewer textures.",
+        " Strong noise also raises the mean A by exp(σ²/2), and with it εA, below which dark values are lost.",
+        "Use more samples per texel, more smoothing, or fewer textures.",
         "σ of the logarithm", (0.01, 0.1, 0.3, 1, 3), faulted(FAULTS["noise"]),
     ),
     Stressor(
         "additive-noise", "additive noise",
-        "Every value plus normal noise, in shares of the mean; what falls below zero is cut.",
-        "Dark samples drown first. In log space their noise is huge and lopsided, the more so the smaller ε is, and"
-        " the cut at zero leaves a heap of exact zeros.",
-        "ε at the noise floor (σ over the mean), so that what is under it does not count.",
+        "Normal noise, given as a share of the mean, is added to every value. Values below zero are cut to zero.",
+        "Dark samples are lost first. In log space their noise is large and lopsided, and more so at a smaller ε."
+        " Cutting at zero also creates many exact zeros.",
+        "Set ε to the noise floor (σ over the mean), so that smaller values do not matter.",
         "σ over the mean", (0.001, 0.01, 0.1, 0.5, 2), faulted(FAULTS["additive-noise"]),
     ),
     Stressor(
         "outliers", "outliers",
-        "A share of the samples a thousand times too bright (stray light, a blinded sensor).",
-        "Least squares has no limit to what one sample may pull, and a factor of 1000 is 7 natural units. They lift"
-        " the mean A as well, and with it the floor εA under which nothing counts.",
-        "`robust=True` gives them little weight; mending the measurement is better.",
+        "A share of the samples is a thousand times too bright, as by stray light or a saturated sensor.",
+        "Least squares does not limit the influence of one sample, and a factor of 1000 is 7 natural units. Outliers"
+        " also raise the mean A, and with it the floor εA, below which values do not matter.",
+        "Repair the measurement. Otherwise `robust=True` gives outliers little weight.",
         "share", (0.001, 0.01, 0.05, 0.2, 0.5), faulted(FAULTS["outliers"]),
     ),
     Stressor(
         "out-of-gamut", "negative and out-of-gamut values, cut",
-        "A colour so saturated that one channel falls below zero and is cut, as readers do.",
-        "Where a channel is cut nothing is left of it but zeros: a whole region, not single samples, with an edge at"
-        " which the logarithm falls off a cliff. A texture cannot hold a cliff, so its neighbourhood is wrong as well.",
-        "A wider colour space or `channels='spectral'`; an ε of 1e-2 and more keeps the cliff low. `homofact info`"
+        "A colour is so saturated that one channel falls below zero, where readers cut it to zero.",
+        "Cutting leaves only zeros in a whole region of the channel, with an edge at which the logarithm drops"
+        " steeply. A texture cannot represent such an edge, so its neighbourhood is wrong as well.",
+        "Use a wider colour space or `channels='spectral'`. An ε of at least 1e-2 keeps the edge low. `homofact info`"
         " counts the cut values.",
         "(R − G) taken off G", (0.1, 0.5, 0.8, 1.2, 3), _out_of_gamut,
     ),
     Stressor(
         "negative", "negative values, not cut",
-        "A share of the samples negative and handed over so.",
+        "A share of the samples is negative and is not cut to zero.",
         "A reflectance below zero has no logarithm.",
-        "It is refused with the row named. Cut the values at zero if they are the measurement's noise; the readers of"
-        " files do, and count them among the faults that `homofact info` shows.",
+        "homofact refuses such samples and names the row. If the negative values are the measurement's noise, cut them"
+        " at zero. The file readers do this, and `homofact info` shows how many values they cut.",
         "share", (0, 0.001, 0.1, 0.5), _uncut_negative,
     ),
     Stressor(
         "precision", "float32 against float64",
-        "Directions and values rounded to fewer bits of mantissa.",
-        "Values bear any rounding that the noise does. Directions of fewer than about 20 bits are no unit vectors any"
-        " more; normalised again they are off by the rounding, which is an angle: 1e-3 for float16, a fraction of a"
-        " texel.",
-        "Solves are in float64 whatever was stored. Directions that are off unit length by more than 1e-6 are refused:"
-        " normalise them when reading.",
+        "Directions and values are rounded to fewer bits of mantissa.",
+        "Values may be rounded as much as they are noisy. Directions of fewer than about 20 bits are no longer unit"
+        " vectors. Normalising them again leaves an angular error of the size of the rounding: 1e-3 for float16, a"
+        " fraction of a texel.",
+        "homofact solves in float64, whatever the stored precision. It refuses directions whose length is off 1 by"
+        " more than 1e-6: normalise them when reading.",
         "bits", (52, 23, 10, 5, 3), faulted(FAULTS["precision"]),
     ),
     Stressor(
         "channel-scale", "badly scaled channels",
-        "One channel times s, the other over s.",
+        "One channel is multiplied by s, the other divided by s.",
         "The transform divides every channel by its own mean, and all channels share one matrix, so their scale does"
-        " not matter to the fit. It does to every figure that is a mean over channels in sr⁻¹.",
-        "None is needed; compare linear errors channel by channel.",
+        " not matter to the fit. It matters to every figure that averages over channels in sr⁻¹.",
+        "Nothing is needed. Compare linear errors channel by channel.",
         "s", (1.5, 1e2, 1e4, 1e6, 1e8), _scaled(lambda s: (s, 1 / s)),
     ),
     Stressor(
         "dark-channel", "a channel goes dark",
-        "One channel smaller and smaller, and at last zero.",
-        "Relative to its own mean a small channel is as good as any, down to where numbers themselves end. At zero it"
-        " has no mean to be divided by.",
-        "A channel that is zero throughout is refused by name: leave it out (`channels`).",
+        "One channel shrinks, and is zero at last.",
+        "Relative to its own mean, a small channel is as good as any, down to the smallest floating-point numbers. At"
+        " zero it has no mean to divide by.",
+        "homofact refuses a channel that is zero everywhere and names it. Leave it out (`channels`).",
         "factor", (1e-8, 1e-100, 1e-300, 0), _scaled(lambda s: (1.0, s)),
     ),
     Stressor(
         "contradiction", "duplicated and contradictory samples",
-        "Half of the samples stand a second time with other values.",
-        "The fit returns the mean in log space of what contradicts. Duplicates alone are harmless; duplicates on both"
-        " sides of a split make held-out samples known and the gap between the errors meaningless.",
-        "Merge repeated measurements before the fit, or give each its share of the weight.",
+        "Half of the samples occur twice, with different values.",
+        "The fit returns the mean in log space of contradictory values. Duplicates with equal values do no harm to the"
+        " fit. However, if a split puts one copy into training and one into the held-out part, the held-out samples"
+        " are known, and the gap between the two errors means nothing.",
+        "Merge repeated measurements before the fit, or divide the weight between them.",
         "factor between the two", (1, 2, 10, 100, 1e4), faulted(FAULTS["contradiction"]),
     ),
     Stressor(
         "non-reciprocal", "non-reciprocal data in a reciprocal fit",
-        "f · exp(s (cosθi − cosθo)).",
-        "A reciprocal fit looks the conjugate up beside every projection, so it can only return what both ways have in"
-        " common: the geometric mean. The rest stays as error that no texture can lower.",
-        "`reciprocal=False`, after asking whether the measurement rather than the material is at fault.",
+        "The values are f · exp(s (cosθi − cosθo)).",
+        "A reciprocal fit also reads every texture at the conjugate pair, so it can only return what both directions"
+        " have in common: the geometric mean. The rest remains as an error that no texture can lower.",
+        "Use `reciprocal=False`, after you have checked that the material, not the measurement, is non-reciprocal.",
         "s", (0.03, 0.3, 1, 3), _non_reciprocal,
     ),
     Stressor(
         "retroreflection", "retroreflection",
-        "A lobe back towards the light.",
-        "The half vector of a pair that looks back along the light is the direction itself: a retroreflective lobe is"
-        " a ridge along θh with θd = 0, thin in θd, which a texture over h alone cannot see.",
-        "A texture that knows θd (`search` finds one), more texels, one texture more.",
+        "A lobe reflects light back towards the source.",
+        "If the viewer looks along the light, the half vector equals both directions. A retroreflective lobe is"
+        " therefore a ridge along θh at θd = 0. It is thin in θd, and a texture over h alone cannot represent it.",
+        "Use a texture over θd (`search` finds one), more texels, or one more texture.",
         "brightness over the ground", (0.1, 1, 10, 100), retroreflection,
     ),
     Stressor(
-        "tilted-frame", "a normal that is off",
-        "All directions in a frame whose normal is tilted.",
-        "The highlight is then not at the normal and the material is isotropic no longer; textures over angles from"
-        " the normal blur it, and every sample near the horizon is on the wrong side.",
+        "tilted-frame", "a tilted normal",
+        "All directions are given in a frame whose normal is tilted.",
+        "The highlight is then not at the normal, and the material is no longer isotropic. Textures over angles from"
+        " the normal blur the highlight, and samples near the horizon are on its wrong side.",
         "Align the measurement: the half vector of the brightest samples is the normal.",
         "degrees", (0.1, 1, 5, 20), faulted(FAULTS["tilted"]),
     ),

@@ -34,7 +34,7 @@ def test_it_begins_with_the_worst_fit_of_every_sweep(text: str) -> None:
 
 
 def test_the_head_s_links_lead_to_sections(text: str) -> None:
-    head = text.split("\n## ", 1)[0]
+    head = text.split("**Cause.**", 1)[0]
     # As git hosts make anchors of headings.
     anchors = {re.sub(r"[^\w -]", "", line.lower()).replace(" ", "-") for line in re.findall("^## (.*)$", text, re.M)}
     links = re.findall(r"\]\(#([^)]*)\)", head)
@@ -48,6 +48,6 @@ def test_how_it_was_measured_stands_at_the_end(text: str) -> None:
 
 
 def test_every_sweep_says_how_often_the_error_bars_hold(text: str) -> None:
-    told = re.findall(r"holds in (\d+) of (\d+) fits(?:; (\d+) state none)?", text)
+    told = re.findall(r"covers the true error in (\d+) of (\d+) fits(?:; (\d+) more state none)?", text)
     # All, then the two sweeps: three bars with a true error, one held; a withdrawn one; one of nothing to hold against.
     assert told == [("1", "3", "2"), ("1", "2", "1"), ("0", "1", "1")]
