@@ -180,9 +180,9 @@ def _really_bad(atlas: Atlas) -> str:
     return (
         f" Judged by total\n  reflected light, {all_bad} of these {len(degraded)} fits are bad: they are off by over"
         f" {BAD_LIGHT:.0%} in a band of angles, or explain under\n  {LEAST_EXPLAINED:.0%} of the clean logarithms. The"
-        f" verdict warns of {len(warned)} fits, of which {bad_warned} are bad; of the others, {all_bad - bad_warned} are."
-        f"\n  Of the {len(fine)} fits called ok, {bad.total()} are bad, but without the stressor their method is about as"
-        f" bad\n  ({methods})."
+        f" verdict warns of {len(warned)} fits, of which {bad_warned} are bad; of the others, {all_bad - bad_warned}"
+        f" are.\n  Of the {len(fine)} fits called ok, {bad.total()} are bad, but without the stressor their method is"
+        f" about as bad\n  ({methods})."
     )
 
 
