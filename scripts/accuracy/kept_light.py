@@ -1,4 +1,4 @@
-"""How much light fits of gloss keep: default settings, against those of version 0.1.0 (discs, logs alone, reciprocal).
+"""Measure energy, albedo and highlight of glossy fits: default settings, and those of version 0.1.0 (`--before`).
 
 The RGL paints and neural surrogates of the MERL materials (Sztrajman et al. 2021; never MERL itself), every STEP-th of
 them, with 3 textures of 32² and with 2 of 16². Held out are 20% of the samples; the figures are integrals of fit and
@@ -33,13 +33,29 @@ NETWORKS = Path("nbrdf") / "merl_nbrdf_weights.npz"
 # Also where STEP leaves them out: metals, whose highlight is narrower than most.
 NAMED = ("chrome", "steel", "tungsten-carbide", "nickel", "alum-bronze", "gold-metallic-paint")
 
-INTRODUCTION = (
-    "Made by `python scripts/accuracy/kept_light.py`. A row is a fit: its energy, its directional albedo at 5 to"
-    " 75° (the worst"
-    " channel and the worst mean of channels), the flux of the brightest 1% and of the brighter half, each over the"
-    " source's; the RMS relative to the source, weighted by both cosines, and the floor of a reciprocal fit; the PSNR"
-    " of a sphere under a sky; the Cole error of other pairs in the discs; the seconds of the fit."
-)
+INTRODUCTION = """\
+Read this page to see how well default fits of glossy materials keep total reflected light, albedo and highlight. It
+covers four paints of the RGL database and neural surrogates of MERL materials (networks of Sztrajman et al. 2021;
+the measurements of MERL are not used). For your own material, `homofact factorize` reports the same errors
+([results](results.md)).
+
+Each section starts with the errors over all materials, followed by a table with one fit per row. Ratios are fit over
+source, so 1 is right:
+
+- **energy**: total reflected light, over all angles of incidence.
+- **albedo**: directional albedo at incidence angles of 5 to 75°, of the worst channel and of the worst mean of
+  channels.
+- **highlight** and **bright half**: flux of the brightest 1%, and of the brighter half, of the source.
+
+The other columns:
+
+- **RMS**: root mean square error relative to the source, weighted by both cosines. **floor**: the smallest RMS that
+  a reciprocal fit can have.
+- **sky dB**: PSNR of a sphere under a sky.
+- **Cole error**: of other pairs of directions, drawn in the discs ([glossary](glossary.md)).
+- **search**: whether the fit is reciprocal or free. **s**: seconds of the fit."""
+LIMITATIONS = """\
+Fits ran on one thread while other work ran, so their seconds are longer than on an idle machine."""
 
 
 @dataclass(frozen=True)
@@ -146,11 +162,13 @@ def main(arguments: list[str] | None = None) -> int:
         "material", "search", "textures", "energy", "albedo, worst channel", "albedo, mean", "highlight", "bright half",
         "RMS", "floor", "sky dB", "Cole error", "s",
     )  # fmt: skip
+    kind = "the settings of version 0.1.0" if options.before else "default settings"
+    made = "python scripts/accuracy/kept_light.py" + (" --before" if options.before else "")
     parts = [
-        "# How much light fits of gloss keep",
+        "# Energy, albedo and highlight of default fits",
         INTRODUCTION,
-        f"{'Settings of 0.1.0' if options.before else 'Default settings'}, effort {effort}, {count} pairs, seed 0, ε of"
-        f" the source; fit over source, 1 is right. {machine()}",
+        f"Made by `{made}` with {kind}, effort {effort}, {count} pairs, seed 0, and ε of the source. {LIMITATIONS}"
+        f" {machine()}",
     ]
     found = list(sources(data_folder(options.data), step))
     if options.short:
@@ -161,7 +179,7 @@ def main(arguments: list[str] | None = None) -> int:
             rows.append(fitted(name, path, textures, size, effort, options.before, count))
             progress(*told(rows[-1]))
         if rows:
-            parts += [f"## {textures} textures of {size}²", markdown(header, map(told, rows), 2), summary(rows)]
+            parts += [f"## {textures} textures of {size}²", summary(rows), markdown(header, map(told, rows), 2)]
     return finish(parts, options)
 
 
