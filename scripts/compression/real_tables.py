@@ -187,7 +187,7 @@ def albedo(table: Table, names: Sequence[str], way: str) -> str:
 
 
 def targets(table: Table, names: Sequence[str]) -> str:
-    """What was asked of ours, and what was found at each size, of the straightened measurements where one is."""
+    """Our targets and the results of each size, on straightened measurements where there is one."""
 
     def of(name: str, label: str) -> list[float]:
         return table.values(names, STRAIGHT, label, name)
@@ -199,10 +199,10 @@ def targets(table: Table, names: Sequence[str]) -> str:
         return [a <= NEAR_FLOOR * b for a, b in zip(of("RMS", label), of("floor", label), strict=True)]
 
     lines: list[tuple[str, Callable[[str], str]]] = [
-        (f"MALE over NBRDF's, raw against raw: median ≤ {HALF}, lower on all",
+        (f"MALE over published NBRDF's, both fitted to and judged on raw files: median ≤ {HALF}, lower on all",
          lambda label: lower(ratios(table, names, label, RAW))),
-        ("the same, straightened against straightened", lambda label: lower(ratios(table, names, label, STRAIGHT))),
-        ("the same, straightened fit against raw", lambda label: lower(ratios(table, names, label, STRAIGHT, "raw"))),
+        ("the same, ours fitted to and judged on straightened files", lambda label: lower(ratios(table, names, label, STRAIGHT))),
+        ("the same, ours fitted to straightened, judged on raw files", lambda label: lower(ratios(table, names, label, STRAIGHT, "raw"))),
         (f"RMS within {NEAR_FLOOR} of its floor", lambda label: count(floors(label))),
         (f"worst albedo within {ALBEDO_MEDIAN:.0%} (median), {ALBEDO_WORST:.0%} (worst)",
          lambda label: shares(of("albedo", label))),
