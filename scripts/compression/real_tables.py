@@ -201,8 +201,10 @@ def targets(table: Table, names: Sequence[str]) -> str:
     lines: list[tuple[str, Callable[[str], str]]] = [
         (f"MALE over published NBRDF's, both fitted to and judged on raw files: median ≤ {HALF}, lower on all",
          lambda label: lower(ratios(table, names, label, RAW))),
-        ("the same, ours fitted to and judged on straightened files", lambda label: lower(ratios(table, names, label, STRAIGHT))),
-        ("the same, ours fitted to straightened, judged on raw files", lambda label: lower(ratios(table, names, label, STRAIGHT, "raw"))),
+        ("the same, ours fitted to and judged on straightened files",
+         lambda label: lower(ratios(table, names, label, STRAIGHT))),
+        ("the same, ours fitted to straightened, judged on raw files",
+         lambda label: lower(ratios(table, names, label, STRAIGHT, "raw"))),
         (f"RMS within {NEAR_FLOOR} of its floor", lambda label: count(floors(label))),
         (f"worst albedo within {ALBEDO_MEDIAN:.0%} (median), {ALBEDO_WORST:.0%} (worst)",
          lambda label: shares(of("albedo", label))),
