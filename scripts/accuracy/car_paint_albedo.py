@@ -135,8 +135,8 @@ def main(arguments: list[str] | None = None) -> int:
         f"{method.textures} textures of {method.size}², effort {method.effort}, ε {source.default_epsilon:.3g}, all"
         f" {len(samples)} bins, {seconds:.0f} s of processor time. {machine()}",
         text,
-        f"Worst clean band: {100 * worst:.1f}% (asked {ASKED:.0%}). Scatter of single rings of the source:"
-        f" {', '.join(f'{n} {100 * float(v):.1f}%' for n, v in zip(samples.channels, noise, strict=True))}."
+        f"The worst clean band is off by {100 * worst:.1f}% (target: {ASKED:.0%}). Single rings of the source scatter"
+        f" by {', '.join(f'{n} {100 * float(v):.1f}%' for n, v in zip(samples.channels, noise, strict=True))}."
         f" All rings together, fit over bins: {', '.join(f'{value:.3f}' for value in energy)}.",
     ]
     return finish(parts, chosen)

@@ -144,9 +144,8 @@ def main(arguments: list[str] | None = None) -> int:
     heads = ("McCool, median", "worst", "search, median", "worst", "ratio, median", "worst", "no worse")
     parts = [
         "# The Cornell paints by left-out rings",
-        "Made by `python scripts/accuracy/left_out_rings.py`. Each inner ring of θi and of θo is left out in turn;"
-        " errors are"
-        " those on the ring. The ratio is the search's error over McCool's, ring by ring.",
+        "Made by `python scripts/accuracy/left_out_rings.py`. It leaves out each inner ring of θi and of θo in turn;"
+        " errors are those on the left-out ring. The ratio is the search's error over McCool's, ring by ring.",
         f"Two textures of {size}², {', '.join(f'{name} {count} bytes' for name, count in nbytes.items())}, effort"
         f" {effort}, ε of the source, seed 0. {machine()}",
         markdown(

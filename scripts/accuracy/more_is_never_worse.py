@@ -1,4 +1,4 @@
-"""Whether more textures, or more texels, ever make a default fit worse on what it did not see.
+"""Check whether more textures or more texels make a default fit worse on samples that were not fitted.
 
 Each material is fitted with 1, 2, 3 … textures of 16², and with 2 textures of 8², 16² and 32². A fifth of the samples
 is held out. The Cole error is that of the held-out samples (of other pairs drawn in the discs where the source can be
@@ -141,13 +141,14 @@ def main(arguments: list[str] | None = None) -> int:
     heads = ("more", "textures", "texels", "Cole error", "over fewer", "RMS", "over fewer", "CPU s")
     parts = [
         "# More textures or texels",
-        "Made by `python scripts/accuracy/more_is_never_worse.py`. Errors on what was not fitted, each also over"
-        " the best with"
-        " fewer textures or texels.",
-        f"Effort {effort}, {count} pairs of sources that can be evaluated anywhere, ε of the source, seed 0."
-        f" {machine()}",
+        'The table shows errors on samples that were not fitted. "over fewer" is the error over the best error with'
+        " fewer textures or texels: below 1 it fell.",
+        f"Made by `python scripts/accuracy/more_is_never_worse.py` with effort {effort}, {count} pairs of sources that"
+        f" can be evaluated anywhere, ε of the source and seed 0. {machine()}",
         markdown(("material", *heads), lines, 2),
-        f"Worse by more than {ALLOWED - 1:.0%}: " + ("; ".join(violations) if violations else "none") + ".",
+        f"These fits are worse than one with fewer textures or texels by more than {ALLOWED - 1:.0%}: "
+        + ("; ".join(violations) if violations else "none")
+        + ".",
     ]
     return finish(parts, chosen)
 

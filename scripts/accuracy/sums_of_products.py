@@ -1,4 +1,4 @@
-"""Whether a sum of two products, A₁(exp Σ p₁ − ε) + A₂(exp Σ p₂ − ε), pays beside one product of the same bytes.
+"""Compare a sum of two products, A₁(exp Σ p₁ − ε) + A₂(exp Σ p₂ − ε), with one product of the same bytes.
 
 A diffuse base beside a lobe is no product, so that plastics and paints are where a sum should gain. For each material:
 
@@ -204,7 +204,7 @@ def main(arguments: list[str] | None = None) -> int:
         " and shares, column by column.",
         f"{count} pairs, ε of the source, seed 0. {machine()}",
         markdown(("material", *heads), rows),
-        f"RMS lower by a tenth or more: {'; '.join(pays) if pays else 'nowhere'}.",
+        f"Sums that lower the RMS by a tenth or more: {'; '.join(pays) if pays else 'none'}.",
     ]
     return finish(parts, chosen)
 
