@@ -1,4 +1,4 @@
-"""The experiment of Cole 2002, chapter 4: searched projections against McCool's, as CSV, table and figure.
+"""Repeat the experiment of Cole 2002, chapter 4: searched projections against McCool's, as CSV, table and figure.
 
     python scripts/accuracy/compare_with_mccool.py [SOURCE ...] [--out FOLDER] [--page FILE.md] [--plot FILE.png]
 
@@ -42,10 +42,23 @@ MATERIALS = ("material:lafortune-blue-paint", "material:cook-torrance-plastic")
 GRIDS = ("plain", "centred")
 PAGE = "<!-- Made by `python scripts/accuracy/compare_with_mccool.py`: change the words there, not here. -->\n"
 INTRODUCTION = """
-The experiment of Cole 2002, chapter 4: searched projections against McCool's, judged on the plain grid, as the thesis
-must have had it, and on one with a texel where the highlight is.
+Read this page to see whether homofact reproduces the results of Cole's thesis. The thesis (Cole 2002, chapter 4)
+searches the projections that index the textures, and compares them with the fixed projections of McCool, Ang and Ahmad
+(2001). This page repeats the comparison on two materials of the thesis and three paints of Cornell University. To use
+the thesis's search on your own file, run
+
+    homofact compare SOURCE --methods mccool,cole,search --plot out/methods.png
+
+McCool's textures are fitted on two grids: the plain one, which the thesis probably used, and a centred one, which has
+a texel at the highlight.
 """
-PICTURE = "\n![Error against textures](pictures/thesis.png)\n"
+READING = """
+The first two tables compare statements of the thesis with the errors found here, on training samples (like the thesis)
+and on held-out samples. The last table shows the Cole error ([glossary](glossary.md)) by number of textures, training
+/ held out. *In-out* and *half-diff* are the coordinates that are searched: the directions (ωi, ωo) themselves, or
+Rusinkiewicz's half and difference vectors. *Reciprocal* fits enforce f(ωi, ωo) = f(ωo, ωi), *free* fits do not.
+"""
+PICTURE = "![Error against textures](pictures/thesis.png)"
 VARIANTS = [(name, reciprocal) for name in ("in-out", "half-diff") for reciprocal in (True, False)]
 STYLES = {
     ("in-out", True): ("#b2521b", "-", "o"),
@@ -259,9 +272,13 @@ def main(arguments: list[str] | None = None) -> int:
     writer.writerows(records)
     write(chosen.out / "errors.csv", table.getvalue())
     epsilons = {row.source: row.settings.epsilon for row in rows}
-    head = [
-        "# Searched projections against McCool's",
-        INTRODUCTION,
+    statements = [
+        line
+        for grid in GRIDS
+        for line in (f"\n## Statements of the thesis, McCool on the {grid} grid\n", statements_table(rows, grid))
+    ]
+    used = [
+        "\n## Settings\n",
         *(f"- {name}: ε = {epsilons[name]:g}, {words}" for name, words in samplings.items()),
         *(f"- {message}" for message in missing),
         f"- {settings.textures} textures at most, {settings.size}² in the end; search at {settings.search_size}²"
@@ -269,20 +286,17 @@ def main(arguments: list[str] | None = None) -> int:
         f" jointly; smoothing {settings.smoothing:g}; seed {settings.seed}; RGB, float64",
         f"- {machine()}",
         *(["- a smoke test: the figures mean nothing"] if chosen.short else []),
-        *(
-            line
-            for grid in GRIDS
-            for line in (f"\n## The thesis's statements, McCool on the {grid} grid\n", statements_table(rows, grid))
-        ),
-        "\n## Errors, training / held out\n",
     ]
-    text = "\n".join([*head, errors_table(rows), ""])
+    head = ["# Repeat Cole's comparison with McCool", INTRODUCTION]
+    every = ["\n## Errors, training / held out\n", errors_table(rows)]
+    text = "\n".join([*head, *statements, *every, *used, ""])
     write(chosen.out / "errors.md", text)
-    page = "\n".join([PAGE, *head, "The Cole error by number of textures.\n", ladder_table(rows), ""])
+    ladder = ["\n## Cole error by number of textures, training / held out\n", ladder_table(rows)]
+    page = "\n".join([PAGE, *head, PICTURE, READING, *statements, *ladder, *used, ""])
     title = f"Error against textures, {settings.size}², seed {settings.seed} (after Cole 2002, figure 4.2)"
     draw(chosen.out / "errors.png", records, title)
     if chosen.page:
-        write(chosen.page, page.replace(INTRODUCTION, INTRODUCTION + PICTURE))
+        write(chosen.page, page)
     if chosen.plot:
         draw(chosen.plot, records, title)
     print(text)
