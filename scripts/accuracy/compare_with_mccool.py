@@ -44,7 +44,7 @@ PAGE = "<!-- Made by `python scripts/accuracy/compare_with_mccool.py`: change th
 INTRODUCTION = """
 Read this page to see whether homofact reproduces the results of Cole's thesis. The thesis (Cole 2002, chapter 4)
 searches the projections that index the textures, and compares them with the fixed projections of McCool, Ang and Ahmad
-(2001). This page repeats the comparison on two materials of the thesis and three paints of Cornell University. To use
+(2001). This page repeats the comparison on two material models and three paints of Cornell University. To use
 the thesis's search on your own file, run
 
     homofact compare SOURCE --methods mccool,cole,search --plot out/methods.png

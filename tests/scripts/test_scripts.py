@@ -116,7 +116,7 @@ def test_the_comparison_writes_what_it_measured(
     written = (out / "errors.md").read_text(encoding="utf-8")
     assert written in printed.out
     assert "seed 0" in written
-    for grid, part in zip(("plain", "centred"), written.split("## The thesis's statements")[1:], strict=True):
+    for grid, part in zip(("plain", "centred"), written.split("## Statements of the thesis")[1:], strict=True):
         verdicts = table(part, "Cole 2002, 4.4")
         ratio = min(error[PAINT, "cole2plain"]) / error[PAINT, f"mccool2{grid}"][0]
         assert verdicts[0]["training"] == f"cut by {1 - ratio:.0%}"
