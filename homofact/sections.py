@@ -71,17 +71,23 @@ class SourceSettings(_Checked):
         everyday=True,
     )
     count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, most=MOST_COUNT, panel=SOURCE)
-    scheme: str = option(DEFAULT_SCHEME, "How they are drawn", choices=SCHEMES, panel=SOURCE)
+    scheme: str = option(DEFAULT_SCHEME, "Where pairs are drawn from an analytic model", choices=SCHEMES, panel=SOURCE)
     calibrate: tuple[str, ...] = option(
-        DEFAULT_CALIBRATE, "Faults of the instrument to undo; auto undoes a tilt where the odds are clear",
+        DEFAULT_CALIBRATE, "Faults of the instrument to correct; auto corrects a tilt if the evidence is clear",
         choices=CALIBRATIONS, separators="+,", metavar="A+B",
         expected_instead=none_twice, panel=SOURCE,
     )  # fmt: skip
     clipped: float | str | None = option(
-        None, "The level in sr⁻¹ from which on values are clipped, known only not to be less; found looks for it",
+        None, "Treat values from this level (sr⁻¹) on as clipped, known only to be at least as large; found detects"
+        " the level",
         above=0, metavar="LEVEL", none="none are", expected_instead=_expected_level, panel=SOURCE,
     )  # fmt: skip
-    subset: int = option(0, "Most samples that a fit is given, drawn by cells; 0 is all", least=0, panel=SOURCE)
+    subset: int = option(
+        0,
+        "Maximum number of samples for the fit, with highlight and grazing angles kept; 0 for all",
+        least=0,
+        panel=SOURCE,
+    )
 
     def opening(self, seed: int, path: str | None = None) -> "Opening":
         """How the source is opened, a model drawn by `seed`; the source at another `path` where one is given."""
@@ -95,7 +101,7 @@ class SourceSettings(_Checked):
 class EvaluateSettings(_Checked):
     """`held_out`: the part of the measured samples kept from the fit, drawn by the seed."""
 
-    held_out: float = option(HELD_OUT, "Part of the samples kept from the fit", above=0, below=1, panel=SOURCE)
+    held_out: float = option(HELD_OUT, "Share of the samples held out from the fit", above=0, below=1, panel=SOURCE)
 
 
 @dataclass(frozen=True)
@@ -111,7 +117,7 @@ class _SeveralMethods(_Checked):
     )
     methods: tuple[str, ...] = option(
         COMPARED,
-        "Names with commas; mccool:A+B has the fixed projections A and B, ggx:2 two lobes",
+        "Methods, separated by commas; mccool:A+B uses the fixed projections A and B, ggx:2 two lobes",
         expected_instead=_several,
     )
 
@@ -126,8 +132,10 @@ class CompareSettings(_SeveralMethods):
 
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")
     csv: str | None = option(None, "Write means and standard deviations over sources and seeds (.csv)", metavar="FILE")
-    latex: str | None = option(None, "Write them as a table of LaTeX, for booktabs (.tex)", metavar="FILE")
-    metrics: tuple[str, ...] = option(("six",), "six, all, or names with commas (an unknown one lists them)")
+    latex: str | None = option(None, "Write the same as a LaTeX table for booktabs (.tex)", metavar="FILE")
+    metrics: tuple[str, ...] = option(
+        ("six",), "Metrics: six, all, or names separated by commas (an unknown name lists all)"
+    )
 
 
 @dataclass(frozen=True)
@@ -137,11 +145,11 @@ class ChartSettings(_SeveralMethods):
     McCool's fixed lists take neither counts nor searches, and only `search` takes searches.
     """
 
-    textures: tuple[int, ...] = option((1, 2, 3), "Counts of textures, with commas", expected_instead=_several)
-    sizes: tuple[int, ...] = option((8, 16, 32), "Texels per side, with commas", expected_instead=_several)
+    textures: tuple[int, ...] = option((1, 2, 3), "Numbers of textures, separated by commas", expected_instead=_several)
+    sizes: tuple[int, ...] = option((8, 16, 32), "Texels per side, separated by commas", expected_instead=_several)
     searches: tuple[str, ...] = option(
         ("gradient",),
-        "How search refines, with commas: gradient, powell, nlopt-NAME",
+        "Optimizers of the search, separated by commas: gradient, powell, nlopt-NAME",
         expected_instead=_several,
     )
 
@@ -150,8 +158,8 @@ class ChartSettings(_SeveralMethods):
 class OutputSettings(_Checked):
     """Where the result goes (`folder`), and whether a result already there is replaced (`force`)."""
 
-    folder: str | None = option(None, "Where the result goes", flag="out", metavar="FOLDER", panel=OUTPUT)
-    force: bool = option(False, "Replace a result that is there; fit a chart's runs anew", panel=OUTPUT)
+    folder: str | None = option(None, "Folder for the result", flag="out", metavar="FOLDER", panel=OUTPUT)
+    force: bool = option(False, "Replace an existing result; repeat a chart's fits", panel=OUTPUT)
 
 
 @dataclass(frozen=True)
@@ -164,15 +172,15 @@ class RenderSettings(_Checked):
     """
 
     light: tuple[float, float, float] | None = option(
-        None, "Towards a directional light: x right, y up, z to the viewer", metavar="X,Y,Z"
+        None, "Direction towards a directional light: x right, y up, z to the viewer", metavar="X,Y,Z"
     )
-    environment: str | None = option(None, "A lat-long map (.hdr or .exr) in its place", metavar="FILE.hdr")
-    exposure: float = option(
-        0.0, "Brighter than the automatic exposure by so many", unit="stops", least=-20, most=20, metavar="STOPS"
+    environment: str | None = option(
+        None, "Latitude-longitude environment map (.hdr or .exr) instead of the directional light", metavar="FILE.hdr"
     )
-    tonemap: str = option("filmic", "The curve from light to the picture", choices=("filmic", "srgb"))
+    exposure: float = option(0.0, "Exposure above the automatic one", unit="stops", least=-20, most=20, metavar="STOPS")
+    tonemap: str = option("filmic", "Tone curve of the picture", choices=("filmic", "srgb"))
     size: int = option(384, "Pixels per side", least=16, most=8192, unit="pixels")
-    file: str | None = option(None, "The picture", flag="out", metavar="FILE.png")
+    file: str | None = option(None, "File for the picture", flag="out", metavar="FILE.png")
 
     def __post_init__(self) -> None:
         """Refuse a light without direction and a picture too small to hold a sphere. Raises BadInput."""
@@ -192,7 +200,7 @@ class FitSection:
     """
 
     method: str = option(
-        Search.name, f"How it is fitted (cole is the thesis's way): {', '.join(METHODS)}", panel=FIT, everyday=True
+        Search.name, f"Fitting method (cole reproduces Cole's thesis): {', '.join(METHODS)}", panel=FIT, everyday=True
     )
     settings: Mapping[str, Any] = field(default_factory=dict)
     places: Mapping[str, str] = field(default_factory=dict)

@@ -26,11 +26,12 @@ if TYPE_CHECKING:
     but=("source.path", "source.subset", "fit.method", "fit.textures", "fit.size", "fit.bytes", "fit.search"),
 )
 def chart(settings: "Config", seeds: o.Seeds = 1, as_json: o.AsJson = False, quiet: o.Quiet = False) -> None:
-    """Run methods × textures × sizes × searches and draw error against cost.
+    """Fit many sizes and methods, and draw error against bytes and time.
 
-    Each SOURCE gets NAME.csv with every run, NAME_time (error against
-    fitting time) and NAME_cost (error against bytes and fetches), as PNG
-    and SVG. Runs that the CSV holds already are not fitted again.
+    It runs methods × textures × sizes × searches. Each SOURCE gets NAME.csv
+    with every run, NAME_time (error against fitting time) and NAME_cost (error
+    against bytes and fetches), as PNG and SVG. Runs that are already in the
+    CSV are not fitted again.
     """
     sources = sources_of(settings, settings.chart.sources)
     if settings.output.folder is None:

@@ -21,7 +21,8 @@ Seeds = Annotated[
     typer.Option(
         "--seeds",
         metavar="N|A,B,C",
-        help="How many seeds to fit by, from --seed on, or which, on one split: means with their spread.",
+        help="Number of seeds to fit with, from --seed on, or a list of seeds, all on one split. Prints means with"
+        " their spread.",
         rich_help_panel=FIT,
     ),
 ]
@@ -40,9 +41,9 @@ def compare(
 ) -> None:
     """Fit several methods to the same samples and print their errors and costs.
 
-    Of several sources, and with --csv or --latex, it gives the means and
-    standard deviations over sources and seeds, by method and bytes.
-    Ctrl-C ends it with what is compared by then, and exit code 130.
+    For several sources, and with --csv or --latex, it gives means and
+    standard deviations over sources and seeds, by method and bytes. After
+    Ctrl-C it prints the finished comparisons and exits with code 130.
     """
     asked = settings.compare
     sources = sources_of(settings, asked.sources)

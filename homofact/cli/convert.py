@@ -36,7 +36,7 @@ def convert(
         str,
         typer.Option(
             metavar="NAMES",
-            help="Conventions to undo, with commas, as homofact info names them: cosine-o, srgb, elevation, ..."
+            help="Conventions to undo, separated by commas, as homofact info names them: cosine-o, srgb, elevation, ..."
             " (for .csv, .npz and .dat; an unknown name lists them).",
             show_default=False,
         ),
@@ -44,7 +44,7 @@ def convert(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Write a measurement, a named material or a fit in another format, by the ending of OUT."""
+    """Convert a measurement, a named material or a fit to the format of OUT's ending."""
     from homofact.api.converting import convert
 
     asked = settings.source

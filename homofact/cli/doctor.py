@@ -55,10 +55,10 @@ class Diagnosis(NamedTuple):
 
 
 def doctor(as_json: o.AsJson = False, quiet: o.Quiet = False) -> None:
-    """Say what is installed, what of it works, and what is missing for more.
+    """Check what is installed, what works, and what is missing for more features.
 
-    The fit, the GPU and the extras are tried, not only looked up. Ends
-    with exit code 2 where something that is installed or needed fails.
+    It runs a fit, the GPU and the extras, and does not only look them up. It
+    exits with code 2 if something that is installed or needed fails.
     """
     screen = Screen(as_json, quiet)
     findings: list[Diagnosis] = []

@@ -24,37 +24,37 @@ def edit(
     scene: Annotated[
         Path, typer.Argument(metavar="SCENE", help="A scene in TOML; with --apply also a prepared scene's folder.")
     ],
-    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the prepared scene goes, or the edited fit.")],
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the prepared scene, or for the edited fit.")],
     apply: Annotated[
         Path | None,
-        typer.Option(metavar="CURVES.json", help="Edited curves, as the page exports them: make textures of them."),
+        typer.Option(metavar="CURVES.json", help="Edited curves, as the page exports them, to turn into textures."),
     ] = None,
     material: Annotated[
-        str | None, typer.Option(metavar="NAME", help="With --apply: which material, where several are edited.")
+        str | None, typer.Option(metavar="NAME", help="With --apply: the material, if several are edited.")
     ] = None,
     way: Annotated[
         str | None,
         typer.Option(
             metavar="WAY",
-            help="With --apply, of a fit: texels, solve or texture (docs/editing.md); what suits its textures unless"
-            " given.",
+            help="With --apply, if the material is a fit: texels, solve or texture (docs/editing.md). Default: what"
+            " suits its textures.",
         ),
     ] = None,
     refine: Annotated[
-        int, typer.Option(metavar="N", help="With --apply and texels: steps that one between two texels becomes.")
+        int, typer.Option(metavar="N", help="With --apply and texels: refine each step between two texels to N steps.")
     ] = 1,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is in the folder.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the contents of the folder.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Precompute a scene whose materials are edited under its light.
+    """Precompute a scene under its light, so that you can edit its materials.
 
-    Ben-Artzi, Overbeck and Ramamoorthi 2006: what fixed views see as a
-    linear function of curves over angles of the materials, with shadows.
-    `homofact view` of the folder is a page with curves to drag.
-
-    With --apply, curves of a material become textures with their shader:
-    taken into those of a fit, or fitted anew where it is none.
+    It follows Ben-Artzi, Overbeck and Ramamoorthi 2006: the pictures of
+    fixed cameras are linear in curves of the materials over angles, with
+    shadows. Run `homofact view FOLDER` for a page with curves to drag.
+    With --apply, it turns edited curves of a material into textures with
+    their shader: it changes the textures of a fit, or makes a new fit if the
+    material is not a fit.
     """
     screen = Screen(as_json, quiet)
     if apply is None:

@@ -19,30 +19,30 @@ HTML = "html"
 
 def export(
     result: o.Result,
-    to: Annotated[Path, typer.Option("--to", metavar="FOLDER", help="Where textures and shaders go.")],
+    to: Annotated[Path, typer.Option("--to", metavar="FOLDER", help="Folder for textures and shaders.")],
     form: Annotated[
         str | None,
         typer.Option(
             "--format",
-            help=f"Of the textures: {', '.join(FORMAT_NAMES)}; or html, the page of homofact view."
-            " exr, or what --quantize asks for, unless given.",
+            help=f"Format of the textures: {', '.join(FORMAT_NAMES)}; or html, the page of homofact view."
+            " Default: exr, or the format of --quantize.",
             show_default=False,
         ),
     ] = None,
     quantize: Annotated[
         str | None,
         typer.Option(
-            help="png8 or png16: solve for the best texels of 8 or 16 bits, instead of rounding each by itself"
-            " (of a sum of products they are rounded).",
+            help="png8 or png16: search for the best texels of 8 or 16 bits, instead of rounding each (texels of a"
+            " sum of products are rounded).",
             show_default=False,
         ),
     ] = None,
     engine: Annotated[
         str | None,
         typer.Option(
-            help="Add what an engine loads: three (an npm package with an example page), gltf (the"
-            " metallic-roughness material that looks most like it), materialx (a BSDF node), godot (a material),"
-            " blender (a script that makes the material), pbrt (a scene for pbrt-v4 with the fit tabulated).",
+            help="Add the files that an engine loads: three (an npm package with an example page), gltf (the"
+            " metallic-roughness material that looks most like the fit), materialx (a BSDF node), godot (a material),"
+            " blender (a script that makes the material), pbrt (a scene for pbrt-v4 with a table of the fit).",
             show_default=False,
         ),
     ] = None,
@@ -50,8 +50,8 @@ def export(
         Path | None,
         typer.Option(
             metavar="SKY",
-            help="Filter this lat-long .hdr or .exr too: a cube map with levels for all materials, this one's table and"
-            " shaders of a split sum.",
+            help="Also filter this latitude-longitude .hdr or .exr: writes a cube map that all materials share, and a"
+            " table and shaders of this material.",
             show_default=False,
         ),
     ] = None,
@@ -59,13 +59,13 @@ def export(
         int | None,
         typer.Option(
             metavar="N",
-            help=f"Texels a side of the filtered sky's faces, a power of two, {SKY_SIDE} unless given: how sharp"
-            " reflections get.",
+            help=f"Texels per side of the filtered sky's faces, a power of two: more give sharper reflections."
+            f" Default: {SKY_SIDE}.",
             show_default=False,
         ),
     ] = None,
     source: o.MadeFrom = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an export that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing export.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
@@ -73,11 +73,11 @@ def export(
 
     The folder gets the textures, brdf.glsl, brdf.hlsl, brdf.wgsl and
     brdf.c, each with homofact_evaluate(wi, wo), homofact_sample(wo, u) and
-    homofact_density(wi, wo), and manifest.json with all that a loader
-    needs. The error is that of the stored texels.
-    With --prefilter there are prefiltered.glsl, .hlsl, .wgsl and .c as
-    well, each with homofact_light_reflected(n, wo), the material's table
-    and the sky, which is the same for every material.
+    homofact_density(wi, wo), and manifest.json with everything that a loader
+    needs. The command prints the error of the stored texels.
+    With --prefilter it also gets prefiltered.glsl, .hlsl, .wgsl and .c, each
+    with homofact_light_reflected(n, wo), a table of the material, and the
+    filtered sky, which all materials share.
     """
     if form == HTML:
         for name, given in (("engine", engine), ("quantize", quantize), ("prefilter", prefilter)):

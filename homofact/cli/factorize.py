@@ -23,7 +23,7 @@ def factorize(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Fit a BRDF and leave its textures, pictures and figures in a folder.
+    """Fit a BRDF and write its textures, pictures and errors to a folder.
 
     The folder gets factorization.npz (homofact.load reads it back),
     manifest.json, every texture as EXR and PNG, report.json, and

@@ -24,11 +24,11 @@ def info(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Say what is in a measurement's file, or what a named material is.
+    """Describe a measurement's file, a named material, a result or a scene.
 
-    Of a result's folder (homofact factorize): what was fitted, and how far
-    it may be off at each angle. Of the folder of a scene (homofact relight,
-    homofact edit): what it holds, and how far off it is.
+    For a result's folder (homofact factorize) it prints the fit and its
+    error bars at each angle. For the folder of a scene (homofact relight,
+    homofact edit) it prints the contents and their errors.
     """
     from homofact.api.describing import info
 

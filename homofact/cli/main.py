@@ -32,23 +32,23 @@ _BEGIN, _DATA, _JUDGE, _SCENES, _MANY = (
 )  # fmt: skip
 # Heading, name and first sentence of each command: the list of all is shown without loading them.
 COMMANDS = (
-    (_BEGIN, "factorize", "Fit a BRDF and leave its textures, pictures and figures in a folder."),
-    (_BEGIN, "view", "Write a page that shows a result: draggable light and camera."),
+    (_BEGIN, "factorize", "Fit a BRDF and write its textures, pictures and errors to a folder."),
+    (_BEGIN, "view", "Write a page that shows a result in a browser, with movable light and camera."),
     (_BEGIN, "export", "Write textures and the shaders that read them: GLSL, HLSL, WGSL, C."),
     (_BEGIN, "compare", "Fit several methods to the same samples and print their errors and costs."),
-    (_BEGIN, "info", "Say what is in a measurement's file, or what a named material is."),
-    (_DATA, "materials", "List the named materials, which every SOURCE may be: material:NAME."),
-    (_DATA, "convert", "Write a measurement, a named material or a fit in another format, by the ending of OUT."),
-    (_DATA, "render", "Draw the sphere of a result or a source under a directional light or an environment map."),
-    (_JUDGE, "chart", "Run methods × textures × sizes × searches and draw error against cost."),
-    (_JUDGE, "stability", "Fit stressed data by every method, and find what goes wrong silently."),
+    (_BEGIN, "info", "Describe a measurement's file, a named material, a result or a scene."),
+    (_DATA, "materials", "List the named materials that you can use as SOURCE: material:NAME."),
+    (_DATA, "convert", "Convert a measurement, a named material or a fit to the format of OUT's ending."),
+    (_DATA, "render", "Draw a sphere of a result or a source under a directional light or an environment map."),
+    (_JUDGE, "chart", "Fit many sizes and methods, and draw error against bytes and time."),
+    (_JUDGE, "stability", "Fit difficult data by every method, and find errors without a warning."),
     (_JUDGE, "terms", "Predict and count the in-out terms (SVD) that a material needs."),
-    (_SCENES, "plan", "Find the cheapest representation of every material of a scene."),
-    (_SCENES, "relight", "Precompute an object's light transport, and render it under its sky."),
-    (_SCENES, "edit", "Precompute a scene whose materials are edited under its light."),
-    (_MANY, "sweep", "Fit many sources by several methods, and keep every result."),
-    (_MANY, "report", "Write the report of a sweep: a site that opens without network."),
-    ("This installation", "doctor", "Say what is installed, what of it works, and what is missing for more."),
+    (_SCENES, "plan", "Find the smallest representation of each material of a scene within your tolerance."),
+    (_SCENES, "relight", "Precompute objects with their shadows, so that you can change their light."),
+    (_SCENES, "edit", "Precompute a scene under its light, so that you can edit its materials."),
+    (_MANY, "sweep", "Fit many sources by several methods, and save every result."),
+    (_MANY, "report", "Write the report of a sweep as a site that opens without network."),
+    ("This installation", "doctor", "Check what is installed, what works, and what is missing for more features."),
 )
 _PANELS = {name: panel for panel, name, _ in COMMANDS}
 

@@ -14,12 +14,12 @@ from homofact.cli.screen import Screen
 
 def materials(
     drawing: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw a sphere of each under a sky.")
+        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw a sphere of each material under a sky.")
     ] = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """List the named materials, which every SOURCE may be: material:NAME."""
+    """List the named materials that you can use as SOURCE: material:NAME."""
     if drawing is not None:
         check_file(drawing, ".png")
 

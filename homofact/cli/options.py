@@ -24,7 +24,8 @@ MadeFrom = Annotated[
     str | None,
     typer.Option(
         metavar="SOURCE",
-        help="What the fit was made from: a measurement's file, or material:NAME. Found by itself where it can be.",
+        help="The source of the fit: a measurement's file, or material:NAME. By default found automatically if"
+        " possible.",
         show_default=False,
     ),
 ]
@@ -33,7 +34,7 @@ Seeds = Annotated[
     typer.Option(
         "--seeds",
         min=1,
-        help="How many seeds to fit by, from --seed on, on one split: means with their spread.",
+        help="Number of seeds to fit with, from --seed on, all on one split. Prints means with their spread.",
         rich_help_panel=FIT,
     ),
 ]
@@ -42,7 +43,8 @@ Strict = Annotated[
     typer.Option(
         "--strict",
         metavar="[=P]",
-        help="Exit with code 2 if the verdict warns of the fit; --strict=0.05 if it is bad with a probability above.",
+        help="Exit with code 2 if the verdict warns of the fit; --strict=0.05 if the fit is bad with a probability"
+        " above 5%.",
         show_default=False,
     ),
 ]
@@ -51,14 +53,23 @@ Refuse = Annotated[
     typer.Option(
         "--refuse",
         metavar="A+B",
-        help="Refuse a fit with any of these findings, whatever they are about: reciprocity+zeros, for example.",
+        help="Exit with code 2 if the verdict contains any of these findings, for example reciprocity+zeros.",
         show_default=False,
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on stdout, all else on stderr.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no notes; no tables where files are written.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout, and everything else to stderr.")]
+Quiet = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", help="Print no progress and no notes, and no tables if the command writes files."),
+]
 ConfigFile = Annotated[
-    Path | None, typer.Option("--config", "-c", metavar="FILE.toml", help="Settings; options given here win over it.")
+    Path | None,
+    typer.Option(
+        "--config",
+        "-c",
+        metavar="FILE.toml",
+        help="Read settings from this file; options on the command line override it.",
+    ),
 ]
 
 
@@ -73,7 +84,9 @@ def _show_all(context: typer.Context, wanted: bool | None) -> None:
 
 HelpAll = Annotated[
     bool | None,
-    typer.Option("--help-all", is_eager=True, callback=_show_all, help="Show every option, those of research too."),
+    typer.Option(
+        "--help-all", is_eager=True, callback=_show_all, help="Show all options, including those for research."
+    ),
 ]
 # More options than these of a configuration, and --help shows the everyday ones.
 _LONG = 20

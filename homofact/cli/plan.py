@@ -30,20 +30,22 @@ def plan(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw error against bytes (.png, .pdf, .svg).")
     ] = None,
-    write: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Export the chosen ones and plan.json.")] = None,
+    write: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Export the chosen representations, and plan.json.")
+    ] = None,
     against: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Plan under this named lighting too, and compare the bills.")
+        str | None, typer.Option(metavar="NAME", help="Also plan for this named lighting, and compare the costs.")
     ] = None,
     effort: Annotated[str, typer.Option(help=f"{_SETTINGS['effort'].option.help}.")] = str(_SETTINGS["effort"].default),
     budget: Annotated[float | None, typer.Option(metavar="SECONDS", help=f"{_SETTINGS['budget'].option.help}.")] = None,
     count: Annotated[int, typer.Option(help=f"{_SETTINGS['count'].option.help}.")] = _SETTINGS["count"].default,
-    force: Annotated[bool, typer.Option("--force", help="Replace a plan that is in the folder.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing plan.")] = False,
     strict: Annotated[
         str,
         typer.Option(
             "--strict",
             metavar="[=P]",
-            help="Exit with code 2 if a tolerance is missed or a fit is warned of; --strict=0.05 moves the threshold.",
+            help="Exit with code 2 if a tolerance is missed or a verdict warns; --strict=0.05 moves the threshold.",
             show_default=False,
         ),
     ] = "",
@@ -51,13 +53,13 @@ def plan(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Find the cheapest representation of every material of a scene.
+    """Find the smallest representation of each material of a scene within your tolerance.
 
-    It meets the scene's tolerances under each of its lightings, in drawn
-    views and with a margin for others: docs/planning.md. Where the bytes do
-    not suffice, they are shared out so that the picture errs least. Of a
-    scene of relighting, it chooses how each object's transport is held:
-    docs/relighting.md.
+    The plan meets the scene's tolerances under each of its lightings, in
+    rendered views and with a margin for other views: docs/planning.md. If the
+    byte budget is too small, it distributes the bytes so that the picture has
+    the smallest error. For a relighting scene, it chooses the transport
+    settings of each object: docs/relighting.md.
     """
     from homofact.api.planning import PlanResult, TransportPlan, plan
 

@@ -19,26 +19,27 @@ if TYPE_CHECKING:
 
 
 def relight(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="Objects, light, cameras, what is kept.")],
-    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the relit scene goes.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="Objects, light, cameras and precision.")],
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the relit scene.")],
     vertices: Annotated[
-        int, typer.Option(metavar="N", help="How many vertices of an object the error is measured at; 0 is none.")
+        int, typer.Option(metavar="N", help="Number of vertices per object at which the error is measured; 0 for none.")
     ] = 64,
     whole: Annotated[
-        bool, typer.Option("--ledger", help="Every stage of the error by itself, the cube map's too: takes minutes.")
+        bool, typer.Option("--ledger", help="Measure the error of every stage, including the cube map. Takes minutes.")
     ] = False,
     reference: Annotated[
-        bool, typer.Option("--reference", help="Sum every seen vertex in full, for the page to compare with.")
+        bool, typer.Option("--reference", help="Also sum every visible vertex in full, so that the page can compare.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace a relit scene that is in the folder.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing relit scene.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Precompute an object's light transport, and render it under its sky.
+    """Precompute objects with their shadows, so that you can change their light.
 
-    Wang, Tran and Luebke 2004: in-out factors of each material, shadows
-    of every vertex, Haar wavelets. A run that was stopped goes on where
-    it was. `homofact view` of the folder is a page that relights it.
+    It follows Wang, Tran and Luebke 2004, with in-out factors of each
+    material, shadows of every vertex, and Haar wavelets. A stopped run
+    continues where it was. Run `homofact view FOLDER` for a page on which you
+    turn and replace the sky.
     """
     from homofact.api.relighting import relight as relit
 

@@ -23,7 +23,7 @@ Drawn = Annotated[
 
 @o.configured("render")
 def render(settings: "Config", result: Drawn, as_json: o.AsJson = False, quiet: o.Quiet = False) -> None:
-    """Draw the sphere of a result or a source under a directional light or an environment map."""
+    """Draw a sphere of a result or a source under a directional light or an environment map."""
     asked = settings.render
     if asked.file is None:
         raise BadInput("none given", where="out", expected="a picture's file (--out, or file under [render])")

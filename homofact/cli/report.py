@@ -11,24 +11,29 @@ from homofact.cli.screen import Screen
 
 def report(
     folder: Annotated[Path, typer.Argument(metavar="SWEEP", help="The folder of a sweep.")],
-    out: Annotated[Path, typer.Option(metavar="SITE", help="Where the site goes: a new folder.")],
+    out: Annotated[Path, typer.Option(metavar="SITE", help="New folder for the site.")],
     against: Annotated[
         Path | None,
-        typer.Option(metavar="SWEEP", help="An earlier sweep: what got better or worse since.", show_default=False),
+        typer.Option(
+            metavar="SWEEP",
+            help="Earlier sweep to compare with: shows what is better or worse since.",
+            show_default=False,
+        ),
     ] = None,
     viewers: Annotated[
-        bool, typer.Option("--viewers/--no-viewers", help="A page of homofact view for every fit with textures.")
+        bool,
+        typer.Option("--viewers/--no-viewers", help="Include a page of homofact view for every fit with textures."),
     ] = True,
-    force: Annotated[bool, typer.Option("--force", help="Replace a report that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing report.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Write the report of a sweep: a site that opens without network.
+    """Write the report of a sweep as a site that opens without network.
 
-    Charts and a table of all fits, the worst ten by each metric, what
-    was set aside, what changed since an earlier sweep, a page for every
-    material with its pictures, textures, verdict and viewer; CSV and
-    Parquet of everything. Open SITE/index.html.
+    The site has charts and a table of all fits, the worst ten by each
+    metric, the sources that were set aside, and the changes since an earlier
+    sweep. Each material has a page with its pictures, textures, verdict and
+    viewer. CSV and Parquet files contain all figures. Open SITE/index.html.
     """
     from homofact.api.reporting import report
 

@@ -16,31 +16,35 @@ from homofact.settings.options import MOST_SEED
 
 def stability(
     out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where the tables and pictures go.", rich_help_panel="Output")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for the tables and pictures.", rich_help_panel="Output"),
     ] = None,
     document: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.md", help="Write the document of the atlas too.", rich_help_panel="Output"),
+        typer.Option(metavar="FILE.md", help="Also write the results as a Markdown page.", rich_help_panel="Output"),
     ] = None,
     methods: Annotated[
-        str | None, typer.Option(help="Names with commas. All methods unless given.", show_default=False)
+        str | None, typer.Option(help="Names of methods, separated by commas. Default: all.", show_default=False)
     ] = None,
     stressors: Annotated[
-        str | None, typer.Option(help="Names with commas. All stressors unless given.", show_default=False)
+        str | None, typer.Option(help="Names of stressors, separated by commas. Default: all.", show_default=False)
     ] = None,
     short: Annotated[
-        bool, typer.Option("--short", help="The mildest and the fatal strength of each alone, on smaller problems.")
+        bool,
+        typer.Option(
+            "--short", help="Test only the mildest and the fatal strength of each stressor, on smaller problems."
+        ),
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Of the problems and the fits.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Seed of the problems and the fits.")] = 0,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Fit stressed data by every method, and find what goes wrong silently.
+    """Fit difficult data by every method, and find errors without a warning.
 
     Each cell of methods × stressors × strengths is ok, degraded, refused,
     or silently wrong. FOLDER gets atlas.csv, atlas.png, solvers.csv and
-    solvers.png; while it runs the cells so far are in unfinished.csv.
-    Measurements are looked for in $HOMOFACT_DATA.
+    solvers.png; while the command runs, unfinished.csv has the cells so far.
+    Set HOMOFACT_DATA to the folder of real measurements.
     """
     if out is None:
         raise BadInput("none given", where="out", expected="a folder for the atlas", hint="--out")

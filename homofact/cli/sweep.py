@@ -21,42 +21,45 @@ if TYPE_CHECKING:
 
 def sweep(
     file: Annotated[Path, typer.Argument(metavar="SWEEP.toml", help="Sources, methods, bytes, seeds.")],
-    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the results are, and go on from.")],
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Folder for the results; an interrupted sweep continues from it.")
+    ],
     workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Processes on this machine. Default: one a processor.")
+        int | None, typer.Option(metavar="N", help="Processes on this machine. Default: one per processor.")
     ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(
             metavar="WHERE",
-            help="On Dask's workers instead: local, tcp://HOST:8786, a scheduler's .json file, or MODULE:CLASS of a"
+            help="Run on Dask's workers instead: local, tcp://HOST:8786, a scheduler's .json file, or MODULE:CLASS of a"
             " cluster, such as dask_jobqueue:SLURMCluster.",
         ),
     ] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Try again what was set aside.")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Try again the sources that were set aside.")] = False,
     svbrdf: Annotated[
         bool,
         typer.Option(
             "--svbrdf",
-            help="Take the sources for the clusters of one spatially varying material, with the label map that the"
-            " file's section svbrdf names: shared projections, texture arrays, shaders that look the label up.",
+            help="Treat the sources as the clusters of one spatially varying material, with the label map that the"
+            " file's section svbrdf names. Writes shared projections, texture arrays and shaders.",
         ),
     ] = False,
     basis: Annotated[
         int | None,
         typer.Option(
             metavar="N",
-            help="One basis of N textures for all sources, each then N numbers; says from how many on it pays.",
+            help="Fit one basis of N textures for all sources, and N numbers per source. Prints from how many"
+            " sources on this pays.",
         ),
     ] = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Fit many sources by several methods, and keep every result.
+    """Fit many sources by several methods, and save every result.
 
-    What is done is never done again: the same command goes on after
-    Ctrl-C, kill -9 or a crash. A source whose worker dies twice is set
-    aside and named, as is one that homofact refuses.
+    Finished fits are never repeated: the same command continues after
+    Ctrl-C, kill -9 or a crash. It sets aside and names a source whose worker
+    dies twice, or that homofact refuses.
     """
     from homofact.api.sweeping import TogetherResult, sweep
 

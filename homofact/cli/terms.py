@@ -18,16 +18,17 @@ if TYPE_CHECKING:
 @o.configured("source.path", "source", "evaluate", "seed")
 def terms(
     settings: "Config",
-    share: Annotated[float, typer.Option(help="Share of the energy, Σσ², that the terms must hold.")] = 0.99,
-    limit: Annotated[float, typer.Option(help="Greatest angle from the normal, in degrees.")] = 85.0,
+    share: Annotated[float, typer.Option(help="Share of the energy, Σσ², that the terms must represent.")] = 0.99,
+    limit: Annotated[float, typer.Option(help="Largest angle from the normal, in degrees.")] = 85.0,
     fit: Annotated[bool, typer.Option("--fit", help="Fit with the configured method and compare the costs.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
     """Predict and count the in-out terms (SVD) that a material needs.
 
-    Predicted from the highest order l* of its half-angle curve as
-    (l* + 1)²/4, counted in its singular values (Mahajan et al. 2008).
+    The prediction is (l* + 1)²/4, from the highest order l* of the
+    material's half-angle curve; the count comes from its singular values
+    (Mahajan et al. 2008).
     """
     source = source_of(settings)
     method = settings.fit.method_alone()

@@ -15,28 +15,27 @@ def view(
     result: o.Result,
     source: o.MadeFrom = None,
     mesh: Annotated[
-        Path | None, typer.Option(metavar="FILE.obj", help="A mesh (OBJ, PLY, glTF) to show the material on.")
+        Path | None, typer.Option(metavar="FILE.obj", help="Mesh (OBJ, PLY, glTF) to show the material on.")
     ] = None,
     sky: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE.hdr", help="Of a relit scene: another sky. Repeatable.")
+        list[Path] | None, typer.Option(metavar="FILE.hdr", help="Another sky for a relit scene. Repeatable.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="The page. view.html in the result's folder, unless given.")
+        Path | None,
+        typer.Option(metavar="FILE.html", help="File for the page. Default: view.html in the result's folder."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a page that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing page.")] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Write a page that shows a result: draggable light and camera.
+    """Write a page that shows a result in a browser, with movable light and camera.
 
-    One HTML file without network, drawn by WebGL 2: the fit, McCool's
-    projections of the same size, and the source side by side on a sphere
-    or a mesh, their differences, the textures, and the held-out errors.
-
-    Of a relit scene (homofact relight): the objects with their shadows,
-    turned and relit by built-in skies, --sky, or a dropped .hdr file.
-
-    Of a prepared scene (homofact edit): its pictures with curves to drag.
+    The page is one HTML file that needs WebGL 2 and no network. It shows the
+    fit, McCool's projections of the same size, and the source side by side on
+    a sphere or a mesh, with their differences, the textures, and the held-out
+    errors. For a relit scene (homofact relight) it shows the objects with
+    their shadows, under built-in skies, --sky, or a dropped .hdr file. For a
+    prepared scene (homofact edit) it shows pictures and curves to drag.
     """
     from homofact.api.viewing import view
 

@@ -35,7 +35,7 @@ class Cole(Method):
     reciprocal: bool = shared.reciprocal()
     solver: str = shared.solver()
     smoothing: float = shared.smoothing(shared.DEFAULT_SMOOTHING)
-    joint_terms: int = option(2, "How many of the last textures are solved jointly; 0 is all", least=0)
+    joint_terms: int = option(2, "Number of last textures to solve jointly; 0 for all", least=0)
     restarts: int = shared.restarts()
     budget: float | None = shared.budget()
     search_size: int = shared.search_size(12)

@@ -37,12 +37,15 @@ class McCool(Method):
     on_devices = True
 
     projections: tuple[str, ...] = option(
-        ("wi", "h"), "The fixed projections, joined by +, one a texture", choices=FIXED_PROJECTIONS, separators="+,",
+        ("wi", "h"), "Fixed projections, one per texture, joined by +", choices=FIXED_PROJECTIONS, separators="+,",
         metavar="A+B", expected_instead=_expected_projections,
     )  # fmt: skip
     size: int = shared.size()
     grid: str = option(
-        "better", "Where texels of parabolic maps lie: a texel in the middle, none, or what comes nearer", choices=GRIDS
+        "better",
+        "Grid of parabolic maps: with a texel in the middle (centred), without one (plain), or the one"
+        " with the smaller error (better)",
+        choices=GRIDS,
     )
     epsilon: float | str | None = shared.epsilon()
     reciprocal: bool = shared.reciprocal()

@@ -34,7 +34,7 @@ class Ggx(_Model):
 
     name: ClassVar[str] = "ggx"
 
-    lobes: int = option(1, "How many lobes over the diffuse base", least=1, most=4)
+    lobes: int = option(1, "Number of lobes over the diffuse base", least=1, most=4)
     epsilon: float | str | None = shared.epsilon()
     seed: int = shared.seed()
 
@@ -52,7 +52,7 @@ class Gaussians(_Model):
 
     name: ClassVar[str] = "gaussians"
 
-    lobes: int = option(3, "How many lobes over the diffuse base", least=1, most=4)
+    lobes: int = option(3, "Number of lobes over the diffuse base", least=1, most=4)
     epsilon: float | str | None = shared.epsilon()
     seed: int = shared.seed()
 
@@ -87,7 +87,7 @@ class Nbrdf(_Model):
 
     name: ClassVar[str] = "nbrdf"
 
-    steps: int = option(20_000, "Steps of its training, of 512 pairs each", least=1, most=10**7)
+    steps: int = option(20_000, "Number of training steps, of 512 pairs each", least=1, most=10**7)
     epsilon: float | str | None = shared.epsilon()
     seed: int = shared.seed()
 

@@ -53,13 +53,14 @@ class Search(Method):
     size: int = shared.size()
     epsilon: float | str | None = shared.epsilon()
     projections: tuple[str, ...] | None = option(
-        None, "What textures are indexed by, one name for all or one each, joined by +", choices=KINDS, separators="+,",
+        None, "Projections that index the textures: one name for all, or one per texture, joined by +",
+        choices=KINDS, separators="+,",
         none="found from the data", metavar="A+B",
     )  # fmt: skip
     bytes: int | None = option(
         None,
-        "Bytes of all textures as float32, instead of a size: how many textures (up to 3 or as given) and their rows"
-        " and columns are found from the data",
+        "Bytes of all textures as float32, instead of --size; the search then chooses the number of textures (up to"
+        " 3, or up to --textures) and their rows and columns",
         above=0, none="by textures and size", everyday=True,
     )  # fmt: skip
     reciprocal: bool | None = option(None, "Enforce f(wi, wo) = f(wo, wi)", none="decided by the data")
@@ -68,21 +69,21 @@ class Search(Method):
     restarts: int = shared.restarts()
     search: str = option(
         "gradient",
-        "How projections are refined: gradient, powell, or nlopt-NAME such as nlopt-PRAXIS",
+        "Optimizer of the projections: gradient, powell, or nlopt-NAME such as nlopt-PRAXIS",
         expected_instead=expected_search,
     )
     validation: str = option(
-        "rings", "What is left out to judge by: rings of a goniometer, or samples at random", choices=_VALIDATIONS
+        "rings", "Samples to validate on: left-out rings of a goniometer, or random samples", choices=_VALIDATIONS
     )
     effort: str | float = option(
         "normal",
-        "How much is searched: quick and normal try mixes that often win, thorough and a number of inner evaluations"
-        " try every mix",
+        "Search effort: quick and normal try projections that often win; thorough, or a number of evaluations, tries"
+        " all",
         expected_instead=_expected_effort,
         everyday=True,
     )
     budget: float | None = shared.budget()
-    objective: str = option("both", "What is made small: log errors, errors of energy, or both", choices=_OBJECTIVES)
+    objective: str = option("both", "Errors to minimize: of logarithms, of energy, or both", choices=_OBJECTIVES)
     # Measured data judged on 12² textures picks other mixes than on 16².
     search_size: int = shared.search_size(16)
     search_samples: int = shared.search_samples()

@@ -13,12 +13,12 @@ _QUANTIZATIONS = ("none", "png8", "png16")
 
 def textures() -> Any:
     """How many textures at most."""
-    return option(2, "How many textures at most", least=1, everyday=True)
+    return option(2, "Maximum number of textures", least=1, everyday=True)
 
 
 def terms() -> Any:
     """How many terms, for the methods that add them."""
-    return option(2, "How many terms", least=1, everyday=True)
+    return option(2, "Number of terms", least=1, everyday=True)
 
 
 def size() -> Any:
@@ -36,7 +36,7 @@ def epsilon() -> Any:
         return "a number above 0, or floor" if isinstance(value, str) and value != "floor" else None
 
     return option(
-        None, "ε of the log transform, in units of the mean; floor takes the noise of the darkest samples",
+        None, "ε of the log transform, as a multiple of the mean; floor uses the noise of the darkest samples",
         above=0, none="by the source", metavar="NUMBER", expected_instead=expected,
     )  # fmt: skip
 
@@ -48,7 +48,7 @@ def reciprocal() -> Any:
 
 def coordinates(usual: str) -> Any:
     """The numbers of a pair of directions that searched projections, or the sides of a matrix, are made of."""
-    return option(usual, "What textures are indexed by", choices=SIDES)
+    return option(usual, "Coordinates that index the textures", choices=SIDES)
 
 
 def solver() -> Any:
@@ -58,7 +58,7 @@ def solver() -> Any:
 
 def smoothing(usual: float | None) -> Any:
     """λ of the Laplacian, in units of samples a texel; None where it is found from the data."""
-    return option(usual, "λ, the weight of the Laplacian, in samples a texel", least=0, none="found from the data")
+    return option(usual, "λ, the weight of the Laplacian, in samples per texel", least=0, none="found from the data")
 
 
 def restarts() -> Any:
@@ -69,7 +69,11 @@ def restarts() -> Any:
 def budget() -> Any:
     """Seconds after which a search ends with what it has: a guard, None is none."""
     return option(
-        None, "A guard: ends the search, which is then not reproducible", unit="seconds", above=0, none="none"
+        None,
+        "Time limit of the search; a fit that reaches it is not reproducible",
+        unit="seconds",
+        above=0,
+        none="none",
     )
 
 
@@ -79,42 +83,42 @@ def search_size(usual: int) -> Any:
     def expected(value: int) -> str | None:
         return "0 (the full size) or at least 2" if value < 0 or value == 1 else None
 
-    return option(usual, "Texels per side during the search; 0 is the full size", expected_instead=expected)
+    return option(usual, "Texels per side during the search; 0 for the full size", expected_instead=expected)
 
 
 def search_samples() -> Any:
     """Samples in the coarse search; 0 is all."""
-    return option(8000, "Samples during the search; 0 is all", least=0)
+    return option(8000, "Number of samples during the search; 0 for all", least=0)
 
 
 def copies() -> Any:
     """Azimuth copies of isotropic measurements where a projection knows the azimuth; 1 leaves them as they are."""
-    return option(8, "Azimuth copies of an isotropic measurement, where a projection knows the azimuth", least=1)
+    return option(8, "Azimuth copies of an isotropic measurement, if a projection depends on azimuth", least=1)
 
 
 def mirrored() -> Any:
     """Whether mirrored copies stand beside the azimuth copies."""
-    return option(True, "Mirrored copies beside them")
+    return option(True, "Also add mirrored copies")
 
 
 def bound() -> Any:
     """How a projection is scaled to its texture, by the "disc" or the thesis's 4-"cube"."""
-    return option("disc", "How a projection fills its texture", choices=BOUNDS)
+    return option("disc", "Scaling of a projection to its texture", choices=BOUNDS)
 
 
 def robust() -> Any:
     """Whether gross errors are left out before anything is made of the samples (`brdf.quality.outliers`)."""
-    return option(False, "Leave gross errors out: samples far from all their neighbours")
+    return option(False, "Leave out outliers: samples far from all their neighbours")
 
 
 def confidence() -> Any:
     """Whether the standard deviation of every texel is left with the textures (`factor.confidence`)."""
-    return option(False, "Leave every texel's standard deviation beside the textures")
+    return option(False, "Save the standard deviation of every texel with the textures")
 
 
 def quantize() -> Any:
     """Texels that 8 or 16 bits hold exactly, the best of these (`factor.quantize`), or "none"."""
-    return option("none", "Texels that png8 or png16 hold exactly, fitted so", choices=_QUANTIZATIONS)
+    return option("none", "Fit texels that png8 or png16 store exactly", choices=_QUANTIZATIONS)
 
 
 def direction_map() -> Any:
