@@ -11,13 +11,15 @@ HEAD = """\
 <!-- Made by `python docs/make_scripts_page.py`: change the docstrings, not this page. -->
 # Programs behind the numbers
 
-Programs of the repository make every figure and table of these pages. Run them from a checkout:
+Programs of the repository make every figure and table of these pages. Look here for the program behind a figure, and
+run it from a checkout to repeat the measurement:
 
     python scripts/accuracy/seeds.py --help
     python scripts/accuracy/seeds.py --short
 
-`--short` is a smoke test of seconds. `--data FOLDER`, or the variable HOMOFACT_DATA, names the real measurements.
-`--out FILE.md` writes what is printed. `scripts/shared/harness.py` has what they share.
+`--short` runs a smoke test in seconds. `--data FOLDER`, or the variable HOMOFACT_DATA, names the folder of real
+measurements.
+`--out FILE.md` writes the printed tables to a file. `scripts/shared/harness.py` has the code that they share.
 """
 
 

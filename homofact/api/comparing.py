@@ -348,7 +348,7 @@ def _files(plot: Place | None, csv: Place | None, latex: Place | None, sources: 
 
 
 def _write(result: CompareResult, steps: ProgressSteps) -> None:
-    """Write the files that were asked for."""
+    """Write the requested files."""
     from homofact.evaluation.means import csv_of, latex_of
     from homofact.files.atomic import write_text
 

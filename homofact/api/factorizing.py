@@ -179,7 +179,7 @@ def caption(record: dict[str, Any]) -> list[str]:
 
 
 def _report(subject: "Source", source: Any, records: dict[str, dict[str, Any]], folder: Path) -> dict[str, Any]:
-    """What report.json says: the fit's record, how the source was mended and opened, McCool's record.
+    """Return the content of report.json: the fit's record, how the source was repaired and opened, McCool's record.
 
     "measures" names in words what each figure of the errors and of the appearance is.
     """

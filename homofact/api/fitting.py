@@ -2,7 +2,7 @@
 
 source = homofact.read("paint.brdf")              # or "material:lafortune-blue-paint"
 fitted = homofact.fit(source, textures=2)         # or homofact.fit(source, homofact.Cole(textures=5))
-values = fitted.evaluate(wi, wo)                  # (N, 3) in sr⁻¹; fitted.report and fitted.verdict say how it went
+values = fitted.evaluate(wi, wo)                  # (N, 3) in sr⁻¹; see fitted.report and fitted.verdict
 fitted.save("paint.npz")
 same = homofact.load("paint.npz")
 """

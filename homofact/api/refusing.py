@@ -1,4 +1,4 @@
-"""What `strict` and `refuse` make of a verdict: a fit that is warned of, or has certain findings, is refused."""
+"""Refuse fits by their verdict: `strict` those with a warning, `refuse` those with certain findings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

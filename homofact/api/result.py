@@ -32,7 +32,7 @@ class Judgement(Protocol):
 
     @property
     def trusted(self) -> bool:
-        """Whether it is not warned of."""
+        """Whether its verdict has no warning."""
         ...
 
     @property

@@ -144,12 +144,12 @@ def _in_our_words(message: str) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line (`sys.argv` unless given) and return its exit code."""
+    """Run a command line (by default `sys.argv`) and return its exit code."""
     with watched() as watch:
         code = _run(argv)
     if code == 0 and watch.untold:
         # A library has swallowed it, in a callback or a destructor of its own.
-        print("homofact: interrupted, but what was asked for is done", file=sys.stderr)
+        print("homofact: interrupted, but the work is done", file=sys.stderr)
         return 130
     return code
 

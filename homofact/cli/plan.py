@@ -119,7 +119,7 @@ def choice_table(found: "ScenePlan") -> Table:
 
 
 def evidence_table(found: "ScenePlan") -> Table:
-    """Of each choice under each lighting: the order that its lobe is needed to, and all errors, without margins."""
+    """List each choice under each lighting: the order that its lobe needs, and all errors, without margins."""
     from homofact.planning.theory import terms_needed
 
     table = plain_table("Evidence")

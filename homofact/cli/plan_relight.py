@@ -16,7 +16,7 @@ _SHOWN = 8
 
 
 def choice_table(plans: "Sequence[ObjectPlan]", reflected: float) -> Table:
-    """Of each object the cheapest choices, the one that was made in bold.
+    """List the cheapest choices for each object, with the selected one in bold.
 
     Form, terms K, size of the maps, numbers N a vector, bytes and the error that is expected.
     """

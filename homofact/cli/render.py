@@ -1,4 +1,4 @@
-"""`homofact render`: the sphere of a result or a source, under a light of one's own."""
+"""`homofact render`: draw a sphere of a result or a source under a light that you choose."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

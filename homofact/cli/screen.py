@@ -1,8 +1,8 @@
 """What a command shows: tables and one JSON object on stdout, notes and the progress bar on stderr.
 
 With --json stdout carries exactly one JSON object and nothing else. With -q there are no notes and no bar,
-and a command whose product is a file prints nothing. The bar runs on a terminal; elsewhere lines say where a long
-command is, but for --json and where the environment's HOMOFACT_PROGRESS is 0.
+and a command whose product is a file prints nothing. The bar runs on a terminal. Elsewhere, a long command
+prints its progress in lines, except with --json or if HOMOFACT_PROGRESS is 0 in the environment.
 """
 
 import json

@@ -172,7 +172,7 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
 
 
 def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
-    """Names and values, those that say nothing left out; values wrap in their column."""
+    """Names and values, without those that are empty; values wrap in their column."""
     table = plain_table(title)
     table.show_header = False
     add_names(table)

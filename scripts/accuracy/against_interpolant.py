@@ -1,4 +1,4 @@
-"""Accuracy of the searched fit beside McCool's projections and a scattered-data interpolant.
+"""Compare the searched fit with McCool's projections and a scattered-data interpolant.
 
 Four tables, as Markdown on stdout:
 

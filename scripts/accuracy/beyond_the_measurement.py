@@ -1,4 +1,4 @@
-"""How far default fits of goniometer measurements go beyond their samples, and what that bound costs the highlight.
+"""Measure how far default fits exceed their samples beyond the measured range, and what the limit costs.
 
 For pairs of directions outside the measured range (`brdf.quality.extrapolation`), drawn evenly in both discs and by
 lobes, a fit's value is held against the largest of the nearest NEIGHBOURS samples of the same channel: nearest by the

@@ -1,4 +1,4 @@
-"""Blue paint, the reference case: McCool's Cole error, and two searched textures relative to it.
+"""Measure the blue paint, the reference case: McCool's Cole error, and that of two searched textures.
 
     python scripts/accuracy/blue_paint_numbers.py [--seeds 0 1 2] [--draws 10] [--short]
 

@@ -1,4 +1,4 @@
-"""The MDL car paint: directional albedo of a default fit over that of its own bins, θi from 10 to 60°.
+"""Compare the albedo of a default fit of the MDL car paint with that of its bins, for θi from 10 to 60°.
 
 The file's clean part is what was measured: bins beyond the last measured angles, copies of those, are left out by the
 reader (θi over 67°, θo over 81°). Entries below 0 are noise; the reader sets them to 0, and with them goes some of the

@@ -1,4 +1,4 @@
-"""The Cornell paints: McCool's projections, searched ones, and McCool's own published textures.
+"""Compare McCool's projections, searched ones, and McCool's own published textures on the Cornell paints.
 
     python scripts/accuracy/cornell_numbers.py [--seeds 0 1 2] [--data FOLDER] [--short]
 

@@ -1,4 +1,4 @@
-"""All counts of textures from one search: the rows of 1 to n textures cost one n-texture fit.
+"""Fit 1 to n textures in one search, at the cost of one fit of n textures.
 
 `fit_cole` is greedy and draws from one seeded stream, so the projections of its first j terms are those of
 a fit with j textures; only the final solve at full size is made again for each j.

@@ -1,4 +1,4 @@
-"""The Cornell paints by left-out rings: the default search beside McCool's projections, at equal bytes.
+"""Compare the default search with McCool's projections on left-out rings of the Cornell paints, at equal bytes.
 
 A goniometer measures on rings of θi and of θo. Each inner ring is left out in turn, both methods are fitted to all
 other samples, and the errors are those on the ring, turned to random azimuths: the Cole error with the training

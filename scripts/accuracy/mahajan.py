@@ -1,4 +1,4 @@
-"""How many in-out terms: the experiments of Mahajan, Tseng and Ramamoorthi (2008), figure by figure.
+"""Repeat the experiments of Mahajan, Tseng and Ramamoorthi (2008) on the number of in-out terms, by figure.
 
     python scripts/accuracy/mahajan.py [--out FOLDER] [--data FOLDER] [--short]
 

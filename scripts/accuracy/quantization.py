@@ -1,4 +1,4 @@
-"""What whole texels cost: two textures as fitted, each texel rounded to 8 bits by itself, and solved for 8 bits.
+"""Compare textures as fitted, with each texel rounded to 8 bits, and solved for 8 bits.
 
     python scripts/accuracy/quantization.py [--data FOLDER] [--repeats 3] [--short]
 

@@ -1,4 +1,4 @@
-"""A whole five-texture search on blue paint: the searched fit beside the procedure of the thesis.
+"""Compare a whole five-texture search on the blue paint with the procedure of Cole's thesis.
 
     python scripts/accuracy/search_against_cole.py [--efforts quick normal] [--short]
 

@@ -1,4 +1,4 @@
-"""How far fits of equal settings and other seeds lie apart: worst over best held-out error, at each number of textures.
+"""Measure the scatter of fits over seeds: worst over best held-out error, by number of textures.
 
 The seed decides the folds and which samples the search sees; the split into training and held-out samples stays. The
 error is the Cole error of 45,000 other pairs drawn in the discs, the RMS that of `evaluation.energy`.

@@ -1,4 +1,4 @@
-"""What undoing the tilt of a sample brings: RGL's measurements before and after, and fits of both.
+"""Measure the gain of straightening: RGL's measurements before and after, and fits of both.
 
 For every isotropic file of RGL's in the folder of real measurements: the tilt that is found (`brdf.quality.tilt`), the
 floor of a reciprocal fit (relative RMS of f cosθi cosθo) of the measurement as it is and straightened, and fits of both
@@ -139,10 +139,10 @@ def tables(rows: dict[str, dict[str, Any]]) -> list[str]:
             fits,
             2,
         ),
-        "Relative RMS of f cosθi cosθo. 'Raw fit: straight' is the fit of the raw measurement against the straightened"
-        " one. Worst albedo is fit over source of the worst angle (5 to 75°) and channel, lamp the PSNR of a sphere"
-        " under a small lamp, both against the straightened measurement; 'reciprocal' says whether the search of the"
-        " straightened one enforced reciprocity.",
+        "Relative RMS of f cosθi cosθo. 'Raw fit: straight' is the fit of the raw measurement, compared with the"
+        " straightened one. Worst albedo is fit over source at the worst angle (5 to 75°) and channel. Lamp is the PSNR"
+        " of a sphere under a small lamp. Both compare with the straightened measurement. 'reciprocal' is yes if the"
+        " search enforced reciprocity for the straightened measurement.",
     ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Error of the in-out SVD against its terms and its maps' size (Wang, Tran and Luebke 2004, figure 4).
+"""Measure the error of the in-out SVD by terms and size of its maps (Wang, Tran and Luebke 2004, figure 4).
 
 Ashikhmin-Shirley with Wang's parameters, and Lafortune's clay and skin with the coefficients of Lafortune et al.
 1997; Wang's plastic is not given. The BRDF matrix is the model at texel directions, its terms eigenvectors, R, G and

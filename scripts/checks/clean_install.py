@@ -1,4 +1,4 @@
-"""Wheel and sdist as a release has them, installed in a clean environment: seconds, sizes, and a first fit.
+"""Install the wheel and the sdist in a clean environment: seconds, sizes, and a first fit.
 
 The sdist is made of a copy of the sources, the wheel of the unpacked sdist. The environment has pip alone; torch is
 installed first, then the wheel with what a fit needs, then its extras. Nothing is uploaded.

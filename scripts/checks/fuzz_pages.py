@@ -1,4 +1,4 @@
-"""What the page's own scripts read, in node: skies that are dropped on it, and the view that a link holds.
+"""Give damaged skies and links to the scripts of the page, in node.
 
 `fuzz_scenes.py` runs it. The page's verdict on a sky is to be Python's, and a view that is read is one that its own
 link gives back.

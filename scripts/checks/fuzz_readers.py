@@ -1,4 +1,4 @@
-"""Damaged files for every reader: each must give a BadInput of one line or valid samples, soon and in little memory.
+"""Give damaged files to every reader: each must raise a BadInput of one line or return valid samples, quickly.
 
     python scripts/checks/fuzz_readers.py [--count 20000] [--seed 0] [--reader NAME …] [--whole NAME=FILE …]
 

@@ -1,4 +1,4 @@
-"""Damaged results for everything that opens them: each must give a BadInput of one line, or something that works.
+"""Open damaged results: each must raise a BadInput of one line, or work.
 
     python scripts/checks/fuzz_results.py [--count 20000] [--seed 0] [--kind npz manifest toml scene ledger]
 

@@ -1,4 +1,4 @@
-"""Damaged files of what scenes and pages are made of: each must give a BadInput of one line, or something that works.
+"""Open damaged files of scenes and pages: each must raise a BadInput of one line, or work.
 
     python scripts/checks/fuzz_scenes.py [--count 20000] [--seed 0] [--kind mesh sky relight edit relit prepared …]
 

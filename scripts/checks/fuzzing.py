@@ -1,4 +1,4 @@
-"""What the two fuzzers share: damage to any file, how one damaged file is tried, and how it is reported.
+"""Code that the fuzzers share: damage to a file, a trial of a damaged file, and the report.
 
 `fuzz_readers.py` tries measurements, `fuzz_results.py` everything else that is opened.
 """

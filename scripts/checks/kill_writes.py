@@ -1,4 +1,4 @@
-"""A kill at every system call of a write: what is there then is the old whole or the new whole, and the next run mends.
+"""Kill a write at every system call: the old or the new file must be whole, and the next run must work.
 
     python scripts/checks/kill_writes.py [--every 1] [--what file folder "two renames"]
 

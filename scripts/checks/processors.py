@@ -1,4 +1,4 @@
-"""The numeric tests and the stored fits under the code paths of several processors.
+"""Run the numeric tests and the stored fits under the code paths of several processors.
 
     python scripts/checks/processors.py [tests …] [--processors NAME …] [--only tests|fits]
 

@@ -1,4 +1,4 @@
-"""Fits of any kind as shading programs, to be counted and timed by the compiler that ours is timed with.
+"""Write fits of any kind as shading programs, so that they are counted and timed by the same compiler.
 
 With s = ωi + ωo, for which |s| = 2 cosθd and cosθh = s.z/|s|:
 

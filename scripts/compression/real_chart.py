@@ -1,4 +1,4 @@
-"""The chart of the real measurements: error against bytes, medians over the RGL files."""
+"""Draw error against bytes for the real measurements, as medians over the RGL files."""
 
 import sys
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,4 @@
-"""The measurements of the real table, the methods that are compared, and one fit with what it costs."""
+"""The real measurements, the methods to compare, and one fit with its cost."""
 
 import sys
 import time

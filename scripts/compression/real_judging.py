@@ -1,4 +1,4 @@
-"""How the table of real measurements judges a fit, of a measurement that can be evaluated anywhere and of samples.
+"""Judge fits of real measurements: tables that can be evaluated anywhere, and samples.
 
 A measurement that can be evaluated anywhere gives, with f the measurement and f̂ the fit,
 

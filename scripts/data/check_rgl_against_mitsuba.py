@@ -1,4 +1,4 @@
-"""RGL files: our evaluation beside Mitsuba 3's `measured` plugin, and how far the files are from reciprocal.
+"""Compare homofact's evaluation of RGL files with Mitsuba 3's `measured`, and measure their reciprocity.
 
 Mitsuba computes in float32 and its `eval` contains cosθo. It runs in a process of its own for every file: in
 version 3.9.1 an anisotropic file loaded before changes the values of an isotropic one in the same process, as

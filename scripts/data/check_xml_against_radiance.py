@@ -1,4 +1,4 @@
-"""WINDOW and Radiance XML and pab-opto tables: our reading and writing beside Radiance's own programs.
+"""Compare homofact's reading and writing of WINDOW and Radiance XML and pab-opto tables with Radiance's programs.
 
 Radiance comes with pyradiance (`pip install pyradiance`, of any environment: `--python` names its interpreter). Four
 comparisons, Y throughout:

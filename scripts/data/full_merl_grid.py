@@ -1,4 +1,4 @@
-"""A full MERL grid, 90 × 90 × 180 bins, read and fitted: seconds and the peak of the process, method by method.
+"""Read and fit a full MERL grid, 90 × 90 × 180 bins: seconds and peak memory of each method.
 
     python scripts/data/full_merl_grid.py [--material NAME] [--textures 2] [--short]
 

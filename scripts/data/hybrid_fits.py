@@ -1,4 +1,4 @@
-"""RGL materials as the published hybrid of microfacets and a network represents them, each a reflectance by name.
+"""Evaluate the published hybrid of microfacets and a network for RGL materials, each a reflectance by name.
 
 De Oliveira et al. 2026 add a small network to a GGX lobe over a diffuse base. Their viewer's page publishes a shader
 for each material, `Ours_ld4_32x2_NAME_rgb.brdf`: eight parameters of the base, four of the material's place among all,

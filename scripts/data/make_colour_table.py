@@ -1,4 +1,4 @@
-"""The table that spectra are taken to linear sRGB by under D65, from colour-science: homofact/brdf/d65.json.
+"""Make the table that turns spectra into linear sRGB under D65, from colour-science: homofact/brdf/d65.json.
 
     python scripts/data/make_colour_table.py [--out FILE.json]
 

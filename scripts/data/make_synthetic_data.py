@@ -1,4 +1,4 @@
-"""Remake the synthetic data that the package brings.
+"""Make the synthetic data that the package contains.
 
     python scripts/data/make_synthetic_data.py [--check] [--out FOLDER]
 

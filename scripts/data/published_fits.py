@@ -1,4 +1,4 @@
-"""The 100 MERL materials as others fitted them: five published sets of parameters, each a reflectance by name.
+"""Evaluate five published fits of the 100 MERL materials, each a reflectance by name.
 
     nbrdf   networks of Sztrajman et al. 2021 (`homofact.brdf.neural`), 2700 bytes
     npf     factors of Bagher, Snyder and Nowrouzezahrai 2016 (`homofact.brdf.factored`), 3264 bytes

@@ -1,4 +1,4 @@
-"""The gallery of editing: figures 2, 4, 5 and 6 of Ben-Artzi (2006) on our meshes, with real paints.
+"""Make the gallery of editing: figures 2, 4, 5 and 6 of Ben-Artzi (2006) on our meshes, with real paints.
 
     python scripts/editing/editing_figures.py [--data FOLDER] [--only NAME ...] [--out docs/editing_gallery.md]
 

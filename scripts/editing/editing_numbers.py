@@ -1,4 +1,4 @@
-"""What editing costs and how far off it is: precompute, edits, curve switching, storage, and textures made of edits.
+"""Measure the cost and the error of editing: precomputation, edits, curve changes, storage, edited textures.
 
     python scripts/editing/editing_numbers.py [--size PIXELS] [--triangles N] [--terms R] [--out FILE.md] [--short]
 

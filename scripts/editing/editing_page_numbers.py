@@ -1,4 +1,4 @@
-"""The page of a prepared scene: how large it is, how soon it shows, how fast a curve is dragged when software draws.
+"""Measure the page of a prepared scene in a software renderer: size, time to the first picture, time of a drag.
 
     python scripts/editing/editing_page_numbers.py FOLDER [--window 1400x900] [--out FILE.md] [--short]
     python scripts/editing/editing_page_numbers.py FILE.html

@@ -1,4 +1,4 @@
-"""Edited pictures against Mitsuba: relative RMS by material, light and number of triangles.
+"""Compare edited pictures with Mitsuba: relative RMS by material, light and number of triangles.
 
     python scripts/editing/editing_truth.py [--size 24] [--spp 1024] [--repeats 4] [--out FILE.md] [--short]
 

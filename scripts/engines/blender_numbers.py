@@ -1,4 +1,4 @@
-"""How near Blender's pictures of exported fits come to our own renderer's: the table of docs/interchange.md.
+"""Compare Blender's pictures of exported fits with our renderer's: the table of docs/interchange.md.
 
 HOMOFACT_BLENDER=/path/to/blender python scripts/engines/blender_numbers.py out/paint out/yellow ... --pictures DIR
 

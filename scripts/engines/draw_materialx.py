@@ -1,4 +1,4 @@
-"""A sphere of a MaterialX export drawn by MaterialX's own renderer in OpenGL, for programs and tests.
+"""Draw a sphere of a MaterialX export with MaterialX's own OpenGL renderer.
 
 Run as a program of its own under an X display (the library ends the process that misses something):
 python scripts/engines/draw_materialx.py request.json pixels.npy

@@ -1,4 +1,4 @@
-"""A sphere of a fit drawn by Mitsuba 3 by the plugin `homofact`, framed as `render_sphere`, for programs and tests."""
+"""Draw a sphere of a fit with Mitsuba 3 and the plugin `homofact`, framed as `render_sphere`."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A sphere of a three.js export, or of a glTF look-alike, drawn by three.js in a browser, for programs and tests."""
+"""Draw a sphere of a three.js export, or of a glTF look-alike, with three.js in a browser."""
 
 import base64
 import sys

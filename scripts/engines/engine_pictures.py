@@ -1,4 +1,4 @@
-"""One material under one lamp as it is, by our renderer, and by engines that load its exports: a picture and a table.
+"""Draw one material under one light by our renderer and by engines that load its exports: picture and table.
 
     python scripts/engines/engine_pictures.py [--data FOLDER] [--size 256] [--sky FILE.hdr] [--out FILE.jpg]
 

@@ -1,4 +1,4 @@
-"""Renders spheres in the material of an exported script; run by Blender's Python, not by homofact's.
+"""Render spheres in the material of an exported script; run by Blender's Python, not by homofact's.
 
     python in_blender.py REQUESTS.json       # a Python that has bpy
     blender --background --factory-startup --python in_blender.py -- REQUESTS.json

@@ -1,4 +1,4 @@
-"""How near glTF's metallic-roughness material comes to materials: the table of docs/interchange.md.
+"""Measure how near glTF's metallic-roughness material comes to materials: the table of docs/interchange.md.
 
 python scripts/engines/look_alikes.py material:lafortune-blue-paint FILE.bsdf FILE.npz#NAME ...
 """

@@ -1,4 +1,4 @@
-"""One scene in Mitsuba 3 with a measured material, by Mitsuba's own `measured` plugin, and with our fit of it.
+"""Render one scene in Mitsuba 3 with a measured material, by Mitsuba's own `measured` and by our fit.
 
 python scripts/engines/mitsuba_comparison.py [FILE.bsdf] [--fit RESULT] [--picture PLACE.png] [--throughput]
 

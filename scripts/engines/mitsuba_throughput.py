@@ -1,4 +1,4 @@
-"""How many evaluations a second Mitsuba 3 gives of a material: f cosθ of all three channels, at its best batch size.
+"""Measure how many evaluations of a material Mitsuba 3 makes per second, with all channels, at its best batch size.
 
 `measured_throughput` times Mitsuba's own `measured` plugin on an RGL file, for scripts that time other things on the
 same directions; `throughput_of` any material. The directions lie in memory before, the values after a call, and

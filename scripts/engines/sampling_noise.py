@@ -1,4 +1,4 @@
-"""Noise of light drawn from a fit: relative variance of f cosθi/p, and of pictures by Mitsuba, beside `measured`.
+"""Measure the noise of importance sampling: relative variance of f cosθi/p, and noise of Mitsuba's pictures.
 
     python scripts/engines/sampling_noise.py [--data FOLDER] [--effort quick] [--size 300] [--spp 64] [--short]
 

@@ -1,4 +1,4 @@
-"""How far the split sum of a sky's chain is from the exact integration: a table, and pictures of spheres.
+"""Compare the split sum of prefiltered skies with the exact integration: a table, and pictures of spheres.
 
     python scripts/engines/split_sum_errors.py [--data FOLDER] [--effort quick] [--three] [--picture PLACE.png]
 

@@ -1,4 +1,4 @@
-"""The README's picture of the demo: a gloss and the blue paint of the thesis, model beside fit, under a lamp and a sky.
+"""Draw README's picture of the demo: a plastic and the blue paint, model and fit, under a lamp and a sky.
 
     python scripts/pictures/demo_picture.py [--out docs/pictures/demo.png]
 

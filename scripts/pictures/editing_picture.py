@@ -1,4 +1,4 @@
-"""The picture of the editing page in docs/editing.md: a wider highlight beside the start, in a headless browser.
+"""Draw the picture of the editing page in docs/editing.md: a wider highlight beside the start.
 
     homofact edit configs/scenes/edit.toml --out out/edit
     python scripts/pictures/editing_picture.py out/edit [--out docs/pictures/edit.png]

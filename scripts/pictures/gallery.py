@@ -1,4 +1,4 @@
-"""The gallery: a sheet for each of four measured paints, two sampled ones and six surrogates, with its numbers.
+"""Make the gallery: a sheet for each of four measured paints, two sampled ones and six surrogates.
 
     python scripts/pictures/gallery.py [--data FOLDER] [--only NAME ...] [--out docs/gallery.md]
 

@@ -1,4 +1,4 @@
-"""The picture that the README opens with: paints and metals on spheres, each cut in two.
+"""Draw the picture at the head of README: paints and metals on spheres, each cut in two.
 
     python scripts/pictures/hero_picture.py [--data FOLDER] [--keep FOLDER] [--out docs/pictures/hero.jpg]
 

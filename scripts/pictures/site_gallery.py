@@ -1,4 +1,4 @@
-"""The fits of the site's gallery, each with its sphere, textures, verdict and viewer: `make gallery`.
+"""Make the fits of the site's gallery, each with its sphere, textures, verdict and viewer: `make gallery`.
 
     python scripts/pictures/site_gallery.py [--data FOLDER] [--only NAME ...] [--out build/gallery]
 

@@ -1,4 +1,4 @@
-"""The tutorials run from top to bottom: how many seconds each takes; with --write their output and pictures renewed.
+"""Run the tutorials and time them; with --write, renew their output and pictures.
 
     python scripts/pictures/tutorials.py                    # all of them
     python scripts/pictures/tutorials.py paint trust --write

@@ -1,4 +1,4 @@
-"""The picture of the viewer in docs/start.md: the page of a plastic in a headless browser.
+"""Draw the picture of the viewer in docs/start.md: the page of a plastic in a headless browser.
 
     python scripts/pictures/viewer_picture.py [--out docs/pictures/viewer.png]
 

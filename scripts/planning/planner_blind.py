@@ -1,4 +1,4 @@
-"""Whether plans hold: those that meet their tolerance, looked at from views that the planner did not draw.
+"""Check plans in unseen views: whether those that meet their tolerance also meet it there.
 
 Plans of one material are drawn by a seeded generator: a material, a lighting, a kind of error with its limit, sometimes
 a distance; of the ladder they have the rungs of up to `TEXELS` texels, which take seconds. Materials and lightings are

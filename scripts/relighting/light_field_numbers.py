@@ -1,4 +1,4 @@
-"""Lighting and BRDF separated from the light field of a sphere: the error of both against the noise.
+"""Separate lighting and BRDF from the light field of a sphere: the error of both by noise.
 
     python scripts/relighting/light_field_numbers.py [--order 8] [--repeats 10] [--short]
 

@@ -1,4 +1,4 @@
-"""Light between surfaces against Mitsuba's paths: a knot on matt ground, relit without and with one bounce.
+"""Compare light between surfaces with Mitsuba's paths: a knot on matt ground, without and with one bounce.
 
     python scripts/relighting/relight_bounce.py [--materials albedo,phong-30,car-paint-red] [--pixels 120]
         [--samples 256]

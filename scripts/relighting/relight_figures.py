@@ -1,4 +1,4 @@
-"""Wang, Tran and Luebke's figures 2 and 3 on our meshes: a highlight by K terms, a shadow by N coefficients.
+"""Repeat figures 2 and 3 of Wang, Tran and Luebke on our meshes: a highlight by K terms, a shadow by N coefficients.
 
     python scripts/relighting/relight_figures.py [--short] [--data FOLDER] [--out FOLDER]
 

@@ -1,4 +1,4 @@
-"""Relighting of a large mesh: the memory that is said before it starts, beside the memory that it takes.
+"""Relight a large mesh, and compare the predicted memory with the memory that it takes.
 
     python scripts/relighting/relight_large.py [--vertices 1000000] [--cube 8] [--kept 16] [--out FILE.md] [--short]
 
@@ -89,11 +89,11 @@ def main(arguments: list[str] | None = None) -> int:
     rows = [
         ("vertices", f"{found['vertices']:,}"),
         ("stored, at most, MB", figure(found["stored"] / 1e6)),
-        ("memory that is said before, MB", figure(found["memory"] / 1e6)),
+        ("predicted memory, MB", figure(found["memory"] / 1e6)),
         ("peak of its own memory, beside the program's, MB", figure((found["own"] - base["own"]) / 1e6)),
         ("the program's own, MB", figure(base["own"] / 1e6)),
         ("mapped files in memory, beside the program's, MB", figure((found["mapped"] - base["mapped"]) / 1e6)),
-        ("disk for blocks that is said before, MB", figure(found["disk"] / 1e6)),
+        ("predicted disk for blocks, MB", figure(found["disk"] / 1e6)),
         ("relight.npz, MB", figure(found["written"] / 1e6)),
         ("time, s", figure(found["clock"])),
     ]

@@ -1,4 +1,4 @@
-"""Sharp lobes computed separately: errors of pictures against the sum over every texel, by mesh, material and sky.
+"""Measure pictures with separate sharp lobes against the sum over every texel, by mesh, material and sky.
 
     python scripts/relighting/relight_lobes.py [--data FOLDER] [--meshes spot,bunny] [--materials NAMES] [--lobe auto]
 

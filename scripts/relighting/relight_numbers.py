@@ -1,4 +1,4 @@
-"""Relighting at the size of Wang, Tran and Luebke 2004: precomputation, storage, light and view changes, errors.
+"""Measure relighting at the size of Wang, Tran and Luebke 2004: precomputation, storage, speed and errors.
 
 The bunny on a matt ground, as many vertices as in their tables 1 and 2, their Ashikhmin-Shirley material, K = 4 terms,
 N = 96 coefficients, 6 × 64² texels. Light changes are of an environment that turns by 2° a frame: from nothing, and by

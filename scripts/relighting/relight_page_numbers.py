@@ -1,4 +1,4 @@
-"""The page of a relit scene: how large it is, how soon it shows, how fast it turns when software draws it.
+"""Measure the page of a relit scene in a software renderer: size, time to the first picture, speed of turning.
 
     python scripts/relighting/relight_page_numbers.py SCENE.toml [--sky FILE.hdr ...] [--page FILE.html] [--out FILE.md]
     python scripts/relighting/relight_page_numbers.py FILE.html

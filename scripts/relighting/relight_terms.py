@@ -1,4 +1,4 @@
-"""Mahajan's figure 1 as an experiment: K per material by his rule against one K for all and against the best split.
+"""Repeat Mahajan's figure 1: K per material by his rule, compared with one K for all and the best split.
 
     python scripts/relighting/relight_terms.py [--data FOLDER] [--sky NAME] [--vertices 120] [--plot FILE] [--short]
 

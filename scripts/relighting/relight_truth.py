@@ -1,4 +1,4 @@
-"""Relit vertices against the sum over all texels and against Mitsuba: relative RMS, by material and sky.
+"""Compare relit vertices with the sum over all texels and with Mitsuba: relative RMS by material and sky.
 
     python scripts/relighting/relight_truth.py [--data FOLDER] [--mesh FILE] [--vertices 300] [--rules share,light]
 

@@ -1,4 +1,4 @@
-"""What the scripts share: arguments, where files are, tables, progress, resuming, and the end of a run."""
+"""Code that the scripts share: arguments, paths, tables, progress, resuming, and the end of a run."""
 
 import argparse
 import csv

@@ -1,4 +1,4 @@
-"""A headless Chromium that draws WebGL 2 in software, for programs and tests that open a page.
+"""Open a page in a headless Chromium that draws WebGL 2 in software.
 
 Debian's packages chromium and chromium-driver, driven by selenium (an extra: pip install 'homofact[dev]'). Every
 browser gets a profile of its own, and flags that keep it off the network.

@@ -1,4 +1,4 @@
-"""Where the seconds of a command go: start, fit, and what is read, judged, drawn and written around it.
+"""Measure where the seconds of a command go: start, fit, reading, judging, drawing and writing.
 
 Every line is a process of its own, run `--repeats` times; the fastest counts, since other work on a machine can only
 add. The seconds of the fit are those that its report states; the peak is of the whole process.

@@ -1,4 +1,4 @@
-"""Cost against the number of samples, from 3k to 1.1M: seconds of the search, and memory beyond the samples.
+"""Measure the cost by number of samples, from 3k to 1.1M: seconds of the search, and memory beyond the samples.
 
     python scripts/speed/cost_against_samples.py [--counts 3000 10000 …] [--plot FILE.png] [--short]
 

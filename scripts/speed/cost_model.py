@@ -1,4 +1,4 @@
-"""What the cost model of `methods.effort` says of an evaluation and of a solve, beside what they take here.
+"""Compare the costs that `methods.effort` predicts for an evaluation and a solve with measured ones.
 
 The constants stand fixed in `homofact/methods/effort.py`, since equal settings have to try the same on every machine.
 This fits them anew to timings on one thread, weighted so that every timing counts alike whatever its length, and shows

@@ -1,4 +1,4 @@
-"""Time and peak memory of one inner evaluation with each solver, and of whole fits.
+"""Measure time and peak memory of one inner evaluation with each solver, and of whole fits.
 
     python scripts/speed/cost_of_evaluation.py [--repeats 5] [--short]
 

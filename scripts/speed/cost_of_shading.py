@@ -1,4 +1,4 @@
-"""What one evaluation of a generated shader costs, by representation, in the manner of section 3.3 of the thesis.
+"""Count the operations of one evaluation of a generated shader, like section 3.3 of Cole's thesis.
 
     python scripts/speed/cost_of_shading.py
 

@@ -1,4 +1,4 @@
-"""What a GPU is worth: evaluation, normal equations, solves, slopes and whole fits on it and on the processor.
+"""Compare a GPU with the processor: evaluation, normal equations, solves, slopes and whole fits.
 
     python scripts/speed/device.py [--device cuda] [--cpu-threads N] [--rgl FILE] [--short] [--out FILE.md]
 

@@ -1,4 +1,4 @@
-"""GGX lobes over a diffuse base (`homofact.brdf.analytic.ggx`) as a shading program, to be timed beside textures.
+"""Write GGX lobes over a diffuse base (`homofact.brdf.analytic.ggx`) as a shading program, to be timed.
 
 The program has no textures. With s = ωi + ωo, for which |s| = 2 cosθd and |s.xy|²/|s|² = sin²θh,
 

@@ -1,4 +1,4 @@
-"""What commands take, version by version: a line a command in `history.csv`, and a chart of all lines.
+"""Time the commands, version by version: one line per command in `history.csv`, and a chart of all lines.
 
 Every command runs in a process of its own, `--repeats` times; the fastest counts, since other work on a machine can
 only add. Its CPU seconds are divided by those of a loop that no version changes (`reference`), so that machines of

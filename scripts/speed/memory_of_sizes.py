@@ -1,4 +1,4 @@
-"""Seconds and peak memory of whole commands, size by size: `homofact factorize` in a process of its own each time.
+"""Measure seconds and peak memory of `homofact factorize` by size, each in a process of its own.
 
     python scripts/speed/memory_of_sizes.py [--sources material:lafortune-blue-paint …] [--sizes 32 64 96 128]
 

@@ -1,4 +1,4 @@
-"""The NBRDF network (`homofact.brdf.neural`) as a shading program and trained on samples: what fits are compared with.
+"""Write the NBRDF network (`homofact.brdf.neural`) as a shading program, and train it on samples.
 
 The program has no textures. With s = ωi + ωo, e = ωi − ωo, |s| = 2 h·ωi and the turn that brings h into the xz-plane,
 

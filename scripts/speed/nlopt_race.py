@@ -1,4 +1,4 @@
-"""Which search reaches a given error first: ten problems, every search from the same start for the same time.
+"""Race the optimizers of the search: which reaches a given error first on ten problems.
 
     python scripts/speed/nlopt_race.py [--seconds 6] [--within 0.05 0.25] [--short]
 

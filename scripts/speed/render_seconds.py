@@ -1,4 +1,4 @@
-"""Processor seconds of `homofact render` under an environment, a whole command for each kind of source and for fits.
+"""Measure CPU seconds of `homofact render` under an environment, for each kind of source and for fits.
 
 A command is run twice, and the second run is told: the first may compile. Seconds are user and system time of all its
 threads, the interpreter's start and its imports with them. The fits are quick ones: how textures were found does not

@@ -1,4 +1,4 @@
-"""What `homofact.runtime` takes to be imported and to evaluate, beside the evaluation by torch.
+"""Measure the import time and the speed of `homofact.runtime`, compared with torch.
 
 Imports are timed in processes of their own, from the first statement to the last; the fastest of `--repeats` counts,
 since other work on a machine can only add. Pairs are uniform on the hemisphere.

@@ -1,4 +1,4 @@
-"""Evaluations a second in a fragment shader: two textures, McCool's, the NBRDF network and GGX in one WebGL 2 page.
+"""Time fragment shaders in a WebGL 2 page: two textures, McCool's, the NBRDF network and GGX.
 
     python scripts/speed/shader_throughput.py [SOURCE] [--page FILE.html] [--run] [--out FILE.md] [--short]
 

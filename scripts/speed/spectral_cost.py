@@ -1,4 +1,4 @@
-"""What 31 spectral channels cost beside three: the same evaluations of the same projections, in one process.
+"""Compare the cost of 31 spectral channels with that of three: the same evaluations in one process.
 
     python scripts/speed/spectral_cost.py [--data FOLDER] [--repeats 5] [--evaluations 60] [--out FILE.md] [--short]
 

@@ -1,4 +1,4 @@
-"""Evaluations a second of two textures, of the NBRDF network, of the tabulated source and of a copy of the memory.
+"""Measure evaluations per second of two textures, of the NBRDF network, of the source and of a memory copy.
 
     python scripts/speed/throughput.py [--data FOLDER] [--short]
 

@@ -1,4 +1,4 @@
-"""The viewer's file: how large it is, and how soon a browser shows its first picture when software draws it.
+"""Measure the viewer's file in a software renderer: its size, and the time to its first picture.
 
     python scripts/speed/viewer_numbers.py [--material lafortune-blue-paint] [--loads 5] [--out FILE.md] [--short]
 

@@ -1,4 +1,4 @@
-"""A report's figures: bytes, seconds to write it, how soon its first page is there, for a sweep and for larger ones.
+"""Measure reports of small and large sweeps: bytes, seconds to write, and time to the first page.
 
     python scripts/sweeps/report_numbers.py SWEEP [--fits 1000 10000] [--loads 3] [--out FILE.md] [--short]
 

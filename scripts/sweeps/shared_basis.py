@@ -1,4 +1,4 @@
-"""Whether a common basis of log textures pays, on the neural surrogates of MERL (never MERL itself).
+"""Measure whether a common basis of log textures pays, on the neural surrogates of MERL (never MERL itself).
 
 COUNT materials spread over the names, each drawn at SAMPLES pairs, one set of projections for all, SIZE² texels a
 texture (`sweeps.shared_basis`). Every material is left out of the basis once. Held-out log mse with ε = 1e-2, median

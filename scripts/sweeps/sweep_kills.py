@@ -1,4 +1,4 @@
-"""kill -9 of each process of a sweep, and a full disk: what was done again, and what was lost.
+"""Kill each process of a sweep with kill -9, and fill its disk: what was repeated, and what was lost.
 
     python scripts/sweeps/sweep_kills.py [--tasks 24] [--short]
 

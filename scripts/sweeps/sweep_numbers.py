@@ -1,4 +1,4 @@
-"""What a sweep costs beside its fits: two workers against one, time between tasks, ten thousand tasks, and kills.
+"""Measure the overhead of sweeps: two workers against one, time between tasks, ten thousand tasks, and kills.
 
     python scripts/sweeps/sweep_numbers.py [--what workers overhead tiny kills] [--out FILE.md] [--short]
 

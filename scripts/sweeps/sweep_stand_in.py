@@ -1,4 +1,4 @@
-"""A sweep whose fits are stand-ins, all else of it real: what `sweep_numbers.py` and `sweep_kills.py` measure.
+"""Run a sweep with trivial fits, so that `sweep_numbers.py` and `sweep_kills.py` measure everything else.
 
     python scripts/sweeps/sweep_stand_in.py worker FOLDER                    a worker of a local sweep
     python scripts/sweeps/sweep_stand_in.py client FOLDER LABELS.json N      a client with N of them; figures as JSON

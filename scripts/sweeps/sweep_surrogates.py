@@ -1,4 +1,4 @@
-"""A whole database by three methods at three sizes: the published networks of the MERL materials, in one sweep.
+"""Fit the published networks of the MERL materials by three methods at three sizes, in one sweep.
 
 Never MERL itself: the networks (Sztrajman et al. 2021) are fits. Each is drawn at COUNT pairs; errors are of the fifth
 that is held out. The sweep is an ordinary one of `homofact sweep`, in FOLDER, and goes on where it was left; wall time

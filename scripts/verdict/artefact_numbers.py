@@ -1,4 +1,4 @@
-"""How many planted needles, rings, rims, spots and holes the verdict finds, and what it finds in clean fits.
+"""Count how many planted artefacts the verdict finds, and what it finds in clean fits.
 
     python scripts/verdict/artefact_numbers.py [--planted 4] [--fits FOLDER] [--seed 0] [--out FILE.md]
 

@@ -1,4 +1,4 @@
-"""Make the error bars' table, and report how often its bars hold.
+"""Calibrate the error bars, and report how often they hold.
 
     python scripts/verdict/calibrate.py [--cases 100] [--seed 0] --store FITS.jsonl
     python scripts/verdict/calibrate.py --report 105 --store FITS.jsonl --out docs/verdict.md

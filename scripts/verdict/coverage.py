@@ -1,4 +1,4 @@
-"""How often error bars hold and how often the warning is right, as tables: by kind of fault, layout, material, method.
+"""Count how often error bars and warnings are right: by kind of fault, layout, material and method.
 
 A bar covers a fit where the true error is within it. "Stated" is the bar that a user sees, for right data or widened
 or withdrawn as the verdict has it; a withdrawn bar promises nothing, and is counted apart. Intervals are of 95%:
@@ -111,9 +111,9 @@ def report(fits: Sequence[SimulatedFit], constants: Table) -> list[str]:
         _coverage_table(_groups(known, lambda each: kind_of_material(each.fit.record["material"]))),
         "### By method",
         _coverage_table(_groups(known, lambda each: each.fit.record["settings"])),
-        "### Bad fits that are not warned of",
+        "### Bad fits without a warning",
         _listed([each for each in known if not each.fit.good and not each.warned]),
-        "### Good fits that are warned of",
+        "### Good fits with a warning",
         _listed([each for each in good if each.warned]),
     ]
 

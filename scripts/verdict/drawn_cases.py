@@ -1,4 +1,4 @@
-"""The cases of `calibrate.py`: a material, how it is measured, what goes wrong, and the methods that fit it.
+"""Draw the cases of `calibrate.py`: a material, its measurement, a fault, and the methods that fit it.
 
 Three parts share no material, no kind of fault (`stability.faults`) and no settings but the searches': the error bars'
 table is made of the first two, and the third is drawn once, to be reported. Materials are neural surrogates of MERL and

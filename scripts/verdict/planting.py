@@ -1,4 +1,4 @@
-"""Faults planted on clean samples: what the checks are tested with.
+"""Plant faults on clean samples, to test the checks.
 
 Each takes samples, a strength and a seed. Of conventions the strength is a choice among few; of the instrument's faults
 it is a share of the value.

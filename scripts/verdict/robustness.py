@@ -1,4 +1,4 @@
-"""Which bad cells of the atlas turn good by an option: outliers, gains, clipped samples and noise, without it and with.
+"""Test which bad cells of the atlas an option repairs: outliers, gains, clipped samples and noise.
 
     python scripts/verdict/robustness.py [--seeds 3] [--only outliers clipped] [--out docs/robustness.md]
 

@@ -1,4 +1,4 @@
-"""How steady a fit is: noise in the data, the seed of the search, and the confidence that it states.
+"""Measure how steady fits are: noise in the data, the seed of the search, and the stated confidence.
 
     python scripts/verdict/stability_numbers.py [--only noise seeds confidence] [--effort quick] [--short]
 

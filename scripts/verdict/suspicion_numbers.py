@@ -1,4 +1,4 @@
-"""How often suspected units and conventions are right, silent, or accuse a clean material.
+"""Count how often suspected units and conventions are right, missed, or accuse a clean material.
 
     python scripts/verdict/suspicion_numbers.py [--materials 24] [--count 3000] [--seed 0] [--out FILE.md]
 

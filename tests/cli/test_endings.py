@@ -93,7 +93,7 @@ def test_an_interrupt_that_a_library_swallows_is_not_lost(
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         assert main(["materials", "--json"]) == 130
-        assert "homofact: interrupted, but what was asked for is done\n" in capsys.readouterr().err
+        assert "homofact: interrupted, but the work is done\n" in capsys.readouterr().err
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before or signal.default_int_handler)
