@@ -44,6 +44,13 @@ def test_pages_follow_the_rules(page: Path) -> None:
     assert found(page.read_text(encoding="utf-8")) == []
 
 
+@pytest.mark.parametrize("page", sorted((ROOT / "docs/tutorials").glob("*.md")), ids=lambda page: page.stem)
+def test_only_commands_of_a_tutorial_begin_like_one(page: Path) -> None:
+    """A reader who copies lines that begin with "homofact WORD" copies commands."""
+    text = page.read_text(encoding="utf-8")
+    assert re.findall(r"(?m)^homofact [a-z].*$", re.sub(r"(?s)```.*?```", "", text)) == []
+
+
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: str(source.relative_to(ROOT)))
 def test_messages_and_docstrings_follow_the_rules(source: Path) -> None:
     tree = ast.parse(source.read_text(encoding="utf-8"))
