@@ -45,7 +45,7 @@ MODULES = {
         "homofact.factor.gauge", "homofact.factor.quantize", "homofact.factor.confidence", "homofact.factor.layered",
         "homofact.separable.separable",
     ),
-    "How good is a fit": (
+    "Quality of a fit": (
         "homofact.evaluation.compare", "homofact.evaluation.metric_table", "homofact.evaluation.metrics",
         "homofact.evaluation.brdf_metrics",
         "homofact.evaluation.image_metrics", "homofact.evaluation.appearance", "homofact.evaluation.energy",

@@ -1,19 +1,20 @@
-"""What `homofact` alone says: what it is for, and the five commands that most people need."""
+"""The text that `homofact` prints without a command: its purpose, and the five commands that most people need."""
 
 from homofact.version import __version__
 
 GREETING = f"""\
-homofact {__version__}: measured BRDFs as a few small textures, with the shader that
-reads them.
+homofact {__version__} compresses measured BRDFs into a few small textures, and writes
+the shader that reads them.
 
-  homofact info paint.brdf                      what is in a file
-  homofact factorize paint.brdf --out paint     fit it: textures and errors
-  homofact view paint                           a page with the fit on a sphere
-  homofact export paint --to engine             textures with their shaders
-  homofact compare paint.brdf                   several methods side by side
+  homofact info paint.brdf                      describe a file
+  homofact factorize paint.brdf --out paint     fit textures and report errors
+  homofact view paint                           write a page that shows the fit
+  homofact export paint --to engine             write textures and shaders
+  homofact compare paint.brdf                   compare several methods
 
-No measurement at hand? A named material does as well, such as
-material:lafortune-blue-paint: `homofact materials` lists them.
+If you have no measurement, use a named material such as
+material:lafortune-blue-paint. `homofact materials` lists them.
 
-All commands: homofact --help. Of one: homofact factorize --help.
+`homofact --help` lists all commands, `homofact factorize --help` the options
+of one.
 """

@@ -28,7 +28,7 @@ from homofact.files.words import harmless
 from homofact.version import __version__
 
 _BEGIN, _DATA, _JUDGE, _SCENES, _MANY = (
-    "First steps", "Data", "How good is a fit", "Scenes", "Whole databases",
+    "First steps", "Data", "Quality of a fit", "Scenes", "Whole databases",
 )  # fmt: skip
 # Heading, name and first sentence of each command: the list of all is shown without loading them.
 COMMANDS = (
@@ -125,9 +125,9 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def homofact(
-    _: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="The version.")] = False,
+    _: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
 ) -> None:
-    """Measured BRDFs as a few small textures and the projections that index them."""
+    """Compress measured BRDFs into a few small textures for real-time rendering."""
 
 
 # What the validation behind the options calls a word that is no number.

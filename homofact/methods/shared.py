@@ -37,7 +37,7 @@ def epsilon() -> Any:
 
     return option(
         None, "ε of the log transform, as a multiple of the mean; floor uses the noise of the darkest samples",
-        above=0, none="by the source", metavar="NUMBER", expected_instead=expected,
+        above=0, none="depends on the source", metavar="NUMBER", expected_instead=expected,
     )  # fmt: skip
 
 

@@ -35,7 +35,7 @@ class Svd(Method):
     reciprocal: bool = shared.reciprocal()
     map: str = shared.direction_map()
     decomposition: str | None = option(
-        None, "Algorithm that finds the terms", choices=DECOMPOSITIONS, none="by the matrix's symmetry"
+        None, "Algorithm that finds the terms", choices=DECOMPOSITIONS, none="depends on the matrix's symmetry"
     )
     quantize: str = shared.quantize()
     seed: int = shared.seed()
