@@ -60,11 +60,8 @@ def _head(atlas: Atlas, link: str) -> str:
 Read this page before you fit difficult data. It shows which properties of a measurement damage which method, whether
 homofact warns, and what you can do. Find your problem in the table and follow its link to the cause and the remedy.
 
-`homofact stability` makes these tests. To repeat some of them, run
-
-    homofact stability --stressors zeros,outliers --methods search,mccool --out out/atlas
-
-It writes every fit to `atlas.csv` and draws the pictures below. `--document FILE.md` writes this page.
+`homofact stability` repeats these tests, or those of some stressors and methods. It writes every fit to `atlas.csv` and
+draws the pictures below.
 
 ## Which data damage which method
 
