@@ -153,11 +153,16 @@ def _page(module: Module, pages: Mapping[str, str]) -> str:
     lines += [f"```{{py:currentmodule}} {module.name}\n```", ""]
     names = _imported(tree)
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and not _is_overload(node):
             lines += [_function(node, names, 0), ""]
         elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             lines += [_class(node, module, names), ""]
     return "\n".join(lines)
+
+
+def _is_overload(node: ast.FunctionDef) -> bool:
+    """Whether it only tells type checkers of a way to call the function that follows: the page describes that one."""
+    return any(ast.unparse(each) in ("overload", "typing.overload") for each in node.decorator_list)
 
 
 def _front_door() -> Iterable[str]:
@@ -174,7 +179,7 @@ def _class(node: ast.ClassDef, module: Module, names: Mapping[str, str]) -> str:
         parts.append(f"Bases: {', '.join(f'`{base}`' for base in bases.split(', '))}.")
     parts += _fields(node, module)
     for each in node.body:
-        if isinstance(each, ast.FunctionDef) and not each.name.startswith("_"):
+        if isinstance(each, ast.FunctionDef) and not each.name.startswith("_") and not _is_overload(each):
             parts.append(_function(each, names, 1))
     signature = _constructor(node, names)
     return _directive("py:class", f"{node.name}{signature}", "\n\n".join(part for part in parts if part), 4)

@@ -66,7 +66,8 @@ class LitObject:
     def _parts(self, eye: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Radiance (V, 3) twice: of the terms that no texture tints, and of those that it does, where its tint is 1."""
         tinted = self.transport.factors.tinted_terms
-        return tuple(shaded(self.transport, self.tuples, eye, np.flatnonzero(own)) for own in (~tinted, tinted))
+        plain, own = (shaded(self.transport, self.tuples, eye, np.flatnonzero(each)) for each in (~tinted, tinted))
+        return plain, own
 
     def lobe_at(self, points: SurfacePoints) -> np.ndarray:
         """Radiance (S, 3) of the separate lobe; 0 where none does."""

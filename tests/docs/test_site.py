@@ -178,3 +178,10 @@ def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
         "../out.html leads to nothing",
         "d/ leads to nothing",
     ]
+
+
+def test_every_function_is_described_once() -> None:
+    """Two descriptions of one name are a warning of the site's builder, which ends the build."""
+    for page, text in reference_pages(PAGES).items():
+        described = re.findall(r"^:+\{py:(?:function|class)\} (\w+)", text, re.MULTILINE)
+        assert len(described) == len(set(described)), page

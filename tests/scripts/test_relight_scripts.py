@@ -1,12 +1,14 @@
 """The scripts of relighting: what they truncate and light with is what they say."""
 
 import importlib
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 from relighting_cases import knot, light, occluder, shiny, whole
 
+from homofact.containers.png import read_png
 from homofact.relighting.cube import environment_cube, solid_angles
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import Relit
@@ -68,3 +70,15 @@ def test_separate_lobes_are_measured(capsys: pytest.CaptureFixture[str]) -> None
     assert 0 < float(columns["studio"].rstrip("%")) < 30
     assert float(columns["views/s"]) > 0
     assert lobes.main(["--data", "nowhere"]) == 2
+
+
+def test_textures_add_little_to_the_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    textures = importlib.import_module("scripts.relighting.relight_textures")
+    assert textures.main(["--short", "--picture", str(tmp_path / "balls.png")]) == 0
+    header, _, row = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    columns = [[cell.strip() for cell in line.strip("|").split("|")] for line in (header, row)]
+    found = dict(zip(*columns, strict=True))
+    texture, plain, mean = (float(found[name].rstrip("%")) for name in ("texture", "mean colour", "as mean"))
+    assert texture < plain + 1
+    assert mean > 10 * texture
+    assert read_png(tmp_path / "balls.png").shape == (240, 320, 3)
