@@ -178,8 +178,8 @@ class ErrorBars:
         beyond = f"; measured {low:.0f}–{high:.0f}°, beyond is extrapolation" if high < _EDGE else ""
         given = "if the samples are right"
         if self.kind is BarKind.FAULT:
-            given = f"whatever is wrong ({stated[0].reason})"
-        return f"{given}: {said}; {_often(stated[0].rate)} such fits were{beyond}"
+            given = f"even if the samples are wrong ({stated[0].reason})"
+        return f"{given}: {said}; true for {_often(stated[0].rate)} such fits{beyond}"
 
     def record(self) -> dict[str, Any]:
         """A JSON-able dictionary."""

@@ -84,7 +84,7 @@ def doubt_of(odds: Mapping[str, float], alarm: Alarm) -> str:
     """Why the samples may be wrong, in words: "" where nothing speaks against them."""
     if odds:
         return ", ".join(odds)
-    return "the fit is like bad ones" if alarm.given else ""
+    return "the fit resembles faulty ones" if alarm.given else ""
 
 
 def _costed(finding: Finding, figures: Figures, odds: Mapping[str, float], constants: Table, doubted: bool) -> Finding:
