@@ -12,7 +12,7 @@ from homofact.factor.search.minimize import minimize
 from homofact.factor.textures import LogSamples
 from homofact.geometry.directions import draw_in_discs
 from homofact.geometry.rotation import Rotation
-from homofact.methods.search_fit import search_named
+from homofact.methods.search_task import search_named
 
 NAMES = (
     "gradient",

@@ -156,7 +156,7 @@ def test_without_a_table_that_can_be_used_every_mix_is_tried_and_that_is_said_on
     assert table.by_count == NONE.by_count
     assert "mixes.json" in table.note
     monkeypatch.setattr(module, "TABLE", path)
-    monkeypatch.setattr("homofact.methods.search_fit.known_mixes", lambda: table)
+    monkeypatch.setattr("homofact.methods.search_task.known_mixes", lambda: table)
     outcome = find_mixes(_measured(), Search(textures=2, size=6, effort="quick"))
     alike = find_mixes(_measured(), Search(textures=2, size=6, effort=4 * 12.0))
     assert [note for note in outcome.notes if "mixes.json" in note] == [table.note]

@@ -22,7 +22,8 @@ from homofact.methods import structure_search
 from homofact.methods.fitting import FitProgress
 from homofact.methods.kinds import is_isotropic, is_searched, loosened, make
 from homofact.methods.search import Search
-from homofact.methods.search_fit import candidates_of, fit_search
+from homofact.methods.search_fit import fit_search
+from homofact.methods.search_task import candidates_of
 
 
 def _draw(function, count: int = 3000, seed: int = 0, isotropic: bool = True) -> Samples:
