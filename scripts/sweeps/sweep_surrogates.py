@@ -5,6 +5,7 @@ that is held out. The sweep is an ordinary one of `homofact sweep`, in FOLDER, a
 is that of the last run, said with the number of fits that it made.
 
     python scripts/sweeps/sweep_surrogates.py FOLDER [--count 20000] [--workers 2] [--materials *] [--restarts 6]
+        [--methods ours,cole,mccool] [--bytes 3276,12288,49152]
 """
 
 import json
@@ -22,7 +23,7 @@ from homofact.evaluation.metric_table import METRICS
 from homofact.sweeps.summary import FitRow, by_label, rows_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from scripts.shared.harness import data_folder, figure, markdown, parser_of, print_measured, write
+from scripts.shared.harness import data_folder, figure, listed, markdown, parser_of, print_measured, write
 
 SIZES = (3276, 12288, 49152)
 SWEEP = """name = "surrogates"
@@ -31,27 +32,22 @@ bytes = {sizes}
 
 [source]
 count = {count}
-
-[[method]]
-method = "search"
-label = "ours"
-effort = "quick"
-
-[[method]]
-method = "cole"
-restarts = {restarts}
-search_size = {search_size}
-
-[[method]]
-method = "mccool"
 """
+METHODS = {
+    "ours": 'method = "search"\nlabel = "ours"\neffort = "quick"',
+    "cole": 'method = "cole"\nrestarts = {restarts}\nsearch_size = {search_size}',
+    "mccool": 'method = "mccool"',
+}
 COLUMNS = ("log_mse", "mae", "albedo_worst", "energy_overall", "highlight", "psnr_sky")
 
 
-def sweep_of(source: str, sizes: Sequence[int], count: int, restarts: int, search_size: int) -> str:
+def sweep_of(
+    source: str, sizes: Sequence[int], count: int, restarts: int, search_size: int, methods: Sequence[str]
+) -> str:
     """The sweep's file."""
-    words = json.dumps(source)
-    return SWEEP.format(sources=words, sizes=list(sizes), count=count, restarts=restarts, search_size=search_size)
+    head = SWEEP.format(sources=json.dumps(source), sizes=list(sizes), count=count)
+    tables = [METHODS[name].format(restarts=restarts, search_size=search_size) for name in methods]
+    return head + "".join(f"\n[[method]]\n{table}\n" for table in tables)
 
 
 def worse_tenth(rows: Sequence[FitRow], name: str) -> tuple[float, float]:
@@ -82,6 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--restarts", type=int, default=6, help="random starts of a search of Cole's (%(default)s)")
     parser.add_argument("--workers", type=int, default=2, help="processes (%(default)s)")
     parser.add_argument("--materials", default="*", help="pattern of names (%(default)s)")
+    parser.add_argument("--methods", help=f"some of {', '.join(METHODS)} (all)")
+    parser.add_argument("--bytes", default=",".join(map(str, SIZES)), help="of each fit (%(default)s)")
     return print_measured(parser, arguments, measured)
 
 
@@ -89,9 +87,11 @@ def measured(chosen: Any) -> str:
     """The text. Raises BadInput where the sweep is refused."""
     file = data_folder(chosen.data).resolve() / "nbrdf" / "merl_nbrdf_weights.npz"
     source = "material:lafortune-clay" if chosen.short else f"{file}#{chosen.materials}"
-    sizes, count = (SIZES[:1], 600) if chosen.short else (SIZES, chosen.count)
+    sizes = [int(each) for each in chosen.bytes.split(",")]
+    sizes, count = (sizes[:1], 600) if chosen.short else (sizes, chosen.count)
+    methods = listed(chosen.methods, tuple(METHODS), "--methods")
     asked = chosen.folder / "surrogates.toml"
-    write(asked, sweep_of(source, sizes, count, chosen.restarts, 6 if chosen.short else 12))
+    write(asked, sweep_of(source, sizes, count, chosen.restarts, 6 if chosen.short else 12, methods))
     command = [sys.executable, "-m", "homofact.cli.main", "sweep", str(asked), "--out", str(chosen.folder / "sweep")]
     begun = time.perf_counter()
     ended = subprocess.run(

@@ -19,7 +19,9 @@ def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 def test_three_methods_at_three_sizes(script: ModuleType, tmp_path: Path) -> None:
     file = tmp_path / "surrogates.toml"
-    file.write_text(script.sweep_of("material:lafortune-clay", script.SIZES, 700, 2, 12), encoding="utf-8")
+    file.write_text(
+        script.sweep_of("material:lafortune-clay", script.SIZES, 700, 2, 12, tuple(script.METHODS)), encoding="utf-8"
+    )
     asked = read_sweep(file)
     sizes = ("3276 B", "12288 B", "49152 B")
     assert [label for label, _ in asked.fits()] == [
@@ -27,6 +29,8 @@ def test_three_methods_at_three_sizes(script: ModuleType, tmp_path: Path) -> Non
     ]
     assert asked.source.count == 700
     assert {method.restarts for _, method in asked.fits() if isinstance(method, Cole)} == {2}
+    file.write_text(script.sweep_of("material:lafortune-clay", (5000,), 700, 2, 12, ("mccool",)), encoding="utf-8")
+    assert [label for label, _ in read_sweep(file).fits()] == ["mccool, 5000 B"]
 
 
 def test_the_table_s_brackets_are_the_worst_tenth(script: ModuleType, tmp_path: Path) -> None:
