@@ -4,7 +4,9 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from scripts.speed import history
 from scripts.speed.history import Line, main, risen
@@ -54,3 +56,19 @@ def test_lines_are_appended_read_back_checked_and_drawn(tmp_path: Path, monkeypa
     assert lines[1].evaluations == lines[3].evaluations
     assert lines[1].error == lines[3].error
     assert all(line.work > 0 and line.peak > 50 and line.evaluations is None for line in lines[::2])
+
+
+def test_the_reference_loop_runs_on_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Threads that wait for work count as processor time: the loop would take as long as the machine has cores."""
+    seen = []
+    factor = np.linalg.cholesky
+
+    def watched(matrix: np.ndarray) -> np.ndarray:
+        seen.append(max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"))
+        return factor(matrix)
+
+    monkeypatch.setattr(history, "LOOP_TURNS", 1)
+    monkeypatch.setattr(np.linalg, "cholesky", watched)
+    with threadpool_limits(2):
+        assert history.reference() > 0
+    assert seen == [1]
