@@ -30,7 +30,6 @@ PICTURES = {
     "paint": {
         "out/paint/compare.png": "paint.png",
         "out/paint/texture_0.png": "paint_texture_0.png",
-        "out/paint/texture_1.png": "paint_texture_1.png",
     },
     "own_data": {"out/gonio/compare.png": "own_data.png"},
     "plan": {"out/plan.png": "plan.png"},
