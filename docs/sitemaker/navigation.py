@@ -49,7 +49,7 @@ SECTIONS = (
     Section(
         "Evidence",
         (
-            "search", "light", "straightening", "measured", "thesis", "trials", "compression", "real", "stability",
+            "known_mixes", "light", "straightening", "measured", "thesis", "trials", "compression", "real", "stability",
             "scripts",
         ),
     ),

@@ -185,3 +185,8 @@ def test_every_function_is_described_once() -> None:
     for page, text in reference_pages(PAGES).items():
         described = re.findall(r"^:+\{py:(?:function|class)\} (\w+)", text, re.MULTILINE)
         assert len(described) == len(set(described)), page
+
+
+def test_no_page_has_the_name_of_one_that_the_builder_makes() -> None:
+    """The builder's own would be written over it."""
+    assert not {"search", "genindex", "py-modindex"} & {*PAGES}
