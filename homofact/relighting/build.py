@@ -157,7 +157,8 @@ def open_relight_scene(
                 made = in_parts(reflectance, made, table.terms, error=error, light=file.light)
             choices.append(TransportChoice(made, plan.settings(file.settings), plan))
             continue
-        key = (words, table.lobe, table.terms, table.error, table.share)
+        # A mesh without texture coordinates has no texture, whatever its material.
+        key = (words, placed.tint is None, table.lobe, table.terms, table.error, table.share)
         if key not in known:
             if stage is not None:
                 stage(f"factoring {Path(words).name}")
@@ -176,11 +177,11 @@ def _with_sun_tables(
     objects: Sequence[SceneObject], choices: Sequence[TransportChoice], stage: Stage | None
 ) -> list[TransportChoice]:
     """The choices with the tables that suns light each material by, each material's made once."""
-    known: dict[tuple[str, int], tuple[LobeTable, ...]] = {}
+    known: dict[tuple[str, bool, int], tuple[LobeTable, ...]] = {}
     found = []
     for placed, choice in zip(objects, choices, strict=True):
         words, lobe = placed.material.words, choice.material.lobe
-        key = (words, id(lobe))
+        key = (words, placed.tint is None, id(lobe))
         if key not in known:
             if stage is not None:
                 stage(f"tabulating {Path(words).name}")
@@ -193,17 +194,17 @@ def _with_bounces(
     objects: Sequence[SceneObject], choices: Sequence[TransportChoice], stage: Stage | None
 ) -> tuple[BounceColours, list[TransportChoice]]:
     """(the colours of the light between surfaces, the choices with its terms)."""
-    known: dict[tuple[str, int], tuple[np.ndarray, list[np.ndarray]]] = {}
+    known: dict[tuple[str, bool, int], tuple[np.ndarray, list[np.ndarray]]] = {}
     albedos = []
     for placed, choice in zip(objects, choices, strict=True):
-        key = (placed.material.words, choice.material.factors.view.shape[1])
+        key = (placed.material.words, placed.tint is None, choice.material.factors.view.shape[1])
         if key not in known:
             if stage is not None:
                 stage(f"summing the response of {Path(placed.material.words).name}")
             reflectance = placed.reflectance
             tinted = isinstance(reflectance, Tinted)
             parts = (reflectance.tinted, reflectance.plain) if tinted else (reflectance,)
-            known[key] = mean_albedo(reflectance), [smooth_response(part, ORDER, key[1]) for part in parts]
+            known[key] = mean_albedo(reflectance), [smooth_response(part, ORDER, key[2]) for part in parts]
         albedos.append(known[key])
     colours = BounceColours.of([mean for mean, _ in albedos])
     found = []

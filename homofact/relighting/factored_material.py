@@ -59,16 +59,15 @@ def factored(
         raise BadInput(where="lobe", found=repr(lobe), expected=f"one of {', '.join(LOBES)}")
     if lobe == SEPARATE and share is not None:
         raise BadInput(where="share", found="it beside a separate lobe", expected="terms or an error")
+    whole = None
     if lobe != SEPARATE:
         found = factor(reflectance, terms, SHARE if share is None else share, map_size, error, light)
         given = terms is not None or share is not None
         if lobe == FACTORED or given or found.terms <= MOST_SHARED:
             whole = FactoredMaterial(found)
-            return (
-                in_parts(reflectance, whole, terms, share, error, light) if isinstance(reflectance, Tinted) else whole
-            )
-    whole = separated(reflectance, (map_size,), terms, error, light)[0]
-    return in_parts(reflectance, whole, terms, None, error, light) if isinstance(reflectance, Tinted) else whole
+    if whole is None:
+        whole = separated(reflectance, (map_size,), terms, error, light)[0]
+    return in_parts(reflectance, whole, terms, share, error, light) if isinstance(reflectance, Tinted) else whole
 
 
 def in_parts(

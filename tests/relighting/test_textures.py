@@ -262,3 +262,19 @@ def test_a_textured_part_keeps_its_model_and_says_nothing(tmp_path: Path) -> Non
     assert scene.objects[1].tint is None
     black = replace(scene.objects[0].material, reflectance=MetallicRoughness((0.0,) * 3, 0.0, 0.5))
     assert black.tinted is None
+
+
+def test_a_material_has_its_texture_where_the_mesh_has_coordinates(tmp_path: Path) -> None:
+    """The same part as the material of a mesh without coordinates, which comes first, and of its own mesh."""
+    written(tmp_path / "ball.glb", *GLOSS)
+    text = SCENE.format(mesh="ball.glb", lobe="factored", terms=1)
+    other = (
+        '[[object]]\nmesh = "shape:sphere"\nmaterial = "ball.glb#ball"\nlobe = "factored"\nterms = 1\nat = [3, 0, 0]\n'
+    )
+    (tmp_path / "scene.toml").write_text(other + text)
+    scene = open_relight_scene(read_relight_scene(tmp_path / "scene.toml"))
+    plain, textured, _ = scene.choices
+    assert [each.tint is None for each in scene.objects] == [True, False, True]
+    assert (plain.material.factors.tinted, textured.material.factors.tinted) == (0, 1)
+    assert [len(each.sun_tables) for each in (plain, textured)] == [2, 3]
+    assert textured.material.factors.bounced == 2 * plain.material.factors.bounced
