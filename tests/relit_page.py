@@ -1,17 +1,28 @@
 """The page of the small scene in a browser, for tests: what it holds, and what the library says of the same."""
 
 import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import relit_scene
-from browser import headless
+import torch
+from browser import browser, complaints, headless
 from relit_scene import CAMERA, tuples, whole
 
 from homofact.meshes.occlusion import Occluder
+from homofact.relighting.build import RelitObject
 from homofact.relighting.page.build import PageObject
+from homofact.relighting.page.relit_page import write_relit_page
+from homofact.relighting.picture import picture
 from homofact.relighting.relight import shaded
+from homofact.relighting.result import RelightResult
+from homofact.rendering.tonemap import encode_srgb
+from homofact.scene.cameras import Camera
+from homofact.scene.meshes import MeshGroup
 
 ANGLE = 37.0
 
@@ -127,3 +138,40 @@ def words(driver: Any, place: str) -> str:
     """An element's text, once the page has said all there is to say of its picture."""
     headless.settled(driver)
     return driver.execute_script("return document.getElementById(arguments[0]).textContent", place)
+
+
+@contextmanager
+def relit_page(folder: Path, scene: RelightResult) -> Iterator[Any]:
+    """The page of a relit scene, opened in a browser of its own and small; it must stay silent."""
+    write_relit_page(folder / "scene.html", scene)
+    with browser(folder) as driver:
+        headless.open_page(driver, folder / "scene.html")
+        shrink(driver)
+        yield driver
+        assert complaints(driver) == []
+
+
+def shown_picture(driver: Any, script: str = "homofact.pixels()") -> np.ndarray:
+    """The page's picture (H, W, 3) from above, 0 to 255."""
+    width, height, data = driver.execute_script(
+        f"const p = {script}, c = homofact.view.stage.canvas; return [c.width, c.height, Array.from(p)]"
+    )
+    return np.array(data, float).reshape(height, width, 4)[::-1, :, :3]
+
+
+def library_picture(
+    driver: Any,
+    scene: RelightResult,
+    objects: Sequence[RelitObject],
+    light: np.ndarray,
+    size: tuple[int, int],
+    suns: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(the library's picture (H, W, 3) as the page would show it, whether a pixel is all surface)."""
+    camera = Camera(tuple(eye_of(driver)), scene.cameras[0].target, scene.cameras[0].field, size)
+    lit, meshes = [each.lit(light, suns) for each in objects], [each.mesh for each in objects]
+    colours = [each.terms(camera.eye) for each in lit]
+    radiance, cover = picture(meshes, colours, MeshGroup(meshes).occluder, camera, scene.sky.environment(), lit)
+    x = np.maximum(radiance * 2 ** driver.execute_script("return homofact.view.stops"), 0)
+    x = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
+    return encode_srgb(torch.from_numpy(x)).numpy() * 255, cover > 0.999

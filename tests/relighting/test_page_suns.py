@@ -7,19 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
-from browser import browser, complaints, headless
-from relit_page import ANGLE, change, eye_of, statistics
+from browser import headless
+from relit_page import ANGLE, change, library_picture, relit_page, shown_picture, statistics
 
 from homofact.relighting.build import RelitObject, open_relight_scene, relit_objects
 from homofact.relighting.errors import dense_colours, relative
-from homofact.relighting.page.relit_page import write_relit_page
-from homofact.relighting.picture import picture
 from homofact.relighting.result import RelightResult
 from homofact.relighting.scene_file import read_relight_scene
-from homofact.rendering.tonemap import encode_srgb
-from homofact.scene.cameras import Camera
-from homofact.scene.meshes import MeshGroup
 
 SCENE = """
 [[object]]
@@ -70,17 +64,8 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
 
 @pytest.fixture(scope="module")
 def opened(scene: RelightResult, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    folder = tmp_path_factory.mktemp("page")
-    write_relit_page(folder / "suns.html", scene)
-    with browser(folder) as driver:
-        headless.open_page(driver, folder / "suns.html")
-        driver.execute_script(
-            "const p = document.getElementById('picture'); p.style.width = '420px'; p.style.height = '320px';"
-            "homofact.changed('picture');"
-        )
-        headless.settled(driver)
+    with relit_page(tmp_path_factory.mktemp("page"), scene) as driver:
         yield driver
-        assert complaints(driver) == []
 
 
 @pytest.fixture
@@ -106,19 +91,10 @@ def turned(objects: tuple[RelitObject, ...], degrees: float) -> list[RelitObject
 
 def compared(driver: Any, scene: RelightResult, objects: list[RelitObject], suns: bool = True) -> np.ndarray:
     """The largest difference (N,) of the channels, in 255ths, at the page's pixels that are all surface."""
-    width, height, data = driver.execute_script(
-        "const p = homofact.pixels(), c = homofact.view.stage.canvas; return [c.width, c.height, Array.from(p)]"
-    )
-    shown = np.array(data, float).reshape(height, width, 4)[::-1, :, :3]
-    camera = Camera(tuple(eye_of(driver)), scene.cameras[0].target, scene.cameras[0].field, (width, height))
-    lit = [each.lit(np.ones((6, 8, 8, 3)), suns) for each in objects]
-    meshes = [each.mesh for each in objects]
-    colours = [each.terms(camera.eye) for each in lit]
-    radiance, cover = picture(meshes, colours, MeshGroup(meshes).occluder, camera, scene.sky.environment(), lit)
-    x = np.maximum(radiance * 2 ** driver.execute_script("return homofact.view.stops"), 0)
-    x = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
-    expected = encode_srgb(torch.from_numpy(x)).numpy() * 255
-    return np.abs(shown - expected).max(-1)[cover > 0.999]
+    shown = shown_picture(driver)
+    size = (shown.shape[1], shown.shape[0])
+    expected, cover = library_picture(driver, scene, objects, np.ones((6, 8, 8, 3)), size, suns)
+    return np.abs(shown - expected).max(-1)[cover]
 
 
 def test_a_disc_wider_than_a_lobe_is_asked_at_several_directions(suns: Any) -> None:

@@ -5,21 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
-from browser import browser, complaints, headless
-from relit_page import change, eye_of, statistics
+from relit_page import change, library_picture, relit_page, shown_picture, statistics
 from textured import written
 
 from homofact.relighting.build import open_relight_scene, relit_objects
 from homofact.relighting.errors import dense_colours, relative
 from homofact.relighting.page import build
-from homofact.relighting.page.relit_page import write_relit_page
-from homofact.relighting.picture import picture
 from homofact.relighting.result import RelightResult
 from homofact.relighting.scene_file import read_relight_scene
-from homofact.rendering.tonemap import encode_srgb
-from homofact.scene.cameras import Camera
-from homofact.scene.meshes import MeshGroup
 from homofact.scene.tint import SurfaceTint
 
 SCENE = """
@@ -64,17 +57,8 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
 
 @pytest.fixture(scope="module")
 def opened(scene: RelightResult, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    folder = tmp_path_factory.mktemp("page")
-    write_relit_page(folder / "textures.html", scene)
-    with browser(folder) as driver:
-        headless.open_page(driver, folder / "textures.html")
-        driver.execute_script(
-            "const p = document.getElementById('picture'); p.style.width = '420px'; p.style.height = '320px';"
-            "homofact.changed('picture');"
-        )
-        headless.settled(driver)
+    with relit_page(tmp_path_factory.mktemp("page"), scene) as driver:
         yield driver
-        assert complaints(driver) == []
 
 
 @pytest.fixture
@@ -84,33 +68,15 @@ def page(opened: Any) -> Any:
     return opened
 
 
-def shown(driver: Any, script: str = "homofact.pixels()") -> np.ndarray:
-    """The page's picture (H, W, 3) from above, 0 to 255."""
-    width, height, data = driver.execute_script(
-        f"const p = {script}, c = homofact.view.stage.canvas; return [c.width, c.height, Array.from(p)]"
-    )
-    return np.array(data, float).reshape(height, width, 4)[::-1, :, :3]
-
-
-def expected(driver: Any, scene: RelightResult, size: tuple[int, int], suns: bool) -> tuple[np.ndarray, np.ndarray]:
-    """(the library's picture as the page would show it, whether a pixel is all surface)."""
-    camera = Camera(tuple(eye_of(driver)), scene.cameras[0].target, scene.cameras[0].field, size)
-    lit, meshes = [each.lit(SKY, suns) for each in scene.objects], [each.mesh for each in scene.objects]
-    colours = [each.terms(camera.eye) for each in lit]
-    radiance, cover = picture(meshes, colours, MeshGroup(meshes).occluder, camera, scene.sky.environment(), lit)
-    x = np.maximum(radiance * 2 ** driver.execute_script("return homofact.view.stops"), 0)
-    x = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
-    return encode_srgb(torch.from_numpy(x)).numpy() * 255, cover > 0.999
-
-
 @pytest.mark.parametrize("interpolation", ["vertex", "pixel"])
 @pytest.mark.parametrize("suns", [True, False])
 def test_pixels_have_the_colours_of_the_textures(
     page: Any, scene: RelightResult, interpolation: str, suns: bool
 ) -> None:
     change(page, suns=suns, interpolation=interpolation)
-    found = shown(page)
-    wanted, cover = expected(page, scene, (found.shape[1], found.shape[0]), suns)
+    found = shown_picture(page)
+    size = (found.shape[1], found.shape[0])
+    wanted, cover = library_picture(page, scene, scene.objects, SKY, size, suns)
     apart = np.abs(found - wanted).max(-1)[cover]
     assert len(apart) > 15_000
     # The separate lobe is at vertices in this picture, and where colours meet the texture has smaller copies.
@@ -140,7 +106,7 @@ def test_a_reference_is_compared_at_vertices(page: Any) -> None:
     """Beside it the page's own texture is that of the vertices too: what differs is no finer texture."""
     assert statistics(page)["error"] < 0.05
     change(page, "light-shown", show="difference", range=0.5)
-    found = shown(page, "(homofact.view.stage.draw(homofact.view, false), homofact.view.stage.pixels())")
+    found = shown_picture(page, "(homofact.view.stage.draw(homofact.view, false), homofact.view.stage.pixels())")
     ground = found[0, 0]
     assert (np.abs(found - ground).max(-1) > 60).mean() < 0.03
 

@@ -1,4 +1,4 @@
-"""The comparison of a GPU with the processor: the processor against itself, and devices that torch does not have."""
+"""The comparison of a GPU with the CPU: the CPU against itself, and devices that torch does not have."""
 
 from collections.abc import Callable
 from types import ModuleType
@@ -9,9 +9,7 @@ import torch
 from homofact.errors import BadInput
 
 
-def test_the_processor_gives_its_own_answers(
-    script: Callable[[str], ModuleType], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_cpu_gives_its_own_answers(script: Callable[[str], ModuleType], capsys: pytest.CaptureFixture[str]) -> None:
     assert script("speed.device").main(["--device", "cpu", "--short", "--only", "normal"]) == 0
     (row,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| normal equations")]
     assert row.split(" | ")[-1] == "0.0e+00 |"
