@@ -1,10 +1,10 @@
-"""Compare a GPU with the processor: evaluation, normal equations, solves, slopes and whole fits.
+"""Compare a GPU with the CPU: evaluation, normal equations, solves, slopes and whole fits.
 
     python scripts/speed/device.py [--device cuda] [--cpu-threads N] [--rgl FILE] [--short] [--out FILE.md]
 
 Every work is done on both in turn, in one run, on the same numbers, and the two answers are compared: the column
 "apart" gives the largest difference over the largest value (of a fit: the difference of the two errors over the error).
-A timing is the least of several after a first, and ends when the device has finished. On the processor the works take
+A timing is the least of several after a first, and ends when the device has finished. On the CPU the works take
 the path that they take in a fit (compiled where there is a compiled one). Without such a device the script says so and
 ends with code 2.
 """
@@ -126,7 +126,7 @@ def evaluations(short: bool) -> Iterator[Work]:
 
 
 def logs_of(count: int) -> tuple[Samples, LogSamples]:
-    """(samples of the material, their logs), on the processor."""
+    """(samples of the material, their logs), on the CPU."""
     samples = sample_model(material(MATERIAL).model, count, "discs", 0)
     return samples, LogSamples.of(samples, transform_of(samples, Cole(epsilon=1e-5)))
 
@@ -248,7 +248,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Do every work on both, print the table, and write it where it is asked for."""
     parser = parser_of(__doc__, "out")
     parser.add_argument("--device", default="cuda", help="torch's name of the device (%(default)s)")
-    parser.add_argument("--cpu-threads", type=int, help="threads of torch on the processor; by default all cores")
+    parser.add_argument("--cpu-threads", type=int, help="threads of torch on the CPU; by default all cores")
     parser.add_argument("--rgl", type=Path, help="an RGL file, to fit it too")
     parser.add_argument("--only", help="works whose names contain this")
     options = parser.parse_args(arguments)
@@ -279,7 +279,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(*row, sep=" | ", flush=True)
             rows.append(row)
     name = torch.cuda.get_device_name(device) if device.type == "cuda" else str(device)
-    header = ("work", "size", "processor, ms", "device, ms", "times faster", "apart")
+    header = ("work", "size", "CPU, ms", "device, ms", "times faster", "apart")
     text = f"{name} beside {torch.get_num_threads()} threads. {machine()}\n\n{markdown(header, rows, 2)}\n"
     return finish(text, options)
 
