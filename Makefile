@@ -41,7 +41,7 @@ nightly: $(READY)
 
 # The atlas of failures, remade with its document: minutes. Real measurements are looked for in HOMOFACT_DATA.
 stability: $(READY)
-	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/homofact stability --out docs/pictures/stability --document docs/stability.md
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/homofact research stability --out docs/pictures/stability --document docs/stability.md
 
 # Wheel and sdist in dist/. What they take when installed: python scripts/checks/clean_install.py.
 wheel: $(READY)

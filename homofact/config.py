@@ -8,7 +8,6 @@ other value, since only a missing key falls through. The sections:
     [fit]                # the method's name and its settings, all but its seed: `FitSection`
     [evaluate]           # `EvaluateSettings`
     [compare]            # `CompareSettings`
-    [chart]              # `ChartSettings`
     [output]             # `OutputSettings`
     [render]             # `RenderSettings`
 
@@ -28,7 +27,6 @@ from homofact.files.reading import read_toml
 from homofact.methods import shared
 from homofact.methods.table import ALL_METHODS
 from homofact.sections import (
-    ChartSettings,
     CompareSettings,
     EvaluateSettings,
     FitSection,
@@ -50,7 +48,6 @@ class ConfigTable:
     fit: FitSection = field(default_factory=FitSection)
     evaluate: EvaluateSettings = field(default_factory=EvaluateSettings)
     compare: CompareSettings = field(default_factory=CompareSettings)
-    chart: ChartSettings = field(default_factory=ChartSettings)
     output: OutputSettings = field(default_factory=OutputSettings)
     render: RenderSettings = field(default_factory=RenderSettings)
 

@@ -105,11 +105,14 @@ class EvaluateSettings(_Checked):
 
 
 @dataclass(frozen=True)
-class _SeveralMethods(_Checked):
-    """What is fitted by which methods side by side; no sources means the one of [source].
+class CompareSettings(_Checked):
+    """What is fitted by which methods side by side: `methods` to each of `sources`, or to the one of [source].
 
     A method is a name, `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`), or `ggx:` and a
-    number of lobes.
+    number of lobes. `plot` is the figure's file, where one is wanted. `metrics` names what they are measured by: six,
+    all, or single metrics; `csv` and `latex` are files for their means and standard deviations over sources and seeds.
+    With the folder `chart`, each source is fitted by methods × `textures` × `size` × `search` instead. McCool's
+    fixed lists take neither counts nor searches, and only `search` takes searches.
     """
 
     sources: tuple[str, ...] = option(
@@ -120,38 +123,29 @@ class _SeveralMethods(_Checked):
         "Methods, separated by commas; mccool:A+B uses the fixed projections A and B, ggx:2 two lobes",
         expected_instead=_several,
     )
-
-
-@dataclass(frozen=True)
-class CompareSettings(_SeveralMethods):
-    """`methods` are fitted side by side to each of `sources`; `plot` is the figure's file, where one is wanted.
-
-    `metrics` names what they are measured by: six, all, or single metrics; `csv` and `latex` are files for their means
-    and standard deviations over sources and seeds.
-    """
-
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")
     csv: str | None = option(None, "Write means and standard deviations over sources and seeds (.csv)", metavar="FILE")
     latex: str | None = option(None, "Write the same as a LaTeX table for booktabs (.tex)", metavar="FILE")
     metrics: tuple[str, ...] = option(
         ("six",), "Metrics: six, all, or names separated by commas (an unknown name lists all)"
     )
-
-
-@dataclass(frozen=True)
-class ChartSettings(_SeveralMethods):
-    """What a chart runs on each of `sources`: methods × counts of textures × sizes × searches.
-
-    McCool's fixed lists take neither counts nor searches, and only `search` takes searches.
-    """
-
-    textures: tuple[int, ...] = option((1, 2, 3), "Numbers of textures, separated by commas", expected_instead=_several)
-    sizes: tuple[int, ...] = option((8, 16, 32), "Texels per side, separated by commas", expected_instead=_several)
-    searches: tuple[str, ...] = option(
-        ("gradient",),
-        "Optimizers of the search, separated by commas: gradient, powell, nlopt-NAME",
-        expected_instead=_several,
+    chart: str | None = option(
+        None, "Fit many sizes, and draw error against bytes and time into this folder", metavar="FOLDER"
     )
+    textures: tuple[int, ...] | None = option(
+        None, "Number of textures; for a chart several, separated by commas", expected_instead=_several,
+        none="2; 1,2,3 for a chart", metavar="N[,N...]", panel=FIT, everyday=True,
+    )  # fmt: skip
+    size: tuple[int, ...] | None = option(
+        None, "Texels per side; for a chart several, separated by commas", expected_instead=_several,
+        none="16; 8,16,32 for a chart", metavar="N[,N...]", panel=FIT, everyday=True,
+    )  # fmt: skip
+    search: tuple[str, ...] | None = option(
+        None,
+        "Optimizer of the projections: gradient, powell, or nlopt-NAME such as nlopt-PRAXIS; for a chart several,"
+        " separated by commas",
+        expected_instead=_several, none="gradient", panel=FIT,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -159,7 +153,7 @@ class OutputSettings(_Checked):
     """Where the result goes (`folder`), and whether a result already there is replaced (`force`)."""
 
     folder: str | None = option(None, "Folder for the result", flag="out", metavar="FOLDER", panel=OUTPUT)
-    force: bool = option(False, "Replace an existing result; repeat a chart's fits", panel=OUTPUT)
+    force: bool = option(False, "Replace an existing result; repeat the fits of a chart", panel=OUTPUT)
 
 
 @dataclass(frozen=True)

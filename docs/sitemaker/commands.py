@@ -21,14 +21,27 @@ def command_pages(pages: Mapping[str, str]) -> dict[str, str]:
     from homofact.cli.main import app
 
     group: Any = get_command(app)
-    commands: dict[str, Any] = group.commands
-    found = {f"commands/{name}": _page(name, command, pages) for name, command in commands.items()}
+    commands = _with_inner(group.commands)
+    found = {f"commands/{_slug(name)}": _page(name, command, pages) for name, command in commands.items()}
     return found | {"commands/index": _index(commands)}
+
+
+def _with_inner(commands: Mapping[str, Any]) -> dict[str, Any]:
+    """The commands by name, with those of a group instead of the group: "research terms"."""
+    found: dict[str, Any] = {}
+    for name, command in commands.items():
+        inner = getattr(command, "commands", None)
+        found |= {name: command} if inner is None else {f"{name} {each}": inner[each] for each in inner}
+    return found
+
+
+def _slug(name: str) -> str:
+    return name.replace(" ", "-")
 
 
 def runs_of(text: str) -> set[str]:
     """The commands of homofact that a page runs, in its blocks and in code within its lines."""
-    return set(re.findall(r"(?:^\s*|`|\$ )(?:\.venv/bin/)?homofact ([a-z]+)\b", text, re.MULTILINE))
+    return set(re.findall(r"(?:^\s*|`|\$ )(?:\.venv/bin/)?homofact ((?:research )?[a-z]+)\b", text, re.MULTILINE))
 
 
 def _index(commands: Mapping[str, Any]) -> str:
@@ -43,7 +56,7 @@ def _index(commands: Mapping[str, Any]) -> str:
     ]  # fmt: skip
     for panel, group in groupby(commands.items(), lambda item: item[1].rich_help_panel):
         lines += [f"## {panel}", "", "| command | what it does |", "| --- | --- |"]
-        lines += [f"| [`homofact {name}`](/commands/{name}.md) | {_first(command)} |" for name, command in group]
+        lines += [f"| [`homofact {name}`](/commands/{_slug(name)}.md) | {_first(command)} |" for name, command in group]
         lines.append("")
     return "\n".join(lines)
 

@@ -1,15 +1,18 @@
-"""`homofact compare`: several methods fitted to the same split, side by side; over several sources, their means."""
+"""`homofact compare`: several methods fitted to the same split, side by side; their means, or a chart over sizes."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.charts import compared_methods, draw_charts
 from homofact.cli.screen import Screen, say_ending, say_subset
 from homofact.cli.subject import sources_of
 from homofact.cli.tables import appearance_tables, cost_table, error_table, mean_table, metric_tables
 from homofact.cli.verdicts import brief_lines, names_of, strictness
+from homofact.errors import BadInput
 from homofact.sections import FIT
 
 if TYPE_CHECKING:
@@ -29,7 +32,8 @@ Seeds = Annotated[
 
 
 @o.configured(
-    "compare.sources", "compare", "source", "evaluate", "fit", "seed", but=("source.path", "fit.method")
+    "compare.sources", "compare", "output.force", "source", "evaluate", "fit", "seed",
+    but=("source.path", "fit.method", "fit.textures", "fit.size", "fit.search"),
 )  # fmt: skip
 def compare(
     settings: "Config",
@@ -44,14 +48,25 @@ def compare(
     For several sources, and with --csv or --latex, it gives means and
     standard deviations over sources and seeds, by method and bytes. After
     Ctrl-C it prints the finished comparisons and exits with code 130.
+
+    With --chart it runs methods × textures × sizes × searches: each SOURCE
+    gets NAME.csv with every run, NAME_time (error against fitting time) and
+    NAME_cost (error against bytes and fetches), as PNG and SVG. It does not
+    repeat fits that are already in the CSV.
     """
     asked = settings.compare
     sources = sources_of(settings, asked.sources)
-    fits = settings.fit.methods(asked.methods)
+    screen = Screen(as_json, quiet)
+    if asked.chart is not None:
+        for name, value in (("strict", strict), ("refuse", refuse)):
+            if value:
+                raise BadInput("given beside a chart", where=name, expected="one of the two")
+        draw_charts(settings, Path(asked.chart), sources, seeds, screen, quiet)
+        return
+    fits = compared_methods(settings)
 
     from homofact.api.comparing import compare
 
-    screen = Screen(as_json, quiet)
     with screen.progress() as progress:
         found = compare(
             sources if len(sources) > 1 else sources[0], fits, held_out=settings.evaluate.held_out,

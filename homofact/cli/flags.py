@@ -10,7 +10,7 @@ _ADVICE = re.compile(r"`(?:(\w+)\()?(\w+)=('[^']*'|[^`()]+)\)?`")
 _ARGUMENTS = {"convert": "IN OUT"}
 # A function of the library, perhaps with what it is given: "`homofact.edit`", "`homofact.fit('a.brdf')`".
 _FUNCTION = re.compile(r"`homofact\.(\w+)(?:\(('[^`]*'|\"[^`]*\")\))?`")
-_COMMANDS = {"fit": "factorize"}
+_COMMANDS = {"fit": "factorize", "terms": "research terms"}
 
 
 def option(advice: Advice) -> str:

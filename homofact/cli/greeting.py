@@ -13,7 +13,7 @@ the shader that reads them.
   homofact compare paint.brdf                   compare several methods
 
 If you have no measurement, use a named material such as
-material:lafortune-blue-paint. `homofact materials` lists them.
+material:lafortune-blue-paint. `homofact info` lists them.
 
 `homofact --help` lists all commands, `homofact factorize --help` the options
 of one.

@@ -7,6 +7,7 @@ import typer
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.materials import list_materials
 from homofact.cli.screen import Screen
 from homofact.cli.subject import source_of
 from homofact.cli.tables import facts_table
@@ -19,20 +20,30 @@ if TYPE_CHECKING:
 def info(
     settings: "Config",
     drawing: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw a slice, lobes and a lit sphere.")
+        Path | None,
+        typer.Option(
+            "--plot",
+            metavar="FILE.png",
+            help="Draw a slice, lobes and a lit sphere; without SOURCE, a sphere of each named material.",
+        ),
     ] = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
     """Describe a measurement's file, a named material, a result or a scene.
 
+    Without SOURCE it lists the named materials: material:NAME is a SOURCE.
     For a result's folder (homofact factorize) it prints the fit and its
     error bars at each angle. For the folder of a scene (homofact relight,
     homofact edit) it prints the contents and their errors.
     """
+    screen = Screen(as_json, quiet)
+    if settings.source.path is None:
+        list_materials(drawing, screen)
+        return
+
     from homofact.api.describing import info
 
-    screen = Screen(as_json, quiet)
     with screen.progress() as progress:
         found = info(source_of(settings), plot=drawing, seed=settings.seed, progress=progress)
     screen.show(facts_table(found.name, found.rows), *map(Text, found.mended))

@@ -27,9 +27,8 @@ from homofact.files.embedded import embedded
 from homofact.files.words import harmless
 from homofact.version import __version__
 
-_BEGIN, _DATA, _JUDGE, _SCENES, _MANY = (
-    "First steps", "Data", "Quality of a fit", "Scenes", "Whole databases",
-)  # fmt: skip
+_BEGIN, _DATA, _SCENES, _MANY, _MORE = "First steps", "Data", "Scenes", "Whole databases", "More"
+_RESEARCH = "Research"
 # Heading, name and first sentence of each command: the list of all is shown without loading them.
 COMMANDS = (
     (_BEGIN, "factorize", "Fit a BRDF and write its textures, pictures and errors to a folder."),
@@ -37,20 +36,27 @@ COMMANDS = (
     (_BEGIN, "export", "Write textures and the shaders that read them: GLSL, HLSL, WGSL, C."),
     (_BEGIN, "compare", "Fit several methods to the same samples and print their errors and costs."),
     (_BEGIN, "info", "Describe a measurement's file, a named material, a result or a scene."),
-    (_DATA, "materials", "List the named materials that you can use as SOURCE: material:NAME."),
     (_DATA, "convert", "Convert a measurement, a named material or a fit to the format of OUT's ending."),
     (_DATA, "render", "Draw a sphere of a result or a source under a directional light or an environment map."),
-    (_JUDGE, "chart", "Fit many sizes and methods, and draw error against bytes and time."),
-    (_JUDGE, "stability", "Fit difficult data by every method, and find errors without a warning."),
-    (_JUDGE, "terms", "Predict and count the in-out terms (SVD) that a material needs."),
     (_SCENES, "plan", "Find the smallest representation of each material of a scene within your tolerance."),
     (_SCENES, "relight", "Precompute objects with their shadows, so that you can change their light."),
     (_SCENES, "edit", "Precompute a scene under its light, so that you can edit its materials."),
     (_MANY, "sweep", "Fit many sources by several methods, and save every result."),
     (_MANY, "report", "Write the report of a sweep as a site that opens without network."),
-    ("This installation", "doctor", "Check what is installed, what works, and what is missing for more features."),
+    (_MORE, "doctor", "Check what is installed, what works, and what is missing for more features."),
+    (_MORE, "research", "Commands for research: where fits fail, and how many terms a material needs."),
 )
-_PANELS = {name: panel for panel, name, _ in COMMANDS}
+RESEARCH = (
+    (_RESEARCH, "stability", "Fit difficult data by every method, and find errors without a warning."),
+    (_RESEARCH, "terms", "Predict and count the in-out terms (SVD) that a material needs."),
+)
+# Commands of 0.2.0 that are part of others now.
+_RENAMED = {
+    "chart": "homofact compare SOURCE --chart FOLDER",
+    "materials": "homofact info without a source",
+    "stability": "homofact research stability",
+    "terms": "homofact research terms",
+}
 
 
 class _Command(TyperCommand):
@@ -65,42 +71,79 @@ class _Command(TyperCommand):
 class _Commands(Mapping[str, Any]):
     """The commands by name, each loaded when it is needed."""
 
-    def __init__(self) -> None:
+    def __init__(self, rows: Sequence[tuple[str, str, str]]) -> None:
+        self._panels = {name: panel for panel, name, _ in rows}
         self._loaded: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._loaded:
-            panel = _PANELS[name]
-            alone = typer.Typer(add_completion=False)
-            function = getattr(import_module(f"homofact.cli.{name}"), name)
-            alone.command(name, cls=_Command, rich_help_panel=panel)(function)
-            self._loaded[name] = get_command(alone)
+            panel = self._panels[name]
+            if name == "research":
+                self._loaded[name] = _research(panel)
+            else:
+                alone = typer.Typer(add_completion=False)
+                function = getattr(import_module(f"homofact.cli.{name}"), name)
+                alone.command(name, cls=_Command, rich_help_panel=panel)(function)
+                self._loaded[name] = get_command(alone)
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(_PANELS)
+        return iter(self._panels)
 
     def __len__(self) -> int:
-        return len(_PANELS)
+        return len(self._panels)
 
 
 class _Group(TyperGroup):
     """The commands, of which the help of all loads none."""
 
+    rows = COMMANDS
+
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands: Any = _Commands()
+        self.commands: Any = _Commands(self.rows)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """The names in the order of the help."""
         return list(self.commands)
 
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of a name. Raises BadInput for the name of an older version."""
+        if cmd_name in _RENAMED and cmd_name not in self.commands:
+            raise BadInput("no command of this version", where=cmd_name, hint=f"now: {_RENAMED[cmd_name]}")
+        return super().get_command(ctx, cmd_name)
+
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """The help of all commands: the first sentence of each."""
         loading = self.commands
-        self.commands = {name: TyperCommand(name, help=said, rich_help_panel=panel) for panel, name, said in COMMANDS}
+        self.commands = {name: TyperCommand(name, help=said, rich_help_panel=panel) for panel, name, said in self.rows}
         super().format_help(ctx, formatter)
         self.commands = loading
+
+
+class _ResearchGroup(_Group):
+    """The commands under `homofact research`."""
+
+    rows = RESEARCH
+
+    def get_help_option_names(self, ctx: Any) -> list[str]:
+        """The words that ask for help, as for a command."""
+        return ["--help", "-h", "--help-all"]
+
+
+def _research(panel: str) -> Any:
+    """The group `homofact research`."""
+    group = typer.Typer(name="research", cls=_ResearchGroup, add_completion=False)
+
+    @group.callback(invoke_without_command=True)
+    def research(context: typer.Context) -> None:
+        """Commands for research: where fits fail, and how many terms a material needs."""
+        if context.invoked_subcommand is None:
+            typer.echo(context.get_help())
+
+    made = get_command(group)
+    made.rich_help_panel = panel
+    return made
 
 
 app = typer.Typer(

@@ -1,31 +1,21 @@
-"""`homofact materials`: the named materials, and a picture of them all."""
+"""The list of the named materials, which `homofact info` prints without a source, and a picture of them all."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.text import Text
 
 from homofact.api.places import check_file
-from homofact.cli import options as o
 from homofact.cli.layout import add_names, plain_table
 from homofact.cli.screen import Screen
 
 
-def materials(
-    drawing: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw a sphere of each material under a sky.")
-    ] = None,
-    as_json: o.AsJson = False,
-    quiet: o.Quiet = False,
-) -> None:
-    """List the named materials that you can use as SOURCE: material:NAME."""
+def list_materials(drawing: Path | None, screen: Screen) -> None:
+    """Print the named materials, and draw a sphere of each under a sky. Raises BadInput for a picture's other ending."""
     if drawing is not None:
         check_file(drawing, ".png")
 
     from homofact.brdf.materials import MATERIALS
 
-    screen = Screen(as_json, quiet)
     if drawing is not None:
         from homofact.figures.material_sheet import material_sheet
 

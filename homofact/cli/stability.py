@@ -1,4 +1,4 @@
-"""`homofact stability`: the atlas of where fits and linear solvers fail."""
+"""`homofact research stability`: the atlas of where fits and linear solvers fail."""
 
 import time
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`homofact terms`: the number of in-out terms for a material, and what a homomorphic fit costs instead."""
+"""`homofact research terms`: the number of in-out terms for a material, and what a homomorphic fit costs instead."""
 
 from typing import TYPE_CHECKING, Annotated, Any
 

@@ -8,7 +8,7 @@ from homofact.errors import BadInput
 CONFIGURATION, SWEEP = "a configuration", "a sweep"
 PLANNING, RELIGHTING, EDITING = "a scene for planning", "a scene for relighting", "a scene for editing"
 TAKEN_BY = {CONFIGURATION: "fit", SWEEP: "sweep", PLANNING: "plan", RELIGHTING: "relight", EDITING: "edit"}
-_CONFIGURATION = {"fit", "evaluate", "compare", "chart", "output", "render"}
+_CONFIGURATION = {"fit", "evaluate", "compare", "output", "render"}
 _RELIGHTING, _EDITING = {"terms", "error", "share"}, {"name", "curves", "bands"}
 
 

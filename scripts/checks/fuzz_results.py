@@ -338,7 +338,7 @@ def use_scene(path: Path) -> None:
 
 
 def use_ledger(path: Path) -> None:
-    """What `homofact chart` does with the CSV that is there."""
+    """What `homofact compare --chart` does with the CSV that is there."""
     len(ChartLedger(path))
 
 

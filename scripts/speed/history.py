@@ -62,11 +62,19 @@ class Line:
 
 @dataclass(frozen=True)
 class Command:
-    """What is run: words after `homofact`, `{out}` a new folder and `{fit}` the fit of an earlier command."""
+    """What is run: words after `homofact`, `{out}` a new folder and `{fit}` the fit of an earlier command.
+
+    `older` are the words of versions whose charts were a command of their own.
+    """
 
     name: str
     words: tuple[str, ...]
     fits: bool = False
+    older: tuple[str, ...] = ()
+
+    def words_of(self, checkout: Path) -> tuple[str, ...]:
+        """The words for the version in a folder."""
+        return self.older if self.older and (checkout / "homofact" / "cli" / "chart.py").is_file() else self.words
 
 
 def reference() -> float:
@@ -100,8 +108,9 @@ def commands(folder: Path, short: bool, long: bool) -> Iterator[Command]:
     yield Command("export", ("export", "{fit}", "--to", "{out}"))
     yield Command("view", ("view", "{fit}", "--out", "{out}.html"))
     if long:
-        grid = ("--textures", "1,2,3", "--sizes", "8,16", "--effort", "quick")
-        yield Command("chart", ("chart", "material:lafortune-blue-paint", *grid, "--out", "{out}"))
+        paint, grid = "material:lafortune-blue-paint", ("--textures", "1,2,3", "--effort", "quick")
+        charted = ("compare", paint, *grid, "--size", "8,16", "--chart", "{out}")
+        yield Command("chart", charted, older=("chart", paint, *grid, "--sizes", "8,16", "--out", "{out}"))
         scene = str(ROOT / "configs" / "scenes" / "example.toml")
         yield Command("plan", ("plan", scene, "--against", "sun", "--plot", "{out}.png"))
 
@@ -131,7 +140,7 @@ def measured(
     for turn in range(repeats):
         for number, checkout in enumerate(checkouts):
             out = place / f"{command.name.replace(' ', '-')}-{number}-{turn}"
-            words = [word.format(out=out, fit=fits.get(checkout, "")) for word in command.words]
+            words = [word.format(out=out, fit=fits.get(checkout, "")) for word in command.words_of(checkout)]
             os.environ["PYTHONPATH"] = str(checkout)
             # -P: not the package in the working folder.
             run = timed([HOMOFACT[0], "-P", *HOMOFACT[1:], *words])

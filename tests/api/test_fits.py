@@ -207,7 +207,7 @@ def test_importing_and_making_methods_loads_no_torch() -> None:
 def test_help_loads_no_torch() -> None:
     program = (
         "import sys\nfrom homofact.cli.main import main\n"
-        "main(['--help']), main(['factorize', '--help']), main(['compare', '--help']), main(['chart', '--help'])\n"
+        "main(['--help']), main(['factorize', '--help']), main(['compare', '--help']), main(['research', '--help'])\n"
         "print([name for name in ('torch', 'numpy', 'scipy', 'matplotlib') if name in sys.modules])\n"
     )
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout

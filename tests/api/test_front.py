@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 
 import homofact
-from homofact.cli.main import COMMANDS
+from homofact.cli.main import COMMANDS, RESEARCH
 
 # It needs a prepared scene and curves that were drawn in its page.
 NO_EXAMPLE = {"apply_curves"}
 FUNCTIONS = [name for name in homofact.__all__ if inspect.isfunction(getattr(homofact, name))]
 METHODS = ("Search", "Cole", "McCool", "Svd", "Nmf", "Ggx", "Gaussians", "Npf", "Nbrdf")
 # What they do is about this installation, or has no result but a list or a document.
-COMMANDS_ALONE = {"doctor", "materials", "stability"}
+COMMANDS_ALONE = {"doctor", "research", "stability"}
 
 
 def parameters_in(text: str, following: str) -> set[str]:
@@ -53,7 +53,7 @@ def test_no_package_has_the_name_of_a_function() -> None:
 
 
 def test_every_command_is_a_function() -> None:
-    assert {name for _, name, _ in COMMANDS} - COMMANDS_ALONE <= set(FUNCTIONS)
+    assert {name for _, name, _ in (*COMMANDS, *RESEARCH)} - COMMANDS_ALONE <= set(FUNCTIONS)
 
 
 def test_importing_and_looking_around_loads_nothing() -> None:

@@ -92,7 +92,7 @@ def test_an_interrupt_that_a_library_swallows_is_not_lost(
     # A library that another test has loaded may have left a handler of its own.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        assert main(["materials", "--json"]) == 130
+        assert main(["info", "--json"]) == 130
         assert "homofact: interrupted, but the work is done\n" in capsys.readouterr().err
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
@@ -118,7 +118,7 @@ def test_an_interrupted_sweep_says_what_is_kept(
     assert capsys.readouterr().err.endswith(words)
 
 
-@pytest.mark.parametrize("command", ["factorize", "chart", "sweep", "info"])
+@pytest.mark.parametrize("command", ["factorize", "compare", "sweep", "info"])
 def test_a_full_disk_names_what_was_asked_for(
     command: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -130,7 +130,7 @@ def test_a_full_disk_names_what_was_asked_for(
 
     monkeypatch.setattr(os, "fsync", full)
     source = "sweep.toml" if command == "sweep" else "material:phong-10"
-    to = ["--plot", "asked.png"] if command == "info" else ["--out", "asked"]
+    to = {"info": ["--plot", "asked.png"], "compare": ["--chart", "asked"]}.get(command, ["--out", "asked"])
     assert main([command, source, *to]) == 2
     words = f"homofact: {to[1]}: cannot be written (No space left on device), expected a writable place\n"
     assert capsys.readouterr().err == words

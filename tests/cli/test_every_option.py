@@ -29,12 +29,10 @@ OWN: dict[str, tuple[str, str]] = {
     "cole.joint_terms": ("1", "1"),
     "source.path": ("material:phong-10", '"material:phong-10"'),
     "source.channels": ("550nm", '"550nm"'),
-    "chart.sources": ("material:phong-10", '["material:phong-10"]'),
     "compare.sources": ("material:phong-10", '["material:phong-10"]'),
-    "chart.methods": ("mccool:wi+h,svd", '["mccool:wi+h", "svd"]'),
-    "chart.textures": ("4,5", "[4, 5]"),
-    "chart.sizes": ("4,5", "[4, 5]"),
-    "chart.searches": ("powell,gradient", '["powell", "gradient"]'),
+    "compare.textures": ("4,5", "[4, 5]"),
+    "compare.size": ("4,5", "[4, 5]"),
+    "compare.search": ("powell,gradient", '["powell", "gradient"]'),
     "compare.methods": ("mccool:wi+h,svd", '["mccool:wi+h", "svd"]'),
     "compare.metrics": ("all", '["all"]'),
     "render.light": ("1,0,0.5", "[1, 0, 0.5]"),
@@ -159,10 +157,10 @@ def test_a_setting_of_other_methods_is_refused_by_name(
 COMMANDS = {
     "source.path": "info", "source.channels": "info", "source.count": "info", "source.scheme": "info",
     "source.calibrate": "info", "source.clipped": "info",
-    "source.subset": "compare", "evaluate.held_out": "terms", "compare.methods": "compare", "compare.plot": "compare",
+    "source.subset": "compare", "evaluate.held_out": "compare", "compare.methods": "compare", "compare.plot": "compare",
     "compare.metrics": "compare", "compare.sources": "compare", "compare.csv": "compare", "compare.latex": "compare",
-    "chart.sources": "chart", "chart.methods": "chart", "chart.textures": "chart",
-    "chart.sizes": "chart", "chart.searches": "chart", "output.folder": "factorize", "output.force": "convert",
+    "compare.chart": "compare", "compare.textures": "compare",
+    "compare.size": "compare", "compare.search": "compare", "output.folder": "factorize", "output.force": "convert",
     "render.light": "render", "render.environment": "render", "render.exposure": "render", "render.tonemap": "render",
     "render.size": "render", "render.file": "render",
     "fit.method": "factorize", "seed": "factorize",
@@ -200,10 +198,10 @@ def test_every_key_of_a_section_is_an_option_and_a_key_of_toml(
 
 
 def test_the_help_has_every_option_of_the_methods_with_whose_it_is_and_its_default() -> None:
-    for command in ("factorize", "compare", "chart"):
+    for command in ("factorize", "compare"):
         own = {each.name: each.help for each in get_command(app).commands[command].params}  # type: ignore[attr-defined]
         for name, by_method in fit_options().items():
-            if command == "chart" and name in ("textures", "size", "bytes", "search"):
+            if command == "compare" and name in ("textures", "size", "search"):
                 continue
             said = own[f"fit_{name}"]
             whose = "all methods" if len(by_method) == len(METHODS) else next(iter(by_method))

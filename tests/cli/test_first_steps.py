@@ -14,7 +14,7 @@ from typer.main import get_command
 from homofact.brdf.materials import MATERIALS
 from homofact.brdf.source_names import MATERIAL_NAMES
 from homofact.cli import doctor
-from homofact.cli.main import COMMANDS, app, main
+from homofact.cli.main import COMMANDS, RESEARCH, app, main
 
 
 def test_alone_it_greets_with_commands_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
@@ -25,7 +25,7 @@ def test_alone_it_greets_with_commands_that_exist(capsys: pytest.CaptureFixture[
     assert named == ["info", "factorize", "view", "export", "compare"]
     assert main(["--help"]) == 0
     helped = capsys.readouterr().out
-    for each in (*named, "materials", "doctor"):
+    for each in (*named, "research", "doctor"):
         assert f"│ {each} " in helped
 
 
@@ -44,28 +44,54 @@ def test_a_long_help_shows_ten_options_and_all_when_asked(capsys: pytest.Capture
     assert "--calibrate" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", [name for _, name, _ in COMMANDS])
+@pytest.mark.parametrize("command", [name for _, name, _ in COMMANDS] + [f"research {name}" for _, name, _ in RESEARCH])
 def test_every_command_takes_help_all(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, "--help-all"]) == 0
+    assert main([*command.split(), "--help-all"]) == 0
     whole = capsys.readouterr().out
     assert f"Usage: homofact {command} " in whole
-    assert main([command, "-h"]) == 0
+    assert main([*command.split(), "-h"]) == 0
     short = capsys.readouterr().out
-    if command not in ("factorize", "compare", "chart", "stability"):
+    if command not in ("factorize", "compare"):
         assert whole == short
         assert "--help,--help-all" in short
 
 
-def test_the_help_of_all_says_the_first_sentence_of_each_command_and_loads_none() -> None:
+def test_the_help_of_all_says_the_first_sentence_of_each_command_and_loads_none(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     commands: Any = get_command(app)
-    for panel, name, said in COMMANDS:
-        command = commands.commands[name]
+    inner = commands.commands["research"].commands
+    for panel, name, said in (*COMMANDS, *RESEARCH):
+        command = inner[name] if panel == "Research" else commands.commands[name]
         assert (panel, said) == (command.rich_help_panel, command.help.split("\n\n")[0].replace("\n", " "))
     program = "import sys\nfrom homofact.cli.main import main\nassert main(['--help']) == 0\n"
     program += "assert not {f'homofact.cli.{name}' for name in sys.argv[1:]} & set(sys.modules)"
     names = [name for _, name, _ in COMMANDS]
+    assert main(["research"]) == 0
+    assert all(f" {name} " in capsys.readouterr().out for _, name, _ in RESEARCH[:1])
     shown = subprocess.run([sys.executable, "-c", program, *names], capture_output=True, text=True, check=True).stdout
     assert all(f" {name} " in shown for name in names)
+
+
+@pytest.mark.parametrize(
+    ("words", "now"),
+    [
+        (["chart", "material:phong-10", "--out", "charts"], "homofact compare SOURCE --chart FOLDER"),
+        (["materials"], "homofact info without a source"),
+        (["stability", "--short"], "homofact research stability"),
+        (["terms", "material:phong-10"], "homofact research terms"),
+    ],
+)
+def test_the_name_of_an_older_version_is_answered_with_that_of_now(
+    words: list[str], now: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", f"homofact: {words[0]}: no command of this version (now: {now})\n")
+    assert not list(tmp_path.iterdir())
+    # What it names is a command.
+    assert main([*now.split()[1:2], *(now.split()[2:3] if "research" in now else []), "--help"]) == 0
 
 
 def test_hidden_options_work_as_before(capsys: pytest.CaptureFixture[str]) -> None:
@@ -79,7 +105,7 @@ def test_named_materials_are_listed_and_drawn(
     kept = {name: MATERIALS[name] for name in ("phong-10", "lafortune-clay")}
     monkeypatch.setattr("homofact.brdf.materials.MATERIALS", kept)
     sheet = tmp_path / "new" / "sheet.png"
-    assert main(["materials", "--plot", str(sheet), "--json"]) == 0
+    assert main(["info", "--plot", str(sheet), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert [(each["name"], each["model"]) for each in said["materials"]] == [
         ("phong-10", "Phong"), ("lafortune-clay", "Lafortune"),
@@ -90,7 +116,7 @@ def test_named_materials_are_listed_and_drawn(
         middles = [picture.getpixel((14 + 190 * column + 88, 14 + 88)) for column in (0, 1)]
     assert middles[0] != middles[1]
     assert all(isinstance(each, tuple) and each[0] > each[2] + 10 for each in middles)
-    assert main(["materials", "--plot", str(tmp_path / "sheet.jpg")]) == 2
+    assert main(["info", "--plot", str(tmp_path / "sheet.jpg")]) == 2
     assert "ends in '.jpg', expected .png" in capsys.readouterr().err
 
 
@@ -98,7 +124,7 @@ def test_a_narrow_terminal_breaks_no_name_that_one_has_to_type(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "60")
-    assert main(["materials"]) == 0
+    assert main(["info"]) == 0
     said = capsys.readouterr().out
     assert all(len(line) <= 60 for line in said.splitlines())
     assert set(MATERIAL_NAMES) <= {word for line in said.splitlines() for word in line.split()[:1]}

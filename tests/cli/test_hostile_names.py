@@ -138,7 +138,7 @@ def test_files_of_any_name_are_fitted_drawn_and_compared(
     assert main(["info", name, "--plot", "info.png"]) == 0
     assert main(["factorize", name, *fit, "--out", "fit"]) == 0
     assert main(["compare", name, "--methods", "mccool", "--size", "4", "--plot", "rows.png", "--csv", "rows.csv"]) == 0
-    assert main(["chart", name, "--methods", "mccool", "--sizes", "4", "--out", "charts"]) == 0
+    assert main(["compare", name, "--methods", "mccool", "--size", "4", "--chart", "charts"]) == 0
     assert main(["view", "fit", "--out", "view.html"]) == 0
     drawn = ["info.png", "fit/compare.png", "rows.png", *(str(each) for each in Path("charts").glob("*.png"))]
     assert all(Path(each).stat().st_size > 1000 for each in drawn)

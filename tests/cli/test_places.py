@@ -90,8 +90,8 @@ def test_a_disk_that_fills_up_at_the_picture_leaves_the_fit(
 
 COMMANDS = {
     "factorize": [*FIT, "--out", "{place}"],
-    "chart": ["chart", "material:phong-10", "--count", "400", "--methods", "mccool", "--out", "{place}"],
-    "stability": ["stability", "--short", "-q", "--out", "{place}"],
+    "chart": ["compare", "material:phong-10", "--count", "400", "--methods", "mccool", "--chart", "{place}"],
+    "stability": ["research", "stability", "--short", "-q", "--out", "{place}"],
 }
 
 
@@ -135,7 +135,17 @@ def test_an_interrupted_atlas_leaves_its_cells_and_the_older_atlas(
 
     (tmp_path / "atlas.csv").write_text("older")
     monkeypatch.setattr("homofact.stability.solver_atlas.run_solvers", interrupt)
-    arguments = ["stability", "--short", "--methods", "mccool", "--stressors", "few-samples", "--out", str(tmp_path)]
+    arguments = [
+        "research",
+        "stability",
+        "--short",
+        "--methods",
+        "mccool",
+        "--stressors",
+        "few-samples",
+        "--out",
+        str(tmp_path),
+    ]
     assert main(arguments) == 130
     assert (tmp_path / "atlas.csv").read_text() == "older"
     assert (tmp_path / "unfinished.csv").read_text().count("\n") == 3

@@ -39,8 +39,8 @@ def test_a_result_is_left_and_drawn_again(method: str, tmp_path: Path, capsys: p
 
 
 def test_they_are_charted_once_a_size_and_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = ["--methods", "svd,nmf", "--textures", "1,2", "--sizes", "4", "--out", tmp_path / "c"]
-    assert len(answer(capsys, "chart", *SMALL[:3], *options)["rows"]) == 4
+    options = ["--methods", "svd,nmf", "--textures", "1,2", "--size", "4", "--chart", tmp_path / "c"]
+    assert len(answer(capsys, "compare", *SMALL[:3], *options)["rows"]) == 4
 
 
 def test_what_does_not_go_together_is_refused_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""`homofact terms`: counts, costs, the comparison with a fit, and what is refused."""
+"""`homofact research terms`: counts, costs, the comparison with a fit, and what is refused."""
 
 import json
 
@@ -11,7 +11,7 @@ MATERIAL = "material:torrance-sparrow-20"
 
 
 def test_the_counts_and_the_bytes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["terms", MATERIAL, "--count", "50", "--json"]) == 0
+    assert main(["research", "terms", MATERIAL, "--count", "50", "--json"]) == 0
     out, err = capsys.readouterr()
     answer = json.loads(out)
     assert err == ""
@@ -25,7 +25,7 @@ def test_the_counts_and_the_bytes(capsys: pytest.CaptureFixture[str]) -> None:
 def test_less_energy_and_one_channel_need_less(capsys: pytest.CaptureFixture[str]) -> None:
     answers = []
     for more in ([], ["--share", "0.9"], ["--limit", "60"], ["--channels", "G"]):
-        assert main(["terms", MATERIAL, "--count", "50", "--json", *more]) == 0
+        assert main(["research", "terms", MATERIAL, "--count", "50", "--json", *more]) == 0
         answers.append(json.loads(capsys.readouterr().out))
     whole, *less = answers
     assert all(each["bytes"] < whole["bytes"] for each in less)
@@ -33,14 +33,14 @@ def test_less_energy_and_one_channel_need_less(capsys: pytest.CaptureFixture[str
 
 
 def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["terms", MATERIAL, "--count", "50"]) == 0
+    assert main(["research", "terms", MATERIAL, "--count", "50"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     for words in ("0.99 of Σσ²", "up to 85° from the normal", "= (l* + 1)²/4", "by SVD", "as 32² maps"):
         assert words in shown
 
 
 def test_a_count_that_has_not_settled_is_said_to_be_rough(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["terms", "material:ward-brushed", "--count", "50"]) == 0
+    assert main(["research", "terms", "material:ward-brushed", "--count", "50"]) == 0
     out, err = capsys.readouterr()
     assert "about" in out
     assert "are a rough count: the highlight is too sharp for the finest grid, 20 rings of 60" in err
@@ -50,7 +50,7 @@ def test_a_count_that_has_not_settled_is_said_to_be_rough(capsys: pytest.Capture
 def test_beside_a_fit(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
     quick = tmp_path / "quick.toml"
     quick.write_text('[fit]\nmethod = "mccool"\nsize = 8\n')
-    assert main(["terms", MATERIAL, "--fit", "--count", "1500", "-c", str(quick), "--json"]) == 0
+    assert main(["research", "terms", MATERIAL, "--fit", "--count", "1500", "-c", str(quick), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     beside = answer["within_limit"]
     assert 150 < beside["samples"] < 300  # of 300 held out, those within 85°
@@ -61,7 +61,7 @@ def test_beside_a_fit(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
     assert beside["fit_error"] == pytest.approx(answer["fit"]["error"]["held_out"]["log_mse"], rel=0.5)
     if beside["matching"] is not None:
         assert beside["matching"]["error"] <= beside["fit_error"]
-    assert main(["terms", MATERIAL, "--fit", "--count", "1500", "-c", str(quick)]) == 0
+    assert main(["research", "terms", MATERIAL, "--fit", "--count", "1500", "-c", str(quick)]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "held-out samples within the limit, ε = 1e-05" in shown
     assert "fit (mccool)" in shown
@@ -71,12 +71,12 @@ def test_beside_a_fit(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["terms"], "SOURCE: none given"),
-        (["terms", MATERIAL, "--share", "1"], "share: found 1.0, expected between 0 and 1"),
-        (["terms", MATERIAL, "--share", "nan"], "share: found nan, expected between 0 and 1"),
-        (["terms", MATERIAL, "--limit", "91"], "limit: found 91 degrees, expected above 0 and at most 90"),
-        (["terms", "material:none"], "material: found 'none'"),
-        (["terms", "nowhere.brdf"], "nowhere.brdf: no such file"),
+        (["research", "terms"], "SOURCE: none given"),
+        (["research", "terms", MATERIAL, "--share", "1"], "share: found 1.0, expected between 0 and 1"),
+        (["research", "terms", MATERIAL, "--share", "nan"], "share: found nan, expected between 0 and 1"),
+        (["research", "terms", MATERIAL, "--limit", "91"], "limit: found 91 degrees, expected above 0 and at most 90"),
+        (["research", "terms", "material:none"], "material: found 'none'"),
+        (["research", "terms", "nowhere.brdf"], "nowhere.brdf: no such file"),
     ],
 )
 def test_one_line_names_what_is_wrong(arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -111,7 +111,11 @@ def test_the_index_of_scripts_is_up_to_date() -> None:
 def test_every_command_and_option_stands_in_the_reference_as_help_has_it() -> None:
     group = get_command(app)
     pages = command_pages({"trust": "# Trust\n\n    homofact factorize x --out y\n", "light": "# Light"})
-    for name, command in group.commands.items():  # type: ignore[attr-defined]
+    commands = dict(group.commands.items())  # type: ignore[attr-defined]
+    inner = commands.pop("research").commands
+    commands |= {f"research-{name}": inner[name] for name in inner}
+    assert {"research-terms", "research-stability", "compare"} <= set(commands)
+    for name, command in commands.items():
         text = pages[f"commands/{name}"]
         assert f"](/commands/{name}.md)" in pages["commands/index"]
         everyday, _, research = text.partition("{dropdown}")
@@ -124,6 +128,7 @@ def test_every_command_and_option_stands_in_the_reference_as_help_has_it() -> No
     assert "--help-all" in pages["commands/factorize"]
     assert "[Trust](/trust.md)" in pages["commands/factorize"]
     assert "Light" not in pages["commands/factorize"]
+    assert runs_of("`homofact research terms x`\n\n    homofact info y") == {"research terms", "info"}
 
 
 def test_runs_are_told_from_mentions() -> None:

@@ -85,8 +85,8 @@ def test_a_fit_from_the_core_alone_works_and_says_what_it_leaves_out(
     ("line", "extra"),
     [
         (["compare", "material:phong-10", "--plot", "a.png"], "pictures"),
-        (["chart", "material:phong-10", "--out", "charts"], "pictures"),
-        (["materials", "--plot", "a.png"], "pictures"),
+        (["compare", "material:phong-10", "--chart", "charts"], "pictures"),
+        (["info", "--plot", "a.png"], "pictures"),
         (["info", "material:phong-10", "--plot", "a.png"], "pictures"),
         (["compare", "material:phong-10", "--metrics", "flip"], "metrics"),
     ],

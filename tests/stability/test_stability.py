@@ -324,7 +324,7 @@ def test_no_solver_is_silently_wrong(solves: list[SolverCell]) -> None:
 def test_the_command_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, page = tmp_path / "atlas", tmp_path / "docs" / "stability.md"
     arguments = ["--short", "--methods", "mccool", "--stressors", "negative,zeros", "--document", str(page), "--json"]
-    assert main(["stability", "--out", str(out), *arguments]) == 0
+    assert main(["research", "stability", "--out", str(out), *arguments]) == 0
     captured = capsys.readouterr()
     answer = json.loads(captured.out)
     assert answer["fits"]["refused"] == 1
@@ -348,6 +348,6 @@ def test_bad_arguments_are_refused(
     arguments: list[str], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["stability", *arguments]) == 2
+    assert main(["research", "stability", *arguments]) == 2
     assert expected in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,91 @@
+"""`homofact compare --chart`: error against cost over methods, textures, sizes and searches."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from homofact.cli.tables import chart_table
+from homofact.errors import BadInput
+from homofact.methods.table import methods_with, parsed_label
+
+if TYPE_CHECKING:
+    from homofact.cli.screen import Screen
+    from homofact.config import Config
+    from homofact.methods.method import Method
+    from homofact.sections import SourceSettings
+
+# The counts of textures, sizes and searches of a chart, where none are given.
+_TEXTURES, _SIZES, _SEARCHES = (1, 2, 3), (8, 16, 32), ("gradient",)
+# Settings of a method that a chart varies.
+_VARIED = ("textures", "size", "search")
+# What `compare` gives without a chart.
+_TABLES = ("plot", "csv", "latex", "metrics")
+
+
+def draw_charts(
+    settings: "Config", folder: Path, sources: "list[SourceSettings]", seeds: str, screen: "Screen", quiet: bool
+) -> None:
+    """Draw the charts of all sources into the folder, and print their tables.
+
+    Raises BadInput for settings of a comparison's tables beside a chart.
+    """
+    asked = settings.compare
+    for name in _TABLES:
+        if f"compare.{name}" in settings.given:
+            raise BadInput("given beside a chart", where=name, expected="one of the two")
+    if not seeds.isdecimal() or int(seeds) < 1:
+        raise BadInput(where="seeds", found=repr(seeds), expected="a whole number of at least 1 for a chart")
+    methods = charted_methods(settings)
+
+    from homofact.api.charting import chart
+
+    with screen.progress() as progress:
+        found = chart(
+            list(sources), folder, methods, textures=asked.textures or _TEXTURES, sizes=asked.size or _SIZES,
+            searches=asked.search or _SEARCHES, seeds=int(seeds), held_out=settings.evaluate.held_out,
+            seed=settings.seed, force=settings.output.force, progress=progress,
+        )  # fmt: skip
+    for one in found.charts:
+        if one.others:
+            left = f"{one.others} runs with other settings stay in the file but not in the chart"
+            screen.note(f"homofact: {one.files[0]}: {left}")
+    if not quiet:
+        for one in found.charts:
+            title = f"{one.source}: held-out Cole error, ε = {one.rows[0].epsilon:g}"
+            screen.show(chart_table(title, [point.record() for point in one.points()], one.reference()))
+        screen.show(*map(str, found.files))
+    screen.answer(found.record())
+
+
+def charted_methods(settings: "Config") -> "dict[str, Method]":
+    """The methods by label, as the first of a chart's runs has them.
+
+    What the chart varies is not what [fit] says of it. Raises BadInput for counts, sizes or searches that were asked
+    for where no method takes any.
+    """
+    wanted = settings.compare
+    names = {parsed_label(label)[0] for label in wanted.methods}
+    varied = {
+        "textures": wanted.textures or _TEXTURES, "size": wanted.size or _SIZES, "search": wanted.search or _SEARCHES,
+    }  # fmt: skip
+    first = {
+        name: varied[name][0]
+        for name in _VARIED
+        if getattr(wanted, name) is not None or not names.isdisjoint(methods_with(name))
+    }
+    return settings.fit.without(*varied).with_settings(first).methods(wanted.methods)
+
+
+def compared_methods(settings: "Config") -> "dict[str, Method]":
+    """The methods by label, for a comparison without a chart.
+
+    Raises BadInput for several counts of textures, sizes or searches, which only a chart takes.
+    """
+    first = {}
+    for name in _VARIED:
+        values = getattr(settings.compare, name)
+        if values is not None and len(values) > 1:
+            several = ", ".join(map(str, values))
+            raise BadInput(where=name, found=several, expected="one value, or a folder for a chart (--chart FOLDER)")
+        if values is not None:
+            first[name] = values[0]
+    return settings.fit.with_settings(first).methods(settings.compare.methods)
