@@ -10,7 +10,10 @@ from homofact.cli.screen import Screen
 
 
 def list_materials(drawing: Path | None, screen: Screen) -> None:
-    """Print the named materials, and draw a sphere of each under a sky. Raises BadInput for a picture's other ending."""
+    """Print the named materials, and draw a sphere of each under a sky.
+
+    Raises BadInput for a picture of another ending.
+    """
     if drawing is not None:
         check_file(drawing, ".png")
 

@@ -2,9 +2,9 @@
 
     python scripts/verdict/robustness.py [--seeds 3] [--only outliers clipped] [--out docs/robustness.md]
 
-A cell is one of `homofact research stability`: its material, settings, clean samples, and what it calls bad (light off by over
-15% in a band of angles, or under 90% of the clean logarithms explained). Gains have a mean log of 0, since no sample
-tells how bright the lamp was altogether. The goniometer's cells measure on 12 rings of θi and 18 of θo.
+A cell is one of `homofact research stability`: its material, settings, clean samples, and what it calls bad (light off
+by over 15% in a band of angles, or under 90% of the clean logarithms explained). Gains have a mean log of 0, since no
+sample tells how bright the lamp was altogether. The goniometer's cells measure on 12 rings of θi and 18 of θo.
 """
 
 import math
