@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.api.places import check_folder, check_place
 from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.viewing import NAME, view_edit
 from homofact.errors import BadInput
 from homofact.files.folder import check_new_folder
 from homofact.files.kinds import PREPARED
@@ -31,7 +32,12 @@ Place = str | os.PathLike[str]
 
 
 def edit(
-    scene: Place, *, to: Place | None = None, force: bool = False, progress: Progress | None = None
+    scene: Place,
+    *,
+    to: Place | None = None,
+    page: bool = False,
+    force: bool = False,
+    progress: Progress | None = None,
 ) -> "EditResult":
     """Precompute a scene whose materials are edited by curves under its light.
 
@@ -41,6 +47,8 @@ def edit(
         A scene's file in TOML, or the folder of a scene that was prepared before, which is opened.
     to : path, optional
         The folder of the prepared scene, which `homofact view` shows. Nothing is written unless it is given.
+    page : bool, optional
+        Also write the folder's page, view.html, on which you drag the curves in a browser.
     force : bool, optional
         Replace a prepared scene that is in the folder.
     progress : callable, optional
@@ -79,6 +87,8 @@ def edit(
     """
     place = Path(scene)
     folder = None if to is None else Path(to)
+    if page and folder is None:
+        raise BadInput("given without a folder", where="page", expected="`to`, the folder that it is part of")
     if folder is not None:
         check_new_folder(folder, PREPARED, force)
         check_place(folder)
@@ -97,6 +107,8 @@ def edit(
         if folder is not None:
             steps.stage("writing")
             result.save(folder, force)
+            if page:
+                view_edit(folder, folder / NAME, True, steps)
     return result
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 from homofact.api.places import check_place
 from homofact.api.planning import transport_record
 from homofact.api.progress import Progress, ProgressSteps
+from homofact.api.viewing import NAME, view_relit
 from homofact.errors import BadInput, Interrupted
 from homofact.files.folder import check_new_folder
 from homofact.files.kinds import RELIT
@@ -40,6 +41,7 @@ def relight(
     vertices: int = 64,
     every_stage: bool = False,
     reference: bool = False,
+    page: bool = False,
     force: bool = False,
     progress: Progress | None = None,
 ) -> "RelightResult":
@@ -63,6 +65,7 @@ def relight(
     vertices: int = 64,
     every_stage: bool = False,
     reference: bool = False,
+    page: bool = False,
     force: bool = False,
     progress: Progress | None = None,
     **transport: Any,
@@ -85,6 +88,8 @@ def relight(
         Measure every stage of the error by itself. This takes minutes.
     reference : bool, optional
         Sum the light of every vertex that the first camera sees in full, for comparison.
+    page : bool, optional
+        Also write the folder's page, view.html, on which the sky turns in a browser.
     force : bool, optional
         Replace a relit scene that is in the folder.
     progress : callable, optional
@@ -116,7 +121,7 @@ def relight(
     True
     """
     if material is not None:
-        given = {"to": to, "every_stage": every_stage, "reference": reference, "force": force}
+        given = {"to": to, "every_stage": every_stage, "reference": reference, "page": page, "force": force}
         for name, value in given.items():
             if value:
                 raise BadInput(where=name, found=f"{value} with a mesh and its material", expected="it with a scene")
@@ -129,6 +134,8 @@ def relight(
     if vertices < 0:
         raise BadInput(where="vertices", found=vertices, expected="0 or more")
     folder = None if to is None else Path(to)
+    if page and folder is None:
+        raise BadInput("given without a folder", where="page", expected="`to`, the folder that it is part of")
     if folder is not None:
         check_new_folder(folder, RELIT, force)
         check_place(folder)
@@ -150,6 +157,8 @@ def relight(
             steps.stage("writing")
             result.save(folder, force)
             shutil.rmtree(str(blocks), ignore_errors=True)
+            if page:
+                view_relit(folder, folder / NAME, (), True, steps)
     return result
 
 

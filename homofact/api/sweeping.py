@@ -9,6 +9,8 @@ from homofact.api.places import check_place
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.subjects import Place
 from homofact.errors import Advice, BadInput, Interrupted
+from homofact.files.folder import check_new_folder
+from homofact.files.kinds import SITE
 from homofact.files.lock import claimed
 
 if TYPE_CHECKING:
@@ -17,6 +19,10 @@ if TYPE_CHECKING:
     from homofact.sweeps.run import State
     from homofact.sweeps.summary import FitRow
     from homofact.sweeps.sweep_file import AskedSweep
+
+
+# The report's place in the folder of a sweep.
+_SITE = "report"
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,8 @@ class SweepResult:
         What was set aside for good, and why.
     tasks, done_before, done : int
         How many fits there are, were done before this call, and are done now.
+    site : Path or None
+        The report's folder, where one was written.
     """
 
     folder: Path
@@ -44,6 +52,7 @@ class SweepResult:
     tasks: int
     done_before: int
     done: int
+    site: Path | None = None
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -59,6 +68,7 @@ class SweepResult:
                 {**aside.task.record(), "reason": aside.reason, "deaths": aside.deaths} for aside in self.aside
             ],
             "error": summary_records(self.rows),
+            "site": None if self.site is None else str(self.site),
         }
 
 
@@ -94,6 +104,7 @@ def sweep(
     retry: bool = False,
     svbrdf: bool = False,
     basis: int | None = None,
+    site: bool = False,
     progress: Progress | None = None,
 ) -> SweepResult | TogetherResult:
     """Fit many sources by several methods, and keep every result.
@@ -117,6 +128,8 @@ def sweep(
         Take the sources for the clusters of one spatially varying material, with the file's section svbrdf.
     basis : int, optional
         Fit one basis of so many textures for all sources.
+    site : bool, optional
+        Write the report of the results, as `homofact.report` does without viewers, into the folder report.
     progress : callable, optional
         Called with a `ProgressStep` on the way.
 
@@ -152,6 +165,8 @@ def sweep(
             return _basis(_read(asked), basis, folder, steps)
         return _svbrdf(_read(asked), folder, steps)
     check_place(folder)
+    if site:
+        check_new_folder(folder / _SITE, SITE, True)
 
     from homofact.sweeps.cluster import DaskCluster
     from homofact.sweeps.local import Local
@@ -176,7 +191,8 @@ def sweep(
             counted.end(state, ending)
             if ending.seconds is None:
                 steps.note(f"{ending.task.words}: {counted.misfortune(state, ending)}")
-        steps.run(counted.words(), len(state.tasks) - state.left, len(state.tasks))
+        if state.left:
+            steps.run(counted.words(), len(state.tasks) - state.left, len(state.tasks))
 
     try:
         state = run_sweep(wanted, folder, engine, told, retry)
@@ -184,7 +200,19 @@ def sweep(
         kept = f"{counted.done} of {counted.total} results are kept in {folder}: the same command goes on there"
         raise Interrupted(kept) if counted.total else error from error
     aside = [task for task in state.aside.values() if task.final]
-    return SweepResult(folder, wanted.name, rows_of(folder), aside, len(state.tasks), state.before, state.done)
+    rows = rows_of(folder)
+    made = _site(folder, steps) if site and rows else None
+    return SweepResult(folder, wanted.name, rows, aside, len(state.tasks), state.before, state.done, made)
+
+
+def _site(folder: Path, steps: ProgressSteps) -> Path:
+    """Write the report of a sweep into its folder, and replace an older one."""
+    from homofact.sweeps.report.site import write_site
+
+    steps.stage("writing the report")
+    target = folder / _SITE
+    write_site(folder, target, viewers=False, force=True, notify=steps.run)
+    return target
 
 
 def _read(asked: "Place | AskedSweep") -> "AskedSweep":

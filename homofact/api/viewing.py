@@ -111,10 +111,10 @@ def view(
         own = {"source": source, "mesh": mesh}
         if RELIT.is_at(place):
             _refuse_given(own, place, "relit scene")
-            return _view_relit(place, target, skies, force, steps)
+            return view_relit(place, target, skies, force, steps)
         if PREPARED.is_at(place):
             _refuse_given(own | {"skies": skies or None}, place, "prepared scene")
-            return _view_edit(place, target, force, steps)
+            return view_edit(place, target, force, steps)
     if skies:
         raise BadInput(f"{place or 'the fit'} is no relit scene", where="skies", expected="one that relight wrote")
     given = given_fit(fit)
@@ -169,7 +169,7 @@ def _place_of(result: Path) -> Path:
     return result / NAME if result.is_dir() else result.with_suffix(".html")
 
 
-def _view_relit(place: Path, target: Path, skies: Sequence[Place], force: bool, steps: ProgressSteps) -> ViewResult:
+def view_relit(place: Path, target: Path, skies: Sequence[Place], force: bool, steps: ProgressSteps) -> ViewResult:
     """Write the page of a relit scene."""
     from homofact.relighting.page.relit_page import write_relit_page
     from homofact.relighting.result import open_relit
@@ -184,7 +184,7 @@ def _view_relit(place: Path, target: Path, skies: Sequence[Place], force: bool, 
     return ViewResult(str(place), target, size, (f"{len(saved.objects)} objects",), facts=facts)
 
 
-def _view_edit(place: Path, target: Path, force: bool, steps: ProgressSteps) -> ViewResult:
+def view_edit(place: Path, target: Path, force: bool, steps: ProgressSteps) -> ViewResult:
     """Write the page of a scene whose materials are edited."""
     from homofact.editing.page.edit_page import write_saved_page
     from homofact.editing.result import open_edit

@@ -51,7 +51,7 @@ def edit(
 
     It follows Ben-Artzi, Overbeck and Ramamoorthi 2006: the pictures of
     fixed cameras are linear in curves of the materials over angles, with
-    shadows. Run `homofact view FOLDER` for a page with curves to drag.
+    shadows. Open FOLDER/view.html in a browser to drag the curves.
     With --apply, it turns edited curves of a material into textures with
     their shader: it changes the textures of a fit, or makes a new fit if the
     material is not a fit.
@@ -75,14 +75,15 @@ def edit(
 
 def _prepare(scene: Path, out: Path, force: bool, screen: Screen) -> None:
     from homofact.api.editing import edit as prepared
+    from homofact.api.viewing import NAME
 
     with screen.progress() as progress:
-        found = prepared(scene, to=out, force=force, progress=progress)
+        found = prepared(scene, to=out, page=True, force=force, progress=progress)
     if not screen.quiet:
         screen.show(part_table(found.parts), light_line(found.report))
     pictures = counted(len(found.pictures), "picture")
     stored = f"{figure(found.nbytes / 1e6)} MB, {pictures}"
-    screen.note(f"The prepared scene: {out} ({stored}); homofact view {out} edits it in a browser")
+    screen.note(f"The prepared scene: {out} ({stored}); open {out / NAME} in a browser to edit it")
     screen.answer({"folder": str(out), **found.report})
 
 

@@ -38,16 +38,18 @@ def relight(
 
     It follows Wang, Tran and Luebke 2004, with in-out factors of each
     material, shadows of every vertex, and Haar wavelets. A stopped run
-    continues where it was. Run `homofact view FOLDER` for a page on which you
-    turn and replace the sky.
+    continues where it was. Open FOLDER/view.html in a browser to turn and
+    replace the sky.
     """
     from homofact.api.relighting import relight as relit
+    from homofact.api.viewing import NAME
 
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
         found = relit(
-            scene, to=out, vertices=vertices, every_stage=whole, reference=reference, force=force, progress=progress
-        )
+            scene, to=out, vertices=vertices, every_stage=whole, reference=reference, page=True, force=force,
+            progress=progress,
+        )  # fmt: skip
     if not quiet:
         if found.plans:
             screen.show(choice_table(found.plans, found.plans[0].reflected))
@@ -55,7 +57,7 @@ def relight(
         if found.report["picture"] is not None:
             screen.note(likeness_line(found.report["picture"]))
     pictures = counted(len(found.pictures), "picture")
-    screen.note(f"The relit scene: {out} ({pictures}); homofact view {out} relights it in a browser")
+    screen.note(f"The relit scene: {out} ({pictures}); open {out / NAME} in a browser to relight it")
     screen.answer({"folder": str(out), **found.report})
 
 

@@ -57,7 +57,8 @@ def sweep(
 ) -> None:
     """Fit many sources by several methods, and save every result.
 
-    Finished fits are never repeated: the same command continues after
+    At its end it writes a report, FOLDER/report/index.html; homofact report
+    adds a viewer for every fit, or compares with an earlier sweep. Finished fits are never repeated: the same command continues after
     Ctrl-C, kill -9 or a crash. It sets aside and names a source whose worker
     dies twice, or that homofact refuses.
     """
@@ -66,14 +67,17 @@ def sweep(
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
         found = sweep(
-            file, out, workers=workers, scheduler=scheduler, retry=retry, svbrdf=svbrdf, basis=basis, progress=progress
-        )
+            file, out, workers=workers, scheduler=scheduler, retry=retry, svbrdf=svbrdf, basis=basis, site=True,
+            progress=progress,
+        )  # fmt: skip
     if isinstance(found, TogetherResult):
         show_together(found, screen)
     elif not quiet:
         screen.show(summary_table(found.rows))
         screen.show(*(Text(f"set aside: {task.task.words}: {task.reason}") for task in found.aside))
         screen.show(f"{out}: {len(found.rows)} results in results/, {len(found.aside)} set aside")
+        if found.site is not None:
+            screen.show(f"The report: {found.site / 'index.html'}")
     screen.answer(found.record())
 
 

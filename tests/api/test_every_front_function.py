@@ -46,6 +46,8 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "a share of all": (lambda source: homofact.terms(source, share=1.0), "share"),
     "no worker": (lambda _: homofact.sweep("sweep.toml", "swept", workers=0), "workers"),
     "a number for a sweep": (lambda _: homofact.sweep(3, "swept", workers=1), "sweep"),  # type: ignore[arg-type]
+    "a page without a folder": (lambda _: homofact.relight("scene.toml", page=True), "page"),
+    "an edit's page without a folder": (lambda _: homofact.edit("scene.toml", page=True), "page"),
     "too few pairs": (lambda _: homofact.plan("scene.toml", count=1), "count"),
     "an unknown finding": (lambda source: homofact.compare(source, [FITTED], refuse=["lihgt"]), "refuse"),
 }

@@ -106,7 +106,10 @@ def test_a_scene_is_prepared_and_its_errors_said(scene: Path, capsys: pytest.Cap
     assert [entry["curve"] for entry in record["materials"]["plastic"]] == [
         "incident", "outgoing", "distribution", "fresnel",
     ]  # fmt: skip
-    assert sorted(each.name for each in out.iterdir()) == ["edit.json", "edit.npz", "picture_1.png"]
+    assert sorted(each.name for each in out.iterdir()) == [
+        "edit.json", "edit.npz", "picture_1.png", "view.html",
+    ]  # fmt: skip
+    assert "<title>scene</title>" in (out / "view.html").read_text()
     picture = read_png(out / "picture_1.png")
     assert picture.shape == (128, 160, 3)
     assert len(set(map(tuple, picture.reshape(-1, 3).tolist()))) > 60

@@ -58,6 +58,26 @@ def copy(swept: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(swept / "sweep", tmp_path / "sweep"))
 
 
+def test_a_sweep_ends_with_its_report(swept: Path, copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    site = swept / "sweep" / "report"
+    assert {"index.html", "site.json", "fits.csv"} <= {each.name for each in site.iterdir()}
+    assert "phong-30" in (site / "index.html").read_text(encoding="utf-8")
+    # The same command again fits nothing, and writes a report that was lost.
+    shutil.rmtree(copy / "report")
+    arguments = ["sweep", str(swept / "small.toml"), "--out", str(copy), "--workers", "1", "--json"]
+    assert main(arguments) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert (record["done_before"], record["done"], record["site"]) == (4, 4, str(copy / "report"))
+    assert (copy / "report" / "fits.csv").read_text() == (site / "fits.csv").read_text()
+    # A folder of that name that is no report is refused before anything is fitted.
+    shutil.rmtree(copy / "report")
+    (copy / "report").mkdir()
+    (copy / "report" / "mine.txt").write_text("mine")
+    assert main(arguments) == 2
+    assert "mine.txt in it and no report, expected a new or empty folder" in capsys.readouterr().err
+    assert (copy / "report" / "mine.txt").read_text() == "mine"
+
+
 def tasks(swept: Path) -> list[Task]:
     return tasks_of(read_sweep(swept / "small.toml"))
 
