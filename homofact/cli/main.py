@@ -141,7 +141,7 @@ def _research(panel: str) -> Any:
         if context.invoked_subcommand is None:
             typer.echo(context.get_help())
 
-    made = get_command(group)
+    made: Any = get_command(group)
     made.rich_help_panel = panel
     return made
 

@@ -58,9 +58,10 @@ def sweep(
     """Fit many sources by several methods, and save every result.
 
     At its end it writes a report, FOLDER/report/index.html; homofact report
-    adds a viewer for every fit, or compares with an earlier sweep. Finished fits are never repeated: the same command continues after
-    Ctrl-C, kill -9 or a crash. It sets aside and names a source whose worker
-    dies twice, or that homofact refuses.
+    adds a viewer for every fit, or compares with an earlier sweep. Finished
+    fits are never repeated: the same command continues after Ctrl-C, kill -9
+    or a crash. It sets aside and names a source whose worker dies twice, or
+    that homofact refuses.
     """
     from homofact.api.sweeping import TogetherResult, sweep
 
