@@ -5,16 +5,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from homofact.cli import options as o
-from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.plan_relight import choice_table as transport_table
+from homofact.cli.plan_tables import choice_table, evidence_table, in_words, step_table
 from homofact.cli.screen import Screen
 from homofact.cli.verdicts import brief_lines, names_of, noted, strictness
-from homofact.evaluation.wording import figure
 from homofact.planning.settings import PlanSettings
+from homofact.planning.tolerance import MARGINS
 from homofact.settings.options import options_of
 
 if TYPE_CHECKING:
@@ -87,7 +86,9 @@ def plan(
 
 def _show(found: "PlanResult", screen: Screen) -> None:
     plan = found.plan
-    screen.show(choice_table(plan), evidence_table(plan), *(Text(line) for line in _lines(plan, found.against)))
+    steps = step_table(plan)
+    screen.show(choice_table(plan), *([] if steps is None else [steps]), *map(Text, _reading_lines(plan)))
+    screen.show(evidence_table(plan), *map(Text, _lines(plan, found.against)))
     screen.show(*(Text(line) for line in finding_lines(found.verdicts)))
     for line in found.warnings:
         screen.show(Text(f"Warning: {line}.", "bold red"))
@@ -99,48 +100,6 @@ def _show_transport(found: "TransportPlan", screen: Screen) -> None:
     warnings = (Text(f"Warning: {line}.", "bold red") for line in found.warnings)
     screen.show(transport_table(found.objects, found.reflected), *warnings)
     screen.note(f"Of all objects: {found.nbytes / 1000:.0f} kB")
-
-
-def choice_table(found: "ScenePlan") -> Table:
-    """One line per material: its share, the choice, how much of the tolerance it uses, what it costs, its fits."""
-    table = plain_table(f"{found.scene.tolerance.describe()} under {_lighting_names(found)}")
-    add_names(table, longest=max(len(_name(each)) for each in found.materials))
-    table.add_column("chosen")
-    add_figures(table, "share", "of tolerance", "bytes", "fetches", "fits")
-    for each in found.materials:
-        choice, outcome = each.walk.choice, each.outcome
-        share, fits = f"{each.material.share:.0%}", str(each.walk.fits)
-        if choice is None or outcome is None:
-            table.add_row(_name(each), Text("none", "bold red"), share, "–", "–", "–", fits)
-            continue
-        error = Text(f"{outcome.error:.0%}", "bold" if each.walk.met else "bold red")
-        table.add_row(_name(each), choice.label, share, error, str(outcome.bytes), str(outcome.fetches), fits)
-    return table
-
-
-def evidence_table(found: "ScenePlan") -> Table:
-    """List each choice under each lighting: the order that its lobe needs, and all errors, without margins."""
-    from homofact.planning.theory import terms_needed
-
-    table = plain_table("Evidence")
-    add_names(table, longest=max(len(_name(each)) for each in found.materials))
-    several = len(found.materials[0].judges) > 1
-    if several:
-        table.add_column("under")
-    add_figures(table, "order", "terms", "reflected", "ΔE", "p95", "peak", "cole")
-    for each in found.materials:
-        for k, (judge, order) in enumerate(zip(each.judges, each.needed_orders, strict=True)):
-            row: list[str | Text] = [_name(each) if k == 0 else ""]
-            row += [judge.lighting.name] if several else []
-            row += [str(order), str(terms_needed(order))]
-            if each.errors:
-                errors = each.errors[k]
-                kinds = ("reflected", "delta_e", "delta_e_p95", "delta_e_peak", "cole")
-                row += [figure(errors.of(kind)) for kind in kinds]
-            else:
-                row += ["–"] * 5
-            table.add_row(*row)
-    return table
 
 
 def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
@@ -158,21 +117,22 @@ def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
     return lines
 
 
-def _name(each: "MaterialPlan") -> Text:
-    pixels = each.material.pixels
-    return Text(each.name if pixels is None else f"{each.name}, {pixels} pixels")
-
-
-def _lighting_names(found: "ScenePlan") -> str:
-    return " and ".join(each.name for each in found.scene.lightings)
+def _reading_lines(found: "ScenePlan") -> list[str]:
+    """How to read the choices and their neighbours."""
+    margins = ", ".join(f"{kind} × {MARGINS[kind]:g}" for kind in found.scene.tolerance.kinds if MARGINS[kind] != 1)
+    margin = f", with a margin for views that were not rendered ({margins})" if margins else ""
+    return [
+        f"of limit: the part of your tolerance that the worst error uses{margin}; up to 100% it is met. An error with"
+        ' "about" is expected, not measured.'
+    ]
 
 
 def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
-    lines = [f"Lighting: {each.name}; {each.describe_spectrum()}." for each in found.scene.lightings]
-    lines.append(
-        "order: the harmonic order at which the lobe can be cut under this lighting; terms: those of an in-out SVD"
-        " for that order. of tolerance: the largest part of a limit that is used, with the margin for unseen views."
-    )
+    lines = [
+        "order: spherical-harmonic order at which the lobe can be cut off under this lighting; terms: number of terms"
+        " of an in-out SVD for that order."
+    ]
+    lines += [f"Lighting: {each.name}; {each.describe_spectrum()}." for each in found.scene.lightings]
     for each in found.distinct:
         if each.highlight_pixels is not None:
             lines.append(
@@ -192,9 +152,9 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
         lines.append("One size for all: no single representation was found that meets the tolerance everywhere.")
     else:
         lines.append(
-            f"One size for all: {one.candidate.label} for every material takes {one.bytes} bytes and {one.fetches:.3g}"
-            f" fetches per pixel. The plan takes {found.bytes} bytes ({_less(found.bytes, one.bytes)}) and"
-            f" {found.fetches:.3g}."
+            f"One size for all: {in_words(one.candidate)} for every material takes {one.bytes} bytes and"
+            f" {one.fetches:.3g} fetches per pixel. The plan takes {found.bytes} bytes"
+            f" ({_less(found.bytes, one.bytes)}) and {found.fetches:.3g}."
         )
     lines.append(
         f"Fits: {found.planning_fits} to choose, {found.fits} with one size for all; an exhaustive search needs"

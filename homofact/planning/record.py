@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from homofact.planning.ladder import Candidate
+from homofact.planning.neighbours import larger, smaller
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.search import LadderOutcome
 from homofact.planning.theory import colour_error, terms_needed
@@ -63,6 +64,8 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "error_lighting": None if outcome is None else outcome.lighting,
         "of_tolerance": None if outcome is None else finite(outcome.error),
         "missed_by": finite(plan.missed_by),
+        "smaller": None if (one := smaller(plan)) is None else one.record(),
+        "larger": None if (one := larger(plan)) is None else one.record(),
         "measured": {
             judge.lighting.name: {kind: finite(value) for kind, value in asdict(errors).items()}
             for judge, errors in zip(plan.judges, plan.errors, strict=False)

@@ -52,6 +52,8 @@ def test_a_plan_leaves_its_choices_and_a_figure(
     assert plastic["error"] * found["margins"]["reflected"] / 0.7 == plastic["of_tolerance"]
     assert plastic["fits"] <= 31 / 5
     assert plastic["needed_terms"] > found["against"]["materials"][1]["needed_terms"]
+    assert plastic["smaller"]["bytes"] < plastic["choice"]["bytes"] < plastic["larger"]["bytes"]
+    assert plastic["smaller"]["of_tolerance"] > 1 >= plastic["of_tolerance"] > plastic["larger"]["of_tolerance"]
     assert {"summary", "findings", "trusted"} <= set(plastic["verdict"])
     assert "predicted_reflected" not in json.dumps(found)
     assert set(clay["asked"][0]["reflected_over_all_turnings"]) == {"sun"}

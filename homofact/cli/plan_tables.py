@@ -1,0 +1,107 @@
+"""What `homofact plan` prints of a scene: what to ship, what a step down or up costs, and the evidence."""
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+from rich.text import Text
+
+from homofact.cli.layout import add_figures, add_names, plain_table
+from homofact.evaluation.wording import counted, figure
+
+if TYPE_CHECKING:
+    from homofact.planning.ladder import Candidate
+    from homofact.planning.plan import MaterialPlan, ScenePlan
+
+
+def choice_table(found: "ScenePlan") -> Table:
+    """One line per material: what to ship for it, what that costs, and the error that comes nearest to its limit."""
+    table = plain_table(headline(found))
+    add_names(table, longest=max(len(name_of(each)) for each in found.materials))
+    table.add_column("ship")
+    add_figures(table, "bytes", "fetches")
+    several = len(found.scene.lightings) > 1
+    table.add_column("worst error", overflow="fold")
+    add_figures(table, "of limit")
+    for each in found.materials:
+        choice, outcome = each.walk.choice, each.outcome
+        if choice is None or outcome is None:
+            table.add_row(name_of(each), Text("nothing fits the budget", "bold red"), "–", "–", "–", "–")
+            continue
+        used = Text(f"{outcome.error:.0%}", "bold" if each.walk.met else "bold red")
+        under = f" under {outcome.lighting}" if several and outcome.lighting else ""
+        worst = f"{outcome.kind} {figure(outcome.value)}{under}"
+        table.add_row(name_of(each), in_words(choice), str(outcome.bytes), str(outcome.fetches), worst, used)
+    return table
+
+
+def headline(found: "ScenePlan") -> str:
+    """What the whole scene takes, and under which tolerance and lighting."""
+    textures = sum(
+        0 if plan.walk.choice is None else plan.walk.choice.textures for plan in found.distinct if plan.outcome
+    )
+    lightings = " and ".join(each.name for each in found.scene.lightings)
+    return (
+        f"{counted(len(found.distinct), 'material')}: {counted(found.bytes, 'byte')} in"
+        f" {counted(textures, 'texture')}, {found.fetches:.2g} fetches per pixel, for"
+        f" {found.scene.tolerance.describe()} under {lightings}"
+    )
+
+
+def step_table(found: "ScenePlan") -> Table | None:
+    """What a smaller and a larger representation of each material would err; None where no material has either."""
+    from homofact.planning.neighbours import larger, smaller
+
+    table = plain_table("One step smaller or larger")
+    add_names(table, longest=max(len(name_of(each)) for each in found.materials))
+    table.add_column("step")
+    table.add_column("representation")
+    add_figures(table, "bytes", "of limit")
+    for each in found.distinct:
+        name = name_of(each)
+        for step, one in (("smaller", smaller(each)), ("larger", larger(each))):
+            if one is None:
+                continue
+            error = f"{one.error:.0%}" if one.measured else f"about {one.error:.0%}"
+            table.add_row(name, step, in_words(one.candidate), str(one.bytes), error)
+            name = Text("")
+    return table if table.row_count else None
+
+
+def evidence_table(found: "ScenePlan") -> Table:
+    """List each choice under each lighting: the order that its lobe needs, and all errors, without margins."""
+    from homofact.planning.theory import terms_needed
+
+    table = plain_table("Errors of the choices, and what theory predicts")
+    add_names(table, longest=max(len(name_of(each)) for each in found.materials))
+    several = len(found.materials[0].judges) > 1
+    if several:
+        table.add_column("under")
+    add_figures(table, "order", "terms", "reflected", "ΔE", "p95", "peak", "cole")
+    for each in found.materials:
+        for k, (judge, order) in enumerate(zip(each.judges, each.needed_orders, strict=True)):
+            row: list[str | Text] = [name_of(each) if k == 0 else ""]
+            row += [judge.lighting.name] if several else []
+            row += [str(order), str(terms_needed(order))]
+            if each.errors:
+                errors = each.errors[k]
+                kinds = ("reflected", "delta_e", "delta_e_p95", "delta_e_peak", "cole")
+                row += [figure(errors.of(kind)) for kind in kinds]
+            else:
+                row += ["–"] * 5
+            table.add_row(*row)
+    return table
+
+
+def name_of(each: "MaterialPlan") -> Text:
+    """The material's name, with the width of its object where the scene gives one."""
+    pixels = each.material.pixels
+    return Text(each.name if pixels is None else f"{each.name}, {pixels} pixels")
+
+
+def in_words(candidate: "Candidate") -> str:
+    """A representation for someone who ships it: "2 textures of 16², 8 bits (search)"."""
+    if candidate.is_colour:
+        return "one colour"
+    bits = "8 bits" if candidate.texel_bytes == 1 else "floats"
+    unit = "term" if candidate.method == "svd" else "texture"
+    return f"{counted(candidate.textures, unit)} of {candidate.size}², {bits} ({candidate.method})"

@@ -1,0 +1,62 @@
+"""One step smaller or larger than a choice: what the walk measured, or what it expects to be clearly better."""
+
+import pytest
+from plan_cases import PAINT, fits_of
+
+from homofact.planning.ladder import LAMBERT, Candidate, ladder
+from homofact.planning.neighbours import CLEARLY, larger, smaller
+from homofact.planning.plan import MaterialPlan
+from homofact.planning.scene import SceneMaterial
+from homofact.planning.search import LadderOutcome, Walk, expected_errors
+from homofact.planning.tolerance import Tolerance
+
+COLOUR = Candidate(LAMBERT)
+SMALL, CHOSEN, LARGE = (Candidate("search", 1, size, "png8") for size in (4, 8, 16))
+OTHER = Candidate("svd", 1, 8, "png8")
+
+
+def plan_of(asked: dict[Candidate, float], choice: Candidate | None = CHOSEN) -> MaterialPlan:
+    """A plan whose walk had these errors, in parts of the limit."""
+    outcomes = {
+        rung: LadderOutcome(error, rung.most_bytes(3), rung.most_fetches(True), rung.textures)
+        for rung, error in asked.items()
+    }
+    walk = Walk(1.0, outcomes, choice, choice is not None)
+    return MaterialPlan(SceneMaterial("own", 1.0), fits_of(PAINT), (), Tolerance.of(reflected=0.1), walk)
+
+
+def test_a_step_down_is_the_best_of_what_is_smaller_and_was_measured() -> None:
+    found = smaller(plan_of({COLOUR: 9.0, SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.1}))
+    assert found is not None
+    assert (found.candidate, found.bytes, found.error, found.measured) == (SMALL, 48, 1.5, True)
+    assert found.record()["of_tolerance"] == 1.5
+    assert smaller(plan_of({CHOSEN: 0.7, LARGE: 0.1})) is None
+    assert smaller(plan_of({SMALL: float("inf"), CHOSEN: 0.7})) is None
+    # A representation of as many bytes is no step down.
+    assert OTHER.most_bytes(3) == CHOSEN.most_bytes(3)
+    assert smaller(plan_of({OTHER: 3.0, CHOSEN: 0.7})) is None
+
+
+def test_a_step_up_errs_less_and_is_the_cheapest_of_those_measured_and_expected() -> None:
+    dearer = Candidate("search", 1, 32, "png8")
+    plan = plan_of({SMALL: 1.5, CHOSEN: 0.7, dearer: 0.2})
+    found = larger(plan)
+    assert found is not None
+    assert found.bytes < dearer.most_bytes(3)
+    assert not found.measured
+    assert found.error <= CLEARLY * 0.7
+    assert found.error == pytest.approx(expected_errors([found.candidate], plan.walk.asked)[0])
+    # The cheapest, measured, comes with its error, and is no step up where it errs more.
+    cheapest = next(rung for rung in ladder() if rung.most_bytes(3) > CHOSEN.most_bytes(3))
+    found = larger(plan_of({SMALL: 1.5, CHOSEN: 0.7, cheapest: 0.3}))
+    assert found is not None
+    assert (found.candidate, found.error, found.measured) == (cheapest, 0.3, True)
+    found = larger(plan_of({SMALL: 1.5, CHOSEN: 0.7, cheapest: 0.9}))
+    assert found is not None
+    assert found.candidate != cheapest
+
+
+def test_what_has_no_choice_or_no_error_has_no_step() -> None:
+    none = plan_of({SMALL: 1.5}, None)
+    assert (smaller(none), larger(none)) == (None, None)
+    assert larger(plan_of({SMALL: 1.5, CHOSEN: 0.0})) is None
