@@ -30,6 +30,7 @@ html_theme = "furo"
 html_title = "homofact"
 html_static_path = [str(Path(__file__).resolve().parent / "static")]
 html_css_files = ["site.css"]
+html_js_files = ["versions.js"]
 html_copy_source = False
 html_show_sphinx = False
 html_show_sourcelink = False

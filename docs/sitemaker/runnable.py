@@ -20,11 +20,16 @@ _NAMED = re.compile(r"# ([\w./-]+\.toml)\b")
 
 @dataclass(frozen=True)
 class Block:
-    """A block of a page: its language, what stands in it, and where the output shown behind it stands, if any is."""
+    """A block of a page: its language, what stands in it, and where the output shown behind it stands, if any is.
+
+    `begin` and `end` are the places in the page of the whole block, its output included.
+    """
 
     language: str
     text: str
     shown: tuple[int, int] | None
+    begin: int = 0
+    end: int = 0
 
 
 def blocks_of(page: str, *languages: str) -> list[Block]:
@@ -34,8 +39,15 @@ def blocks_of(page: str, *languages: str) -> list[Block]:
         language, text = match[1], match[2]
         if language in (languages or ("python", "sh", "toml")) and (language != "toml" or _NAMED.match(text)):
             shown = match.span("shown") if match["shown"] is not None else None
-            found.append(Block(language, text, shown))
+            found.append(Block(language, text, shown, *match.span()))
     return found
+
+
+def toml_name(block: Block) -> str:
+    """The name of the file that a TOML block is written to."""
+    named = _NAMED.match(block.text)
+    assert named is not None, f"found {block.text[:40]!r}, expected a first line # NAME.toml"
+    return named[1]
 
 
 def run(page: Path, blocks: list[Block], names: dict[str, Any] | None = None) -> tuple[dict[str, Any], list[str]]:
@@ -51,9 +63,7 @@ def run(page: Path, blocks: list[Block], names: dict[str, Any] | None = None) ->
             if block.language == "python":
                 exec(compile(block.text, f"{page.name}, block {number}", "exec"), names)
             elif block.language == "toml":
-                named = _NAMED.match(block.text)
-                assert named is not None
-                Path(named[1]).write_text(block.text, encoding="utf-8")
+                Path(toml_name(block)).write_text(block.text, encoding="utf-8")
             else:
                 for arguments in commands_in(block.text):
                     _command(page, arguments)

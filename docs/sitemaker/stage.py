@@ -14,6 +14,7 @@ from pathlib import Path
 from sitemaker.commands import command_pages
 from sitemaker.gallery import INDEX, fits, gallery_pages
 from sitemaker.navigation import DOCS, ROOT, toctrees, written_pages
+from sitemaker.notebooks import notebook_of
 from sitemaker.reference import reference_modules, reference_pages
 from sitemaker.sources import page_of, source_pages, title_of
 
@@ -50,13 +51,16 @@ def stage(folder: Path) -> None:
     if gallery:
         under |= {"gallery": [INDEX], INDEX: [fit.page for fit in shown_fits]}
     trees = toctrees(under)
+    notebooks = {name: notebook_of(text) for name, text in pages.items() if _is_tutorial(name)}
     pages = {name: turned(text, homes[name], sources.__contains__) for name, text in pages.items()}
+    pages |= {name: _with_notebook(name, pages[name]) for name in notebooks}
     pages |= {**commands, **reference, **sources, **gallery, "references": BIBLIOGRAPHY}
     if gallery:
         pages["gallery"] += f"\n## With viewers\n\n[{title_of(gallery[INDEX])}](/{INDEX}.md)\n"
     for name, tree in trees.items():
         pages[name] = f"{pages[name].rstrip()}\n\n{tree}"
     wanted = {Path(f"{name}.md"): text.encode() for name, text in pages.items()}
+    wanted |= {Path(f"{name}.ipynb"): text.encode() for name, text in notebooks.items()}
     for path in [DOCS / "references.bib", *_files(DOCS / "pictures")]:
         wanted[path.relative_to(DOCS)] = path.read_bytes()
     for fit in shown_fits:
@@ -82,6 +86,16 @@ def turned(text: str, home: str, known: Callable[[str], bool]) -> str:
         return f"/{path.removeprefix('docs/')}{after}" if path.startswith("docs/") else match[1]
 
     return _LINK.sub(moved, text)
+
+
+def _is_tutorial(name: str) -> bool:
+    return name.startswith("tutorials/") and name != "tutorials/index"
+
+
+def _with_notebook(name: str, text: str) -> str:
+    """A tutorial's text with a link to its notebook under the title."""
+    title, _, rest = text.partition("\n")
+    return f"{title}\n\n{{download}}`Download this page as a notebook </{name}.ipynb>`\n{rest}"
 
 
 def _linked(pages: dict[str, str], homes: dict[str, str]) -> Iterable[str]:
