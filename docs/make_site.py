@@ -5,8 +5,8 @@ the pages, to other pages, to places in them and to pictures, is followed. No ne
 `make gallery` left in build/gallery are shown with their viewers.
 
 With --single the guides, tutorials and evidence also become one page for print, OUT.single/index.html, without the
-reference of Python and the sources. Sites of several versions in one folder (--out sites/0.2.0) get a file versions.json
-with --versions, from which every page offers the others.
+reference of Python and the sources. Sites of several versions in one folder (--out sites/0.2.0) get a file
+versions.json with --versions, from which every page offers the others.
 """
 
 import argparse

@@ -2,11 +2,14 @@
 document.addEventListener("DOMContentLoaded", async () => {
     const root = new URL(document.documentElement.dataset.content_root || "./", location.href);
     const brand = document.querySelector(".sidebar-brand");
+    if (location.protocol === "file:") {
+        return;
+    }
     let versions;
     try {
         versions = await (await fetch(new URL("../versions.json", root))).json();
     } catch {
-        return; // A single version, or a page opened from its folder.
+        return; // A single version.
     }
     if (!brand || !Array.isArray(versions) || versions.length < 2) {
         return;
