@@ -48,10 +48,10 @@ def _index(commands: Mapping[str, Any]) -> str:
     lines = [
         "# Commands",
         "",
-        "Written from the same declarations as `homofact COMMAND --help`. Options that most runs need stand first on",
-        "each page; those of research, which `--help-all` shows, under a fold. Every command takes its options from a",
-        "TOML file too, where it has `--config`; `--json` gives one JSON object on stdout. Exit codes: 0 done, 2 bad",
-        "input or usage in one line on stderr, 130 interrupted.",
+        "Each page describes a command in the words of `homofact COMMAND --help`. The options that most runs need come",
+        "first. The options for research, which `--help-all` prints, are under a fold. A command with `--config` also",
+        "reads its options from a TOML file. `--json` prints one JSON object to stdout. A command exits with code 0 if",
+        "it succeeds, with 2 and one line on stderr for bad input or usage, and with 130 after Ctrl-C.",
         "",
     ]  # fmt: skip
     for panel, group in groupby(commands.items(), lambda item: item[1].rich_help_panel):
