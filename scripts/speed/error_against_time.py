@@ -2,8 +2,8 @@
 
 Ten measurements of RGL and three Cornell paints, each fitted to 80% of its samples by every way in turn: the search
 with the efforts quick and normal, the search that tries every mix with the units of normal (what normal was in 0.2.0),
-Cole's procedure and McCool's projections, all with two textures of 16², then two GGX lobes, non-parametric factors
-(NPF) and the neural network NBRDF at their own sizes. Errors are the Cole error of the held-out samples at random
+Cole's procedure and McCool's projections, all with two textures of 16²; a search within the bytes of NPF; then two GGX
+lobes, non-parametric factors (NPF) and the neural network NBRDF at their own sizes. Errors are the Cole error of the held-out samples at random
 azimuths and the relative RMS of f cosθi cosθo; seconds are of the processor, on one thread, without reading the file.
 
     python scripts/speed/error_against_time.py [--work FILE] [--plot FILE] [--data FOLDER]
@@ -31,6 +31,7 @@ from scripts.shared.harness import CORNELL, Finished, data_folder, figure, finis
 # Each way's method, what is given to it, and the colour and shape of its points.
 WAYS: dict[str, tuple[str, dict[str, Any], str, str]] = {
     "search, quick": ("search", {"textures": 2, "size": 16, "effort": "quick"}, "#d55e00", "o"),
+    "search, 3.2 KiB": ("search", {"textures": 2, "bytes": 3264, "effort": "normal"}, "#e69f00", "s"),
     "search, normal": ("search", {"textures": 2, "size": 16, "effort": "normal"}, "#d55e00", "s"),
     "search, every mix": ("search", {"textures": 2, "size": 16, "effort": LEVELS["normal"] * 4}, "#d55e00", "D"),
     "cole": ("cole", {"textures": 2, "size": 16}, "#0072b2", "^"),
@@ -106,15 +107,9 @@ def main(arguments: list[str] | None = None) -> int:
         for way in options.ways:
             found[name][way] = kept.get(f"{name} {way}", lambda path=path, way=way: fitted(path, way))
             progress(name, way, *(f"{key} {figure(value)}" for key, value in found[name][way].items()))
+    columns = ("bytes", "seconds", "error", "rms")
     medians = [
-        (
-            way,
-            *(
-                figure(median(each[way][key] for each in found.values()))
-                for key in ("bytes", "seconds", "error", "rms")
-            ),
-        )
-        for way in options.ways
+        (way, *(figure(median(each[way][key] for each in found.values())) for key in columns)) for way in options.ways
     ]
     whole = [
         (name, *(figure(ways[way][key]) for way in options.ways for key in ("seconds", "error")))
