@@ -3,8 +3,9 @@
 Ten measurements of RGL and three Cornell paints, each fitted to 80% of its samples by every way in turn: the search
 with the efforts quick and normal, the search that tries every mix with the units of normal (what normal was in 0.2.0),
 Cole's procedure and McCool's projections, all with two textures of 16²; a search within the bytes of NPF; then two GGX
-lobes, non-parametric factors (NPF) and the neural network NBRDF at their own sizes. Errors are the Cole error of the held-out samples at random
-azimuths and the relative RMS of f cosθi cosθo; seconds are of the processor, on one thread, without reading the file.
+lobes, non-parametric factors (NPF) and the neural network NBRDF at their own sizes. Errors are the Cole error of the
+held-out samples at random azimuths and the relative RMS of f cosθi cosθo; seconds are of the processor, on one thread,
+without reading the file.
 
     python scripts/speed/error_against_time.py [--work FILE] [--plot FILE] [--data FOLDER]
 """
