@@ -12,15 +12,15 @@ function fitOf(data, several) {
 function columnsOf(data, several) {
   const number = (title, wide, value, cell = value, hint = null) => ({ title, wide, hint, value, cell: (fit) => String(cell(fit)) });
   return [
-    { title: "Material", wide: 170, left: true, value: (fit) => fit.material.name, cell: (fit) => element("a", { href: addressOf(fit), tabindex: "-1" }, fit.material.name) },
-    { title: "Method", wide: 160, left: true, value: (fit) => fit.method, cell: (fit) => element("span", { title: fit.method }, keyOf(fit.label), fit.method) },
+    { title: "Material", wide: 150, left: true, value: (fit) => fit.material.name, cell: (fit) => element("a", { href: addressOf(fit), tabindex: "-1" }, fit.material.name) },
+    { title: "Method", wide: 130, left: true, value: (fit) => fit.method, cell: (fit) => element("span", { title: fit.method }, keyOf(fit.label), fit.method) },
     ...(several ? [number("Seed", 54, (fit) => fit.seed)] : []),
-    number("Bytes", 78, (fit) => fit.bytes, (fit) => whole(fit.bytes)),
-    number("Fit, s", 66, (fit) => fit.seconds, (fit) => figure(fit.seconds)),
-    number("Fetches", 70, (fit) => fit.fetches),
-    number("Trusted", 70, (fit) => Number(fit.trusted), (fit) => (fit.trusted ? "yes" : "no")),
-    ...data.metrics.map((metric, k) => number(metric.words.replace(", fit over source", "").replace(", held out", ""), 92, (fit) => fit.figures[k], (fit) => figure(fit.figures[k]), metric.words)),
-    { title: "Viewer", wide: 68, value: (fit) => Number(Boolean(fit.viewer)), cell: (fit) => (fit.viewer ? element("a", { href: `fits/${fit.viewer}`, tabindex: "-1" }, "open") : "–") },
+    number("Bytes", 72, (fit) => fit.bytes, (fit) => whole(fit.bytes)),
+    number("Fit, s", 60, (fit) => fit.seconds, (fit) => figure(fit.seconds)),
+    number("Fetches", 64, (fit) => fit.fetches),
+    number("Trusted", 62, (fit) => Number(fit.trusted), (fit) => (fit.trusted ? "yes" : "no")),
+    ...data.metrics.map((metric, k) => number(metric.words.replace(", fit over source", "").replace(", held out", ""), 84, (fit) => fit.figures[k], (fit) => figure(fit.figures[k]), metric.words)),
+    ...(data.fits.some((each) => each[9]) ? [{ title: "Viewer", wide: 60, value: (fit) => Number(Boolean(fit.viewer)), cell: (fit) => (fit.viewer ? element("a", { href: `fits/${fit.viewer}`, tabindex: "-1" }, "open") : "–") }] : []),
   ];
 }
 
@@ -39,7 +39,7 @@ function begin() {
   const drawTable = () => {
     const wanted = state.find.trim().toLowerCase();
     const rows = chosen().filter((fit) => !wanted || `${fit.material.name} ${fit.method}`.toLowerCase().includes(wanted));
-    byId("found").textContent = rows.length === fits.length ? `${whole(rows.length)} fits` : `${whole(rows.length)} of ${whole(fits.length)} fits`;
+    byId("found").textContent = `${rows.length === fits.length ? "" : `${whole(rows.length)} of `}${whole(fits.length)} ${fits.length === 1 ? "fit" : "fits"}`;
     table.show(rows);
   };
   const drawWorst = () => fillWorst(byId("worst"), data.worst[state.metric.name][Number(byId("worst-of").value)].map((k) => fits[k]), state.metric);

@@ -45,7 +45,7 @@ class Plot {
     this.svg.setAttribute("aria-label", `${metric.words} against ${this.title}: ${seen.length} fits. Arrow keys go from dot to dot, Enter opens one.`);
     this.chosen = -1;
     const missing = fits.length - seen.length;
-    this.resting = missing ? `${whole(missing)} of ${whole(fits.length)} fits cannot be drawn: no such figure, or 0.` : "";
+    this.resting = missing ? `${whole(missing)} of ${whole(fits.length)} fits cannot be drawn: no such figure, or 0.` : "Point at a dot to read its figures.";
     this.reading.textContent = this.resting;
   }
 
