@@ -22,6 +22,7 @@ from homofact.errors import BadInput
 from homofact.factor.evaluation import refuse_model
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Projection, row_bounds
+from homofact.factor.spectral_fit import SpectralFit
 from homofact.geometry.directions import above_horizon
 from homofact.geometry.rotation import Rotation
 from homofact.linear.bilinear import lookup
@@ -211,6 +212,8 @@ class SumModule(FitModule):
 def module_of(fit: Any, device: Any = None, dtype: Any = None) -> FitModule:
     """The module of a fit, on a device and of a floating type. Raises BadInput for a model without textures."""
     own: Any = fit.factorization
+    # Trained in all bands: a basis is for storing.
+    own = own.expanded if isinstance(own, SpectralFit) else own
     if isinstance(own, Factorization):
         module: FitModule = ProductModule(fit, own)
     elif isinstance(own, Separable):

@@ -17,6 +17,7 @@ from homofact.brdf.in_kind import Pairs
 from homofact.errors import BadInput, Report, Status
 from homofact.evaluation.bar.error_bar import ErrorBar, ErrorBars
 from homofact.factor.evaluation import Evaluation
+from homofact.factor.spectral_fit import SpectralFit
 from homofact.shading.encoded import plain
 from homofact.shading.on_arrays import ModelOnArrays, OnArrays, TexturesOnArrays
 from homofact.shading.program import Program, program_of
@@ -145,7 +146,10 @@ class Fit:
         if self.evaluation is None:
             model: Any = self.factorization
             return ModelOnArrays(self.channels, model.model)
-        return TexturesOnArrays(self.channels, self._texels, self.evaluation, self.provenance)
+        own = self.factorization
+        own = own.expanded if isinstance(own, SpectralFit) else own
+        texels = tuple(texture.texels for texture in own.textures)
+        return TexturesOnArrays(self.channels, texels, self.evaluation, self.provenance)
 
     @property
     def _texels(self) -> tuple[np.ndarray, ...]:

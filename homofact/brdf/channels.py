@@ -11,6 +11,7 @@ from homofact.brdf.reflectance import Derived
 from homofact.brdf.samples import Samples
 from homofact.brdf.source_names import CHANNELS
 from homofact.brdf.spectral import LUMINANCE, to_luminance, to_rgb
+from homofact.brdf.wavelengths import wavelengths_of
 from homofact.errors import BadInput
 
 _RGB = ("R", "G", "B")
@@ -38,21 +39,6 @@ def reading_of(wanted: str) -> tuple[str, str]:
     raise BadInput(
         where="channels", found=repr(wanted), expected=f"{', '.join(CHANNELS)}, or one channel such as G or 550nm"
     )
-
-
-def spectral_names(wavelengths: Sequence[float]) -> tuple[str, ...]:
-    """Channel names of a spectrum, for instance "550nm"."""
-    return tuple(f"{w:.12g}nm" for w in wavelengths)
-
-
-def wavelengths_of(channels: Sequence[str]) -> tuple[float, ...] | None:
-    """Wavelengths in nm where the channels are those of a spectrum, else None."""
-    if not channels or not all(name.endswith("nm") for name in channels):
-        return None
-    try:
-        return tuple(float(name.removesuffix("nm")) for name in channels)
-    except ValueError:
-        return None
 
 
 def as_channels(samples: Samples, wanted: str) -> Samples:

@@ -15,13 +15,13 @@ import json
 from collections.abc import Sequence
 from functools import lru_cache
 from importlib.resources import files
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from homofact.brdf.wavelengths import colour_wavelengths
 from homofact.errors import BadInput
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
@@ -35,8 +35,6 @@ FROM_XYZ = (
     (0.0556434, -0.2040259, 1.0572252),
 )
 _RASTER = np.arange(360.0, 781.0)
-# Without these the blue or the red primary would be made up of end values.
-_NEEDED = (450.0, 650.0)
 
 
 def to_rgb(
@@ -67,37 +65,38 @@ def to_luminance(
     return spectra @ torch.from_numpy(weights[2].copy()).to(spectra)[:, None], facts
 
 
+def xyz_weights(wavelengths: Sequence[float], illuminant: str = ILLUMINANT) -> np.ndarray:
+    """Weights (W, 3) that turn spectra (..., W) into CIE XYZ under an illuminant, without adaptation.
+
+    Their sum over the wavelengths is the illuminant's white, whose Y is 1. Raises BadInput as `to_rgb`.
+    """
+    return _xyz_weights(colour_wavelengths(wavelengths), illuminant)
+
+
 def _checked(spectra: Tensor, wavelengths: Sequence[float]) -> tuple[float, ...]:
-    given = tuple(float(w) for w in wavelengths)
-    if len(given) < 2 or spectra.shape[-1] != len(given):
+    if len(wavelengths) < 2 or spectra.shape[-1] != len(wavelengths):
         raise BadInput(
-            f"{spectra.shape[-1]} values for {len(given)} wavelengths",
+            f"{spectra.shape[-1]} values for {len(wavelengths)} wavelengths",
             where="spectra",
             expected="one each for at least 2",
         )
-    for before, after in pairwise(given):
-        if not after > before:
-            raise BadInput(f"{after:g} nm follows {before:g} nm", where="wavelengths", expected="rising wavelengths")
-    if given[0] > _NEEDED[0] or given[-1] < _NEEDED[1]:
-        raise BadInput(
-            where="wavelengths",
-            found=f"{given[0]:g}-{given[-1]:g} nm",
-            expected=f"them to cover {_NEEDED[0]:g}-{_NEEDED[1]:g} nm for a colour",
-            hint="keep the spectra instead",
-        )
-    return given
+    return colour_wavelengths(wavelengths)
+
+
+@lru_cache(maxsize=16)
+def _xyz_weights(wavelengths: tuple[float, ...], illuminant: str) -> np.ndarray:
+    # Row w: how much each raster line takes from wavelength w; linear inside, the end values outside.
+    hats = np.stack([np.interp(_RASTER, wavelengths, unit) for unit in np.eye(len(wavelengths))])
+    xyz = hats @ illuminated(illuminant).matching
+    return xyz / xyz.sum(0)[1]
 
 
 @lru_cache(maxsize=16)
 def _weights(wavelengths: tuple[float, ...], illuminant: str) -> tuple[np.ndarray, tuple[float, float], np.ndarray]:
     """(RGB weights (W, 3), xy of the illuminant's white, Y weights (W,))."""
-    matching, primary, bradford = illuminated(illuminant)
-    # Row w: how much each raster line takes from wavelength w; linear inside, the end values outside.
-    hats = np.stack([np.interp(_RASTER, wavelengths, unit) for unit in np.eye(len(wavelengths))])
-    xyz = hats @ matching
+    _, primary, bradford = illuminated(illuminant)
+    xyz = _xyz_weights(wavelengths, illuminant)
     white = xyz.sum(0)
-    xyz = xyz / white[1]
-    white = white / white[1]
     gain = (bradford @ primary.sum(1)) / (bradford @ white)
     to_linear = np.linalg.inv(primary) @ np.linalg.inv(bradford) @ np.diag(gain) @ bradford
     rgb = xyz @ to_linear.T
@@ -126,9 +125,11 @@ def computed(illuminant: str) -> Illuminated:
     """The tables of an illuminant from colour-science. Raises BadInput for a name that is none."""
     import colour  # about a second to load
 
-    if illuminant not in colour.SDS_ILLUMINANTS:
+    # CIE 15 calls the fluorescent lamps FL1 to FL12, most others F1 to F12.
+    name = f"FL{illuminant[1:]}" if illuminant[1:].isdecimal() and illuminant.startswith("F") else illuminant
+    if name not in colour.SDS_ILLUMINANTS:
         raise BadInput(where="illuminant", found=repr(illuminant), expected="a CIE name, for instance D65, D50, A or E")
-    light = colour.SDS_ILLUMINANTS[illuminant]
+    light = colour.SDS_ILLUMINANTS[name]
     observer = colour.MSDS_CMFS[OBSERVER]
     power = np.interp(_RASTER, light.wavelengths, light.values)
     matching = np.stack([np.interp(_RASTER, observer.wavelengths, observer.values[:, k]) for k in range(3)], 1)

@@ -7,10 +7,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import spectral_names, wavelengths_of
 from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.reflectance import Derived
 from homofact.brdf.spectral import FROM_XYZ, to_luminance, to_rgb
+from homofact.brdf.wavelengths import spectral_names, wavelengths_of
 from homofact.errors import BadInput
 
 _RGB = ("R", "G", "B")

@@ -40,8 +40,9 @@ _WHAT = {"log": "logarithm p", "factor": "factor of a product, linear"}
 
 def write_texture_exr(path: str | os.PathLike[str], texture: Texture, channels: Sequence[str]) -> None:
     """The texels of one texture, as they are. Raises BadInput as `write_exr`."""
-    comment = f"{_WHAT[texture.quantity]}; first scanline is row 0, v = -1; see manifest.json"
-    write_exr(path, texture.texels, exr_channel_names(channels), comment)
+    what = "coordinates of the spectral basis" if texture.components else _WHAT[texture.quantity]
+    comment = f"{what}; first scanline is row 0, v = -1; see manifest.json"
+    write_exr(path, texture.texels, exr_channel_names(texture.components or channels), comment)
 
 
 def write_deviation_exr(path: str | os.PathLike[str], texture: Texture, channels: Sequence[str]) -> None:
@@ -68,7 +69,7 @@ def texture_picture(texture: Texture, channels: Sequence[str]) -> tuple[np.ndarr
     Three channels are shown as red, green, blue; more as the means of the last, middle and first third (long
     wavelengths red); fewer as grey.
     """
-    grey, how = (_logarithms if texture.quantity == "log" else _absolute)(texture, channels)
+    grey, how = (_logarithms if texture.quantity == "log" else _absolute)(texture, texture.components or channels)
     rows, columns = texture.size
     tall, wide = _magnification(rows, columns)
     pixels = enlarged_and_hatched((grey * 255).round().to(torch.uint8), torch.from_numpy(texture.mask))

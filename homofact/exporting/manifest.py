@@ -48,6 +48,8 @@ CONVENTIONS = {
     "images": "EXR: logarithm p, the first scanline is row 0 (v = -1), the first pixel column 0"
     " (u = -1); PNG: p for the eye, same way round, not for evaluation",
     "evaluation": "f = A max(0, exp(sum over all lookups of p(u, v)) - epsilon), p interpolated bilinearly",
+    "basis": "where there is one, the channels of a texture are coordinates s of a spectrum: p of band k is"
+    " sum over v of s[v] vectors[v][k] + offset[k], s being summed over all lookups first; between bands f is linear",
     "mask": "one string a row, row 0 first; 1: the projected domain reaches the texel or its neighbour,"
     " 0: filler that no pair of directions reads",
     "rotation": "quaternions (w, x, y, z); a pair acts on R^4 as v -> left v right, a single one on R^3 as"
@@ -77,6 +79,7 @@ def conventions(described: Mapping[str, Any]) -> dict[str, Any]:
     kept = ["frame", "directions", "value", "half_difference", "mask"]
     if described["kind"] == "product":
         kept += ["parabolic_map", "coordinates", "warp", "projection", "periodic", "rotation", "evaluation"]
+        kept += ["basis"] if "basis" in described else []
         return {name: CONVENTIONS[name] for name in CONVENTIONS if name in kept}
     own = {"evaluation": _SUM, "map": _MAPS[described["map"]]}
     return {name: CONVENTIONS[name] for name in kept} | own
@@ -96,7 +99,7 @@ def manifest(fitted: Fitted, files: Sequence[Mapping[str, str]]) -> dict[str, An
         "format_version": FORMAT_VERSION,
         "homofact_version": __version__,
         "channels": list(fitted.channels),
-        "exr_channels": list(exr_channel_names(fitted.channels)),
+        "exr_channels": list(exr_channel_names((textures and textures[0].components) or fitted.channels)),
         "epsilon": fitted.transform.epsilon,
         "bytes": fitted.nbytes,
         "fetches": fitted.fetches,
@@ -124,7 +127,8 @@ def _product(
         "format": FORMAT,
         "A": "mean of the training samples, per channel",
         "textures": entries,
-        "conventions": CONVENTIONS,
+        **({"basis": described["basis"]} if "basis" in described else {}),
+        "conventions": {name: text for name, text in CONVENTIONS.items() if name != "basis" or name in described},
     }
 
 

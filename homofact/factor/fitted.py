@@ -35,7 +35,8 @@ class Texture:
 
     `texels` (rows, columns, C) float64; `mask` (rows, columns) is False where no pair of directions reads. `name` is
     for its files ("texture_0"), `caption` for people: what it is indexed by, in the field's letters. `quantity` says
-    what the texels are: "log" of a product's, "factor" of a sum's. `grid` and `deviation` as in `Term`.
+    what the texels are: "log" of a product's, "factor" of a sum's. `grid` and `deviation` as in `Term`. `components`
+    name the channels of the texels where they are not the fit's own, as those of a spectral basis.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Texture:
     mask: Held
     grid: QuantizationGrid | None = None
     deviation: Held | None = None
+    components: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Keep texels, mask and deviation as arrays."""
@@ -57,7 +59,10 @@ class Texture:
 
 
 class Fitted(Reflectance, Protocol):
-    """A `Reflectance` made by a fit: a product of textures (`Factorization`), or a sum of products (`Separable`)."""
+    """A `Reflectance` made by a fit.
+
+    It is a product of textures (`Factorization`, or `SpectralFit` of many bands) or a sum of products (`Separable`).
+    """
 
     @property
     def terms(self) -> Sequence[Any]:

@@ -38,6 +38,7 @@ from homofact.factor.factorization import Term, layout_of_terms
 from homofact.factor.fitted import Fitted, QuantizationGrid
 from homofact.factor.gauge import null_space
 from homofact.factor.projection import Projection
+from homofact.factor.spectral_fit import SpectralFit
 from homofact.factor.textures import LogSamples, Smoothing, inner_problem
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.linear.kernels import kernel
@@ -98,6 +99,9 @@ def _solved(fitted: F, samples: Samples, storage: str) -> F:
     if objective != "log":
         plain = replace(logs, weights=samples.weights)
         logs = replace(plain, weights=Flux.of(samples, fitted.transform, objective).weights_of(plain))
+    # Linear, so that the best coordinates are those of the best logarithms.
+    if isinstance(fitted, SpectralFit):
+        logs = replace(logs, logs=torch.from_numpy(fitted.basis.coordinates(logs.logs.cpu().numpy())).to(logs.logs))
     plainly = samples.clipped is None and not settings.get("robust", False) and settings.get("refine", "none") == "none"
     solved_anew = plainly and objective == "log"
     device = samples.wi.device

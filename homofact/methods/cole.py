@@ -46,6 +46,7 @@ class Cole(Method):
     robust: bool = shared.robust()
     confidence: bool = shared.confidence()
     quantize: str = shared.quantize()
+    spectral_tolerance: float | None = shared.spectral_tolerance()
     seed: int = shared.seed()
 
     def __post_init__(self) -> None:

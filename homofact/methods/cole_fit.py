@@ -21,11 +21,11 @@ from homofact.linear.threads import one_thread
 from homofact.methods.cole import Cole
 from homofact.methods.cole_search import SearchedTerms, search_terms
 from homofact.methods.common import (
+    as_stored,
     at_azimuths,
     provenance_of,
     transform_of,
     trusted_samples,
-    with_whole_texels,
 )
 from homofact.methods.fitting import MethodFit, ProgressCallback
 from homofact.methods.memory import refuse_too_large
@@ -60,7 +60,7 @@ def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None
     `settings.budget` seconds, reported as GUARD, but that the term it strikes in keeps its best projection so far.
     Either way provenance and details say that the fit is not reproducible.
     """
-    return with_whole_texels(_fit_terms(samples, settings, progress), samples, settings)
+    return as_stored(_fit_terms(samples, settings, progress), samples, settings)
 
 
 @one_thread

@@ -10,8 +10,10 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.source import NOISE_FREE_EPSILON
 from homofact.errors import BadInput
 from homofact.factor.evaluation import evaluation_of
+from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
 from homofact.factor.quantize import is_solved, quantize
+from homofact.factor.spectral_fit import SpectralFit
 from homofact.methods.cole import Cole
 from homofact.methods.fitting import MethodFit
 from homofact.methods.method import Method
@@ -83,6 +85,25 @@ def quantized(fitted: F, samples: Samples, method: Method, storage: str) -> F:
         samples, _ = trusted_samples(samples, method)
         samples = at_azimuths(samples, method, not evaluation_of(fitted).isotropic)
     return quantize(fitted, samples, storage)
+
+
+def as_stored(fit: MethodFit, samples: Samples, method: Method) -> MethodFit:
+    """The fit of `samples` as the method stores it: in a spectral basis, with whole numbers as texels."""
+    return with_whole_texels(in_spectral_basis(fit, samples, method), samples, method)
+
+
+def in_spectral_basis(fit: MethodFit, samples: Samples, method: Method) -> MethodFit:
+    """The fit of `samples` with textures of a few basis vectors where the method's `spectral_tolerance` asks for it."""
+    if method.spectral_tolerance is None:
+        return fit
+    own = fit.factorization
+    assert isinstance(own, Factorization), "methods with a spectral tolerance fit products"
+    made = SpectralFit.of(own, samples, method.spectral_tolerance, method.seed)
+    facts = made.provenance["spectral"]
+    left = ", ".join(f"{value:.2f} under {name}" for name, value in facts["delta_e"].items())
+    note = f"{facts['rank']} basis vectors store {facts['bands']} bands; mean CIEDE2000 to all bands: {left}"
+    details = dict(fit.report.details) | {"spectral": facts}
+    return MethodFit(made, replace(fit.report, notes=(*fit.report.notes, note), details=details))
 
 
 def with_whole_texels(fit: MethodFit, samples: Samples, method: Method) -> MethodFit:

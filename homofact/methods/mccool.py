@@ -56,6 +56,7 @@ class McCool(Method):
     robust: bool = shared.robust()
     confidence: bool = shared.confidence()
     quantize: str = shared.quantize()
+    spectral_tolerance: float | None = shared.spectral_tolerance()
     seed: int = shared.seed()
 
     @property

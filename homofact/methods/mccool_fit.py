@@ -18,7 +18,7 @@ from homofact.factor.projection import Projection, fixed_projection
 from homofact.factor.textures import LogSamples, residual, solve_terms, texture_shape
 from homofact.linear.layout import Shape
 from homofact.linear.threads import one_thread
-from homofact.methods.common import at_azimuths, provenance_of, transform_of, trusted_samples, with_whole_texels
+from homofact.methods.common import as_stored, at_azimuths, provenance_of, transform_of, trusted_samples
 from homofact.methods.fitting import MethodFit, ProgressCallback
 from homofact.methods.mccool import McCool
 from homofact.methods.memory import refuse_too_large
@@ -29,7 +29,7 @@ def fit_mccool(samples: Samples, settings: McCool, progress: ProgressCallback | 
 
     There is one linear solve, so `progress` is never called.
     """
-    return with_whole_texels(_fit_textures(samples, settings), samples, settings)
+    return as_stored(_fit_textures(samples, settings), samples, settings)
 
 
 @one_thread

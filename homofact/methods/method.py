@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from homofact.errors import Advice, BadInput
 from homofact.settings.options import check_options
 
 if TYPE_CHECKING:
@@ -51,10 +52,17 @@ class Method(ABC):
     """Whether every texel's standard deviation is kept."""
     quantize: str = "none"
     """Which whole numbers texels are: "none", "png8" or "png16"."""
+    spectral_tolerance: float | None = None
+    """How much of CIEDE2000 a spectral basis may leave; None stores all bands."""
 
     def __post_init__(self) -> None:
         """Check the settings. Raises BadInput naming the setting, what was found and what is expected."""
         check_options(self)
+        if self.spectral_tolerance is not None:
+            # Bytes would need the rank before the fit; deviations are those of all bands.
+            for name, given in (("bytes", self.bytes is not None), ("confidence", self.confidence)):
+                if given:
+                    raise BadInput(where="spectral_tolerance", found=f"it beside {name}", expected="one of them")
 
     @property
     @abstractmethod
@@ -67,6 +75,22 @@ class Method(ABC):
         Only searches call `progress`. An interrupt or the guard `budget` ends a search with the best projections so
         far. Raises BadInput where the samples cannot be fitted.
         """
+        if self.spectral_tolerance is not None:
+            _check_spectrum(samples.channels)
         module, function = self.implementation.split(":")
         samples = samples if self.on_devices else samples.to("cpu")
         return getattr(import_module(module), function)(samples, self, progress)
+
+
+def _check_spectrum(channels: tuple[str, ...]) -> None:
+    """Raise BadInput for channels that no spectral basis is for, saying what is possible."""
+    from homofact.brdf.wavelengths import spectrum_of, wavelengths_of
+
+    bands = wavelengths_of(channels)
+    hint = "without it the fit stores all bands"
+    if bands is None:
+        hint = f"fit with {Advice('channels', 'spectral')} if the file has spectra"
+    try:
+        spectrum_of(channels)
+    except BadInput as error:
+        raise error.at("spectral_tolerance").with_hint(hint) from error

@@ -6,6 +6,8 @@ from homofact.errors import BadInput
 from homofact.factor.factorization import FORMAT as PRODUCT
 from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
+from homofact.factor.spectral_fit import FORMAT as SPECTRAL
+from homofact.factor.spectral_fit import SpectralFit
 from homofact.files.archive import read_archive, saved_file
 from homofact.files.fields import Fields
 from homofact.parametric.model_fit import FORMAT as MODEL
@@ -13,7 +15,12 @@ from homofact.parametric.model_fit import ModelFit
 from homofact.separable.separable import FORMAT as SEPARABLE
 from homofact.separable.separable import Separable
 
-_READERS = {PRODUCT: Factorization.load, SEPARABLE: Separable.load, MODEL: ModelFit.load}
+_READERS = {
+    PRODUCT: Factorization.load,
+    SPECTRAL: SpectralFit.load,
+    SEPARABLE: Separable.load,
+    MODEL: ModelFit.load,
+}
 
 
 def open_saved(place: str | os.PathLike[str]) -> Fitted:

@@ -93,6 +93,7 @@ class Search(Method):
     robust: bool = shared.robust()
     confidence: bool = shared.confidence()
     quantize: str = shared.quantize()
+    spectral_tolerance: float | None = shared.spectral_tolerance()
     seed: int = shared.seed()
 
     def __post_init__(self) -> None:

@@ -19,7 +19,7 @@ from homofact.factor.factorization import Factorization, Term
 from homofact.factor.textures import Solved, residual, solve_terms, texture_shape
 from homofact.linear.layout import Shape
 from homofact.linear.threads import one_thread
-from homofact.methods.common import provenance_of, with_whole_texels
+from homofact.methods.common import as_stored, provenance_of
 from homofact.methods.effort import FitBudget
 from homofact.methods.fitting import FitProgress, MethodFit, ProgressCallback
 from homofact.methods.full_size import at_full_size
@@ -45,7 +45,7 @@ def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | 
     the provenance says that the fit is not reproducible. The report's notes say what the user should know: textures
     that were not worth having, the guard, an interrupt. Raises BadInput where the samples cannot fill the folds.
     """
-    return with_whole_texels(fit_shared((samples,), settings, progress)[0], samples, settings)
+    return as_stored(fit_shared((samples,), settings, progress)[0], samples, settings)
 
 
 @one_thread

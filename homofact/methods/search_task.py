@@ -86,7 +86,7 @@ class SearchTask:
     @classmethod
     def of(cls, several: Sequence[Samples], settings: Search, began: float) -> "SearchTask":
         """The task of fitting these materials, begun at that time. Raises BadInput as `fit_shared`."""
-        _check_samples(several)
+        _check_samples(several, settings)
         sizes = TextureSizes.of(settings, len(several[0].channels))
         candidates = candidates_of(all(samples.isotropic for samples in several), settings)
         materials = _prepared(several, settings, sizes, candidates)
@@ -130,9 +130,11 @@ class SearchTask:
         return SmoothingFor(self.sizes.coarse, fewer, self.settings.smoothing)
 
 
-def _check_samples(several: Sequence[Samples]) -> None:
-    """Raise BadInput for materials of different channels, and for too few samples."""
+def _check_samples(several: Sequence[Samples], settings: Search) -> None:
+    """Raise BadInput for materials of different channels, for too few samples, and for a basis of several."""
     channels = several[0].channels
+    if len(several) > 1 and settings.spectral_tolerance is not None:
+        raise BadInput(where="spectral_tolerance", found=f"it for {len(several)} materials", expected="one material")
     for number, samples in enumerate(several):
         if samples.channels != channels:
             own, expected = ", ".join(samples.channels), ", ".join(channels)

@@ -121,6 +121,14 @@ def quantize() -> Any:
     return option("none", "Fit texels that png8 or png16 store exactly", choices=_QUANTIZATIONS)
 
 
+def spectral_tolerance() -> Any:
+    """The mean CIEDE2000 that a spectral basis may leave (`factor.spectral_choice`); None keeps all bands."""
+    return option(
+        None, "Store a spectrum by few basis vectors: as many as keep its mean CIEDE2000 to the fit of all bands within"
+        " this under D65, A and F11", above=0, none="all bands are stored", metavar="DELTA-E",
+    )  # fmt: skip
+
+
 def direction_map() -> Any:
     """The map of directions to the textures of a separable fit."""
     return option("parabolic", "Map of directions to textures", choices=MAP_NAMES)

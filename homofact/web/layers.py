@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from homofact.brdf.channels import wavelengths_of
+from homofact.brdf.wavelengths import wavelengths_of
 from homofact.errors import Advice, BadInput
 from homofact.factor.fitted import Fitted, Texture
 from homofact.shading.cost import cost_of

@@ -9,7 +9,6 @@ import torch
 from refusals import refused
 from torch import Tensor
 
-from homofact.brdf.channels import spectral_names
 from homofact.brdf.formats import alta, read_samples
 from homofact.brdf.formats import alta as writer
 from homofact.brdf.formats.alta_parameters import PARAMETERIZATIONS
@@ -17,6 +16,7 @@ from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import describe, open_source
+from homofact.brdf.wavelengths import spectral_names
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import draw_uniform, from_spherical, to_spherical

@@ -4,12 +4,13 @@ import pytest
 import torch
 from refusals import refused
 
-from homofact.brdf.channels import LuminanceOf, OneChannel, as_channels, spectral_names, wavelengths_of
+from homofact.brdf.channels import LuminanceOf, OneChannel, as_channels
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import open_source
 from homofact.brdf.spectral import LUMINANCE
+from homofact.brdf.wavelengths import spectral_names, wavelengths_of
 
 WAVELENGTHS = (400.0, 500.0, 600.0, 700.0)
 

@@ -7,13 +7,13 @@ import pytest
 import torch
 from refusals import refused
 
-from homofact.brdf.channels import spectral_names
 from homofact.brdf.formats import csv, read_samples
 from homofact.brdf.formats import csv as writer
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import open_source
+from homofact.brdf.wavelengths import spectral_names
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
 

@@ -13,13 +13,14 @@ from refusals import refused
 from torch import Tensor
 
 from homofact.brdf.analytic import Lambert
-from homofact.brdf.channels import LuminanceOf, spectral_names
+from homofact.brdf.channels import LuminanceOf
 from homofact.brdf.formats import merl, read_samples
 from homofact.brdf.formats import merl as writer
 from homofact.brdf.materials import material
 from homofact.brdf.merl import SCALES, MerlGrid, MerlTable
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import open_source
+from homofact.brdf.wavelengths import spectral_names
 from homofact.errors import BadInput
 from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.directions import draw_uniform, from_spherical

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-from homofact.brdf.channels import spectral_names
 from homofact.brdf.formats import npz
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.wavelengths import spectral_names
 from homofact.errors import BadInput
 
 PAINT = sample_model(material("lafortune-blue-paint").model, 30)

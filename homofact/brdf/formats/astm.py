@@ -21,10 +21,11 @@ import os
 
 import torch
 
-from homofact.brdf.channels import check_channels, wavelengths_of
+from homofact.brdf.channels import check_channels
 from homofact.brdf.formats.reading import check_azimuths, in_channels, line_fault
 from homofact.brdf.samples import Samples, lit_from_one_azimuth
 from homofact.brdf.spectral import FROM_XYZ
+from homofact.brdf.wavelengths import wavelengths_of
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes

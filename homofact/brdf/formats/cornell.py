@@ -17,9 +17,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import check_channels, spectral_names
+from homofact.brdf.channels import check_channels
 from homofact.brdf.formats.reading import check_azimuths, in_channels, line_fault, zeros_of
 from homofact.brdf.samples import Samples
+from homofact.brdf.wavelengths import spectral_names
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes

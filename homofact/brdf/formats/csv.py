@@ -21,9 +21,10 @@ from collections.abc import Callable, Iterator
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import check_channels, wavelengths_of
+from homofact.brdf.channels import check_channels
 from homofact.brdf.formats.reading import in_channels, line_fault, zeros_of
 from homofact.brdf.samples import Samples, lit_from_one_azimuth
+from homofact.brdf.wavelengths import wavelengths_of
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes

@@ -19,12 +19,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf.channels import check_channels, wavelengths_of
+from homofact.brdf.channels import check_channels
 from homofact.brdf.formats.reading import Drawing, Reading, zeros_of
 from homofact.brdf.merl import SCALES, STANDARD, UNMEASURED, MerlGrid, MerlTable
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import to_rgb
+from homofact.brdf.wavelengths import wavelengths_of
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.files.reading import read_bytes

@@ -22,12 +22,13 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.adaptive import importance
-from homofact.brdf.channels import check_channels, spectral_names, wavelengths_of
+from homofact.brdf.channels import check_channels
 from homofact.brdf.formats.reading import Drawing, Reading
 from homofact.brdf.formats.tensor_file import DESCRIPTION as DESCRIPTION
 from homofact.brdf.formats.tensor_file import MAGIC, read_tensors, short, tensor_bytes
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.spectral import to_luminance, to_rgb
+from homofact.brdf.wavelengths import spectral_names, wavelengths_of
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 

@@ -13,12 +13,12 @@ from collections.abc import Iterable, Sequence
 
 from torch import Tensor
 
-from homofact.brdf.channels import wavelengths_of
 from homofact.brdf.formats.incidence_files import tabulated
 from homofact.brdf.incidences import IncidenceTable, reflected
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.tristimulus import to_xyz
 from homofact.brdf.upsampling import NODES, to_spectra
+from homofact.brdf.wavelengths import wavelengths_of
 from homofact.errors import BadInput
 from homofact.files.atomic import write_text
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from homofact.brdf.channels import wavelengths_of
+from homofact.brdf.wavelengths import wavelengths_of
 from homofact.editing import basis, curves_file, furnace
 from homofact.editing.angles import LETTERS
 from homofact.editing.curves import band_of

@@ -9,11 +9,11 @@ import re
 from dataclasses import replace
 
 from homofact.brdf.adaptive import relative_differences, tabulated
-from homofact.brdf.channels import spectral_names, wavelengths_of
 from homofact.brdf.formats import rgl
 from homofact.brdf.reflectance import Exchanged
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.upsampling import NODES, to_spectra
+from homofact.brdf.wavelengths import spectral_names, wavelengths_of
 from homofact.exporting.as_source import knows_no_azimuth
 from homofact.exporting.engines.base import Added, Engine, check_colour, template
 from homofact.exporting.exported import Exported
