@@ -15,8 +15,8 @@ or "cosine", where it is drawn from the cosine alone. The texels, `texture_0` an
 (logarithms of a product, factors of a sum of products), can be differentiated. The density is not fitted again when
 they change: that costs noise, and the mean stays right.
 
-The channels R, G, B are taken as linear sRGB, and one channel as grey. Variants are rgb and mono, where R, G, B become
-their luminance; spectral and polarized variants are refused, as are fits of a spectrum.
+The channels R, G, B are taken as linear sRGB, one channel as grey, and wavelengths as a spectrum, in variants of rgb,
+mono and spectral (`mitsuba_spectra`). Polarized variants are refused.
 """
 
 import os
@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.wavelengths import spectrum_of, wavelengths_of
 from homofact.errors import Advice, BadInput, MissingDependency
 from homofact.factor.evaluation import evaluation_of
 from homofact.factor.fitted import Fitted
@@ -37,7 +38,6 @@ NAME = "homofact"
 VARIANT = "llvm_ad_rgb"
 SAMPLINGS = ("lobe", "cosine")
 _RGB = ("R", "G", "B")
-_LUMINANCE = (0.212671, 0.71516, 0.072169)  # Mitsuba's `luminance`
 
 
 def register(name: str = NAME) -> None:
@@ -89,20 +89,26 @@ def open_mitsuba(variant: str = VARIANT) -> Any:
 def open_fit(place: str | os.PathLike[str]) -> Fitted:
     """The fit of a result's folder or of a saved file; needs no Mitsuba.
 
-    Raises BadInput where there is none, and for channels that are neither R, G, B nor one alone.
+    Raises BadInput where there is none, and for channels that are neither R, G, B, one alone, nor visible wavelengths.
     """
     target = saved_file(place)
     fit = open_saved(target)
     if not fit.terms:
         raise BadInput(where=target, found="no textures", expected="at least one")
-    if len(fit.channels) != 1 and fit.channels != _RGB:
+    if len(fit.channels) == 1 or fit.channels == _RGB:
+        return fit
+    if wavelengths_of(fit.channels) is None:
         names = ", ".join(fit.channels[:3]) + (", …" if len(fit.channels) > 3 else "")
         raise BadInput(
             where=target,
             found=f"the channels {names} ({len(fit.channels)} of them)",
-            expected="R, G, B or one alone",
+            expected="R, G, B, one alone, or wavelengths",
             hint=f"fit with {Advice('channels', 'rgb')}",
         )
+    try:
+        spectrum_of(fit.channels)
+    except BadInput as error:
+        raise error.at(target).with_hint("fit one of its bands to render it in grey") from error
     return fit
 
 
@@ -118,10 +124,8 @@ def bsdf_class() -> Any:
         raise BadInput(
             "no variant is set", where="mitsuba", expected="mitsuba.set_variant('llvm_ad_rgb') or another first"
         )
-    if mi.is_polarized or not (mi.is_rgb or mi.is_monochromatic):
-        raise BadInput(
-            where="mitsuba", found=f"the variant {variant}", expected="an rgb or mono one without polarization"
-        )
+    if mi.is_polarized:
+        raise BadInput(where="mitsuba", found=f"the variant {variant}", expected="one without polarization")
     return _class_of(variant)
 
 
@@ -164,7 +168,8 @@ class _LobeDrawing(_CosineDrawing):
 def _class_of(variant: str) -> Any:
     """The class of a variant, which is the one that is set."""
     mi, dr = _mitsuba(), extras.library("drjit", "mitsuba")
-    from homofact.shading.drjit import DrJitFit
+    from homofact.rendering.mitsuba_spectra import spectra_of
+    from homofact.shading.drjit import DrJitBands, DrJitFit
 
     class FittedBSDF(mi.BSDF):
         """`mitsuba.BSDF` of a fit; arguments and results are Mitsuba's."""
@@ -179,7 +184,9 @@ def _class_of(variant: str) -> Any:
             fitted = open_fit(self.path)
             self.size = ", ".join(f"{rows} x {columns}" for rows, columns in (t.size for t in fitted.textures))
             self.fetches = fitted.fetches
-            self.values = DrJitFit(fitted, mi)
+            grey_or_rgb = len(fitted.channels) == 1 or fitted.channels == _RGB
+            self.values = (DrJitFit if grey_or_rgb else DrJitBands)(fitted, mi)
+            self.spectra = spectra_of(mi, fitted.channels)
             sampling = str(properties["sampling"]) if "sampling" in properties else SAMPLINGS[0]
             if sampling not in SAMPLINGS:
                 raise BadInput(
@@ -245,17 +252,9 @@ def _class_of(variant: str) -> Any:
 
         def _value(self, ctx: Any, si: Any, wo: Any, active: Any) -> Any:
             light, viewer = (wo, si.wi) if ctx.mode == mi.TransportMode.Radiance else (si.wi, wo)
-            return _spectrum(mi, self.values.evaluate(light, viewer, active)) * dr.maximum(wo.z, 0)
+            return self.spectra(self.values.evaluate(light, viewer, active), si) * dr.maximum(wo.z, 0)
 
     return FittedBSDF
-
-
-def _spectrum(mi: Any, values: list[Any]) -> Any:
-    """Mitsuba's spectrum of one channel or of R, G, B, of which a mono variant takes the luminance."""
-    if mi.is_monochromatic and len(values) == 3:
-        values = [sum(weight * value for weight, value in zip(_LUMINANCE, values, strict=True))]
-    # One channel is grey in all of Mitsuba's.
-    return mi.Spectrum(*values)
 
 
 def _resolved(mi: Any, filename: str) -> str:

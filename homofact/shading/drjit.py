@@ -12,12 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from homofact.brdf.source_names import MOST
+from homofact.factor.evaluation import evaluation_of
 from homofact.factor.fitted import Fitted, Texture
+from homofact.factor.spectral_fit import SpectralFit
 from homofact.geometry.interpret import interpret, value_of
 from homofact.shading.encoding import as_floats
 from homofact.shading.lobe_mixture import LobeMixture
 from homofact.shading.lobe_statements import density_statements, sample_statements
-from homofact.shading.program import program_of
+from homofact.shading.program import Program, program_of, sum_program
 
 # Their types depend on the variant that is set when they run, so that no checker can know them.
 dr: Any = import_module("drjit")
@@ -57,15 +60,50 @@ class DrJitFit:
 
         Both directions are Mitsuba's vectors, unit, and above the surface wherever `active`.
         """
-        up = self._mi.Vector3f(0, 0, 1)
-        wi, wo = dr.select(active, wi, up), dr.select(active, wo, up)
-        values = {"wi": [wi.x, wi.y, wi.z], "wo": [wo.x, wo.y, wo.z]}
+        values = _interpreted(self._program, self.textures, self._mi, (wi, wo), active)
+        return [dr.select(active, value, 0) for value in values]
 
-        def fetch(number: int, uv: list[Any]) -> list[Any]:
-            return list(self.textures[number].eval(self._mi.Point2f(*uv), active))
 
-        interpret(self._program.statements, values, _FUNCTIONS, fetch)
-        return [dr.select(active, value, 0) for value in value_of(self._program.result, values, _FUNCTIONS)]
+class DrJitBands:
+    """The textures of a fit of any number of channels, for instance all bands of a spectrum, and their evaluation.
+
+    `textures` as in `DrJitFit`; those of a fit with a spectral basis hold its coordinates.
+    """
+
+    def __init__(self, fitted: Fitted, mi: Any) -> None:
+        """Copy the texels to textures of `mi`, the mitsuba module with a variant set."""
+        self._mi = mi
+        self._program = sum_program(fitted, [as_floats(texture.texels) for texture in fitted.textures])
+        self._transform = evaluation_of(fitted).transform
+        self._basis = fitted.basis if isinstance(fitted, SpectralFit) else None
+        self.textures = [_texture(texture, mi) for texture in fitted.textures]
+
+    def evaluate(self, wi: Any, wo: Any, active: Any) -> list[Any]:
+        """As `DrJitFit.evaluate`."""
+        total = _interpreted(self._program, self.textures, self._mi, (wi, wo), active)
+        if self._basis is not None:
+            rows = zip(self._basis.vectors.T.tolist(), self._basis.offset.tolist(), strict=True)
+            total = [sum((s * b for s, b in zip(total, row, strict=True)), offset) for row, offset in rows]
+        transform = self._transform
+        if transform is not None:
+            total = [
+                mean * (dr.exp(dr.minimum(log, MOST)) - transform.epsilon)
+                for log, mean in zip(total, transform.mean.tolist(), strict=True)
+            ]
+        return [dr.select(active, dr.maximum(value, 0), 0) for value in total]
+
+
+def _interpreted(program: Program, textures: list[Any], mi: Any, directions: tuple[Any, Any], active: Any) -> list[Any]:
+    """The components of a program's result for light and viewer, whatever they are where not `active`."""
+    up = mi.Vector3f(0, 0, 1)
+    wi, wo = (dr.select(active, each, up) for each in directions)
+    values = {"wi": [wi.x, wi.y, wi.z], "wo": [wo.x, wo.y, wo.z]}
+
+    def fetch(number: int, uv: list[Any]) -> list[Any]:
+        return list(textures[number].eval(mi.Point2f(*uv), active))
+
+    interpret(program.statements, values, _FUNCTIONS, fetch)
+    return value_of(program.result, values, _FUNCTIONS)
 
 
 class DrJitMixture:

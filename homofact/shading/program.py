@@ -75,12 +75,7 @@ def program_of(
     check_count(count)
     wi, wo = variable("wi", 3), variable("wo", 3)
     evaluation = evaluation_of(fitted)
-    sizes = [texture.stored.shape[:2] for texture in textures]
-    shapes = tuple((rows // max(len(layers), 1), columns) for rows, columns in sizes)
-    coordinates = coordinates_of(_used(evaluation))
-    statements = list(coordinates.statements)
-    fetched = _fetches(evaluation, shapes, count, coordinates, statements)
-    total, bias = _sum(evaluation, fetched, textures, count)
+    statements, total, bias, shapes = _summed(evaluation, textures, count, max(len(layers), 1))
     transform = evaluation.transform
     tables: Tables = ()
     if layers:
@@ -104,6 +99,33 @@ def program_of(
     result = variable("f", count) * variable("above", 1)
     title = _title(fitted, len(layers))
     return Program(needed(statements, result), result, shapes, fitted.channels, title, len(layers), tables)
+
+
+def sum_program(fitted: Evaluated, textures: Sequence[Encoded]) -> Program:
+    """The program whose result is the sum of the products of a fit alone, for any number of channels of `textures`.
+
+    That of a product are logarithms, or coordinates of a spectral basis. It is to be interpreted: no shader has vectors
+    of more than four components.
+    """
+    count = textures[0].stored.shape[2]
+    evaluation = evaluation_of(fitted).of_channels(slice(0, count))
+    statements, total, bias, shapes = _summed(evaluation, textures, count, 1)
+    statements.append(Let("total", total if not np.any(bias) else total + _constant(bias)))
+    result = variable("total", count)
+    return Program(needed(statements, result), result, shapes, fitted.channels, _title(fitted, 0))
+
+
+def _summed(
+    evaluation: Evaluation, textures: Sequence[Encoded], count: int, layers: int
+) -> tuple[list[Let], Expression, np.ndarray, tuple[tuple[int, int], ...]]:
+    """(the statements that fetch, the sum less its biases, these, the shapes of the textures' layers)."""
+    sizes = [texture.stored.shape[:2] for texture in textures]
+    shapes = tuple((rows // layers, columns) for rows, columns in sizes)
+    coordinates = coordinates_of(_used(evaluation))
+    statements = list(coordinates.statements)
+    fetched = _fetches(evaluation, shapes, count, coordinates, statements)
+    total, bias = _sum(evaluation, fetched, textures, count)
+    return statements, total, bias, shapes
 
 
 def check_count(channels: int) -> None:

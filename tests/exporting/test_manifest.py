@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,15 @@ import pytest
 import torch
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.wavelengths import spectral_names
 from homofact.containers.exr import read_exr
 from homofact.errors import BadInput
 from homofact.exporting.images import write_textures
 from homofact.exporting.manifest import CONVENTIONS, manifest, write_json
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.projection import Projection, Warp, fixed_projection
+from homofact.factor.spectral_basis import SpectralBasis
+from homofact.factor.spectral_fit import SpectralFit
 from homofact.geometry.directions import draw_uniform
 from homofact.geometry.rotation import Rotation
 
@@ -144,7 +148,7 @@ def fetch(log_factor, u, v):
 def from_files(folder, wi, wo):
     """f (C,) from the manifest and its images alone."""
     said = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    total = np.zeros(len(said["channels"]))
+    total = np.zeros(len(said["exr_channels"]))
     for texture in said["textures"]:
         planes = read_exr(folder / texture["files"]["exr"])
         log_factor = np.stack([planes[name] for name in said["exr_channels"]], -1).astype(np.float64)
@@ -159,6 +163,9 @@ def from_files(folder, wi, wo):
         assert len(matrices) == projection["lookups"]
         for matrix in matrices:
             total += fetch(log_factor, *(np.array(matrix) @ x))
+    if "basis" in said:
+        assert "sum over v of s[v] vectors[v][k] + offset[k]" in said["conventions"]["basis"]
+        total = total @ np.array(said["basis"]["vectors"]) + np.array(said["basis"]["offset"])
     (formula,) = words(r"^f = (.+), p interpolated bilinearly$", "evaluation")
     formula = formula.replace("sum over all lookups of p(u, v)", "total").replace("A max", "A * max")
     return value_of(formula, A=np.array(said["A"]["values"]), total=total, epsilon=said["epsilon"])
@@ -173,6 +180,23 @@ def test_files_alone_reproduce_evaluate(tmp_path, fitted):
     np.testing.assert_allclose(ours, expected, rtol=3e-6, atol=1e-7)
     assert (expected > 0).mean() > 0.8
     assert (expected == 0).any(), "the cut at zero is not exercised: change epsilon"
+
+
+def test_files_alone_reproduce_a_fit_with_a_spectral_basis(tmp_path):
+    drawn = np.random.default_rng(3)
+    names = spectral_names(range(400, 701, 20))
+    bands = len(names)
+    made = tuple(replace(term, texture=term.texture[..., :2]) for term in terms())
+    basis = SpectralBasis(drawn.normal(size=(2, bands)), drawn.normal(size=bands), drawn.normal(size=(bands, 2)))
+    fitted = SpectralFit(made, basis, LogTransform(0.5, drawn.uniform(0.1, 0.3, bands)), names, {"seed": 11})
+    write_json(tmp_path / "manifest.json", manifest(fitted, write_textures(tmp_path, fitted)))
+    wi, wo = draw_uniform(10, torch.Generator().manual_seed(2))
+    ours = np.stack([from_files(tmp_path, a, b) for a, b in zip(wi.numpy(), wo.numpy(), strict=True)])
+    assert ours.shape == (10, bands)
+    np.testing.assert_allclose(ours, fitted.evaluate(wi, wo).numpy(), rtol=1e-5, atol=1e-7)
+    said = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
+    assert said["bytes"] == fitted.nbytes
+    assert said["exr_channels"] == ["vector 0", "vector 1"]
 
 
 def test_quaternions_scale_and_mask(tmp_path, fitted):

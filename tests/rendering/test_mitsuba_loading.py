@@ -43,15 +43,16 @@ def bad_files(tmp_path: Path) -> dict[Path, str]:
     made().save(tmp_path / "good.npz")
     newer = edited(tmp_path / "good.npz", tmp_path / "newer.npz", lambda header: header.update(format_version=99))
     empty = edited(tmp_path / "good.npz", tmp_path / "empty.npz", lambda header: header.update(terms=[]))
-    made(("450nm", "550nm", "650nm")).save(tmp_path / "three.npz")
-    made(tuple(f"{w}nm" for w in range(400, 701, 10))).save(tmp_path / "spectrum.npz")
+    made(("900nm", "1200nm", "1700nm")).save(tmp_path / "three.npz")
+    made(tuple(f"band {k}" for k in range(31))).save(tmp_path / "bands.npz")
     (tmp_path / "text.npz").write_text("no archive")
     (tmp_path / "folder").mkdir()
     return {
         newer: "newer.npz: format version 99, expected at most 1",
         empty: r"empty.npz: terms: found \[\], expected 1 to 1000 objects",
-        tmp_path / "three.npz": "three.npz: found the channels 450nm, 550nm, 650nm .3 of them., expected R, G, B",
-        tmp_path / "spectrum.npz": "found the channels 400nm, 410nm, 420nm, … .31 of them.*fit with `channels='rgb'`",
+        tmp_path
+        / "three.npz": "three.npz: wavelengths: found 900-1700 nm, expected them to cover 450-650 nm.*one of its",
+        tmp_path / "bands.npz": "found the channels band 0, band 1, band 2, … .31 of them.*fit with `channels='rgb'`",
         tmp_path / "text.npz": "text.npz: not a saved factorization",
         tmp_path / "nothing.npz": "nothing.npz: no such file",
         tmp_path / "folder": "folder: found no factorization.npz in the folder",
@@ -87,10 +88,10 @@ def test_a_sampling_that_is_unknown(tmp_path: Path) -> None:
         mi.load_dict({"type": "homofact", "filename": str(tmp_path / "good.npz"), "sampling": "brdf"})
 
 
-@pytest.mark.parametrize("name", ["scalar_spectral", "llvm_ad_mono_polarized"])
+@pytest.mark.parametrize("name", ["scalar_spectral_polarized", "llvm_ad_mono_polarized"])
 def test_variants_that_are_refused(name: str) -> None:
     variant(name, register=False)
-    with pytest.raises(BadInput, match=f"found the variant {name}, expected an rgb or mono one"):
+    with pytest.raises(BadInput, match=f"found the variant {name}, expected one without polarization"):
         mitsuba_bsdf.register()
 
 
