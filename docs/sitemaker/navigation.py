@@ -41,7 +41,7 @@ SECTIONS = (
         "Guides",
         (
             "python", "gpu", "formats", "lighting", "results", "verdict", "artefacts", "suspicion", "robustness",
-            "export", "interchange", "mitsuba", "sampling", "planning", "relighting", "editing", "sweep", "report",
+            "export", "interchange", "mitsuba", "spectral", "sampling", "planning", "relighting", "editing", "sweep", "report",
             "papers",
         ),
     ),
