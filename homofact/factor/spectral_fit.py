@@ -43,6 +43,8 @@ FORMAT = "homofact spectral factorization"
 FORMAT_VERSION = 1
 # What the choice of a basis sees: samples at most, and pairs of any directions, which count as much.
 MOST_SAMPLES, PAIRS = 8192, 4096
+# One texture has four channels; a shader's program reads up to four as they are.
+LEAST_BANDS = 5
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,8 @@ class SpectralFit:
     provenance: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Keep the terms as arrays."""
+        """Keep the terms as arrays. Raises BadInput as `bands_of`."""
+        bands_of(self.channels)
         object.__setattr__(self, "terms", tuple(term.arrays() for term in self.terms))
 
     def __repr__(self) -> str:
@@ -84,7 +87,7 @@ class SpectralFit:
         from homofact.factor.spectral_choice import choose_basis
         from homofact.geometry.directions import draw_cosine_weighted
 
-        wavelengths = spectrum_of(fit.channels)
+        wavelengths = bands_of(fit.channels)
         drawn = samples.to("cpu")
         if len(drawn) > MOST_SAMPLES:
             drawn = drawn.subset(MOST_SAMPLES, seed)
@@ -108,7 +111,7 @@ class SpectralFit:
     @property
     def wavelengths(self) -> tuple[float, ...]:
         """The bands in nm."""
-        return spectrum_of(self.channels)
+        return bands_of(self.channels)
 
     @property
     def nbytes(self) -> int:
@@ -203,7 +206,7 @@ class SpectralFit:
         saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
         channels, transform = channels_and_transform(saved)
         try:
-            spectrum_of(channels)
+            bands_of(channels)
         except BadInput as error:
             raise error.at(saved.path) from error
         bands, rank = len(channels), saved.fields.whole("rank", 1, MOST_CHANNELS)
@@ -212,3 +215,15 @@ class SpectralFit:
         described = enumerate(saved.fields.inners("terms", MOST_TERMS))
         terms = tuple(stored_term(entry, saved, j, rank) for j, entry in described)
         return cls(terms, basis, transform, channels, saved.fields.inner("provenance").found)
+
+
+def bands_of(channels: Sequence[str]) -> tuple[float, ...]:
+    """The wavelengths in nm of channels that a spectral basis is for: a visible spectrum of at least `LEAST_BANDS`.
+
+    Raises BadInput for others.
+    """
+    wavelengths = spectrum_of(channels)
+    if len(wavelengths) < LEAST_BANDS:
+        found, expected = f"{len(wavelengths)} bands", f"at least {LEAST_BANDS} for a spectral basis"
+        raise BadInput(where="channels", found=found, expected=expected)
+    return wavelengths

@@ -84,13 +84,14 @@ class Method(ABC):
 
 def _check_spectrum(channels: tuple[str, ...]) -> None:
     """Raise BadInput for channels that no spectral basis is for, saying what is possible."""
-    from homofact.brdf.wavelengths import spectrum_of, wavelengths_of
+    from homofact.brdf.wavelengths import wavelengths_of
+    from homofact.factor.spectral_fit import bands_of
 
     bands = wavelengths_of(channels)
     hint = "without it the fit stores all bands"
     if bands is None:
         hint = f"fit with {Advice('channels', 'spectral')} if the file has spectra"
     try:
-        spectrum_of(channels)
+        bands_of(channels)
     except BadInput as error:
         raise error.at("spectral_tolerance").with_hint(hint) from error

@@ -178,6 +178,7 @@ def test_other_texels_change_the_values_in_the_bands_of_their_vector() -> None:
         (("R", "G", "B"), "channels", "R, G, B"),
         (("550nm",), "wavelengths", "550 nm alone"),
         (("500nm", "510nm"), "wavelengths", "500-510 nm"),
+        (("400nm", "500nm", "600nm", "700nm"), "channels", "4 bands"),
         (("900nm", "1700nm"), "wavelengths", "900-1700 nm"),
         (("700nm", "400nm"), "wavelengths", "400 nm follows 700 nm"),
         (("400nm", "nannm", "700nm"), "wavelengths", "nan nm follows 400 nm"),

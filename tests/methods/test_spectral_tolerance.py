@@ -80,6 +80,7 @@ def test_whole_numbers_are_those_of_the_coordinates(storage: str) -> None:
         (("550nm",), "spectral_tolerance: wavelengths", "550 nm alone"),
         (("900nm", "1300nm", "1700nm"), "spectral_tolerance: wavelengths", "900-1700 nm"),
         (("400nm", "700nm", "550nm"), "spectral_tolerance: wavelengths", "550 nm follows 700 nm"),
+        (("400nm", "550nm", "700nm"), "spectral_tolerance: channels", "3 bands"),
     ],
 )
 @pytest.mark.parametrize("method", ["mccool", "search"])

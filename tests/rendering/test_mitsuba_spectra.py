@@ -70,8 +70,8 @@ FITS = {
     "basis": lambda: with_basis(product()),
     "more than four vectors": lambda: with_basis(product(), 1e-4),
     "all bands": product,
-    "uneven bands": lambda: product(UNEVEN),
-    "two bands": lambda: with_basis(product((450.0, 650.0)), 5),
+    "uneven bands": lambda: with_basis(product(UNEVEN)),
+    "three bands": lambda: product((450.0, 550.0, 650.0)),
     "sum of products": nonnegative,
 }
 
