@@ -11,7 +11,7 @@ from homofact.brdf.reflectance import Derived
 from homofact.brdf.samples import Samples
 from homofact.brdf.source_names import CHANNELS
 from homofact.brdf.spectral import LUMINANCE, to_luminance, to_rgb
-from homofact.brdf.wavelengths import wavelengths_of
+from homofact.brdf.wavelengths import covers_colours, wavelengths_of
 from homofact.errors import BadInput
 
 _RGB = ("R", "G", "B")
@@ -113,7 +113,11 @@ def display_of(channels: Sequence[str]) -> Callable[[Tensor], Tensor] | None:
     """What turns values (N, C) into linear sRGB (N, 3) for a picture; None where they show as they are.
 
     Spectra become sRGB, negative where it leaves the gamut, which the picture clips and counts; one channel
-    shows as grey.
+    shows as grey, and so does the mean of bands that leave out blue or red, which have no colour.
     """
     wavelengths = wavelengths_of(channels) if len(channels) > 1 else None
-    return None if wavelengths is None else lambda values: to_rgb(values, wavelengths, clip=False)[0]
+    if wavelengths is None:
+        return None
+    if not covers_colours(wavelengths):
+        return lambda values: values.mean(1, keepdim=True).expand(-1, 3)
+    return lambda values: to_rgb(values, wavelengths, clip=False)[0]

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
-from homofact.errors import BadInput
+from homofact.errors import Advice, BadInput
 
 # Without these the blue or the red primary would be made up of end values.
 _NEEDED = (450.0, 650.0)
+_INSTEAD = f"keep the spectra with {Advice('channels', 'spectral')}"
 
 
 def spectral_names(wavelengths: Sequence[float]) -> tuple[str, ...]:
@@ -24,7 +25,7 @@ def wavelengths_of(channels: Sequence[str]) -> tuple[float, ...] | None:
         return None
 
 
-def colour_wavelengths(wavelengths: Sequence[float], instead: str = "keep the spectra instead") -> tuple[float, ...]:
+def colour_wavelengths(wavelengths: Sequence[float], instead: str = _INSTEAD) -> tuple[float, ...]:
     """Wavelengths in nm from which a colour can be computed: at least two, rising, from blue to red.
 
     Raises BadInput for others; `instead` says what to do where they leave out blue or red.
@@ -36,7 +37,7 @@ def colour_wavelengths(wavelengths: Sequence[float], instead: str = "keep the sp
     for before, after in pairwise(given):
         if not after > before:
             raise BadInput(f"{after:g} nm follows {before:g} nm", where="wavelengths", expected="rising wavelengths")
-    if given[0] > _NEEDED[0] or given[-1] < _NEEDED[1]:
+    if not covers_colours(given):
         raise BadInput(
             where="wavelengths",
             found=f"{given[0]:g}-{given[-1]:g} nm",
@@ -44,6 +45,11 @@ def colour_wavelengths(wavelengths: Sequence[float], instead: str = "keep the sp
             hint=instead,
         )
     return given
+
+
+def covers_colours(wavelengths: Sequence[float]) -> bool:
+    """Whether wavelengths in nm, of which there is one, reach from blue to red."""
+    return min(wavelengths) <= _NEEDED[0] and max(wavelengths) >= _NEEDED[1]
 
 
 def spectrum_of(channels: Sequence[str]) -> tuple[float, ...]:

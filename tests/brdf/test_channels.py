@@ -4,7 +4,7 @@ import pytest
 import torch
 from refusals import refused
 
-from homofact.brdf.channels import LuminanceOf, OneChannel, as_channels
+from homofact.brdf.channels import LuminanceOf, OneChannel, as_channels, display_of
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
@@ -71,6 +71,17 @@ def test_luminance_of_a_reflectance() -> None:
     assert (grey.channels, grey.fetches, grey.nbytes) == (("Y",), 0, model.nbytes)
     samples = sample_model(model, 20)
     assert torch.allclose(grey.evaluate(samples.wi, samples.wo), as_channels(samples, "luminance").values)
+
+
+def test_bands_without_a_colour_show_as_their_mean() -> None:
+    values = torch.tensor([[0.1, 0.2, 0.6], [1.0, 2.0, 0.0]], dtype=torch.float64)
+    for names in (("900nm", "1100nm", "1700nm"), ("400nm", "450nm", "500nm")):
+        shown = display_of(names)
+        assert shown is not None
+        assert torch.allclose(shown(values), torch.tensor([[0.3], [1.0]]).double().expand(2, 3))
+    coloured = display_of(("450nm", "550nm", "650nm"))
+    assert coloured is not None
+    assert float(coloured(values).std(1).min()) > 0.01
 
 
 def test_luminance_weights_are_srgbs() -> None:

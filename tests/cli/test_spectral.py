@@ -69,6 +69,17 @@ def test_spectra_that_it_cannot_use_are_refused_in_a_line(
     assert not (tmp_path / "out").exists()
 
 
+def test_infrared_spectra_are_fitted_in_all_bands(run: Callable[..., Ran], tmp_path: Path) -> None:
+    """What the refusals say is possible: without a basis, and read as spectra."""
+    paint = measured(tmp_path / "paint.brdf", (900, 1100, 1300, 1500, 1700))
+    refused = run("factorize", paint, *FAST[:-2], "--out", tmp_path / "rgb")
+    assert refused.code == 2
+    assert "keep the spectra with --channels spectral" in refused.err
+    assert run("factorize", paint, *FAST, "--out", tmp_path / "out").code == 0
+    assert homofact.load(tmp_path / "out").channels == ("900nm", "1100nm", "1300nm", "1500nm", "1700nm")
+    assert (tmp_path / "out" / "compare.png").is_file()
+
+
 def test_wavelengths_that_fall_are_refused(run: Callable[..., Ran], tmp_path: Path) -> None:
     paint = measured(tmp_path / "paint.brdf", BANDS)
     paint.write_text(paint.read_text().replace("400 420", "420 400"))
