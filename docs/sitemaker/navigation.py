@@ -41,8 +41,8 @@ SECTIONS = (
         "Guides",
         (
             "python", "gpu", "formats", "lighting", "results", "verdict", "artefacts", "suspicion", "robustness",
-            "export", "interchange", "mitsuba", "spectral", "sampling", "planning", "relighting", "editing", "sweep", "report",
-            "papers",
+            "export", "interchange", "mitsuba", "spectral", "sampling", "planning", "relighting", "editing", "sweep",
+            "report", "papers",
         ),
     ),
     Section("Gallery", ("gallery", "editing_gallery")),

@@ -99,9 +99,7 @@ def _solved(fitted: F, samples: Samples, storage: str) -> F:
     if objective != "log":
         plain = replace(logs, weights=samples.weights)
         logs = replace(plain, weights=Flux.of(samples, fitted.transform, objective).weights_of(plain))
-    # Linear, so that the best coordinates are those of the best logarithms.
-    if isinstance(fitted, SpectralFit):
-        logs = replace(logs, logs=torch.from_numpy(fitted.basis.coordinates(logs.logs.cpu().numpy())).to(logs.logs))
+    logs = _as_textures(fitted, logs)
     plainly = samples.clipped is None and not settings.get("robust", False) and settings.get("refine", "none") == "none"
     solved_anew = plainly and objective == "log"
     device = samples.wi.device
@@ -109,6 +107,15 @@ def _solved(fitted: F, samples: Samples, storage: str) -> F:
     terms = quantized_terms(logs, given, smoothing, LEVELS[storage], solved_anew)
     texels, grids = [term.arrays().flat().texture for term in terms], [term.grid for term in terms]
     return fitted.with_textures(texels, grids, {"quantize": storage})
+
+
+def _as_textures(fitted: Fitted, samples: LogSamples) -> LogSamples:
+    """The samples in the channels of the fit's textures: coordinates where it has a spectral basis."""
+    if not isinstance(fitted, SpectralFit):
+        return samples
+    # Linear, so that the best coordinates are those of the best logarithms.
+    found = fitted.basis.coordinates(samples.logs.cpu().numpy())
+    return replace(samples, logs=torch.from_numpy(found).to(samples.logs))
 
 
 def quantized_terms(

@@ -22,6 +22,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import mean
+from typing import Any
 
 import numpy as np
 import torch
@@ -75,7 +76,9 @@ class Seed:
 
 def split(source: Source, seed: int) -> tuple[Samples, Samples]:
     """(training samples, held-out samples)."""
-    return Split.of(source, HELD_OUT, seed).parts(source)
+    train, test = Split.of(source, HELD_OUT, seed).parts(source)
+    assert test is not None
+    return train, test
 
 
 def timed(fit: Callable[[], Fitted]) -> tuple[Fitted, float]:
@@ -148,7 +151,7 @@ def fitted(file: Path, method: Search, tolerance: float) -> Seed:
     )
 
 
-def pair(found: Sequence[np.ndarray], middle: Callable[[np.ndarray], object] = np.mean) -> str:
+def pair(found: Sequence[np.ndarray], middle: Callable[..., Any] = np.mean) -> str:
     """The middle and the 95th percentile, each a mean over the seeds."""
     return f"{mean(float(middle(each)) for each in found):.2f} / {mean(np.percentile(each, 95) for each in found):.2f}"
 

@@ -68,6 +68,17 @@ def test_all_vectors_give_the_fit_of_all_bands() -> None:
         assert own.texture == pytest.approx(other.texture, abs=1e-10)
 
 
+def test_the_product_of_all_bands_is_the_same_fit() -> None:
+    """Also where the texture that takes the constants is looked up twice."""
+    fit = product(3)
+    turned = replace(fit, terms=fit.terms[::-1])
+    assert turned.terms[0].projection.lookups == 2
+    made = SpectralFit.of(turned, samples(turned), 5)
+    assert made.basis.rank < 3
+    wi, wo = draw_in_discs(200, torch.Generator().manual_seed(1))
+    assert torch.allclose(made.expanded.evaluate(wi, wo), made.evaluate(wi, wo), rtol=1e-10)
+
+
 def test_the_rank_is_the_smallest_that_meets_the_tolerance() -> None:
     fit = product(8)
     logs, weights = _logs(fit)

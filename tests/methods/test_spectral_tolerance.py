@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,7 +100,7 @@ def test_a_tolerance_is_a_number_above_zero(value: float) -> None:
 
 
 @pytest.mark.parametrize("beside", [{"bytes": 4096}, {"confidence": True}])
-def test_it_is_refused_beside_what_it_cannot_keep(beside: dict[str, int]) -> None:
+def test_it_is_refused_beside_what_it_cannot_keep(beside: dict[str, Any]) -> None:
     with refused(where="spectral_tolerance", found=f"it beside {next(iter(beside))}"):
         homofact.Search(spectral_tolerance=0.5, **beside)
 
