@@ -58,7 +58,8 @@ class Fit:
 
     Attributes
     ----------
-    factorization : what is evaluated and saved: a `Factorization`, a `Separable` or a `ModelFit`.
+    factorization : what is evaluated and saved: a `Factorization`, a `SpectralFit`, a `Separable` or a
+        `ModelFit`.
     report : how the fit was reached; None where nobody noted it.
     verdict : how far it may be off (`bars`, `trusted`, `findings`, `summary`); None where it was not judged.
     """

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from homofact.brdf.analytic import AshikhminShirley, Lambert, Ward
 from homofact.brdf.channels import LuminanceOf, OneChannel
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import MATERIALS, material
 from homofact.brdf.merl import MerlGrid, MerlTable
 from homofact.brdf.neural import LAYERS, NeuralBrdf
@@ -26,10 +27,14 @@ from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.scattered import GLOBAL_LIMIT, Scattered
 from homofact.brdf.table import AngleTable, TableAxis
+from homofact.brdf.wavelengths import spectral_names
 from homofact.containers.formats import format_named
 from homofact.exporting.exported import exported, write_exported
 from homofact.exporting.exported_reader import open_exported
-from homofact.factor.factorization import Factorization
+from homofact.factor.factorization import Factorization, Term
+from homofact.factor.projection import fixed_projection
+from homofact.factor.spectral_basis import SpectralBasis
+from homofact.factor.spectral_fit import SpectralFit
 from homofact.geometry.directions import draw_uniform
 from homofact.separable.resampling import LocalPlanes
 from homofact.separable.separable import Separable
@@ -107,6 +112,15 @@ def read_back(fitted: Factorization | Separable, name: str) -> Callable[[Path], 
     return make
 
 
+def spectral() -> SpectralFit:
+    """Seven bands by three vectors, on an isotropic projection."""
+    drawn = np.random.default_rng(2)
+    term = Term(fixed_projection("theta_h-theta_d", True), drawn.normal(0, 0.5, (6, 5, 3)), np.ones((6, 5), bool))
+    basis = SpectralBasis(drawn.normal(0, 0.5, (3, 7)), drawn.normal(0, 0.2, 7), drawn.normal(0, 0.5, (7, 3)))
+    transform = LogTransform(1e-3, drawn.uniform(0.1, 0.3, 7))
+    return SpectralFit((term,), basis, transform, spectral_names(range(400, 701, 50)))
+
+
 ANISOTROPIC = ("ward-brushed", "ashikhmin-shirley-wang")
 MEMBERS: dict[str, Member] = {
     name: Member(lambda _, model=item.model: model, isotropic=name not in ANISOTROPIC)
@@ -148,6 +162,7 @@ MEMBERS: dict[str, Member] = {
 } | {
     f"export, {name}": Member(read_back(CASES["warped isotropic half-diff"], name)) for name in ("exr", "ktx2", "png8")
 } | {
+    "spectral basis": Member(lambda _: spectral()),
     "export, blocks": Member(read_back(SEPARABLE["in-out, parabolic, shared"], "bc6h"), isotropic=False),
 }  # fmt: skip
 # A fixed "wi" texture is looked up at ωo, too, where it is reciprocal: the conjugate.
