@@ -187,7 +187,8 @@ def test_a_setting_that_the_method_does_not_have_is_named_with_those_that_have_i
         load_config(path).fit.method_alone()
     assert str(caught.value) == (
         f"{path}: fit.budget: mccool has no such setting, expected one of its own (projections, size, grid, epsilon,"
-        " reciprocal, solver, smoothing, copies, mirrored, robust, confidence, quantize, spectral_tolerance, seed); search and cole have it"
+        " reciprocal, solver, smoothing, copies, mirrored, robust, confidence, quantize, spectral_tolerance,"
+        " seed); search and cole have it"
     )
     # Beside a method that has it, it is that one's; beside none, nobody's.
     found = load_config(path).fit.methods(["mccool", "search"])
