@@ -95,11 +95,12 @@ def manifest(fitted: Fitted, files: Sequence[Mapping[str, str]]) -> dict[str, An
         raise BadInput(f"files of {len(files)} textures", where="manifest", expected=len(textures))
     layout = _product if described["kind"] == "product" else _sum_of_products
     own = layout(described, textures, files)
+    stored = (textures[0].components if textures else ()) or fitted.channels
     return {
         "format_version": FORMAT_VERSION,
         "homofact_version": __version__,
         "channels": list(fitted.channels),
-        "exr_channels": list(exr_channel_names((textures and textures[0].components) or fitted.channels)),
+        "exr_channels": list(exr_channel_names(stored)),
         "epsilon": fitted.transform.epsilon,
         "bytes": fitted.nbytes,
         "fetches": fitted.fetches,
