@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
+from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.cli.layout import add_figures, add_names, plain_table
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ _SHOWN = 8
 def choice_table(plans: "Sequence[ObjectPlan]", reflected: float) -> Table:
     """List the cheapest choices for each object, with the selected one in bold.
 
-    Form, terms K, size of the maps, numbers N a vector, bytes and the error that is expected.
+    Form, terms K, size of the maps, numbers N per vector, bytes and the error that is expected.
     """
     table = plain_table(f"Relative RMS of the light at most {reflected:g}")
     add_names(table)
@@ -31,6 +32,13 @@ def choice_table(plans: "Sequence[ObjectPlan]", reflected: float) -> Table:
                 each.form, str(each.terms), f"{each.map_size}²", f"{each.coefficients:.0f}", f"{each.bytes / 1000:.0f}",
                 f"{each.error:.2%}",
             )  # fmt: skip
-            first = f"{plan.name}, {Path(plan.material).name}" if number == 0 else ""
+            first = name_with_material(plan.name, plan.material) if number == 0 else ""
             table.add_row(first, *(Text(cell, style) for cell in cells))
     return table
+
+
+def name_with_material(name: str, material: str) -> str:
+    """An object's name with its material's, unless a part of a glTF file has the material of its own name."""
+    if material.endswith(f"#{name}"):
+        return name
+    return f"{name}, {Path(material.removeprefix(MATERIAL_PREFIX)).name}"

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.cli import options as o
 from homofact.cli.layout import add_figures, add_names, plain_table
-from homofact.cli.plan_relight import choice_table
+from homofact.cli.plan_relight import choice_table, name_with_material
 from homofact.cli.screen import Screen
 from homofact.evaluation.wording import counted, figure
 
@@ -53,7 +52,7 @@ def relight(
     if not quiet:
         if found.plans:
             screen.show(choice_table(found.plans, found.plans[0].reflected))
-        screen.show(object_table(found.objects), *([error_table(found.report["objects"])] if vertices else []))
+        screen.show(object_table(found.objects), *(error_tables(found.report["objects"]) if vertices else []))
         if found.report["picture"] is not None:
             screen.note(likeness_line(found.report["picture"]))
     pictures = counted(len(found.pictures), "picture")
@@ -71,10 +70,11 @@ def likeness_line(found: Mapping[str, Any]) -> str:
 
 
 _ASIDE = ("psnr", "below_zero", "vertices")
+_BESIDE = 4  # objects of a table of errors
 
 
 def object_table(objects: "tuple[RelitObject, ...]") -> Table:
-    """A line an object: its size, form, terms K, numbers N a vector, and what is stored of it."""
+    """One line per object: its size, form, terms K, numbers N per vector, and the bytes that are stored of it."""
     from homofact.relighting.harmonic import Harmonic
 
     table = plain_table()
@@ -83,11 +83,8 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
     for relit in objects:
         made = relit.transport
         kept = relit.compact.number.shape[2] if isinstance(relit.compact, Harmonic) else None
-        # A part of a glTF scene has the material of its own name.
-        own = relit.material.endswith(f"#{relit.mesh.name}")
-        material = Path(relit.material.removeprefix(MATERIAL_PREFIX)).name
         table.add_row(
-            relit.mesh.name if own else f"{relit.mesh.name}, {material}",
+            name_with_material(relit.mesh.name, relit.material),
             str(made.vertices),
             relit.form,
             str(made.factors.terms),
@@ -97,15 +94,23 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
     return table
 
 
-def error_table(objects: Sequence[Mapping[str, Any]]) -> Table:
-    """A line a stage: relative root mean square errors of each object's light, as seen from the first camera."""
-    errors = [entry["error"] for entry in objects]
-    stages = list(dict.fromkeys(name for found in errors for name in found or () if name not in _ASIDE))
-    table = plain_table("Relative RMS error of the light towards the first camera")
-    add_names(table)
-    add_figures(table, *[entry["mesh"] for entry in objects])
-    for stage in stages:
-        table.add_row(stage, *[figure(found[stage]) if found and stage in found else "–" for found in errors])
-    table.add_row("PSNR", *[f"{found['psnr']:.1f} dB" if found and "psnr" in found else "–" for found in errors])
-    table.add_row("below zero", *[f"{found['below_zero']:.2%}" if found else "not seen" for found in errors])
-    return table
+def error_tables(objects: Sequence[Mapping[str, Any]]) -> list[Table]:
+    """One line per stage: relative RMS errors of each object's light, as seen from the first camera.
+
+    Several tables where the objects are more than a narrow terminal has room for.
+    """
+    tables = []
+    for first in range(0, len(objects), _BESIDE):
+        some = objects[first : first + _BESIDE]
+        errors = [entry["error"] for entry in some]
+        stages = list(dict.fromkeys(name for found in errors for name in found or () if name not in _ASIDE))
+        table = plain_table("Relative RMS error of the light towards the first camera" if first == 0 else None)
+        table.add_column("", no_wrap=True)
+        for entry in some:
+            table.add_column(entry["mesh"], justify="right", overflow="fold", min_width=8)
+        for stage in stages:
+            table.add_row(stage, *[figure(found[stage]) if found and stage in found else "–" for found in errors])
+        table.add_row("PSNR", *[f"{found['psnr']:.1f} dB" if found and "psnr" in found else "–" for found in errors])
+        table.add_row("below zero", *[f"{found['below_zero']:.2%}" if found else "not seen" for found in errors])
+        tables.append(table)
+    return tables

@@ -1,12 +1,15 @@
 """`homofact relight` as a user runs it: what it writes and says, and what it refuses."""
 
 import json
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from homofact.cli.main import main
+from homofact.cli.relight import error_tables
 from homofact.containers.png import read_png
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
@@ -154,6 +157,22 @@ def test_each_camera_has_its_own_picture_and_each_object_its_own_line(
     pictures = (scene.parent / "out" / "picture_2.png", scene.parent / "other" / "picture_1.png")
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
     assert open_relit(scene.parent / "other").reference is None
+
+
+def test_errors_of_many_objects_keep_their_stages_and_names_on_a_narrow_terminal() -> None:
+    names = [f"left_quest2_mesh.00{number}" for number in range(7)]
+    errors = {"truncation": 0.0123, "picture": 0.0456, "psnr": 38.5, "below_zero": 0.0, "vertices": 64}
+    objects = [{"mesh": name, "error": None if name.endswith("3") else errors} for name in names]
+    said = StringIO()
+    Console(file=said, width=80).print(*error_tables(objects))
+    lines = said.getvalue().splitlines()
+    assert all(len(line) <= 80 for line in lines)
+    assert sum(line.split()[:1] == ["picture"] for line in lines) == 2
+    assert said.getvalue().count("0.0456") == 6
+    assert said.getvalue().count("not seen") == 1
+    assert "…" not in said.getvalue()
+    # A name is folded, and whole.
+    assert all(end in said.getvalue() for end in (".000", ".006"))
 
 
 def test_what_is_not_seen_is_said(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
