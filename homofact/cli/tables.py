@@ -57,6 +57,24 @@ def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     names = ("rms_cosine", "floor_cosine", "albedo_worst", "energy_overall", "highlight", "psnr_light", "psnr_sky")
     for label, each in found.items():
         table.add_row(Text(label), *(figure(each[name]) for name in names))
+    return [table, *_opinion_tables(found)]
+
+
+def _opinion_tables(found: Mapping[str, Mapping[str, Any]]) -> list[Table]:
+    """The grade that people would give each fit, with its interval; none where no fit has one."""
+    graded = {label: each for label, each in found.items() if each.get("opinion") is not None}
+    if not graded:
+        return []
+    best = next(iter(graded.values()))["opinion_best"]
+    table = plain_table(
+        "Seen by people (expected mean grade of 30 people who compare fit and source, 1 very poor to 5 excellent;"
+        f" identical pictures: {best:.1f})"
+    )
+    add_names(table)
+    add_figures(table, "grade", "90% interval", "ΔE")
+    for label, each in graded.items():
+        interval = f"{each['opinion_low']:.1f} to {each['opinion_high']:.1f}"
+        table.add_row(Text(label), f"{each['opinion']:.1f} of 5", interval, figure(each["delta_e_study"]))
     return [table]
 
 

@@ -3,10 +3,10 @@
 The energy is `evaluation.energy`'s. The pictures are of a sphere, each pair at one exposure chosen from the source:
 
 * under a small lamp: `PIXELS`² under the default directional light, as `compare.png` shows it;
-* under the sky of `rendering.fixed_lights`. Each of `PLACES` normals, spread evenly over the disc that the sphere is
-  seen as, is integrated by the nodes of `geometry.quadrature` round the view's mirror direction, so that no noise hides
-  a difference. Exposed for the middle and under the filmic curve, since a gloss reflects lamps many times as bright as
-  white.
+* under the sky of `rendering.fixed_lights` (`evaluation.fixed_pictures`). Exposed for the middle and under the filmic
+  curve, since a gloss reflects lamps many times as bright as white;
+* under the light of a study in which people graded approximations (`evaluation.opinion`), at one exposure for all
+  materials: the grade that they would give.
 
 Beside them what the fit explains of the logarithms of `PAIRS` pairs drawn anew in the discs, which no fit has seen: the
 few that a fit holds out say it no better than to several per cent.
@@ -31,23 +31,20 @@ from homofact.brdf.scattered import made_of_samples
 from homofact.brdf.source import Source
 from homofact.brdf.tilt import as_measured
 from homofact.evaluation.energy import EnergyErrors, SourceLight
+from homofact.evaluation.fixed_pictures import fixed_pictures, study_difference
 from homofact.evaluation.image_metrics import psnr
 from homofact.evaluation.kept import Kept
 from homofact.evaluation.metric_table import LIGHT, METRICS
 from homofact.evaluation.metrics import explained_variance
-from homofact.geometry.directions import draw_in_discs, from_cosine
-from homofact.geometry.quadrature import hemisphere_nodes
-from homofact.rendering.fixed_lights import sky
+from homofact.evaluation.opinion import Opinion, opinion_table
+from homofact.geometry.directions import draw_in_discs
 from homofact.rendering.light import DEFAULT_LIGHT
 from homofact.rendering.sphere import SphereImage, render_sphere
-from homofact.rendering.surface import sphere_frames
 from homofact.rendering.tonemap import choose_exposure, choose_middle, displayed
 
-PIXELS, PLACES = 128, 128
+PIXELS = 128
 PAIRS = 4000
 _SEED = 20261122
-_RINGS, _SPOKES = 32, 12
-_VIEW = (0.0, 0.0, 1.0)
 
 
 Figures = Mapping[str, float | None]
@@ -69,7 +66,8 @@ class Appearance:
     `explained` is the share of the variance of the source's logarithms that the fit explains, of its worst channel;
     None of a reflectance that has no transform to take logarithms by. `measured` is the energy against the measurement
     with the sample's tilt left in (`brdf.tilt`), None where none was undone. `off_light` and `off_sky` are of the same
-    pictures before any curve: Σ|fit − source| over Σ source of the radiance.
+    pictures before any curve: Σ|fit − source| over Σ source of the radiance. `study` is the mean CIEDE2000 under the
+    study's light.
     """
 
     energy: EnergyErrors
@@ -79,6 +77,17 @@ class Appearance:
     measured: EnergyErrors | None = None
     off_light: float = math.nan
     off_sky: float = math.nan
+    study: float = math.nan
+
+    @property
+    def opinion(self) -> Opinion | None:
+        """The grade that people would give; None where the pictures were not compared."""
+        return opinion_table().law.opinion(self.study) if math.isfinite(self.study) else None
+
+    @property
+    def score(self) -> float:
+        """The expected grade of `opinion`, from 1 to 5; NaN where there is none."""
+        return math.nan if self.opinion is None else self.opinion.score
 
     @property
     def rms_measured(self) -> float:
@@ -99,7 +108,9 @@ class Appearance:
     def record(self) -> dict[str, Any]:
         """A JSON-able dictionary; what is infinite is None."""
         off = {"off_light": self.off_light, "off_sky": self.off_sky}
-        return self.energy.record() | self.figures | {name: x if math.isfinite(x) else None for name, x in off.items()}
+        seen = {} if self.opinion is None else self.opinion.record()
+        numbers = {name: x if math.isfinite(x) else None for name, x in off.items()}
+        return self.energy.record() | self.figures | numbers | seen
 
 
 def appearance(fit: Reflectance, source: Source) -> Appearance | None:
@@ -125,20 +136,21 @@ class _SourceAppearance:
         self.pairs = draw_in_discs(PAIRS, torch.Generator().manual_seed(_SEED), RIM)
         self.values = source.reflectance.evaluate(*self.pairs).to(torch.float64)
 
-    def draw(self, reflectance: Reflectance) -> tuple[SphereImage, SphereImage]:
-        """The sphere under the lamp, and under the sky."""
+    def draw(self, reflectance: Reflectance) -> tuple[SphereImage, SphereImage, SphereImage]:
+        """The sphere under the lamp, under the sky, and under the study's light."""
         lamp = render_sphere(reflectance, DEFAULT_LIGHT, PIXELS, to_rgb=self.to_rgb)
-        return lamp, _under_the_sky(reflectance, self.to_rgb)
+        return lamp, *fixed_pictures(reflectance, self.to_rgb)
 
     def against(self, fit: Reflectance) -> Appearance:
         """The figures of a fit."""
         energy = self.light.errors(fit)
-        (lamp, sky), (own_lamp, own_sky) = self.draw(fit), self.pictures
+        (lamp, sky, study), (own_lamp, own_sky, own_study) = self.draw(fit), self.pictures
         by_lamp = _psnr(own_lamp, lamp, choose_exposure(own_lamp), "srgb")
         by_sky = _psnr(own_sky, sky, choose_middle(own_sky), "filmic")
         measured = None if self.measured is None else self.measured.errors(fit)
         off = [_off(*pair) for pair in ((own_lamp, lamp), (own_sky, sky))]
-        return Appearance(energy, by_lamp, by_sky, self.explained(fit), measured, *off)
+        seen = study_difference(own_study, study)
+        return Appearance(energy, by_lamp, by_sky, self.explained(fit), measured, *off, seen)
 
     def explained(self, fit: Reflectance) -> float | None:
         """What the fit explains of the logarithms of the source."""
@@ -151,25 +163,6 @@ class _SourceAppearance:
 
 
 _KEPT = Kept(_SourceAppearance)
-
-
-def _under_the_sky(reflectance: Reflectance, to_rgb: Any) -> SphereImage:
-    """The sphere's radiance at `PLACES` places, as a picture of one row."""
-    number = torch.arange(PLACES, dtype=torch.float64)
-    # Vogel's spiral: equal areas of the disc, no rows.
-    height = (1 - (number + 0.5) / PLACES).sqrt()
-    normal = from_cosine(height, number * (math.pi * (3 - math.sqrt(5))))
-    frames, wo = sphere_frames(normal, torch.tensor(_VIEW, dtype=torch.float64))
-    wi, solid = hemisphere_nodes(wo, _RINGS, _SPOKES)
-    light = sky(wi @ frames) * solid * wi[..., 2]
-    views = wo[:, None].expand_as(wi).reshape(-1, 3)
-    values = reflectance.evaluate(wi.reshape(-1, 3), views).to(torch.float64)
-    radiance = (values.reshape(*wi.shape[:2], -1) * light[..., None]).sum(1)
-    if isinstance(to_rgb, Tensor):
-        radiance = radiance @ to_rgb.to(radiance).T
-    elif to_rgb is not None:
-        radiance = to_rgb(radiance)
-    return SphereImage(radiance[None], torch.ones(1, PLACES, dtype=torch.float64))
 
 
 def _off(source: SphereImage, fit: SphereImage) -> float:

@@ -6,7 +6,7 @@ source, each channel clipped to the gamut before the comparison, over one grey. 
 metric sees. Means are over the pixels of `mask` (H, W), those that show the sphere: the surroundings, equal
 by construction, would flatter every fit.
 
-All but PSNR want a library, which is an extra; what is missing is said by `MissingDependency`.
+SSIM, ΔE_ITP and FLIP need a library; what is missing is said by `MissingDependency`.
 """
 
 import math
@@ -17,6 +17,8 @@ import torch
 from torch import Tensor
 
 from homofact.errors import BadInput
+from homofact.evaluation.ciede2000 import ciede2000 as ciede2000_of_labs
+from homofact.evaluation.ciede2000 import lab_of_srgb
 from homofact.files import extras
 
 # Luminance of white, in cd/m², for the metric that wants an absolute one.
@@ -56,11 +58,8 @@ def ciede2000(source: Tensor, fit: Tensor, mask: Tensor) -> float:
 
 def ciede2000_of_pixels(source: Tensor, fit: Tensor, mask: Tensor) -> np.ndarray:
     """The CIEDE2000 difference of each of the mask's pixels (n,), row by row; `ciede2000` is its mean."""
-    colour = _library("colour")
-    labs = [
-        colour.XYZ_to_Lab(xyz, colour.RGB_COLOURSPACES["sRGB"].whitepoint) for xyz in _xyz(colour, source, fit, mask)
-    ]
-    return np.asarray(colour.delta_E(*labs, method="CIE 2000"))
+    a, b, inside = _checked(source, fit, mask)
+    return ciede2000_of_labs(*(lab_of_srgb(picture[inside]) for picture in (a, b)))
 
 
 def delta_e_itp(source: Tensor, fit: Tensor, mask: Tensor) -> float:

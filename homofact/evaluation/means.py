@@ -9,10 +9,12 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from statistics import fmean
 from typing import Any
 
 from homofact.evaluation.appearance import mean_figures
 from homofact.evaluation.metric_table import METRICS
+from homofact.evaluation.opinion import opinion_table
 from homofact.evaluation.spread import Spread
 from homofact.evaluation.wording import counted
 from homofact.files.tables import csv_text
@@ -81,10 +83,17 @@ def mean_record(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "evaluations": evaluations.mean,
         "seconds": {name: spread["mean"] for name, spread in seconds.items()},
         "error": {part: {name: spread["mean"] for name, spread in some.items()} for part, some in error.items()},
-        "appearance": figures[0] | mean_figures(figures) if figures else None,
+        "appearance": figures[0] | mean_figures(figures) | _mean_opinion(figures) if figures else None,
         "seeds": [record["seed"] for record in records],
         "spread": {"error": error, "seconds": seconds, "evaluations": evaluations.record()},
     }
+
+
+def _mean_opinion(figures: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """The grade of the mean difference of several fits, with its interval; nothing where one has none."""
+    differences = [each.get("delta_e_study") for each in figures]
+    known = [each for each in differences if each is not None]
+    return opinion_table().law.opinion(fmean(known)).record() if len(known) == len(figures) else {}
 
 
 def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:

@@ -108,6 +108,7 @@ _TABLE = (
     Metric("bright_half", "light", attrgetter("energy.bright_half"), f"brighter half {_LIGHT}", good="one"),
     Metric("psnr_light", "light", attrgetter("psnr_light"), "PSNR under a lamp", "dB", good="high"),
     Metric("psnr_sky", "light", attrgetter("psnr_sky"), "PSNR under a sky", "dB", good="high"),
+    Metric("opinion", "light", attrgetter("score"), "expected grade by people, 1 to 5", domain="", good="high"),
     Metric("psnr", "picture", image_metrics.psnr, "PSNR", "dB", "", "high"),
     Metric("ssim", "picture", image_metrics.ssim, "SSIM", "", "", "high", "skimage.metrics"),
     Metric("ciede2000", "picture", image_metrics.ciede2000, "CIEDE2000", domain=""),
