@@ -108,6 +108,7 @@ def plan(
     *,
     plot: Place | None = None,
     against: str | None = None,
+    tolerance: str | None = None,
     effort: str | float = USUAL.effort,
     budget: float | None = None,
     count: int = USUAL.count,
@@ -128,6 +129,8 @@ def plan(
         A figure of error against bytes (.png, .pdf, .svg).
     against : str, optional
         A named lighting to plan under too.
+    tolerance : str, optional
+        A named tolerance that replaces the scene's: "visible" keeps differences that people do not notice.
     effort : str or int, optional
         How much each search tries: "quick", "normal", "thorough", or a number of inner evaluations.
     budget : float, optional
@@ -169,7 +172,7 @@ def plan(
     steps = ProgressSteps(progress)
     if isinstance(scene, str | os.PathLike) and _is_relighting(Path(scene)):
         given = {
-            "plot": plot, "to": to, "against": against, "effort": effort != USUAL.effort, "budget": budget,
+            "plot": plot, "to": to, "against": against, "tolerance": tolerance, "effort": effort != USUAL.effort, "budget": budget,
             "count": count != USUAL.count, "force": force, "refuse": refuse,
         }  # fmt: skip
         return _plan_transport(Path(scene), given, strict is not False, steps)
@@ -183,6 +186,7 @@ def plan(
     from homofact.planning.ladder import FitOptions
     from homofact.planning.plan import plan_scene
     from homofact.planning.scene import read_scene
+    from homofact.planning.tolerance import Tolerance
     from homofact.scene.lighting import named_lighting
 
     folder = None if to is None else Path(to)
@@ -190,6 +194,8 @@ def plan(
         check_plan_folder(folder, force)
         check_place(folder)
     asked = read_scene(Path(scene)) if isinstance(scene, str | os.PathLike) else scene
+    if tolerance is not None:
+        asked = replace(asked, tolerance=Tolerance.named(tolerance))
     other_lighting = None if against is None else named_lighting(against)
     with claimed(folder) if folder is not None else nullcontext():
         steps.warm_up()

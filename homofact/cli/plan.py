@@ -35,6 +35,13 @@ def plan(
     against: Annotated[
         str | None, typer.Option(metavar="NAME", help="Also plan for this named lighting, and compare the costs.")
     ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Replace the scene's tolerances: visible keeps differences that people do not notice.",
+        ),
+    ] = None,
     effort: Annotated[str, typer.Option(help=f"{_SETTINGS['effort'].option.help}.")] = str(_SETTINGS["effort"].default),
     budget: Annotated[float | None, typer.Option(metavar="SECONDS", help=f"{_SETTINGS['budget'].option.help}.")] = None,
     count: Annotated[int, typer.Option(help=f"{_SETTINGS['count'].option.help}.")] = _SETTINGS["count"].default,
@@ -65,7 +72,7 @@ def plan(
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
         found = plan(
-            scene, write, plot=plot, against=against, effort=_SETTINGS["effort"].from_text(effort),
+            scene, write, plot=plot, against=against, tolerance=tolerance, effort=_SETTINGS["effort"].from_text(effort),
             budget=budget, count=count, strict=strictness(strict), refuse=names_of(refuse), force=force,
             progress=progress,
         )  # fmt: skip
@@ -138,10 +145,15 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
             lines.append(
                 f"{each.name} at {each.material.pixels} pixels: its highlight covers {each.highlight_pixels:.2g}."
             )
-    if not found.scene.tolerance.of_light:
+    for each in found.distinct:
+        if each.opinion is not None:
+            lines.append(f"{each.name}: people are expected to grade the choice {each.opinion.words}.")
+    if "cole" in found.scene.tolerance.kinds and not found.scene.tolerance.of_light:
         lines.append(
             "The Cole error weighs all pairs of directions equally, so the lighting does not change this plan."
         )
+    elif not found.scene.tolerance.of_light:
+        lines.append("This tolerance has its own light, so the scene's lighting does not change this plan.")
     if found.allocated:
         lines.append(
             f"The choices that meet the tolerance exceed {found.scene.budget.bytes} bytes. The plan distributes these"

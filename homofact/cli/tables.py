@@ -67,8 +67,8 @@ def _opinion_tables(found: Mapping[str, Mapping[str, Any]]) -> list[Table]:
         return []
     best = next(iter(graded.values()))["opinion_best"]
     table = plain_table(
-        "Seen by people (expected mean grade of 30 people who compare fit and source, 1 very poor to 5 excellent;"
-        f" identical pictures: {best:.1f})"
+        f"By people (expected mean grade of 30, 1 very poor to 5 excellent; identical pictures get {best:.1f};"
+        " ΔE: mean CIEDE2000 under the light of the study)"
     )
     add_names(table)
     add_figures(table, "grade", "90% interval", "ΔE")
@@ -163,13 +163,17 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
 def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | None) -> Table:
     """One line a point: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended.
 
-    A record of several seeds has its means and the standard deviation of the error.
+    A record of several seeds has its means and the standard deviation of the error. Where the source is known everywhere
+    each point has the grade that people would give, with its 90% interval.
     """
-    table = plain_table(title)
+    graded = [record["appearance"] for record in records if (record.get("appearance") or {}).get("opinion") is not None]
+    table = plain_table(f"{title}; grade by people, 1 to 5, with its 90% interval" if graded else title)
     add_names(table)
     spread = any("spread" in record for record in records)
     add_figures(
-        table, *("textures", "error", *(("± seeds",) if spread else ()), "of McCool", "bytes", "fetches", "fit s")
+        table,
+        *("textures", "error", *(("± seeds",) if spread else ()), "of McCool", *(("grade",) if graded else ())),
+        *("bytes", "fetches", "fit s"),
     )
     table.add_column("ended", no_wrap=True)
     several = len({record["search"] for record in records if record["search"]}) > 1
@@ -182,11 +186,23 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
             Text(figure(held), "bold"),
             *((luck,) if spread else ()),
             "–" if base is None else f"×{held / base:.2f}" if held >= 0.1 * base else f"×{held / base:.2g}",
+            *((_graded(record["appearance"]),) if graded else ()),
             *(str(record[name]) for name in ("bytes", "fetches")),
             f"{record['seconds']['fit']:.3g}",
             str(record["status"]),
         )
     return table
+
+
+def _graded(figures: Mapping[str, Any]) -> str:
+    """An expected grade with its interval: "4.3 (3.9–4.6)"."""
+    from homofact.evaluation.opinion import opinion_table
+
+    score = figures.get("opinion")
+    if score is None:
+        return "–"
+    low, high = opinion_table().law.interval(score)
+    return f"{score:.1f} ({low:.1f}–{high:.1f})"
 
 
 def facts_table(title: str, facts: Mapping[str, Any]) -> Table:

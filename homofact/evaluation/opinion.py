@@ -102,10 +102,15 @@ class OpinionLaw:
 
     def opinion(self, delta_e: float) -> Opinion:
         """The grade of a difference, with its interval. Raises BadInput as `distance`."""
-        expected = self.distance(delta_e)
-        scatter = math.sqrt(expected * (1 - expected))
+        score = grade(self.distance(delta_e))
+        return Opinion(delta_e, score, *self.interval(score), grade(self.floor))
+
+    def interval(self, score: float) -> tuple[float, float]:
+        """The 90% interval of a study's mean grade where `score` is expected, from 1 to 5."""
+        expected = (BEST - score) / (BEST - WORST)
+        scatter = math.sqrt(max(expected * (1 - expected), 0.0))
         near, far = (min(max(expected + q * scatter, 0.0), 1.0) for q in (self.below, self.above))
-        return Opinion(delta_e, grade(expected), grade(far), grade(near), grade(self.floor))
+        return grade(far), grade(near)
 
     @property
     def unseen(self) -> float:
@@ -179,5 +184,7 @@ def opinion_table(path: Path = TABLE) -> OpinionTable:
             ),
             stored["made_from"],
         )
+    except BadInput:
+        raise
     except (ValueError, TypeError, KeyError) as error:
         raise BadInput("cannot be read as the table of opinions", where=path, expected=expected) from error

@@ -17,14 +17,16 @@ from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
+from homofact.brdf.scattered import made_of_samples
 from homofact.brdf.source import Source
 from homofact.errors import BadInput
 from homofact.evaluation.compare import held_out_samples
+from homofact.evaluation.fixed_pictures import study_difference, study_picture
 from homofact.evaluation.image_metrics import ciede2000_of_pixels
 from homofact.evaluation.metrics import measure
 from homofact.planning.ladder import CONSTANT, Candidate, FitOptions
 from homofact.planning.stage import Stage
-from homofact.planning.tolerance import KINDS, SEEN, Errors
+from homofact.planning.tolerance import KINDS, SEEN, UNLIT, Errors
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import PERCENTILE, TARGET, displayed
 from homofact.scene.lighting import Lighting
@@ -86,7 +88,7 @@ class RepresentationEvaluator:
     def errors(self, reflectance: Reflectance, kinds: tuple[str, ...] = KINDS) -> Errors:
         """The errors of a fitted representation; those not asked for are NaN, infinite where it is not finite."""
         drawn: list[Tensor] = []
-        if set(kinds) != {"cole"}:
+        if not set(kinds) <= set(UNLIT):
             # The source's come first: what is wrong with the lighting is no fault of the fit.
             _ = self._drawn
             try:
@@ -98,7 +100,7 @@ class RepresentationEvaluator:
     def colour_errors(self, candidate: Candidate, model: Lambert, kinds: tuple[str, ...] = KINDS) -> Errors:
         """The errors of one colour as "constant" or "lambert-9"."""
         drawn: list[Tensor] = []
-        if set(kinds) != {"cole"}:
+        if not set(kinds) <= set(UNLIT):
             albedo = torch.tensor(model.diffuse, dtype=torch.float64)
             drawn = [radiance * albedo for radiance in self.stage.white(model.channels)]
             drawn = drawn if candidate.method == CONSTANT else self.cut(model, drawn)
@@ -142,9 +144,21 @@ class RepresentationEvaluator:
         if "cole" in kinds:
             held = held_out_samples(self.source, self.options.held_out, self.options.seed)
             errors["cole"] = measure(reflectance, held, self.transform).log_mse
-        if set(kinds) != {"cole"}:
+        if "delta_e_study" in kinds and self._study is not None:
+            errors["delta_e_study"] = self._under_study(reflectance, self._study)
+        if not set(kinds) <= set(UNLIT):
             errors |= picture_errors(self._pictures, self._seen(drawn), self._exposure, kinds)
         return Errors(**errors)
+
+    @cached_property
+    def _study(self) -> SphereImage | None:
+        """The source under the study's light; None where it is known at its samples alone."""
+        return None if made_of_samples(self.source.reflectance) else study_picture(self.source.reflectance)
+
+    def _under_study(self, reflectance: Reflectance, own: SphereImage) -> float:
+        """Mean CIEDE2000 under the study's light; infinite where the fit is not finite."""
+        drawn = study_picture(reflectance)
+        return study_difference(own, drawn) if bool(drawn.radiance.isfinite().all()) else math.inf
 
     def _seen(self, drawn: list[Tensor]) -> list[Picture]:
         return [

@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from homofact.brdf.analytic.lambert import Lambert
-from homofact.errors import HomofactError
+from homofact.brdf.scattered import made_of_samples
+from homofact.errors import BadInput, HomofactError
+from homofact.evaluation.opinion import Opinion, opinion_table
 from homofact.evaluation.verdict.verdict import Verdict
 from homofact.planning.allocate import Buyer, allocate
 from homofact.planning.ladder import CONSTANT, LAMBERT, Candidate, FitOptions, fits_among
@@ -21,7 +23,7 @@ from homofact.planning.scene import Budget, Scene, SceneMaterial
 from homofact.planning.search import LadderOutcome, Walk, walk
 from homofact.planning.stage import Stage
 from homofact.planning.theory import order_needed
-from homofact.planning.tolerance import MARGINS, Errors, Tolerance
+from homofact.planning.tolerance import MARGINS, UNLIT, Errors, Tolerance
 
 # Of the lighting's spectrum times the lobe's, what "orders needed" may leave out where the tolerance is no such error.
 USUAL_ERROR = 0.05
@@ -79,6 +81,12 @@ class MaterialPlan:
         """All errors of the choice, by lighting; none where there is no choice."""
         choice = self.walk.choice
         return () if choice is None else tuple(self._errors(choice, judge) for judge in self.judges)
+
+    @property
+    def opinion(self) -> Opinion | None:
+        """The grade that people would give the choice; None where its source is known at its samples alone."""
+        differences = [errors.delta_e_study for errors in self.errors[:1]]
+        return opinion_table().law.opinion(differences[0]) if differences and not math.isnan(differences[0]) else None
 
     @cached_property
     def verdict(self) -> Verdict | None:
@@ -186,16 +194,24 @@ def outcome_of(
     used = [tolerance.used(under) for under in errors]
     worst = max(range(len(used)), key=lambda k: used[k].ratio)
     most = used[worst]
-    # The Cole error is of no lighting.
-    where = judges[worst].lighting.name if most.kind != "cole" else ""
+    where = "" if most.kind in UNLIT else judges[worst].lighting.name
     return LadderOutcome(most.ratio, *cost, most.kind, most.error, where)
 
 
 def plan_material(
     material: SceneMaterial, fits: MaterialFits, stages: tuple[Stage, ...], tolerance: Tolerance, budget: Budget
 ) -> MaterialPlan:
-    """Walk the ladder for one material."""
-    # The Cole error sees no light: one stage will do, and the 9 terms would be had for nothing.
+    """Walk the ladder for one material.
+
+    Raises BadInput for a limit on what people would grade where the source is known at its samples alone.
+    """
+    if "delta_e_study" in tolerance.kinds and made_of_samples(fits.source.reflectance):
+        raise BadInput(
+            f"{fits.source.name} is known at its samples alone, so there is no picture of it to be graded",
+            where="tolerance delta_e_study",
+            expected="a source that is known everywhere, or another limit such as delta_e",
+        )
+    # Some errors see none of the scene's light: one stage will do, and the 9 terms would be had for nothing.
     used = stages if tolerance.of_light else stages[:1]
     judges = tuple(RepresentationEvaluator(fits.source, stage, fits.options, material.pixels) for stage in used)
     walked = walk(
@@ -224,7 +240,8 @@ def plan_scene(
 ) -> ScenePlan:
     """Plan a scene; `fits_by_source` carries fits over from another plan, `stage` hears which material is at work.
 
-    Raises BadInput for sources that cannot be read, and for materials that reflect nothing of the lighting.
+    Raises BadInput as `plan_material`, for sources that cannot be read, and for materials that reflect nothing of the
+    lighting.
     """
     used = replace(FitOptions() if options is None else options, seed=scene.seed)
     known = {} if fits_by_source is None else fits_by_source

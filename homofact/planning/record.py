@@ -70,6 +70,7 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
             judge.lighting.name: {kind: finite(value) for kind, value in asdict(errors).items()}
             for judge, errors in zip(plan.judges, plan.errors, strict=False)
         },
+        "opinion": None if plan.opinion is None else plan.opinion.record(),
         "needed_order": max(plan.needed_orders),
         "needed_terms": terms_needed(max(plan.needed_orders)),
         "needed_terms_any_light": plan.fits.own_terms,

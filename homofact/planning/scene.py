@@ -15,6 +15,7 @@ delta_e = 2.0                      # mean CIEDE2000 of the lit sphere, of the vi
 delta_e_p95 = 5.0                  # its 95th percentile
 delta_e_peak = 10.0                # its greatest value
 reflected = 0.02                   # relative error of the reflected light
+delta_e_study = 0.9                # mean CIEDE2000 under the light of the study of opinions, whatever the lighting
 [budget]                           # optional
 bytes = 50000                      # of all materials together
 fetches = 4                        # of one evaluation, at most
@@ -106,6 +107,7 @@ class _ToleranceTable:
     delta_e_p95: float | None = option(None, "Its 95th percentile", above=0)
     delta_e_peak: float | None = option(None, "Its greatest value", above=0)
     reflected: float | None = option(None, "Relative error of the reflected light", above=0)
+    delta_e_study: float | None = option(None, "Mean CIEDE2000 under the light of the study of opinions", above=0)
 
     def __post_init__(self) -> None:
         if not _given(self):
