@@ -172,8 +172,9 @@ def plan(
     steps = ProgressSteps(progress)
     if isinstance(scene, str | os.PathLike) and _is_relighting(Path(scene)):
         given = {
-            "plot": plot, "to": to, "against": against, "tolerance": tolerance, "effort": effort != USUAL.effort, "budget": budget,
-            "count": count != USUAL.count, "force": force, "refuse": refuse,
+            "plot": plot, "to": to, "against": against, "tolerance": tolerance,
+            "effort": effort != USUAL.effort, "budget": budget, "count": count != USUAL.count, "force": force,
+            "refuse": refuse,
         }  # fmt: skip
         return _plan_transport(Path(scene), given, strict is not False, steps)
     refusal = Refusal.of(strict, refuse)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from homofact.cli.tables import chart_table
+from homofact.cli.tables import chart_grades, chart_table
 from homofact.errors import BadInput
 from homofact.methods.table import methods_with, parsed_label
 
@@ -51,7 +51,8 @@ def draw_charts(
     if not quiet:
         for one in found.charts:
             title = f"{one.source}: held-out Cole error, ε = {one.rows[0].epsilon:g}"
-            screen.show(chart_table(title, [point.record() for point in one.points()], one.reference()))
+            records = [point.record() for point in one.points()]
+            screen.show(chart_table(title, records, one.reference()), *chart_grades(records))
         screen.show(*map(str, found.files))
     screen.answer(found.record())
 

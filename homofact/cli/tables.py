@@ -62,20 +62,39 @@ def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
 
 def _opinion_tables(found: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     """The grade that people would give each fit, with its interval; none where no fit has one."""
-    graded = {label: each for label, each in found.items() if each.get("opinion") is not None}
-    if not graded:
-        return []
-    best = next(iter(graded.values()))["opinion_best"]
+    table = grade_table({label: each["opinion"] for label, each in found.items() if each.get("opinion") is not None})
+    return [] if table is None else [table]
+
+
+def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
+    """The grade that people would give each point of a chart; none where the source is known at its samples alone."""
+    graded = [each for each in records if (each["appearance"] or {}).get("opinion") is not None]
+    several = len({each["search"] for each in graded if each["search"]}) > 1
+    scores = {
+        f"{each['label']} {each['search'] + ' ' if several and each['search'] else ''}{each['textures']} ×"
+        f" {each['size']}²": each["appearance"]["opinion"]
+        for each in graded
+    }
+    table = grade_table(scores)
+    return [] if table is None else [table]
+
+
+def grade_table(scores: Mapping[str, float]) -> Table | None:
+    """Expected grades by label, with their 90% intervals; None where there are none."""
+    if not scores:
+        return None
+    from homofact.evaluation.opinion import opinion_table
+
+    law = opinion_table().law
     table = plain_table(
-        f"By people (expected mean grade of 30, 1 very poor to 5 excellent; identical pictures get {best:.1f};"
-        " ΔE: mean CIEDE2000 under the light of the study)"
+        "By people (expected mean grade of 30 people who compare pictures of fit and source, 1 very poor to"
+        f" 5 excellent; identical pictures get {law.opinion(0).score:.1f})"
     )
     add_names(table)
-    add_figures(table, "grade", "90% interval", "ΔE")
-    for label, each in graded.items():
-        interval = f"{each['opinion_low']:.1f} to {each['opinion_high']:.1f}"
-        table.add_row(Text(label), f"{each['opinion']:.1f} of 5", interval, figure(each["delta_e_study"]))
-    return [table]
+    add_figures(table, "grade", "90% interval")
+    for label, score in scores.items():
+        table.add_row(Text(label), f"{score:.1f} of 5", "{:.1f} to {:.1f}".format(*law.interval(score)))
+    return table
 
 
 def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -163,17 +182,13 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
 def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | None) -> Table:
     """One line a point: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended.
 
-    A record of several seeds has its means and the standard deviation of the error. Where the source is known everywhere
-    each point has the grade that people would give, with its 90% interval.
+    A record of several seeds has its means and the standard deviation of the error.
     """
-    graded = [record["appearance"] for record in records if (record.get("appearance") or {}).get("opinion") is not None]
-    table = plain_table(f"{title}; grade by people, 1 to 5, with its 90% interval" if graded else title)
+    table = plain_table(title)
     add_names(table)
     spread = any("spread" in record for record in records)
     add_figures(
-        table,
-        *("textures", "error", *(("± seeds",) if spread else ()), "of McCool", *(("grade",) if graded else ())),
-        *("bytes", "fetches", "fit s"),
+        table, *("textures", "error", *(("± seeds",) if spread else ()), "of McCool", "bytes", "fetches", "fit s")
     )
     table.add_column("ended", no_wrap=True)
     several = len({record["search"] for record in records if record["search"]}) > 1
@@ -186,23 +201,11 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
             Text(figure(held), "bold"),
             *((luck,) if spread else ()),
             "–" if base is None else f"×{held / base:.2f}" if held >= 0.1 * base else f"×{held / base:.2g}",
-            *((_graded(record["appearance"]),) if graded else ()),
             *(str(record[name]) for name in ("bytes", "fetches")),
             f"{record['seconds']['fit']:.3g}",
             str(record["status"]),
         )
     return table
-
-
-def _graded(figures: Mapping[str, Any]) -> str:
-    """An expected grade with its interval: "4.3 (3.9–4.6)"."""
-    from homofact.evaluation.opinion import opinion_table
-
-    score = figures.get("opinion")
-    if score is None:
-        return "–"
-    low, high = opinion_table().law.interval(score)
-    return f"{score:.1f} ({low:.1f}–{high:.1f})"
 
 
 def facts_table(title: str, facts: Mapping[str, Any]) -> Table:

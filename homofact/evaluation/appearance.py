@@ -22,7 +22,6 @@ from statistics import fmean
 from typing import Any
 
 import torch
-from torch import Tensor
 
 from homofact.brdf.channels import display_of
 from homofact.brdf.pair_density import RIM

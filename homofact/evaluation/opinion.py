@@ -31,7 +31,7 @@ from homofact.files.reading import read_bytes
 VERSION = 1  # of the table's form
 TABLE = Path(__file__).with_name("opinion.json")
 BEST, WORST = 5.0, 1.0
-# Grades below that of identical pictures up to which a difference counts as invisible: thirty people's mean scatters so.
+# By how much less than identical pictures a fit may be graded that counts as alike: thirty people's mean scatters so.
 UNSEEN = 0.2
 
 

@@ -82,7 +82,8 @@ def reduced(radiance: Tensor) -> Tensor:
 
 def rounded(values: Tensor) -> Tensor:
     """Five significant digits."""
-    return torch.tensor([float(f"{v:.5g}") for v in values.detach().reshape(-1).tolist()]).double().reshape(values.shape)
+    numbers = [float(f"{value:.5g}") for value in values.detach().reshape(-1).tolist()]
+    return torch.tensor(numbers, dtype=torch.float64).reshape(values.shape)
 
 
 def variants(name: str, folder: Path) -> Iterator[tuple[str, Reflectance]]:

@@ -279,7 +279,7 @@ def test_what_an_eye_would_say_stands_in_the_csv(source: Source, tmp_path: Path)
         ("version", r"line 2: found a result of homofact 0\.0\.7, expected a new folder, or `force=True`"),
         ("columns", r"found other columns than those of homofact .*expected a new folder, or `force=True`"),
         ("cell", r"line 2: textures_asked is '.*', expected a new folder"),
-        ("short", r"line 2: found \d+ cells of 48, expected a new folder"),
+        ("short", r"line 2: found \d+ cells of 49, expected a new folder"),
         ("empty", r"found other columns"),
     ],
 )

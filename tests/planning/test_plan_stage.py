@@ -129,7 +129,7 @@ def test_what_is_not_finite_is_infinitely_wrong_and_darkness_is_refused() -> Non
 
     judge = RepresentationEvaluator(source_of(SHARP), Stage.of(named_lighting("sun")), QUICK)
     broken: Reflectance = Broken()
-    assert judge.errors(broken) == Errors(*(math.inf,) * 5)
+    assert judge.errors(broken) == Errors(*(math.inf,) * len(KINDS))
     black = RepresentationEvaluator(source_of(Lambert((0.0, 0.0, 0.0))), Stage.of(named_lighting("sun")), QUICK)
     with pytest.raises(BadInput, match="own reflects none of sun, expected some light"):
         black.errors(SHARP, ("reflected",))

@@ -7,10 +7,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 
 from homofact.evaluation.opinion import OpinionLaw, StudyLight, digest
 from homofact.rendering.fixed_lights import directions_of_map
-from refusals import refused
 
 Script = Callable[[str], ModuleType]
 TRUTH = OpinionLaw(0.15, 3.0, 1.7, -0.1, 0.1)
@@ -93,7 +93,8 @@ def test_an_interval_of_a_rank_correlation_holds_it(script: Script) -> None:
 def test_scores_are_read_by_method_and_material(script: Script, tmp_path: Path) -> None:
     study = script("verdict.opinion_study")
     file = tmp_path / "scores.csv"
-    file.write_text('"METHOD";"BRDF";"DISTANCE"\n"SGD";"alum-bronze";0.25\n"ABC";"two_layer-gold";1\n', encoding="utf-8")
+    text = '"METHOD";"BRDF";"DISTANCE"\n"SGD";"alum-bronze";0.25\n"ABC";"two_layer-gold";1\n'
+    file.write_text(text, encoding="utf-8")
     assert study.read_distances(file) == {("SGD", "alumbronze"): 0.25, ("ABC", "twolayergold"): 1.0}
     for text in ("METHOD,BRDF\n", "METHOD;BRDF;DISTANCE\nSGD;a\n", "METHOD;BRDF;DISTANCE\nSGD;a;1.5\n", "\n"):
         file.write_text(text, encoding="utf-8")
