@@ -49,7 +49,7 @@ SECTIONS = (
     Section(
         "Evidence",
         (
-            "known_mixes", "light", "straightening", "measured", "thesis", "trials", "compression", "real", "stability",
+            "known_mixes", "light", "people", "straightening", "measured", "thesis", "trials", "compression", "real", "stability",
             "scripts",
         ),
     ),

@@ -67,7 +67,7 @@ def _opinion_tables(found: Mapping[str, Mapping[str, Any]]) -> list[Table]:
 
 
 def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
-    """The grade that people would give each point of a chart; none where the source is known at its samples alone."""
+    """The grade that people would give each point of a chart; none where the source is known only at samples."""
     graded = [each for each in records if (each["appearance"] or {}).get("opinion") is not None]
     several = len({each["search"] for each in graded if each["search"]}) > 1
     scores = {

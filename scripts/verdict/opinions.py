@@ -186,7 +186,7 @@ def by_metric(found: dict[str, Any], scores: dict[tuple[str, str], float]) -> st
         line = [rows, without, *(rows.part(rows.method == name) for name in STUDY.values())]
         rhos = [f"{study.rank_correlation(part.differences[:, chosen], part.distance):.2f}" for part in line]
         cells.append([label, INDICES[chosen] or "own", *rhos])
-    return markdown(["metric, light, reading", "index of ABC", "all", "without ABC", *STUDY.values()], cells)
+    return markdown(["metric, light, proxy", "index of ABC", "all", "without ABC", *STUDY.values()], cells)
 
 
 def _named(key: str) -> tuple[str, str, str]:
