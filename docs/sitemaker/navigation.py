@@ -49,8 +49,8 @@ SECTIONS = (
     Section(
         "Evidence",
         (
-            "known_mixes", "light", "people", "straightening", "measured", "thesis", "trials", "compression", "real", "stability",
-            "scripts",
+            "known_mixes", "light", "people", "straightening", "measured", "thesis", "trials", "compression", "real",
+            "stability", "scripts",
         ),
     ),
     Section(

@@ -9,6 +9,9 @@ import pytest
 import torch
 from refusals import refused
 
+from homofact.brdf.analytic import BlinnPhong
+from homofact.evaluation.fixed_pictures import study_difference, study_picture
+from homofact.evaluation.image_metrics import ciede2000
 from homofact.evaluation.opinion import OpinionLaw, StudyLight, digest
 from homofact.rendering.fixed_lights import directions_of_map
 
@@ -129,3 +132,11 @@ def test_without_the_scores_the_script_says_so(
 ) -> None:
     assert script("verdict.opinions").main(["--short", "--data", str(tmp_path)]) == 2
     assert "distances.csv" in capsys.readouterr().err
+
+
+def test_a_sphere_in_pixels_is_the_one_at_places(script: Script) -> None:
+    """Mean CIEDE2000 of two materials, by rings and azimuths and by the package's places."""
+    spheres = script("verdict.opinion_pictures").Spheres()
+    models = [BlinnPhong((0.2, 0.1, 0.1), (level,) * 3, exponent=20) for level in (0.3, 0.2)]
+    found = ciede2000(*(spheres.draw(model) for model in models), spheres.mask)
+    assert found == pytest.approx(study_difference(*(study_picture(model) for model in models)), rel=0.05)
