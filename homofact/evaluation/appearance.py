@@ -138,7 +138,8 @@ class _SourceAppearance:
     def draw(self, reflectance: Reflectance) -> tuple[SphereImage, SphereImage, SphereImage]:
         """The sphere under the lamp, under the sky, and under the study's light."""
         lamp = render_sphere(reflectance, DEFAULT_LIGHT, PIXELS, to_rgb=self.to_rgb)
-        return lamp, *fixed_pictures(reflectance, self.to_rgb)
+        under = fixed_pictures(reflectance, self.to_rgb)
+        return lamp, under.sky, under.study
 
     def against(self, fit: Reflectance) -> Appearance:
         """The figures of a fit."""
@@ -149,7 +150,7 @@ class _SourceAppearance:
         measured = None if self.measured is None else self.measured.errors(fit)
         off = [_off(*pair) for pair in ((own_lamp, lamp), (own_sky, sky))]
         seen = study_difference(own_study, study)
-        return Appearance(energy, by_lamp, by_sky, self.explained(fit), measured, *off, seen)
+        return Appearance(energy, by_lamp, by_sky, self.explained(fit), measured, off[0], off[1], seen)
 
     def explained(self, fit: Reflectance) -> float | None:
         """What the fit explains of the logarithms of the source."""

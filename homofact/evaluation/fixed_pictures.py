@@ -60,8 +60,8 @@ def fixed_pictures(reflectance: Reflectance, to_rgb: ToRgb | None) -> FixedPictu
 
 def study_difference(source: SphereImage, fit: SphereImage) -> float:
     """Mean CIEDE2000 of two spheres under the study's light, shown at its one exposure for all materials."""
-    shown = (displayed(image, _exposure(), curve="srgb") for image in (source, fit))
-    return ciede2000(*shown, source.coverage > 0)
+    theirs, mine = (displayed(image, _exposure(), curve="srgb") for image in (source, fit))
+    return ciede2000(theirs, mine, source.coverage > 0)
 
 
 def study_picture(reflectance: Reflectance) -> SphereImage:

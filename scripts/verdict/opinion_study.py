@@ -147,7 +147,7 @@ def left_out(rows: Judged, groups: np.ndarray) -> Foretold:
 
 def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
     """Spearman's ρ."""
-    return float(spearmanr(first, second)[0])
+    return float(np.asarray(spearmanr(first, second).statistic))  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def resampled(measure: Callable[[np.ndarray], float], materials: np.ndarray, seed: int) -> tuple[float, float]:

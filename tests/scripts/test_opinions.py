@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ Script = Callable[[str], ModuleType]
 TRUTH = OpinionLaw(0.15, 3.0, 1.7, -0.1, 0.1)
 
 
-def problem(module: ModuleType, noise: float = 0.0, wrong: bool = False) -> object:
+def problem(module: ModuleType, noise: float = 0.0, wrong: bool = False) -> Any:
     """Sixty materials by three methods; with `wrong`, the second of two readings is what method 0 was shown by."""
     dice = np.random.default_rng(5)
     material, method = np.repeat(np.arange(60), 3), np.tile(np.arange(3), 60)
@@ -138,5 +139,6 @@ def test_a_sphere_in_pixels_is_the_one_at_places(script: Script) -> None:
     """Mean CIEDE2000 of two materials, by rings and azimuths and by the package's places."""
     spheres = script("verdict.opinion_pictures").Spheres()
     models = [BlinnPhong((0.2, 0.1, 0.1), (level,) * 3, exponent=20) for level in (0.3, 0.2)]
-    found = ciede2000(*(spheres.draw(model) for model in models), spheres.mask)
-    assert found == pytest.approx(study_difference(*(study_picture(model) for model in models)), rel=0.05)
+    found = ciede2000(spheres.draw(models[0]), spheres.draw(models[1]), spheres.mask)
+    expected = study_difference(study_picture(models[0]), study_picture(models[1]))
+    assert found == pytest.approx(expected, rel=0.05)
