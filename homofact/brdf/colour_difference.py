@@ -1,14 +1,14 @@
-"""Differences of colour between spectra of reflectance under several illuminants: CIELAB and CIEDE2000.
+"""Colours of reflectance spectra under several illuminants, as CIELAB, and their slopes.
 
 f in sr⁻¹ is compared with the perfect diffuser, whose f is 1/π: π f is a reflectance factor (CIE 15:2018, 5.2), and
-highlights have one above 1. L*a*b* (CIE 15:2018, 8.2.1) refer to the illuminant's own white, so that an observer is
-adapted to each light. CIEDE2000 (CIE 142-2001) is that of colour-science.
+highlights have one above 1. L*a*b* (`cielab`) refer to the illuminant's own white: the observer is adapted to each light.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from homofact.brdf.cielab import lab
 from homofact.brdf.spectral import xyz_weights
 
 # Daylight, incandescent light, a narrow-band fluorescent lamp: what indices of metamerism ask for (CIE 15:2018, 9.2).
@@ -19,12 +19,12 @@ _LINEAR = 6 / 29  # the cube root of where L* becomes linear
 def lab_of(spectra: np.ndarray, wavelengths: Sequence[float], illuminant: str) -> np.ndarray:
     """L*a*b* (..., 3) of spectra (..., W) in sr⁻¹ at `wavelengths` in nm; raises BadInput as `spectral.to_rgb`."""
     weights = xyz_weights(wavelengths, illuminant)
-    return _lab(np.pi * spectra @ weights / weights.sum(0))
+    return lab(np.pi * spectra @ weights / weights.sum(0))
 
 
 def lab_of_xyz(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
     """L*a*b* (..., 3) of CIE XYZ (..., 3) in sr⁻¹, of which the perfect diffuser has `white`/π (3,)."""
-    return _lab(np.pi * xyz / white)
+    return lab(np.pi * xyz / white)
 
 
 def lab_slopes(spectra: np.ndarray, wavelengths: Sequence[float], illuminant: str) -> np.ndarray:
@@ -35,16 +35,3 @@ def lab_slopes(spectra: np.ndarray, wavelengths: Sequence[float], illuminant: st
     steep = np.where(ratio > _LINEAR**3, np.maximum(ratio, _LINEAR**3) ** (-2 / 3) / 3, 1 / (3 * _LINEAR**2))
     x, y, z = (steep[:, k : k + 1] * shares[:, k] for k in range(3))
     return np.stack((116 * y, 500 * (x - y), 200 * (y - z)), 1)
-
-
-def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """CIEDE2000 (...) of two sets of L*a*b* (..., 3); 1 is about just noticeable."""
-    import colour  # about a second to load
-
-    return np.asarray(colour.delta_E(first, second, method="CIE 2000"))
-
-
-def _lab(ratio: np.ndarray) -> np.ndarray:
-    compressed = np.where(ratio > _LINEAR**3, np.cbrt(ratio), ratio / (3 * _LINEAR**2) + 4 / 29)
-    x, y, z = np.moveaxis(compressed, -1, 0)
-    return np.stack((116 * y - 16, 500 * (x - y), 200 * (y - z)), -1)

@@ -16,9 +16,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from homofact.brdf.cielab import ciede2000 as ciede2000_of_labs
+from homofact.brdf.cielab import lab_of_srgb
 from homofact.errors import BadInput
-from homofact.evaluation.ciede2000 import ciede2000 as ciede2000_of_labs
-from homofact.evaluation.ciede2000 import lab_of_srgb
 from homofact.files import extras
 
 # Luminance of white, in cd/m², for the metric that wants an absolute one.

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from homofact.brdf.colour_difference import ILLUMINANTS, ciede2000, lab_of, lab_slopes
+from homofact.brdf.cielab import ciede2000
+from homofact.brdf.colour_difference import ILLUMINANTS, lab_of, lab_slopes
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.source_names import MOST
 from homofact.brdf.wavelengths import colour_wavelengths

@@ -27,7 +27,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from homofact.brdf.colour_difference import ILLUMINANTS, ciede2000, lab_of, lab_of_xyz
+from homofact.brdf.cielab import ciede2000
+from homofact.brdf.colour_difference import ILLUMINANTS, lab_of, lab_of_xyz
 from homofact.brdf.pair_density import over_discs
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source, open_source

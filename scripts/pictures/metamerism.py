@@ -22,7 +22,8 @@ import torch
 from scipy.optimize import linprog
 from torch import Tensor
 
-from homofact.brdf.colour_difference import ILLUMINANTS, ciede2000, lab_of, lab_of_xyz
+from homofact.brdf.cielab import ciede2000
+from homofact.brdf.colour_difference import ILLUMINANTS, lab_of, lab_of_xyz
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.source import open_source
 from homofact.brdf.spectral import to_rgb, xyz_weights

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from homofact.brdf.colour_difference import ILLUMINANTS, ciede2000, lab_of, lab_of_xyz, lab_slopes
+from homofact.brdf.cielab import ciede2000
+from homofact.brdf.colour_difference import ILLUMINANTS, lab_of, lab_of_xyz, lab_slopes
 from homofact.brdf.spectral import OBSERVER, xyz_weights
 
 FINE = tuple(range(360, 781))

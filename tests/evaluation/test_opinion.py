@@ -11,11 +11,11 @@ import torch
 from refusals import refused
 
 from homofact.brdf.analytic import Lambert, Ward
+from homofact.brdf.cielab import ciede2000, lab_of_srgb
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
 from homofact.evaluation.appearance import appearance
-from homofact.evaluation.ciede2000 import ciede2000, lab_of_srgb
 from homofact.evaluation.fixed_pictures import PLACES, sphere_nodes, study_difference, study_picture
 from homofact.evaluation.means import mean_record
 from homofact.evaluation.metric_table import LIGHT

@@ -9,7 +9,8 @@ import pytest
 import torch
 from refusals import refused
 
-from homofact.brdf.colour_difference import ILLUMINANTS, ciede2000, lab_of, lab_slopes
+from homofact.brdf.cielab import ciede2000
+from homofact.brdf.colour_difference import ILLUMINANTS, lab_of, lab_slopes
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.pair_density import over_discs
 from homofact.brdf.samples import Samples

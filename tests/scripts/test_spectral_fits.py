@@ -7,7 +7,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from homofact.brdf.colour_difference import ciede2000, lab_of
+from homofact.brdf.cielab import ciede2000
+from homofact.brdf.colour_difference import lab_of
 
 BANDS = tuple(float(w) for w in range(400, 701, 10))
 

@@ -1,4 +1,4 @@
-"""CIELAB of encoded sRGB, and the CIEDE2000 colour difference (CIE 142-2001).
+"""CIELAB of tristimulus values and of encoded sRGB, and the CIEDE2000 colour difference (CIE 142-2001).
 
 The formulas are written out here because every fit is judged by them: loading a colour library takes longer than most
 fits. The matrix and the white point are those of sRGB (IEC 61966-2-1, D65), the difference follows Sharma, Wu and Dalal
@@ -13,13 +13,17 @@ _WHITE = np.array([0.3127 / 0.3290, 1.0, (1 - 0.3127 - 0.3290) / 0.3290])
 _EPSILON, _KAPPA = 216 / 24389, 24389 / 27
 
 
-def lab_of_srgb(encoded: np.ndarray) -> np.ndarray:
-    """CIE L*a*b* (..., 3) of encoded sRGB (..., 3) in [0, 1], against the white of sRGB."""
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    relative = linear @ _TO_XYZ.T / _WHITE
+def lab(relative: np.ndarray) -> np.ndarray:
+    """L*a*b* (..., 3) of CIE XYZ (..., 3), each over that of the white (CIE 15:2018, 8.2.1)."""
     bent = np.where(relative > _EPSILON, np.cbrt(relative), (_KAPPA * relative + 16) / 116)
     x, y, z = np.moveaxis(bent, -1, 0)
     return np.stack((116 * y - 16, 500 * (x - y), 200 * (y - z)), -1)
+
+
+def lab_of_srgb(encoded: np.ndarray) -> np.ndarray:
+    """CIE L*a*b* (..., 3) of encoded sRGB (..., 3) in [0, 1], against the white of sRGB."""
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return lab(linear @ _TO_XYZ.T / _WHITE)
 
 
 def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:
