@@ -27,6 +27,7 @@ if _TYPE_CHECKING:
     from homofact.api.factorizing import factorize
     from homofact.api.fitting import fit
     from homofact.api.loading import load
+    from homofact.api.measuring import measure
     from homofact.api.planning import plan
     from homofact.api.progress import ProgressStep
     from homofact.api.reading import read
@@ -39,6 +40,7 @@ if _TYPE_CHECKING:
     from homofact.api.viewing import view
     from homofact.brdf.samples import Samples
     from homofact.errors import BadInput
+    from homofact.measuring.goniometer import Goniometer
     from homofact.methods.cole import Cole
     from homofact.methods.mccool import McCool
     from homofact.methods.models import Gaussians, Ggx, Nbrdf, Npf
@@ -59,6 +61,7 @@ _HOMES = {
     "fit": "api.fitting",
     "info": "api.describing",
     "load": "api.loading",
+    "measure": "api.measuring",
     "plan": "api.planning",
     "read": "api.reading",
     "relight": "api.relighting",
@@ -72,6 +75,7 @@ _HOMES = {
     "Fit": "api.result",
     "Gaussians": "methods.models",
     "Ggx": "methods.models",
+    "Goniometer": "measuring.goniometer",
     "McCool": "methods.mccool",
     "Nbrdf": "methods.models",
     "Nmf": "methods.nmf",
@@ -83,9 +87,10 @@ _HOMES = {
 }
 
 __all__ = [
-    "BadInput", "Cole", "Fit", "Gaussians", "Ggx", "McCool", "Nbrdf", "Nmf", "Npf", "ProgressStep", "Samples", "Search",
-    "Svd", "__version__", "apply_curves", "chart", "compare", "convert", "edit", "evaluate", "export", "factorize",
-    "fit", "info", "load", "plan", "read", "relight", "render", "report", "sweep", "terms", "view",
+    "BadInput", "Cole", "Fit", "Gaussians", "Ggx", "Goniometer", "McCool", "Nbrdf", "Nmf", "Npf", "ProgressStep",
+    "Samples", "Search", "Svd", "__version__", "apply_curves", "chart", "compare", "convert", "edit", "evaluate",
+    "export", "factorize", "fit", "info", "load", "measure", "plan", "read", "relight", "render", "report", "sweep",
+    "terms", "view",
 ]  # fmt: skip
 
 

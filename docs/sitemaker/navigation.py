@@ -40,8 +40,9 @@ SECTIONS = (
     Section(
         "Guides",
         (
-            "python", "gpu", "formats", "lighting", "results", "verdict", "artefacts", "suspicion", "robustness",
-            "export", "interchange", "mitsuba", "spectral", "sampling", "planning", "relighting", "editing", "sweep",
+            "python", "gpu", "measuring", "formats", "lighting", "results", "verdict", "artefacts", "suspicion",
+            "robustness", "export", "interchange", "mitsuba", "spectral", "sampling", "planning", "relighting", "editing",
+            "sweep",
             "report", "papers",
         ),
     ),

@@ -1,0 +1,1 @@
+"""Where to measure next: a prior of materials, what samples tell, and the directions that lower the error most."""

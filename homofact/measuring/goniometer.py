@@ -1,0 +1,159 @@
+"""What a goniometer can measure, and how long it takes from one place to the next.
+
+The sample is isotropic, so the light stays at φ = 0. Three axes move one after another: θi of the light, θo and φ of
+the detector. A move takes |angle|/speed and the settling time, for each axis that moves.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.errors import BadInput
+from homofact.geometry.directions import from_half_difference, from_spherical, to_spherical
+
+# Candidates over (θh, θd, φd) in degrees: dense where highlights are.
+_HALF = (0, 0.25, 0.5, 1, 1.5, 2, 3, 4, 5, 7, 9, 12, 15, 19, 23, 28, 33, 39, 45, 52, 59, 67, 75, 82)
+_DIFFERENCE = tuple(range(0, 86, 5))
+_AZIMUTHS = (0, 22.5, 45, 67.5, 90)
+# What an incidence measures beside its regular rings: offsets from the mirror direction in the plane of incidence.
+_ABOUT_MIRROR = (-12, -8, -5, -3, -2, -1, -0.5, 0, 0.5, 1, 2, 3, 5, 8, 12)
+_MOST_ROWS = 4000
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True)
+class Goniometer:
+    """Limits in degrees, and seconds.
+
+    Attributes
+    ----------
+    theta_i, theta_o, phi : the least and greatest angle of the light, the detector and its azimuth. φ is that between
+        both directions: 0 is the way back to the light, 180 the side of the mirror direction.
+    separation : the least angle between light and detector, where one stands in the way of the other.
+    resolution : angles are multiples of it.
+    rings, azimuths : steps of θo and φ in degrees that an incidence is measured in.
+    speed : degrees per second of each axis.
+    settle : seconds before a measurement for each axis that has moved.
+    """
+
+    theta_i: tuple[float, float] = (0.0, 80.0)
+    theta_o: tuple[float, float] = (0.0, 80.0)
+    phi: tuple[float, float] = (0.0, 180.0)
+    separation: float = 5.0
+    resolution: float = 0.25
+    rings: float = 10.0
+    azimuths: float = 20.0
+    speed: float = 10.0
+    settle: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse angles that no goniometer has. Raises BadInput."""
+        for name, most in (("theta_i", 90.0), ("theta_o", 90.0), ("phi", 180.0)):
+            low, high = getattr(self, name)
+            if not 0 <= low <= high <= most:
+                raise BadInput(where=name, found=f"{low:g} to {high:g}", expected=f"rising degrees from 0 to {most:g}")
+        limits = (
+            ("separation", 0.0, 90.0), ("resolution", 0.01, 10.0), ("rings", 1.0, 45.0), ("azimuths", 1.0, 90.0),
+            ("speed", 1e-3, 1e6), ("settle", 0.0, 1e6),
+        )  # fmt: skip
+        for name, least, most in limits:
+            if not least <= getattr(self, name) <= most:
+                raise BadInput(where=name, found=getattr(self, name), expected=f"a number from {least:g} to {most:g}")
+
+    def directions(self) -> np.ndarray:
+        """Angles (N, 3) of θi, θo, φ in degrees that single measurements are chosen from, none twice.
+
+        Raises BadInput where the limits leave none, with the angles that they allow.
+        """
+        grid = torch.tensor([[h, d, a] for h in _HALF for d in _DIFFERENCE for a in _AZIMUTHS], dtype=torch.float64)
+        half, difference, azimuth = grid.deg2rad().unbind(1)
+        # The azimuth of the difference is counted from the plane of h and n: h lies on the y axis of the frame.
+        wi, wo = from_half_difference(
+            from_spherical(half, torch.full_like(half, math.pi / 2)), from_spherical(difference, azimuth)
+        )
+        above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
+        both = torch.cat((torch.stack((wi[above], wo[above])), torch.stack((wo[above], wi[above]))), 1)
+        return self._within(self._rounded(both[0], both[1]))
+
+    def incidences(self) -> list[np.ndarray]:
+        """The angles (N, 3) in degrees that each incidence is measured at, multiples of 5° with the limits."""
+        low, high = self.theta_i
+        angles = sorted({low, high, *(5.0 * k for k in range(math.ceil(low / 5), math.floor(high / 5) + 1))})
+        found = [self.ring(angle) for angle in angles]
+        found = [ring for ring in found if len(ring)]
+        if not found:
+            raise self._nothing()
+        return found
+
+    def ring(self, theta_i: float) -> np.ndarray:
+        """The angles (N, 3) of one incidence: steps of θo and φ, and more in the plane about the mirror direction."""
+        low, high = self.theta_o
+        theta = np.append(np.arange(low, high, self.rings), high)
+        phi = np.append(np.arange(self.phi[0], self.phi[1], self.azimuths), self.phi[1])
+        rows = [[theta_i, each, turn] for each in theta for turn in (phi if each > 0 else phi[:1])]
+        if len(rows) > _MOST_ROWS:
+            raise BadInput(
+                where="rings", found=f"{len(rows)} directions for each incidence", expected=f"at most {_MOST_ROWS}"
+            )
+        rows += [[theta_i, abs(theta_i + k), 180.0 if theta_i + k >= 0 else 0.0] for k in _ABOUT_MIRROR]
+        found = np.array(rows)
+        return found[self._allowed(found)]
+
+    def moves(self, angles: np.ndarray) -> np.ndarray:
+        """Seconds (N, N) from each of the places (N, 3) to each other."""
+        gaps = np.abs(angles[:, None] - angles[None])
+        return (gaps / self.speed + self.settle * (gaps > _SLACK)).sum(-1)
+
+    def first_moves(self, angles: np.ndarray) -> np.ndarray:
+        """Seconds (N,) to the places (N, 3) from where the axes are parked, their least angles."""
+        gaps = np.abs(angles - np.array([self.theta_i[0], self.theta_o[0], self.phi[0]]))
+        return (gaps / self.speed + self.settle * (gaps > _SLACK)).sum(-1)
+
+    def _rounded(self, wi: Tensor, wo: Tensor) -> np.ndarray:
+        (theta_i, phi_i), (theta_o, phi_o) = to_spherical(wi), to_spherical(wo)
+        turn = torch.remainder(phi_o - phi_i, 2 * math.pi)
+        turn = torch.minimum(turn, 2 * math.pi - turn)
+        degrees = torch.stack((theta_i, theta_o, turn), 1).rad2deg().numpy()
+        degrees = np.round(np.round(degrees / self.resolution) * self.resolution, 6)
+        # A detector or light at the normal has no azimuth.
+        degrees[(degrees[:, 0] == 0) | (degrees[:, 1] == 0), 2] = self.phi[0]
+        return np.unique(degrees, axis=0)
+
+    def _within(self, angles: np.ndarray) -> np.ndarray:
+        found = angles[self._allowed(angles)]
+        if not len(found):
+            raise self._nothing()
+        return found
+
+    def _allowed(self, angles: np.ndarray) -> np.ndarray:
+        limits = (self.theta_i, self.theta_o, self.phi)
+        inside = np.ones(len(angles), dtype=bool)
+        for axis, (low, high) in enumerate(limits):
+            inside &= (angles[:, axis] >= low - _SLACK) & (angles[:, axis] <= high + _SLACK)
+        return inside & (separations(angles) >= self.separation - 1e-6)
+
+    def _nothing(self) -> BadInput:
+        span = ", ".join(
+            f"{name} {low:g} to {high:g}"
+            for name, (low, high) in (("theta_i", self.theta_i), ("theta_o", self.theta_o), ("phi", self.phi))
+        )
+        least = f" and directions {self.separation:g} degrees apart"
+        expected = "wider limits: most materials need theta 0 to 75 and phi 0 to 180, and phi 180 for the highlight"
+        return BadInput(f"no direction with {span}{least}", where="goniometer", expected=expected)
+
+
+def separations(angles: np.ndarray) -> np.ndarray:
+    """The angle (N,) in degrees between light and detector at angles (N, 3)."""
+    wi, wo = directions_of(angles)
+    cosine = (wi * wo).sum(1).clamp(-1, 1)
+    across = torch.linalg.cross(wi, wo).norm(dim=1)
+    return torch.atan2(across, cosine).rad2deg().numpy()
+
+
+def directions_of(angles: np.ndarray) -> tuple[Tensor, Tensor]:
+    """(ωi, ωo), (N, 3) each, of angles (N, 3) in degrees; the light is at φ = 0."""
+    theta_i, theta_o, phi = torch.from_numpy(np.ascontiguousarray(angles, dtype=np.float64)).deg2rad().unbind(1)
+    return from_spherical(theta_i, torch.zeros_like(phi)), from_spherical(theta_o, phi)
