@@ -1,7 +1,7 @@
 """`homofact measure`: the directions to measure next, their order on a goniometer, and whether to stop."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -25,79 +25,62 @@ def _limits(name: str, text: str) -> tuple[float, float]:
     return low, high
 
 
+def _option(help: str, panel: str | None, metavar: str | None = None, shown: bool = True) -> Any:
+    return typer.Option(help=help, metavar=metavar, show_default=shown, rich_help_panel=panel)
+
+
+_Samples = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="SAMPLES...", help="Files of all samples so far; none for the first round."),
+]
+_Directions = Annotated[int | None, _option("Number of single directions to choose. Default: 5.", _PLAN, shown=False)]
+_Incidences = Annotated[
+    int | None, _option("Number of incidences to choose instead, each measured at all views.", _PLAN, shown=False)
+]
+_Stop = Annotated[float, _option("Stop if three more rings change the picture by less.", _PLAN)]
+_Channels = Annotated[
+    str, _option("Columns to fill in, separated by commas; later rounds take those of SAMPLES.", None)
+]
+_Out = Annotated[Path | None, _option("File for the directions, to be filled in.", None, "FILE.csv", False)]
+_Complete = Annotated[
+    Path | None,
+    _option("File for the completed material, as samples for homofact factorize.", None, "FILE.csv", False),
+]
+_ThetaI = Annotated[str, _option("Limits of the light's angle, in degrees.", _GONIOMETER, "A,B")]
+_ThetaO = Annotated[str, _option("Limits of the detector's angle, in degrees.", _GONIOMETER, "A,B")]
+_Phi = Annotated[
+    str,
+    _option(
+        "Limits of the azimuth between both, in degrees; 180 is the side of the mirror direction.", _GONIOMETER, "A,B"
+    ),
+]
+_Separation = Annotated[float, _option("Least angle between light and detector, in degrees.", _GONIOMETER)]
+_Resolution = Annotated[float, _option("Angles are multiples of it, in degrees.", _GONIOMETER)]
+_Rings = Annotated[float, _option("Step of the detector's angle of an incidence, in degrees.", _GONIOMETER)]
+_Azimuths = Annotated[float, _option("Step of the azimuth of an incidence, in degrees.", _GONIOMETER)]
+_Speed = Annotated[float, _option("Speed of each axis, in degrees per second.", _GONIOMETER)]
+_Settle = Annotated[float, _option("Settling time of each axis that has moved, in seconds.", _GONIOMETER)]
+
+
 @o.configured("output.force", "seed")
 def measure(
     settings: "Config",
-    samples: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="SAMPLES...", help="Files of all samples so far; none for the first round."),
-    ] = None,
-    directions: Annotated[
-        int | None,
-        typer.Option(
-            help="Number of single directions to choose. Default: 5.", show_default=False, rich_help_panel=_PLAN
-        ),
-    ] = None,
-    incidences: Annotated[
-        int | None,
-        typer.Option(
-            help="Number of incidences to choose instead, each measured at all views.",
-            show_default=False,
-            rich_help_panel=_PLAN,
-        ),
-    ] = None,
-    stop: Annotated[
-        float, typer.Option(help="Stop if three more rings change the picture by less.", rich_help_panel=_PLAN)
-    ] = 0.01,
-    channels: Annotated[
-        str, typer.Option(help="Columns to fill in, separated by commas; later rounds take those of SAMPLES.")
-    ] = "R,G,B",
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.csv", help="File for the directions, to be filled in.", show_default=False),
-    ] = None,
-    complete: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.csv",
-            help="File for the completed material, as samples for homofact factorize.",
-            show_default=False,
-        ),
-    ] = None,
-    theta_i: Annotated[
-        str, typer.Option(metavar="A,B", help="Limits of the light's angle, in degrees.", rich_help_panel=_GONIOMETER)
-    ] = "0,80",
-    theta_o: Annotated[
-        str,
-        typer.Option(metavar="A,B", help="Limits of the detector's angle, in degrees.", rich_help_panel=_GONIOMETER),
-    ] = "0,80",
-    phi: Annotated[
-        str,
-        typer.Option(
-            metavar="A,B",
-            help="Limits of the azimuth between both, in degrees; 180 is the side of the mirror direction.",
-            rich_help_panel=_GONIOMETER,
-        ),
-    ] = "0,180",
-    separation: Annotated[
-        float, typer.Option(help="Least angle between light and detector, in degrees.", rich_help_panel=_GONIOMETER)
-    ] = 5.0,
-    resolution: Annotated[
-        float, typer.Option(help="Angles are multiples of it, in degrees.", rich_help_panel=_GONIOMETER)
-    ] = 0.25,
-    rings: Annotated[
-        float,
-        typer.Option(help="Step of the detector's angle of an incidence, in degrees.", rich_help_panel=_GONIOMETER),
-    ] = 10.0,
-    azimuths: Annotated[
-        float, typer.Option(help="Step of the azimuth of an incidence, in degrees.", rich_help_panel=_GONIOMETER)
-    ] = 20.0,
-    speed: Annotated[
-        float, typer.Option(help="Speed of each axis, in degrees per second.", rich_help_panel=_GONIOMETER)
-    ] = 10.0,
-    settle: Annotated[
-        float, typer.Option(help="Settling time of each axis that has moved, in seconds.", rich_help_panel=_GONIOMETER)
-    ] = 1.0,
+    samples: _Samples = None,
+    directions: _Directions = None,
+    incidences: _Incidences = None,
+    stop: _Stop = 0.01,
+    channels: _Channels = "R,G,B",
+    out: _Out = None,
+    complete: _Complete = None,
+    theta_i: _ThetaI = "0,80",
+    theta_o: _ThetaO = "0,80",
+    phi: _Phi = "0,180",
+    separation: _Separation = 5.0,
+    resolution: _Resolution = 0.25,
+    rings: _Rings = 10.0,
+    azimuths: _Azimuths = 20.0,
+    speed: _Speed = 10.0,
+    settle: _Settle = 1.0,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:

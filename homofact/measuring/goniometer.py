@@ -11,13 +11,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from homofact.brdf.pair_density import draw_lobe
 from homofact.errors import BadInput
-from homofact.geometry.directions import from_half_difference, from_spherical, to_spherical
+from homofact.geometry.directions import draw_in_discs, from_spherical, to_spherical
 
-# Candidates over (θh, θd, φd) in degrees: dense where highlights are.
-_HALF = (0, 0.25, 0.5, 1, 1.5, 2, 3, 4, 5, 7, 9, 12, 15, 19, 23, 28, 33, 39, 45, 52, 59, 67, 75, 82)
-_DIFFERENCE = tuple(range(0, 86, 5))
-_AZIMUTHS = (0, 22.5, 45, 67.5, 90)
+# Candidates are drawn, half where lobes are: regular ones would fall together with the nodes of the prior's grid, where
+# they say less of what lies between.
+_BY_LOBES, _IN_DISCS, _RIM = 1200, 800, 0.75
+_SEED, _DRAWS, _ENOUGH = 20261126, 12, 1200
 # What an incidence measures beside its regular rings: offsets from the mirror direction in the plane of incidence.
 _ABOUT_MIRROR = (-12, -8, -5, -3, -2, -1, -0.5, 0, 0.5, 1, 2, 3, 5, 8, 12)
 _MOST_ROWS = 4000
@@ -68,15 +69,18 @@ class Goniometer:
 
         Raises BadInput where the limits leave none, with the angles that they allow.
         """
-        grid = torch.tensor([[h, d, a] for h in _HALF for d in _DIFFERENCE for a in _AZIMUTHS], dtype=torch.float64)
-        half, difference, azimuth = grid.deg2rad().unbind(1)
-        # The azimuth of the difference is counted from the plane of h and n: h lies on the y axis of the frame.
-        wi, wo = from_half_difference(
-            from_spherical(half, torch.full_like(half, math.pi / 2)), from_spherical(difference, azimuth)
-        )
-        above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-        both = torch.cat((torch.stack((wi[above], wo[above])), torch.stack((wo[above], wi[above]))), 1)
-        return self._within(self._rounded(both[0], both[1]))
+        chance = torch.Generator().manual_seed(_SEED)
+        found = np.zeros((0, 3))
+        # Narrow limits leave few of the drawn pairs: draw again.
+        for _ in range(_DRAWS):
+            parts = (draw_lobe(_BY_LOBES, chance), draw_in_discs(_IN_DISCS, chance, _RIM))
+            drawn = self._rounded(*(torch.cat([part[which] for part in parts]) for which in (0, 1)))
+            found = np.unique(np.concatenate((found, drawn[self._allowed(drawn)])), axis=0)
+            if len(found) >= _ENOUGH:
+                break
+        if not len(found):
+            raise self._nothing()
+        return found
 
     def incidences(self) -> list[np.ndarray]:
         """The angles (N, 3) in degrees that each incidence is measured at, multiples of 5° with the limits."""
@@ -121,12 +125,6 @@ class Goniometer:
         # A detector or light at the normal has no azimuth.
         degrees[(degrees[:, 0] == 0) | (degrees[:, 1] == 0), 2] = self.phi[0]
         return np.unique(degrees, axis=0)
-
-    def _within(self, angles: np.ndarray) -> np.ndarray:
-        found = angles[self._allowed(angles)]
-        if not len(found):
-            raise self._nothing()
-        return found
 
     def _allowed(self, angles: np.ndarray) -> np.ndarray:
         limits = (self.theta_i, self.theta_o, self.phi)
