@@ -116,7 +116,7 @@ def measure(
     screen.answer(found.record())
 
 
-def _shown(found: "MeasureResult") -> list[object]:
+def _shown(found: "MeasureResult") -> list[Any]:
     count = 0 if found.samples is None else len(found.samples)
     told = found.foretold
     factors = {
@@ -138,7 +138,7 @@ def _shown(found: "MeasureResult") -> list[object]:
         "they change": f"the picture by {found.change:.1%}",
         "three rings": f"change the picture by {found.change_by_rings:.1%}: {'stop' if found.stop else 'go on'}",
     }
-    shown: list[object] = [facts_table("Where to measure next", facts)]
+    shown: list[Any] = [facts_table("Where to measure next", facts)]
     if not found.files:
         shown += [f"theta_i {one:g}, theta_o {two:g}, phi {three:g}" for one, two, three in found.angles]
     return shown

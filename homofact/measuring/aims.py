@@ -98,12 +98,12 @@ class MeasuringAims:
         order = np.argsort(-posterior.shares, kind="stable")[:_GUESSES]
         guesses = [posterior.mean, *posterior.centres[order]]
         parts = np.array([1.0, *posterior.shares[order]])
-        count = self.matrix.shape[1]
+        count = len(posterior.mean)
         found = {kind: np.zeros((count, count)) for kind in ("picture", "albedo", "highlight")}
         for logs, share in zip(guesses, parts / parts.sum(), strict=True):
             for aim, rows in self.slopes(logs):
                 kind = aim.kind if aim.kind in found else "picture"
-                found[kind] += (rows.T @ rows).toarray() * (share / rows.shape[0])
+                found[kind] += (rows.T @ rows).toarray() * (share / np.shape(rows)[0])
         weights = {"picture": 1.0, "albedo": ALBEDO_WEIGHT, "highlight": HIGHLIGHT_WEIGHT}
         total = posterior.total
         return sum(
@@ -129,7 +129,7 @@ class MeasuringAims:
 def measuring_aims(grid: HalfGrid) -> MeasuringAims:
     """The aims on a grid."""
     parts = [*_lamps(), _under_sky(), *_reflected()]
-    wi, wo = (torch.cat([part[which] for part in parts]) for which in (1, 2))
+    wi, wo = torch.cat([part[1] for part in parts]), torch.cat([part[2] for part in parts])
     aims, start = [], 0
     for kind, lights, _, sums in parts:
         aims.append(Aim(kind, slice(start, start + len(lights)), sums))

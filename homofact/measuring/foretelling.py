@@ -100,7 +100,7 @@ def foretold(prior: BrdfPrior, posterior: BrdfPosterior, aims: MeasuringAims, se
 def _drawn(posterior: BrdfPosterior, aims: MeasuringAims, seed: int) -> list[np.ndarray]:
     """Values (P, C) at the pairs of the aims of materials drawn from a posterior."""
     chance = np.random.default_rng(seed)
-    count, size = len(posterior.shares), aims.matrix.shape[1]
+    count, size = len(posterior.shares), posterior.centres.shape[1]
     centres = chance.choice(count, DRAWS, p=posterior.shares)
     level = _root(posterior.covariance) @ chance.standard_normal((size, DRAWS)) * np.sqrt(posterior.scales[centres])
     logs = aims.matrix @ (posterior.centres[centres].T + level)

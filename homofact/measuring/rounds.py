@@ -66,7 +66,7 @@ def check_samples(samples: "Samples") -> None:
         )
     if not bool(samples.values.any()):
         raise BadInput(where="samples", found="values that are all 0", expected="some light")
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     (theta_i, phi_i), (theta_o, phi_o) = to_spherical(samples.wi), to_spherical(samples.wo)
     turn = (phi_o - phi_i).abs().rad2deg()
@@ -74,7 +74,7 @@ def check_samples(samples: "Samples") -> None:
     # Near the normal an azimuth is a smaller angle.
     across = turn * np.sqrt((theta_i.sin() * theta_o.sin()).numpy())
     places = np.stack((theta_i.rad2deg().numpy(), theta_o.rad2deg().numpy(), across), 1)
-    pairs = cKDTree(places).query_pairs(_SAME_PLACE, output_type="ndarray")
+    pairs = KDTree(places).query_pairs(_SAME_PLACE, output_type="ndarray")
     bright = samples.values.mean(1).numpy() + _DARK
     ratio = np.maximum(bright[pairs[:, 0]] / bright[pairs[:, 1]], bright[pairs[:, 1]] / bright[pairs[:, 0]])
     if len(ratio) and ratio.max() > _CONTRADICTS:

@@ -200,6 +200,7 @@ def directions_table(sources: Sequence[Source], prior: BrdfPrior, gathered: Meas
     for source in sources:
         material = source.reflectance
         truth = values_at(material, aims.wi, aims.wo)
+        posterior = before_samples(prior, 3)
         for count, _, posterior in measured_rounds(prior, material, goniometer, DIRECTIONS):
             told, was = foretold(prior, posterior, aims), aim_errors(aims, truth, posterior.values(aims.matrix))
             _note_cover(gathered, count, told, was)

@@ -26,7 +26,7 @@ from homofact.brdf.pair_density import RIM, draw_lobe
 from homofact.brdf.reflectance import Reflectance
 from homofact.geometry.directions import draw_in_discs
 from homofact.measuring.aims import measuring_aims
-from homofact.measuring.foretelling import COVERED, aim_errors, foretold
+from homofact.measuring.foretelling import COVERED, AimErrors, Foretold, aim_errors, foretold
 from homofact.measuring.goniometer import Goniometer, directions_of
 from homofact.measuring.half_grid import HalfGrid
 from homofact.measuring.posterior import BrdfPosterior, after_values, before_samples
@@ -133,7 +133,7 @@ def measured_rounds(
 
 def left_out(
     logs: np.ndarray, ratios: np.ndarray, known: list[Surrogate], every: int
-) -> Iterator[tuple[str, int, object]]:
+) -> Iterator[tuple[str, int, tuple[Foretold, AimErrors]]]:
     """(name, directions, (foretold, what it was)) of materials that the statistics leave out."""
     grid, goniometer = HalfGrid(), Goniometer()
     aims = measuring_aims(grid)
@@ -150,10 +150,10 @@ def left_out(
                 if count in COUNTS:
                     was = aim_errors(aims, truth, posterior.values(aims.matrix))
                     yield known[number].name, count, (foretold(prior, posterior, aims), was)
-            progress(fold, known[number].name, f"{was.psnr:.1f} dB")
+                    progress(fold, known[number].name, count, f"{was.psnr:.1f} dB")
 
 
-def widenings(found: list[tuple[str, int, object]]) -> dict[str, float]:
+def widenings(found: list[tuple[str, int, tuple[Foretold, AimErrors]]]) -> dict[str, float]:
     """The factors and the offset by which intervals cover `COVERED` of what was found."""
     pairs = [pair for _, _, pair in found]
     factors = {}
@@ -171,7 +171,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Make the statistics, set the factors, and store both where that is asked for."""
     parser = parser_of(__doc__, "data", "out")
     parser.add_argument("--write", action="store_true", help="store the table in the package")
-    parser.add_argument("--every", type=int, default=3, help="set the factors on every Nth material (%(default)s)")
+    parser.add_argument("--every", type=int, default=6, help="set the factors on every Nth material (%(default)s)")
     options = parser.parse_args(arguments)
     known = surrogates(data_folder(options.data))
     if options.short:
