@@ -103,7 +103,7 @@ class MeasuringAims:
         for logs, share in zip(guesses, parts / parts.sum(), strict=True):
             for aim, rows in self.slopes(logs):
                 kind = aim.kind if aim.kind in found else "picture"
-                found[kind] += (rows.T @ rows).toarray() * (share / np.shape(rows)[0])
+                found[kind] += (rows.T @ rows).toarray() * (share / (rows.shape or (1, 1))[0])
         weights = {"picture": 1.0, "albedo": ALBEDO_WEIGHT, "highlight": HIGHLIGHT_WEIGHT}
         total = posterior.total
         return sum(

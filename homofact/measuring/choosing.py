@@ -61,7 +61,7 @@ def chosen_rows(blocks: Sequence[Uncertainty], matrix: "csr_matrix", count: int)
         variance = np.asarray(matrix.multiply(across).sum(1)).reshape(-1) + block.noise
         states.append([across, gains, variance])
     chosen: list[int] = []
-    for _ in range(min(count, np.shape(matrix)[0])):
+    for _ in range(min(count, len(states[0][1]))):
         total = np.sum([gains / variance for _, gains, variance in states], axis=0)
         total[chosen] = -np.inf
         best = int(np.argmax(total))
