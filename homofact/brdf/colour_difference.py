@@ -1,7 +1,7 @@
 """Colours of reflectance spectra under several illuminants, as CIELAB, and their slopes.
 
 f in sr⁻¹ is compared with the perfect diffuser, whose f is 1/π: π f is a reflectance factor (CIE 15:2018, 5.2), and
-highlights have one above 1. L*a*b* (`cielab`) refer to the illuminant's own white: the observer is adapted to each light.
+highlights have one above 1. L*a*b* (`cielab`) refer to the illuminant's own white: the observer is adapted to it.
 """
 
 from collections.abc import Sequence
