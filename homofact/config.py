@@ -76,7 +76,7 @@ def fit_options() -> dict[str, dict[str, Declared]]:
 
 
 def section_options() -> dict[str, Declared]:
-    """The options of all sections by their dotted keys, but for the methods' settings."""
+    """Return the options of all sections by their dotted keys, without the settings of the methods."""
     return {
         f"{section.name}.{name}": declared
         for section in fields(ConfigTable)
@@ -139,7 +139,7 @@ def _dotted(table: Mapping[str, Any]) -> list[str]:
 
 
 def _merged(table: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """A file's table with the values of dotted keys in place of its own, or beside them."""
+    """Return a file's table, in which the values of dotted keys replace or extend its own."""
     whole = {name: dict(entry) if isinstance(entry, dict) else entry for name, entry in table.items()}
     for key, value in given.items():
         section, _, name = key.rpartition(".")

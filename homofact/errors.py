@@ -1,7 +1,7 @@
-"""What can go wrong, and what every fit and search reports when it is done.
+"""Errors of the package, and the report that ends every fit and search.
 
-`BadInput` is the user's to mend and ends a command with exit code 2. `Status` says how a computation
-ended and what to do about it; `Report` carries it with the cost.
+`BadInput` is an error that the user can fix; it ends a command with exit code 2. `Status` describes how a computation
+ended and what to do about it; `Report` contains the status and the cost.
 """
 
 from dataclasses import dataclass, field
@@ -73,7 +73,7 @@ class BadInput(HomofactError, ValueError):
 
 
 class MissingDependency(BadInput):
-    """An optional library is not installed: the message says which extra brings it."""
+    """An optional library is not installed; the message names the extra that installs it."""
 
 
 class SolverFailure(HomofactError):
@@ -81,7 +81,7 @@ class SolverFailure(HomofactError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C ended what keeps its finished parts: `kept` says which and where, and the same call goes on there."""
+    """Ctrl-C ended a computation that keeps its finished parts: `kept` lists them, and the same call resumes there."""
 
     def __init__(self, kept: str) -> None:
         super().__init__(kept)

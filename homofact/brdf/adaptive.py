@@ -1,18 +1,18 @@
 """Any reflectance tabulated in the adaptive parameterization of Dupuy and Jakob (2018), `AdaptiveTable`.
 
-Of a microfacet model f cosθo = F G D(m)/(4σ(ωi)) in which F G varies little, the table M of `brdf.rgl` is F G. The
-paper finds D from retroreflection, which few measurements hold and fits rarely get right. Here D comes from all
-directions: what is reflected by way of m, as a share of all that is reflected, is
+A microfacet model has f cosθo = F G D(m)/(4σ(ωi)), where F G varies little; the table M of `brdf.rgl` then holds F G.
+The paper derives D from retroreflection, which few measurements cover and few fits reproduce. This module derives D
+from all directions. The share of the reflected light that the microfacet normal m reflects is
 
     t(m | ωi) = 4 f(ωi, ωo) cosθo / a(ωi),    a(ωi) = ∫ f cosθo dωo,
 
-and D(m) is its mean over incidences whose mirror direction at m is above the horizon, scaled to ∫ D cosθm dm = 1. It
-bends the table's nodes towards the highlight; what it misses stands in M, which is f cosθo · 4σ/D at each node exactly.
-σ(ωi) = ∫ D(m) max(0, m·ωi) dm. Visible normals have the density D(m) max(0, m·ωi)/σ where the mirror direction is
-above the horizon, 0 elsewhere: no node is spent on what cannot be seen, but in the last cell.
+D(m) is the mean of t over the incidences whose mirror direction at m is above the horizon, scaled to ∫ D cosθm dm = 1.
+D concentrates the table's nodes near the highlight. M corrects the errors of D, since M equals f cosθo · 4σ/D exactly
+at each node. σ(ωi) = ∫ D(m) max(0, m·ωi) dm. Visible normals have the density D(m) max(0, m·ωi)/σ where the mirror
+direction is above the horizon, and 0 elsewhere, so only the last cell has nodes that are never visible.
 
-Half of the nodes follow the visible normals, the other half lie evenly over ωo, or a diffuse base under a sharp
-highlight would get none. D, σ and the densities are of the channels' mean.
+Half of the nodes follow the visible normals. The other half are spread evenly over ωo, so that a diffuse base under a
+sharp highlight gets nodes too. D, σ and the densities are computed from the mean of the channels.
 """
 
 import math
@@ -109,11 +109,11 @@ def _filled(table: AdaptiveTable, reflectance: Reflectance) -> Tensor:
 
 
 def importance(table: AdaptiveTable) -> Tensor:
-    """What renderers draw nodes by, (F, T, R, C) > 0: the mean of f cosθo dωo of the place that each node stands for.
+    """Return the sampling weights of the nodes, (F, T, R, C) > 0: the mean of f cosθo dωo over the cell of each node.
 
-    Even steps of s hold even shares of the visible normals' density p in the unit square, so it is f cosθo ·
-    4 m·ωi dm/du / p with dm/du = 2π² u sinθm. Never under a hundredth of a slice's mean, so that
-    what is drawn rarely does not weigh much.
+    Equal steps of s contain equal shares of the density p of the visible normals in the unit square, so the weight is f
+    cosθo · 4 m·ωi dm/du / p with dm/du = 2π² u sinθm. Weights are at least 1% of the mean of their slice, which bounds
+    the weight of rarely drawn samples.
     """
     rows, columns = table.table.shape[2:4]
     # At the edges the density may vanish: what a node stands for lies within.
@@ -245,7 +245,7 @@ def _facets(reflectance: Reflectance, isotropic: bool) -> Tensor:
 
 
 def _solid_angles(rows: int, columns: int) -> Tensor:
-    """Steradians (rows · columns,) that the nodes of a table stand for, by the trapezoidal rule in u.
+    """Return the solid angle of each node's cell in steradians, (rows · columns,), by the trapezoidal rule in u.
 
     dω = sinθ dθ dφ = 2π² u sinθ du dv.
     """

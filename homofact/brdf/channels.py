@@ -24,9 +24,10 @@ def check_channels(wanted: str) -> None:
 
 
 def reading_of(wanted: str) -> tuple[str, str]:
-    """(what a reader is asked for, the one channel of it) for `wanted`: a name of `CHANNELS`, R, G, B or a wavelength.
+    """Return (channels for the reader, the single channel to keep) for `wanted`: a name of `CHANNELS`, or a channel.
 
-    The channel is empty where all are wanted. Raises BadInput for anything else.
+    The second string is empty if all channels are kept. Wavelengths are names such as 550nm. Raises BadInput for other
+    names.
     """
     if wanted in CHANNELS:
         return wanted, ""

@@ -44,7 +44,7 @@ class FactoredBrdf(AnalyticModel):
 
     @property
     def nbytes(self) -> int:
-        """272 numbers a channel as float32."""
+        """Return the bytes of 272 float32 numbers per channel."""
         return 4 * int(np.prod(self.table.shape))
 
     @property

@@ -1,6 +1,6 @@
 """Named materials: the analytic models with the parameters that the literature printed.
 
-Where it printed one number for a monochrome material, or none, the colour is our choice; `source` says so.
+If the literature gives one number for a monochrome material, or none, we chose the colour; `source` then notes this.
 """
 
 from dataclasses import dataclass

@@ -28,10 +28,10 @@ _IN_PLANE = {8: 1e-12, 4: 1e-6}
 
 @dataclass(frozen=True)
 class NeuralBrdf(AnalyticModel):
-    """The network of the module's head, isotropic and reciprocal, in the dtype of the directions it is asked for.
+    """The network that the module describes, isotropic and reciprocal, evaluated in the dtype of the directions.
 
-    `weights` are three matrices (inputs, outputs) and `biases` three vectors, of the sizes of `LAYERS`. Raises
-    BadInput for other sizes and numbers that are not finite.
+    `weights` are three matrices (inputs, outputs) and `biases` three vectors, of the sizes of `LAYERS`. Raises BadInput
+    for other sizes and for numbers that are not finite.
     """
 
     weights: "tuple[Tensor | np.ndarray, ...]"

@@ -68,9 +68,10 @@ def draw_lobe(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
 
 
 def solid_angles(samples: Samples) -> Tensor:
-    """What every sample stands for (N,), in sr² up to a common factor: its weight over the density of its drawing.
+    """Return the measure of each sample (N,), in sr² up to a common factor: its weight over its sampling density.
 
-    A measurement states no density. It is counted then: a cell of (√θh, θd, φd) is shared by the samples in it.
+    A measurement has no known sampling density. It is estimated by counting: the samples in a cell of (√θh, θd, φd)
+    share the measure of the cell.
     """
     scheme = scheme_of(samples)
     if scheme is not None:

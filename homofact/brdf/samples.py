@@ -267,9 +267,9 @@ class Samples:
 
 
 def lit_from_one_azimuth(wi: Tensor) -> bool:
-    """Whether all light of a measurement, (N, 3), came from one azimuth: how files without a word say isotropic.
+    """Return whether all light directions (N, 3) have one azimuth, which marks an isotropic file without a flag.
 
-    Light along the normal has any azimuth.
+    Light along the normal matches every azimuth.
     """
     across = wi[:, :2]
     length = across.norm(dim=1)

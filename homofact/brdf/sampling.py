@@ -20,7 +20,7 @@ RADIUS_SQUARED = RIM
 
 
 class Drawable(Reflectance, Protocol):
-    """A reflectance that is defined everywhere and says whether it is isotropic: a model, a whole table."""
+    """A reflectance that is defined everywhere and has a flag for isotropy: a model or a complete table."""
 
     @property
     def isotropic(self) -> bool:

@@ -173,7 +173,7 @@ def _named(given: Any) -> str:
 
 @dataclass(frozen=True)
 class _Drawable(Derived):
-    """A reflectance that does not say whether it is isotropic, which is then tried."""
+    """A reflectance without a flag for isotropy, which is then tested by evaluation."""
 
     @property
     def isotropic(self) -> bool:

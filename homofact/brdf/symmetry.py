@@ -1,15 +1,16 @@
-"""What stays the same in a BRDF, found out in one place: of reflectance, of samples, and of how samples were taken.
+"""Detect the symmetries of a BRDF: of a reflectance, of samples, and of the layout of the samples.
 
-Of reflectance. f may stay the same where both directions are turned about the normal (isotropic), swapped (reciprocal),
-mirrored at the xz-plane (mirrored), or turned by π (half turn). Found out at random pairs, half of them near the
-mirror direction, where highlights are: f does if 95% of the values differ by less than a thousandth.
+Symmetries of a reflectance. f may be unchanged if both directions are rotated about the normal (isotropic), swapped
+(reciprocal), mirrored at the xz-plane (mirrored), or rotated by π (half turn). Each is tested at random pairs, half of
+them near the mirror direction, where highlights are. A symmetry holds if 95% of the values differ by less than a
+thousandth.
 
-Reciprocity as a number. Of a reflectance: f(ωi, ωo) and f(ωo, ωi) at pairs drawn by cosine. Of samples alone: each
-sample against the nearest to its swapped place within 1°, since an interpolation over coordinates that fold the swap
-would hide what the data say. The error is |a − b|/((a + b)/2), a and b means over the channels.
+Reciprocity error. For a reflectance, f(ωi, ωo) and f(ωo, ωi) are compared at cosine-distributed pairs. For samples,
+each sample is compared with the sample nearest to its swapped directions within 1°: an interpolation over coordinates
+that fold the swap would hide the asymmetry. The error is |a − b|/((a + b)/2), with a and b means over the channels.
 
-Of how samples were taken. Isotropic materials are measured with light from one azimuth; a goniometer's directions lie
-on rings of θ.
+Layout of the samples. Isotropic materials are measured with light from one azimuth; a goniometer's directions lie on
+rings of θ.
 """
 
 import math

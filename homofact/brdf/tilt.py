@@ -1,33 +1,32 @@
-"""What a tilted sample does to a measurement of an isotropic material, and how to undo it.
+"""Model how a tilted sample changes the measurement of an isotropic material, and correct it.
 
-A goniometer reports directions from the axis that it takes for the sample's normal. Let the light stand in the xz-plane
-at the reported angle t ≥ 0. If the sample leans by small angles δ (about y, in the plane of incidence) and η (about x,
-out of it), a direction ω that the instrument reports is Rω in the frame of the surface,
+A goniometer reports directions relative to the assumed normal of the sample. Let the light be in the xz-plane at the
+reported angle t ≥ 0. If the sample is tilted by small angles δ (about y, in the plane of incidence) and η (about x, out
+of it), a reported direction ω is Rω in the frame of the surface,
 
     R = Rx(η) Ry(δ),    Ry(δ) (sin t, 0, cos t) = (sin(t + δ), 0, cos(t + δ)).
 
-The instrument measures the intensity f cosθo of the lit spot and divides by the cosine that it believes in. With g the
-material and f what is reported,
+The instrument measures the intensity f cosθo of the lit spot and divides by the cosine of the reported angle. With g
+the BRDF of the material and f the reported BRDF,
 
     f(ωi, ωo) cosθo = g(Rωi, Rωo) cosθ'o,    θ'o the angle of Rωo.
 
-What of this the data can show:
+The data determine the tilt as follows:
 
-* g is reciprocal. Turned so that the light is at azimuth 0 again, the swapped pair was measured with δ of the other
-  sign. In the plane of incidence, with signed angles, f(t, s) = g(t + δ, s + δ) and f(s, t) = g(t − δ, s − δ): the
-  highlight lies 2δ off the mirror direction, and flips when light and viewer are swapped. So δ is what makes g
-  reciprocal.
+* g is reciprocal. After rotating the light of the swapped pair back to azimuth 0, this pair was measured with −δ. In
+  the plane of incidence, with signed angles, f(t, s) = g(t + δ, s + δ) and f(s, t) = g(t − δ, s − δ): the highlight
+  lies 2δ off the mirror direction, and flips when light and viewer are swapped. So the correct δ makes g reciprocal.
 * An error α of the light's arm and β of the viewer's give f(t, s) = g(t + α, s + β), and f(s, t) = g(t − β, s − α).
-  Only α + β shows: with α = −β the measurement is reciprocal. The two arms are indistinguishable from δ = (α + β)/2,
-  and that is undone.
-* g is mirrored at the plane of incidence: f at azimuths φ and −φ of the viewer differ by η alone. A file whose values
-  were averaged over both sides says nothing of η.
-* A tilt that turns with the sample, as of a sample that lies askew on a turntable, is the same R for every pair. That
-  is another orientation of an anisotropic material and leaves reciprocity whole, so only isotropic data are treated.
+  Only α + β shows: with α = −β the measurement is reciprocal. Errors of the two arms cannot be distinguished from a
+  tilt δ = (α + β)/2, which is corrected.
+* g is mirrored at the plane of incidence: f at azimuths φ and −φ of the viewer differ only because of η. If a file
+  contains averages over both sides, η cannot be determined.
+* If the tilt rotates with the sample, for example on a turntable, R is the same for every pair. For an anisotropic
+  material this is only another orientation and keeps reciprocity, so only isotropic data are corrected.
 
-Near the normal: for δ > 0 the smallest angle that was measured, t = 0, is δ of the surface. Pairs with less light angle
-take the values at t = 0 that have their half vector, since the highlight stays at the half vector. Viewers that the
-instrument saw under its horizon take the value at its horizon, times the cosines above.
+Near the normal: for δ > 0 the smallest measured angle, t = 0, is the angle δ to the surface normal. Pairs with a
+smaller angle of incidence get the values at t = 0 with the same half vector, since the highlight depends on the half
+vector. Viewers below the horizon of the instrument get the value at its horizon, times the cosines above.
 """
 
 import math

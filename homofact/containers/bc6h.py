@@ -1,17 +1,17 @@
-"""BC6H signed: three-channel textures of halves in one byte a texel, for values of either sign.
+"""BC6H signed: three-channel textures of halves in one byte per texel, for values of either sign.
 
-Every block of 4 × 4 texels becomes a segment in colour space with 16 colours on it (see `bc6h_blocks`). The
-encoder takes the four block modes with one region, in which only the precision of the segment's ends differs:
-10 bits for ends anywhere, 11, 12 and 16 bits for ends ever closer together. For each mode it
+Every block of 4 × 4 texels becomes a segment in colour space with 16 colours on it (see `bc6h_blocks`). The encoder
+uses the four block modes with one region, which differ only in the precision of the segment's ends: 10 bits for
+arbitrary ends, and 11, 12 and 16 bits for ends that are closer and closer together. For each mode it
 
 1. lays the segment along the principal axis of the 16 values, from the least projection to the largest;
 2. gives every texel the nearest of the 16 decoded colours;
 3. solves for the ends that fit these choices in least squares, and repeats from 2 while it gains.
 
-Interpolation runs over the halves' patterns q and the error counts in values v, so 3 weighs a texel's pattern
-with dv/dq, the spacing of halves at its value. The best mode of each block is then walked downhill, one end
-and channel at a time, at last by single quanta. All of it minimises the sum of squares of the decoded values'
-errors, channels alike; a block of one colour is exact to the bit.
+Interpolation runs over the halves' patterns q and the error counts in values v, so 3 weighs a texel's pattern with
+dv/dq, the spacing of halves at its value. The best mode of each block is then walked downhill, one end and channel at a
+time, at last by single quanta. All steps minimise the sum of the squared errors of the decoded values, with equal
+weights for the channels. A block of one colour is stored exactly.
 
 What to expect: with 10 bits, one of which is the sign, a power of two has 16.5 quanta, so an end is off by up to
 3 % of its value; with 12 bits by 0.8 %. A segment that passes through zero passes all powers of two down to

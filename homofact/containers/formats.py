@@ -11,11 +11,11 @@
 | bc6h | DDS, BC6H signed | a colour of its block | 1, 3 | multiples of 4 |
 
 Sides end at 16384 texels, the largest 2D texture of Direct3D 11 (D3D11_REQ_TEXTURE2D_U_OR_V_DIMENSION); a
-one-dimensional texture has one row. Layers of a texture array stand one under another: KTX2 and DDS say so in their
-headers, EXR and PNG hold one tall image, which row by row is how an array lies in memory. Where a file holds more
-channels than a texture has, a single one stands in red, green and blue, and alpha is 1. What a texture loses by its
-storage is the difference to `read` after `write`: the reader's values are those of a GPU's sampler at texel centres
-(integers still to be divided by 255 or 65535).
+one-dimensional texture has one row. The layers of a texture array are stacked vertically. KTX2 and DDS give the number
+of layers in their headers. EXR and PNG store one tall image, whose rows have the same order as an array in memory. If a
+file has more channels than a texture, a single channel is copied to red, green and blue, and alpha is 1. To measure the
+storage error of a texture, compare it with `read` after `write`: the reader's values are those of a GPU's sampler at
+texel centres (integers still to be divided by 255 or 65535).
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Reader of Radiance pictures (.hdr, RGBE): four bytes a pixel, three mantissas and a common exponent.
+"""Reader of Radiance pictures (.hdr, RGBE): four bytes per pixel, three mantissas and a common exponent.
 
 Layout (Ward 1991, "Real Pixels", Graphics Gems II; the Radiance file formats note): `#?RADIANCE` or
 `#?RGBE`, header lines `NAME=value`, an empty line, the size `-Y rows +X columns`, then scanlines from
@@ -12,7 +12,7 @@ the top. A scanline is
 
 A pixel is mantissa · 2^(e − 136), 0 where e = 0, divided by the product of the EXPOSURE lines.
 
-What the header claims is held against the bytes before anything is allocated: `web/hdr.js` has the same limits.
+The reader compares the header with the number of bytes before it allocates memory; `web/hdr.js` has the same limits.
 """
 
 import re

@@ -1,17 +1,18 @@
-"""In which few numbers a pixel's bands are kept: a reduced-rank regression over some of the pixels.
+"""Compress the bands of each pixel to a few numbers by a reduced-rank regression over some of the pixels.
 
-Rows are pixels, columns bands or pairs of bands, each times how large its coefficient is as the curves start (above
-`FLOOR` of the largest), so that a picture is a row times how much the curves changed, ρ = c c'/start. The first numbers
-are s = row · Z, Z the ρ of the curves as they start: pictures at the start, and of a curve that changes everywhere
-alike, have no error but rounding, and those of other edits have that of what the edit changes alone.
+Rows are pixels. Columns are bands or pairs of bands, each scaled by its coefficient in the start curves (at least
+`FLOOR` of the largest). A picture is then a row times the relative change of the curves, ρ = c c'/start. The first
+numbers are s = row · Z, where Z is the ρ of the start curves. Pictures of the start curves, and of a curve scaled by a
+constant, therefore have only rounding errors. In other edits, only the change itself is approximated.
 
-Of the rest, row (1 − Z U) with U the least squares of rows by s, what matters is what smooth changes see: rest · G,
-with G a blur over `SMOOTH` of [0, π/2] and a little of what is not blurred. Its right singular vectors V come from one
-channel of some of the pixels. Every pixel keeps a = [s, rest · G Vᵀ], and R = a · W ρ, where W gives those pixels' rows
-back from their a with the least squares.
+The rest is row (1 − Z U), where U is the least-squares fit of the rows by s. Only its response to smooth changes
+matters: rest · G, where G is a blur over `SMOOTH` of [0, π/2] plus a small share of the identity. The right singular
+vectors V of rest · G come from one channel of some of the pixels. Every pixel stores a = [s, rest · G Vᵀ], and R = a ·
+W ρ, where W reconstructs the rows of these pixels from their a by least squares.
 
-How many of them: as few as leave `TOLERANCE` (relative RMS) of trial edits' pictures, of pixels that the trial basis
-does not know. Trial edits change one curve each: doubled about a place, or raised to the power ½.
+The number of vectors is the smallest one whose pictures of trial edits are within `TOLERANCE` (relative RMS), at pixels
+that were not used for the trial basis. Each trial edit changes one curve: it doubles the curve around one angle, or
+raises it to the power ½.
 """
 
 from collections.abc import Sequence

@@ -43,9 +43,9 @@ def open_edit_materials(
 
 
 def open_edit_scene(file: EditSceneFile, stage: Stage | None = None, fits: FileFits | None = None) -> EditScene:
-    """Read and place everything; `fits` has the fits that stand for files of measurements.
+    """Read the scene and place its objects; `fits` has the fits that replace files of measurements.
 
-    Raises BadInput for what cannot be read, and what `EditScene` refuses.
+    Raises BadInput if a file cannot be read, and for everything that `EditScene` rejects.
     """
     lighting = file.light()
     placed, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)

@@ -1,11 +1,11 @@
-"""Curves f(γ) over an angle in [0, π/2]: what a user edits, and the bands in which pictures know them.
+"""Curves f(γ) over an angle in [0, π/2], which users edit, and the bands in which pictures represent them.
 
 A curve is any function of γ with C channels: a model's own (`Formula`), drawn between knots (`Knots`), or constant on
 each of J bands (`Bands`, the box functions of Ben-Artzi et al. 2006, eq. 8). Bands are equal, or finer near 0 with
-edges at π/2 (k/J)², as curves over θh and the other angles of highlights have them: with J = 256 the first is .0014°
-wide, the band at 3° .25°, the last .7°. `banded` takes any curve to bands by its mean over each one, not by its value
-at the centre (appendix B): a narrow peak that moves by less than a band still changes the picture smoothly.
-`band_deviation` says how far the curve itself is from that.
+edges at π/2 (k/J)². Curves over θh and the other angles of highlights use the finer bands: with J = 256 the first is
+.0014° wide, the band at 3° .25°, the last .7°. `banded` converts any curve to bands by its mean over each band, not by
+its value at the centre (appendix B). So a narrow peak that moves by less than a band still changes the picture
+smoothly. `band_deviation` measures the difference between the curve and its bands.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ class Curve(Protocol):
 
 @dataclass(frozen=True)
 class Formula:
-    """A curve given by a function of γ (N,) with values (N, C); `words` say which."""
+    """A curve given by a function of γ (N,) with values (N, C); `words` describe it."""
 
     function: Callable[[Tensor], Tensor]
     channels: int

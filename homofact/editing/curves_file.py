@@ -1,12 +1,12 @@
-"""Edited curves as JSON: what an editor writes and `homofact` takes back into textures.
+"""Edited curves as JSON, which an editor writes and `homofact` applies to the textures of a fit.
 
     {"format": "homofact curves", "format_version": 2, "channels": ["R", "G", "B"], "curves": [
       {"material": "paint", "term": "whole", "curve": "theta_h", "angle": "theta_h", "bands": "finer near 0",
        "values": [[1, 1, 1], …]}]}
 
-`values` are the J means over bands of the angle from 0 to π/2, one number a channel each. `bands` says how they are
-divided: "equal", or "finer near 0", whose edges are at π/2 (k/J)². Files of version 1 have equal bands, and are taken
-to the others where a curve has them.
+`values` are the J means over bands of the angle from 0 to π/2, each with one number per channel. `bands` names their
+division: "equal", or "finer near 0", whose edges are at π/2 (k/J)². Files of version 1 have equal bands, which are
+resampled if the curve has finer ones.
 """
 
 import json

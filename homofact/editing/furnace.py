@@ -1,7 +1,7 @@
-"""The white furnace: what share of the light an edited material gives back, direction by direction.
+"""White furnace test: the share of the light that an edited material reflects, for each direction.
 
-a(θi) = ∫ f cosθo dωo by the nodes of `geometry.quadrature`, mean over `AZIMUTHS` of ωi. No surface gives back more than
-it gets; curves drawn by hand may say so, and a picture does not show it.
+a(θi) = ∫ f cosθo dωo is integrated at the nodes of `geometry.quadrature` and averaged over `AZIMUTHS` of ωi. No surface
+reflects more light than it receives. Curves drawn by hand may break this law, and pictures do not reveal it.
 """
 
 import math
@@ -24,7 +24,7 @@ _RINGS, _SPOKES = 64, 48
 
 @dataclass(frozen=True)
 class Albedo:
-    """`values`, a row for each of the angles `degrees` of ωi, one number a channel."""
+    """`values`: a row for each of the angles `degrees` of ωi, with one number per channel."""
 
     channels: tuple[str, ...]
     degrees: tuple[float, ...]

@@ -1,13 +1,14 @@
 """Distant light as spherical triangles of constant radiance (Ben-Artzi et al. 2006, section 5.2).
 
-The eight faces of an octahedron are divided into four, at the middles of their edges, as often as the importance of
-Agarwal et al. (2003) asks for: always the triangle with the largest E · min(Ω, .01)^¼ next, E = ∫ L dω over it (mean of
-the channels) and Ω its solid angle. What holds no light is not divided, and no triangle below a quarter of a map's
-texel, within which radiance is constant anyway.
+The eight faces of an octahedron are divided into four, at the middles of their edges, guided by the importance of
+Agarwal et al. (2003): the triangle with the largest E · min(Ω, .01)^¼ is divided next, where E = ∫ L dω over the
+triangle (mean of the channels) and Ω is its solid angle. Triangles without light are not divided, and neither are
+triangles smaller than a quarter of a texel of the map, within which radiance is constant.
 
-E comes from points spread evenly over each texel of the map, each counted to the triangle that it lies in. A
-triangle's radiance is the mean over its points; all radiances are then scaled by one number a channel, near 1, so that
-the light's whole energy stays. A directional light becomes one triangle of the sun's size about its direction.
+E is the sum over points that are spread evenly over each texel of the map; each point belongs to the triangle that
+contains it. The radiance of a triangle is the mean over its points. All radiances are then scaled by one factor per
+channel, close to 1, which preserves the total energy of the light. A directional light becomes one triangle of the
+sun's size about its direction.
 """
 
 import heapq

@@ -1,8 +1,8 @@
 """A material that can be edited: a sum of terms ρ = ρ_q · f_A(γ_A) · f_B(γ_B) (Ben-Artzi et al. 2006, eq. 7 and 9).
 
-The quotient ρ_q is fixed and may be anything; the curves are the user's. A curve over θo alone is a number a pixel, and
-multiplies what was summed over the light; so is one that stands at both θi and θo (P of eq. 17), which counts in the
-sum at θi and again at θo. A term has one or two curves in the sum.
+The quotient ρ_q is fixed and arbitrary; the user edits the curves. A curve over θo only has one value per pixel, which
+multiplies the sum over the light. A curve at both θi and θo (P of eq. 17) enters the sum at θi and also multiplies it
+at θo. A term has one or two curves in the sum.
 """
 
 from collections.abc import Callable, Mapping
@@ -73,7 +73,7 @@ class Sliders:
     formula: str
 
     def curve(self, **values: float | tuple[float, ...]) -> Curve:
-        """The curve at the start values but for `values`. Raises BadInput for a name that is none of them."""
+        """Return the curve at the start values, with `values` replaced. Raises BadInput for unknown names."""
         for name in values:
             if name not in self.start:
                 raise BadInput(where="slider", found=repr(name), expected=f"one of {', '.join(self.start)}")

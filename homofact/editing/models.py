@@ -1,7 +1,7 @@
 """Analytic models as editable materials, and any reflectance with curves that start at 1.
 
-Ben-Artzi et al. 2006, table 1, and the models of `brdf.analytic` beside it. HF and HD, whose curves are found from the
-material first, are in `factored`.
+The models are those of Ben-Artzi et al. 2006, table 1, and those of `brdf.analytic`. HF and HD, whose curves are first
+fitted to the material, are in `factored`.
 
 | model | curves | quotient |
 |---|---|---|
@@ -12,10 +12,10 @@ material first, are in `factored`.
 | Ward | a Gaussian over θh; anisotropic, one over θx and one over θy | ks/√(cosθi cosθo) |
 | Lafortune | for each lobe a curve over θr, or θd where it throws light back, starting at 1 | the lobe itself |
 | glTF | of terms "base" and "gloss" each over θh and θd, starting at 1 | what the base colour brings, the rest |
-| Lambert (LV) | over θi, and over θo as a number a pixel | kd/π |
+| Lambert (LV) | over θi, and over θo as one number per pixel | kd/π |
 | any | over any one or two angles, starting at 1 | the reflectance itself |
 
-Each of the models has its diffuse part as a term LV beside these.
+Each model also has a term LV for its diffuse part.
 """
 
 import math
@@ -46,7 +46,7 @@ DIFFUSE, SPECULAR, WHOLE = "diffuse", "specular", "whole"
 
 
 def cook_torrance(model: CookTorrance, name: str = "Cook-Torrance", bands: tuple[int, int] = (256, 64)) -> Editable:
-    """CT: sliders sigma of D, n and k (one number a channel) of F; the diffuse term as LV."""
+    """Return CT with the sliders sigma of D, and n and k (one number per channel) of F; the diffuse term is LV."""
     count = len(model.channels)
 
     def quotient(wi: Tensor, wo: Tensor) -> Tensor:
@@ -259,7 +259,7 @@ def _constant(colour: Colour, scale: float = 1.0) -> Quotient:
 
 
 def _colour(value: float | tuple[float, ...], count: int) -> tuple[float, ...]:
-    """One number a channel; a single one stands for all."""
+    """Return one number per channel; a single number is repeated for all channels."""
     numbers = value if isinstance(value, tuple) else (float(value),) * count
     if len(numbers) != count:
         raise BadInput(where="slider", found=f"{len(numbers)} numbers", expected=f"1 or {count}, one a channel")

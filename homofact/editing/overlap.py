@@ -1,19 +1,20 @@
 """How a triangular light divides among the bands of one or two angles (Ben-Artzi et al. 2006, appendix A, code 1).
 
-Where y, a rising function of γ, is linear over a triangle, what share of it lies below a boundary follows from y at its
-corners alone: with yA ≤ yB ≤ yC the share below y0 is (y0 − yA)²/((yB − yA)(yC − yA)) up to yB, and
-1 − (yC − y0)²/((yC − yB)(yC − yA)) from there. The paper takes γ itself; here y is 2 sin(γ/2), as straight and without
+If y, a rising function of γ, is linear over a triangle, the share of the triangle below a boundary follows from y at
+its corners: with yA ≤ yB ≤ yC the share below y0 is (y0 − yA)²/((yB − yA)(yC − yA)) up to yB, and 1 − (yC − y0)²/((yC −
+yB)(yC − yA)) from there. The paper uses γ itself. Here y is 2 sin(γ/2), which is equally close to linear and needs no
 arc functions.
 
-A triangle counts as it is where y at the middles of its edges is that of a linear function, but for what moves no share
-by more than `TOLERANCE` (none moves faster than 2/(yC − yA)) or no boundary by more than `SLACK` of a band. Elsewhere
-shares of the whole and of the four triangles between the middles are compared. Where they agree the four are counted,
-by their solid angles, and where they differ each of the four is divided again. Of two angles the four also count where
-the triangle reaches into more than `CELLS` pairs of bands.
+A triangle is used undivided if y at the midpoints of its edges is close to a linear function: the deviation must move
+no share by more than `TOLERANCE` (no share moves faster than 2/(yC − yA)), or no boundary by more than `SLACK` of a
+band. Otherwise the shares of the whole triangle are compared with those of the four triangles between the midpoints. If
+they agree, the four are used, weighted by their solid angles; if they differ, each of the four is divided again. With
+two angles, the four are also used if the triangle overlaps more than `CELLS` pairs of bands.
 
-Two curves (eq. 25): a light adds the products of its shares in the bands of both, taken here over the last small
-triangles, within which alone the angles are taken to be independent. What lies outside [0, π/2] counts to the nearest
-band, so that the shares of every light add up to 1 and curves that are 1 give ∫ L V ρ_q cosθi, whatever their angles.
+For two curves (eq. 25), a light adds the products of its shares in the bands of both curves. Here the products are
+computed on the smallest triangles, so the two angles are assumed independent only within these. Angles outside [0, π/2]
+are assigned to the nearest band. So the shares of every light add up to 1, and curves equal to 1 give ∫ L V ρ_q cosθi
+for all angles.
 """
 
 from typing import NamedTuple

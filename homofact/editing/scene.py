@@ -88,7 +88,7 @@ class EditScene:
 class PreparedTerm:
     """One term of one object in one view: `rows` (P,) of the view's pixels, its transport, and the fixed factor (P, C).
 
-    `theta_o` (P,) in radians, for curves that are a number a pixel.
+    `theta_o` (P,) in radians, for curves with one number per pixel.
     """
 
     view: int

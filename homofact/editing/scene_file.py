@@ -3,8 +3,8 @@
 Objects, ground, light and cameras are those of `scene.scene_file`. A lighting may be any that is named; beside them:
 
 [[object]]
-name = "paint"                     # what curves name it by; the material's own name unless given
-curves = "own"                     # a model's own; "HF" or "HD", found from the material; or one or two angles that
+name = "paint"                     # its name in curves. Default: the name of the material
+curves = "own"                     # a model's own; "HF" or "HD", fitted to the material; or one or two angles that
                                    # start at 1, as ["theta_h", "theta_d"], which "own" means for what is no such model
 pattern = "wood"                   # optional, `editing.patterns`: wood, squares, or a PNG at texture coordinates
 pattern_size = 0.25                # between rings, or of a square

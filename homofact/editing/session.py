@@ -161,7 +161,7 @@ class Stroke:
         slot = material.slot(address[1:])
         if not slot.in_sum:
             wanted = "a curve over an angle with the light"
-            raise BadInput("is a number a pixel", where=": ".join(address), expected=wanted)
+            raise BadInput("has one number per pixel", where=": ".join(address), expected=wanted)
         made = cls(session, address, curves[address])
         active = material.term(address[1]).summed.index(slot)
         for number, part in enumerate(session.prepared.parts):

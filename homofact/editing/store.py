@@ -1,8 +1,8 @@
 """A prepared scene in one file (.npz), written whole or not at all: minutes to compute, megabytes to keep.
 
-Only transports at low rank are stored, in 16 bits (`block_floats`), with what the views see; meshes, materials and
-light are read from the scene again, and a digest of them says whether the file is that scene's. Materials count by
-their curves and by their quotients at fixed pairs of directions.
+The file stores low-rank transports in 16 bits (`block_floats`) and the visible surfaces of the views. Meshes, materials
+and light are read from the scene again, and a digest of them detects a file that belongs to another scene. The digest
+of a material covers its curves and its quotients at fixed pairs of directions.
 """
 
 import hashlib

@@ -1,19 +1,20 @@
-"""An edit taken back into the textures of a fit: f becomes r(γ) f, which is + log r in the log domain.
+"""Apply an edit to the textures of a fit: f becomes r(γ) f, which adds log r in the log domain.
 
-Three ways, and what each leaves is measured:
+There are three ways; the error of each is measured:
 
-* "texels": where a texture knows γ (`texel_angles`), log r is added to its texels and nothing else changes. A
-  reciprocal texture is read at two places: over an angle that swapping the directions leaves alone it takes half of
-  log r, and over θi the whole where r stands at both ends, r(θi) r(θo), and else it cannot. What is left is bilinear
-  interpolation of log r between texels; `refine` puts as many steps between two texels, which changes nothing else.
-* "solve": the solver of all fits (`factor.textures`) finds what to add to all textures, so that their sum is nearest to
-  log r over pairs of directions. What the projections cannot say is left over.
-* "texture": one more texture over γ, so one more fetch; nothing is left but interpolation.
+* "texels": if γ is a function of a texture's coordinates (`texel_angles`), log r is added to its texels and nothing
+  else changes. A reciprocal texture is read at two places. If swapping the directions does not change γ, the texture
+  gets half of log r. Over θi it gets all of log r if the edit is r(θi) r(θo); other edits over θi are not possible. The
+  error is the bilinear interpolation of log r between texels; `refine` puts this many steps between two texels and
+  changes nothing else.
+* "solve": the solver of all fits (`factor.textures`) adds a correction to all textures, whose sum best approximates log
+  r over pairs of directions. The error is the part of log r that the projections cannot represent.
+* "texture": adds a texture over γ, which costs one fetch; the only error is interpolation.
 
-Textures hold log(f/A + ε): their sum moved by log r gives r f + (r − 1) ε A, cut at zero, and not r f. That part,
-which no choice of texels over γ mends, is stated by itself (`by_epsilon`). Where r is below `LEAST`, it counts as that.
+Textures store log(f/A + ε), so adding log r gives r f + (r − 1) ε A, cut at zero, instead of r f. No choice of texels
+over γ avoids this error, so it is reported separately (`by_epsilon`). Values of r below `LEAST` are set to it.
 
-Edits stand in the fit's provenance, and so in its file and manifest, with all that takes them out again: `undo_edit`.
+The fit's provenance, and so its file and manifest, records each edit with all that `undo_edit` needs to revert it.
 """
 
 from collections.abc import Mapping
@@ -238,7 +239,7 @@ def _refined(term: Term[Tensor], times: int) -> Term[Tensor]:
 
 
 def _coarsened(term: Term[Tensor], times: int) -> Term[Tensor]:
-    """The inverse of `_refined`, but for the deviation and the grid, which are gone."""
+    """Return the inverse of `_refined`, without the deviation and the grid, which are lost."""
     for dimension, count in enumerate(term.size):
         if count > 1 and times > 1:
             steps = torch.arange(0, count, times)

@@ -1,8 +1,8 @@
 """The light that reaches the viewer as a linear function of one curve, or a bilinear one of two (eq. 6 and 23).
 
-R (P, C) = Σ_j c_j T_j, or Σ_jk c^A_j c^B_k U_jk, for the P pixels that one term of one object has in a view. Two forms
-answer alike: `FullTransport` holds every band of every pixel and is exact; `lowrank.LowRank` holds few numbers a pixel
-and says how far off that is.
+R (P, C) = Σ_j c_j T_j, or Σ_jk c^A_j c^B_k U_jk, for the P pixels that one term of one object has in a view. There are
+two forms with one interface. `FullTransport` stores every band of every pixel and is exact. `lowrank.LowRank` stores a
+few numbers per pixel and reports its error.
 """
 
 from collections.abc import Sequence

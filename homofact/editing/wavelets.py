@@ -125,7 +125,7 @@ class Incremental:
 
 
 def non_linear(table: Tensor, curve: Tensor, terms: int = TERMS) -> Tensor:
-    """R (P, C) by the `terms` largest coefficients of the curve (J, C) itself: what increments are held against."""
+    """Return R (P, C) from the `terms` largest coefficients of the curve (J, C) itself, a baseline for increments."""
     coefficients = transformed(curve.T.to(torch.float64)).T
     kept = torch.zeros_like(coefficients)
     numbers = largest(coefficients.abs().amax(1), terms)

@@ -8,8 +8,8 @@ The energy is `evaluation.energy`'s. The pictures are of a sphere, each pair at 
 * under the light of a study in which people graded approximations (`evaluation.opinion`), at one exposure for all
   materials: the grade that they would give.
 
-Beside them what the fit explains of the logarithms of `PAIRS` pairs drawn anew in the discs, which no fit has seen: the
-few that a fit holds out say it no better than to several per cent.
+A third figure is the share of the logarithms that the fit explains, at `PAIRS` new pairs in the discs, which no fit
+has used: with only the held-out samples of a fit, this share has an error of several per cent.
 
 PSNR is of the pictures' encoded values. A source that merely interpolates samples has no light of its own to be
 compared: there is no answer then.
@@ -113,7 +113,7 @@ class Appearance:
 
 
 def appearance(fit: Reflectance, source: Source) -> Appearance | None:
-    """The figures of a fit against its source; None where the source is known at its samples alone.
+    """Return the figures of a fit against its source; None if the source consists only of samples.
 
     What is computed of the source is kept for its next fit, as long as the source object lives. Raises BadInput where
     their channels differ in number.
@@ -124,7 +124,7 @@ def appearance(fit: Reflectance, source: Source) -> Appearance | None:
 
 
 class _SourceAppearance:
-    """All that is asked of one source."""
+    """All evaluations of one source."""
 
     def __init__(self, source: Source) -> None:
         self.to_rgb = display_of(source.reflectance.channels)

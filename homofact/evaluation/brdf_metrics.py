@@ -1,7 +1,7 @@
 """Error metrics of a reflectance against samples of another, beside the six of `evaluation.metrics`.
 
 Each is one number and takes the same `EvaluatedPairs`; `metric_table` has their names, units and words. Means are over
-samples and channels, each sample of weight 1, where a docstring says nothing else. Two want another measure than that
+samples and channels, each sample of weight 1, unless a docstring states otherwise. Two want another measure than that
 of the samples' places:
 
 * uniform on both hemispheres (`cosine_rms`): a sample counts weight / density, the density in solid angle
@@ -40,9 +40,9 @@ _FLOOR = 1e-3
 
 @dataclass(frozen=True)
 class EvaluatedPairs:
-    """A reflectance, the samples that it is held against, and the log transform of its fit.
+    """A reflectance, the samples that it is compared with, and the log transform of its fit.
 
-    `source` is what the samples are of, where that can be asked everywhere (albedo); else None.
+    `source` is the source of the samples if it can be evaluated everywhere (albedo); else None.
     """
 
     reflectance: Reflectance

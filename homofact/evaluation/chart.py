@@ -31,7 +31,7 @@ from homofact.version import __version__
 
 @dataclass(frozen=True)
 class Run:
-    """One fit of a chart; `label` is the method as it was asked for ("mccool:wi+h").
+    """One fit of a chart; `label` is the method as the user wrote it ("mccool:wi+h").
 
     `split_seed` draws the held-out samples; the fit's own seed is in its settings.
     """

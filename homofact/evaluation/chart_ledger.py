@@ -1,7 +1,7 @@
-"""The CSV of a chart: one line a finished run, and how it is known which run a line stands for.
+"""The CSV of a chart: one line per finished run, and the rules that match a line with a run.
 
-A line stands for a run only where everything agrees that could change it: the samples (by hash), every
-setting that the method reads, the part held out, and, since its times are compared too, the machine and
+A line matches a run only if everything that could change the result agrees: the samples (by hash), every
+setting that the method reads, the held-out part and, since times are compared too, the machine and
 the version.
 """
 
@@ -31,7 +31,7 @@ def series_name(label: str, search: str) -> str:
 
 @dataclass(frozen=True)
 class Identity:
-    """What decides whether a line of a CSV stands for a run."""
+    """The values that decide whether a line of a CSV matches a run."""
 
     samples_sha256: str
     settings: str
@@ -46,11 +46,11 @@ class Identity:
 
 @dataclass(frozen=True)
 class ChartRow:
-    """A finished run, as it stands in the CSV.
+    """A finished run, as a line of the CSV.
 
     `textures_asked` may be more than `textures`, where the search found one more not worth having. Times in
     seconds, `bytes` of float32 texels, `held_out_part` the part of the samples; `seed` is the fit's, `split_seed` drew
-    the held-out samples; `samples_sha256` and `settings` (all that the method reads) say what the line stands for.
+    the held-out samples; `samples_sha256` and `settings` (all that the method reads) identify the run.
     The errors are in the units of `metrics`; what has no `appearance` has empty cells there.
     """
 
@@ -159,7 +159,7 @@ class ChartLedger:
         return len(self._lines)
 
     def find(self, wanted: Identity) -> ChartRow | None:
-        """The line that stands for this run, or None."""
+        """Return the line that matches this run, or None."""
         return self._lines.get(wanted.key)
 
     def append(self, row: ChartRow) -> None:

@@ -1,8 +1,8 @@
 """Several methods on one split of one source, measured alike.
 
 A part of the samples is held out before anything else (`evaluation.split`). For the errors isotropic samples are turned
-at random, those of the training as those held out: a fit that is good at the measured azimuth alone is not good. Both
-errors use the fit's own ε and A, which come from the training samples alone.
+at random, those of the training as those held out: a fit must not be good only at the measured azimuth. Both
+errors use the fit's own ε and A, which come only from the training samples.
 """
 
 import time

@@ -114,7 +114,7 @@ class EnergyErrors:
 
 @dataclass(frozen=True)
 class SourceLight:
-    """What is asked of a source, once for any number of fits.
+    """The evaluations of a source, computed once for any number of fits.
 
     `azimuths` are those that it is lit from, `nodes` the (rings, spokes) of its directions. Over (azimuth, θi, node),
     θi of `ALBEDO_DEGREES` first: `cosine` cosθo times solid angle, `both_cosines` cosθi cosθo, `values` (..., C) f.
@@ -133,7 +133,7 @@ class SourceLight:
 
     @classmethod
     def of(cls, source: Reflectance, isotropic: bool) -> "SourceLight":
-        """What `source` says of itself; `isotropic` says whether one azimuth of the light tells all."""
+        """Return the light of `source`; if it is `isotropic`, one azimuth of the light is enough."""
         azimuths, nodes = light_azimuths(isotropic), _ISOTROPIC if isotropic else _ANISOTROPIC
         wi, wo, cosine = _pairs(azimuths, nodes)
         values = _values(source, wi, wo)

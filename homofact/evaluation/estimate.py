@@ -67,7 +67,7 @@ def _guarded(seconds: float, settings: Search | Cole) -> float:
 
 
 def training_count(source: Source, settings: Method, held_out: float, subset: int = 0) -> int:
-    """How many samples a fit of the source solves from, the azimuth copies that it makes included.
+    """Return the number of samples in the solve of a fit, including its azimuth copies.
 
     Raises BadInput where there are too few to hold some out, before a time is promised.
     """

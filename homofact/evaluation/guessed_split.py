@@ -114,5 +114,5 @@ def _parts(fitted: "Fitted", total: int, subset: int) -> Iterator[float]:
 
 
 def mapping(value: Any) -> Mapping[str, Any]:
-    """A mapping as it is; an empty one in place of anything else."""
+    """Return a mapping unchanged, and an empty one for anything else."""
     return value if isinstance(value, Mapping) else {}

@@ -6,7 +6,7 @@ source, each channel clipped to the gamut before the comparison, over one grey. 
 metric sees. Means are over the pixels of `mask` (H, W), those that show the sphere: the surroundings, equal
 by construction, would flatter every fit.
 
-SSIM, ΔE_ITP and FLIP need a library; what is missing is said by `MissingDependency`.
+SSIM, ΔE_ITP and FLIP need a library; `MissingDependency` names a missing one.
 """
 
 import math

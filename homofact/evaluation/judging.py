@@ -30,7 +30,7 @@ PIXELS = 192
 
 
 def chosen_metrics(names: Sequence[str]) -> tuple[str, ...]:
-    """The metrics that `names` stand for, in the order of the table: "six", "all" or names themselves.
+    """Return the metrics that `names` select, in the order of the table: "six", "all" or single names.
 
     Raises BadInput that lists the names for an unknown one, MissingDependency for a metric without its library.
     """
@@ -99,7 +99,7 @@ class FitEvaluator:
         return EvaluatedPairs(fit, split.test_samples(self.source), fit.transform, self.source.reflectance)
 
     def _light(self, fit: "Fitted") -> "tuple[Appearance] | None":
-        """None where the source is known at its samples alone."""
+        """Return None if the source consists only of samples."""
         from homofact.evaluation.appearance import appearance
 
         figures = appearance(fit, self.source)

@@ -1,4 +1,4 @@
-"""The machine that a time was measured on, in one line: a time without it says nothing."""
+"""Describe the machine of a time measurement in one line, which every published time needs."""
 
 import os
 import platform

@@ -56,7 +56,7 @@ class SeedRows:
         return _spreads([row.train for row in self.rows])
 
     def record(self) -> dict[str, Any]:
-        """The JSON form: that of a row with means in place of its errors, times and evaluations.
+        """Return the JSON form: that of a row, with means as its errors, times and evaluations.
 
         "seeds" are the fits', "spread" has the mean, least, greatest and standard deviation of each, and "rows" every
         row by itself. Textures, bytes and fetches are those of the largest fit. One seed is that of the row itself.

@@ -40,7 +40,7 @@ def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _name(path: str) -> str:
-    """A file's name without its folders: these words stand in pages that are passed on."""
+    """Return a file's name without its folders, since it is written into pages that users share."""
     return Path(path).name
 
 

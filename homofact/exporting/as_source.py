@@ -17,7 +17,7 @@ from homofact.files.reading import read_bytes
 
 @dataclass(frozen=True)
 class Drawn(Derived):
-    """A reflectance that says whether it is isotropic, as drawing samples asks."""
+    """A reflectance with a flag for isotropy, which drawing samples requires."""
 
     isotropic: bool
 

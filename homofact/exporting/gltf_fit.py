@@ -55,7 +55,7 @@ _FEW = 8
 
 @dataclass(frozen=True)
 class _Numbers:
-    """A material but for its base colour, as `base_parts` takes it; it has some of the `extensions`."""
+    """A material without its base colour, as `base_parts` expects it, with some of the `extensions`."""
 
     numbers: Tensor
     along: Tensor | None
@@ -63,7 +63,7 @@ class _Numbers:
 
     @classmethod
     def of(cls, x: Tensor, extensions: tuple[str, ...], channels: int) -> "_Numbers":
-        """Read from free numbers: two of the core, 1 + C of SPECULAR (the first in place of metallic), two of each."""
+        """Read free numbers: two of the core, 1 + C of SPECULAR (the first is metallic's), two per extension."""
         first, roughness, rest = torch.sigmoid(x[0]), torch.sigmoid(x[1]), x[2:]
         metallic, fresnel = first, None
         if SPECULAR in extensions:

@@ -1,17 +1,16 @@
 """Textures as images: float EXR for renderers, PNG for eyes.
 
-An EXR holds the logarithm p̃ in float32: a renderer adds its fetches and takes one exponential, and the
-sampler's bilinear interpolation is then the one of the fit (interpolating exp(p̃) is not: on a 16² lobe it
-is off by percents). The scale A and ε stay in the manifest. The first scanline is row 0, v = −1, and the
-first pixel of a scanline is
-column 0, u = −1: an API that puts the first scanline at texture coordinate 0 needs no flip. Texels outside
-the mask hold the filler of the smoothing, which no direction reaches. The factors of a sum of products are stored as
-they are too, linear and of both signs: a renderer interpolates, multiplies and adds.
+An EXR stores the logarithm p̃ in float32. A renderer adds its fetches and computes one exponential, so the sampler's
+bilinear interpolation equals that of the fit. (Interpolating exp(p̃) would not: for a 16² lobe the error is several
+percent.) The scale A and ε are in the manifest. The first scanline is row 0, v = −1, and the first pixel of a scanline
+is column 0, u = −1: an API that puts the first scanline at texture coordinate 0 needs no flip. Texels outside the mask
+hold fill values from the smoothing; no direction reads them. The factors of a sum of products are stored unchanged too,
+linear and with both signs: a renderer interpolates, multiplies and adds.
 
-A PNG shows the logarithm p̃ over the whole texture square, the same way round (row 0 on top), enlarged by
-whole factors to at least 256 pixels a side. Texels outside the mask are hatched yellow, as the thesis
-(figure 4.3) paints them. Of a factor it shows the absolute values over the largest one through the gamma 2.2, as Wang,
-Tran and Luebke 2004 (figure 4) do. Its text chunk `Description` says how grey values were made.
+A PNG shows the logarithm p̃ over the whole texture square in the same orientation (row 0 on top), enlarged by integer
+factors to at least 256 pixels per side. Texels outside the mask are hatched in yellow, as in the thesis (figure 4.3).
+For a factor, the PNG shows the absolute values relative to the largest one with a gamma of 2.2, as Wang, Tran and
+Luebke 2004 (figure 4) do. Its text chunk `Description` explains the mapping to grey values.
 """
 
 import os

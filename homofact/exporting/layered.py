@@ -1,8 +1,8 @@
-"""Materials by label for an engine: texture arrays, shaders that read a layer of them, the texture of labels.
+"""Export labelled materials for an engine: texture arrays, shaders that read one layer of them, and the label texture.
 
-A texture array is one file: a KTX2 or DDS that says how many layers it has, or an image with its layers one under
-another, layer 0 on top, which row by row is how an array lies in memory, so a loader uploads it whole. All layers of
-an array have one scale and one bias; ε and A of each layer stand in the shaders.
+A texture array is one file: a KTX2 or DDS with the number of layers in its header, or an image with its layers stacked
+vertically, layer 0 on top. The rows of the image have the same order as an array in memory, so a loader uploads it in
+one piece. All layers of an array have one scale and one bias; the shaders contain ε and A of each layer.
 """
 
 from dataclasses import dataclass, replace

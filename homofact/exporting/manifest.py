@@ -75,7 +75,7 @@ _SUM_IMAGES = {
 
 
 def conventions(described: Mapping[str, Any]) -> dict[str, Any]:
-    """Words on all that a fit's `describe` leaves to be known, but for how and where its texels are stored."""
+    """Describe the conventions that a fit's `describe` leaves out, except the storage of its texels."""
     kept = ["frame", "directions", "value", "half_difference", "mask"]
     if described["kind"] == "product":
         kept += ["parabolic_map", "coordinates", "warp", "projection", "periodic", "rotation", "evaluation"]

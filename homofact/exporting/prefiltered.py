@@ -161,7 +161,7 @@ def in_halves(sky: SkyChain) -> SkyChain:
 
 
 def write_sky(path: Path, sky: Sequence[Tensor]) -> None:
-    """Write levels (6, N, N, 3) as a cube map of RGBA16F, a DDS where the path says so, else a KTX2.
+    """Write levels (6, N, N, 3) as a cube map of RGBA16F, as DDS if the path ends in .dds, else as KTX2.
 
     Raises BadInput as those do.
     """

@@ -1,14 +1,14 @@
-"""How far each texel would move were the measurement repeated: a standard deviation from the normal matrix.
+"""Standard deviation of each texel under a repeated measurement, computed from the normal matrix.
 
-The texels are linear in the log samples, y = H⁻¹ BᵀW f̃, with H = BᵀWB + λ'LᵀL + δI + μZZᵀ; the gauge Z leaves every
-texture but the first without a constant. With independent errors of variance σ²/w in the log samples
+The texels are linear in the log samples, y = H⁻¹ BᵀW f̃, with H = BᵀWB + λ'LᵀL + δI + μZZᵀ; the gauge Z removes the
+constant from every texture except the first. With independent errors of variance σ²/w in the log samples
 
     cov y = σ² H⁻¹ G H⁻¹,     G = BᵀWB,
 
-a channel at a time. σ² is the weighted sum of squared residuals over Σw − tr(H⁻¹G), the residual degrees of freedom.
-What the textures cannot follow counts as noise there, so on clean data the deviation says how much the fit does not
-explain, and is too large as a spread; where noise dominates it is the spread. Smoothing's bias is not in it. Azimuth
-copies of a measurement share its error: their weights add up to one, which is right on the average only.
+for each channel. σ² is the weighted sum of squared residuals over Σw − tr(H⁻¹G), the residual degrees of freedom. The
+model error of the textures counts as noise in σ². On clean data the deviation therefore measures the unexplained part
+of the samples and overestimates the spread; where noise dominates, it is the spread. The bias from smoothing is not
+included. Azimuth copies of a measurement share its error: their weights add up to one, which is only right on average.
 """
 
 from dataclasses import replace

@@ -1,32 +1,35 @@
-"""The objective that keeps the light: where logs alone lose a highlight, flux is counted beside them.
+"""The objective that preserves reflected light: it adds a flux term to the log error, which alone can lose a highlight.
 
-The mean of squared logs looks at every pair of directions alike, and the exponential of a mean of logs is less than the
-mean. So a gloss, whose light is in few pairs, comes out dark while its log error looks good. Beside the log squares
-stands the generalised Kullback-Leibler divergence of flux. With g = f/A + ε = exp f̃, ĝ = exp s, s = By,
+The mean squared log error weights all pairs of directions equally, and the exponential of a mean of logs is less than
+the mean. So a glossy material, whose light is in few pairs, is fitted too dark although its log error is small.
+Therefore the generalised Kullback-Leibler divergence of the flux is added to the log squares. With g = f/A + ε = exp
+f̃, ĝ = exp s, s = By,
 
     J(y) = μ Σn wn Σc (f̃nc − snc)² + Σn Σc pnc (ĝnc − gnc − gnc (snc − f̃nc)) + Σn Σc qnc (ĝnc − gnc)²,
 
-p the flux of a value of A at the pair: solid angle × cosθi cosθo / (sinθd √cosθd), in units in which each channel's
-Σn pn (f/A)n is Σ w. The divergence is convex in s, and at its minimum Σ pn (ĝ − g) = 0 over the samples of every texel:
-light is kept texel by texel. Divided by sinθd cosθd every angle of incidence in a mirror-like lobe would count alike;
-without sinθd normal incidence, a small part of all pairs, counts for nothing. The root of cosθd is between the flux
-itself and the angle: grazing incidence, whose albedo shows at silhouettes, counts for more than its flux.
+p is the weighted flux of the value A at the pair: solid angle × cosθi cosθo / (sinθd √cosθd), in units in which each
+channel's Σn pn (f/A)n is Σ w. The divergence is convex in s, and at its minimum Σ pn (ĝ − g) = 0 over the samples of
+every texel: each texel preserves its light. Dividing by sinθd cosθd would weight every angle of incidence of a
+mirror-like lobe equally. Without sinθd, normal incidence, which is a small part of all pairs, would have almost no
+weight. √cosθd is a compromise between flux and equal weights: grazing incidence, whose albedo is visible at
+silhouettes, has more weight than its flux.
 
 q makes the last sum the squared RMS of f cosθi cosθo, by which fits are judged: solid angle × cos²θi cos²θo, in units
-in which each channel's Σn qn (f/A)²n is `SQUARES_SHARE` Σ w. The divergence keeps a highlight's flux and says little of
-its shape. Samples of a measurement have q = 0: a few noisy ones would rule the sum.
+in which each channel's Σn qn (f/A)²n is `SQUARES_SHARE` Σ w. It is needed since the divergence preserves the flux of a
+highlight, but hardly constrains its shape. Samples of a measurement have q = 0: a few noisy samples would dominate the
+sum.
 
 Near the data ĝ − g − g (s − f̃) ≈ g (s − f̃)²/2 and (ĝ − g)² ≈ g² (s − f̃)²: the same inner problem as that of the
 logs, with sample weights
 
     μ wn + mean_c (½ pnc gnc + qnc g²nc),
 
-which a structure search can use as they are (`weights_of`). The exact J, with its smoothing, is then lowered by L-BFGS
-(`keep_light`) on texels turned by one matrix for all channels, the normal equations of the sample weights
-h = μ w + max_c (½ p v + q v²) with v = max(ĝ, g), which bound J's curvature near the data: one Cholesky factor, and a
-few dozen passes over the samples. Where the inner problem has just been solved with `weights_of`, its factor serves as
-well. Of many texels the factors of the textures' own blocks stand for it
-(`linear.banded`), and more steps are granted.
+which a structure search can use directly (`weights_of`). L-BFGS then minimises the exact J with its smoothing
+(`keep_light`). It is preconditioned by one matrix for all channels: the normal equations with the sample weights h = μ
+w + max_c (½ p v + q v²) and v = max(ĝ, g), which bound the curvature of J near the data. This costs one Cholesky
+factorization and a few dozen passes over the samples. If the inner problem has just been solved with `weights_of`, its
+factor is reused. For many texels the factors of the textures' own blocks are used instead (`linear.banded`), with more
+steps.
 """
 
 from dataclasses import dataclass, replace
@@ -87,7 +90,7 @@ class Flux:
         return replace(self, per_value=per_value, squares=squares)
 
     def weights_of(self, samples: LogSamples) -> Tensor:
-        """The weights (N,) with which the log squares stand for J near the data; their sum is that of the samples'."""
+        """Return the weights (N,) for which the log squares approximate J near the data, with the samples' sum."""
         curved = _curvature(self.per_value, self.squares, torch.exp(samples.logs))
         found = self.log_share * samples.weights + curved.mean(1)
         return found * (samples.weights.sum() / found.sum())
@@ -232,7 +235,7 @@ class _Light:
         return float(value) / self._total, self._factor.forth(slope).ravel() / self._total
 
     def textures(self, z: np.ndarray) -> tuple[torch.Tensor, ...]:
-        """The textures (rows, columns, C) that z stands for."""
+        """Return the textures (rows, columns, C) that z encodes."""
         texels = self._texels.copy()
         texels[self._kept] = self._of(z)
         return self._layout.split(torch.from_numpy(texels))

@@ -1,10 +1,10 @@
 """A common basis of log textures: the principal components of the textures of many materials.
 
 Materials under the same projections, their textures in one gauge (`gauge.in_gauge`), are vectors y of T texels times C
-channels. Their mean and the first N directions of greatest variance stand for all (as Nielsen, Jensen and Ramamoorthi
-2015 do for the values of MERL in a log mapping): y ≈ ȳ + U c, N numbers c a material. The coefficients that meet
-samples best are not those nearest to the texels: f̃ ≈ B(ȳ + Uc) is linear in c, so they are solved from the samples' own
-normal equations, UᵀBᵀWBU c = UᵀBᵀW(f̃ − Bȳ).
+channels. Their mean and the first N principal directions represent all of them, as Nielsen, Jensen and Ramamoorthi 2015
+do for the values of MERL in a log mapping: y ≈ ȳ + U c, with N numbers c per material. The coefficients that fit the
+samples best differ from those that fit the texels best. Since f̃ ≈ B(ȳ + Uc) is linear in c, c is solved from the
+normal equations of the samples, UᵀBᵀWBU c = UᵀBᵀW(f̃ − Bȳ).
 """
 
 from dataclasses import dataclass

@@ -8,11 +8,10 @@ Variable projection (Golub and Pereyra 1973): since ∂E/∂y = 0 at y*, the cha
 
     dR/dP = ∂E/∂P at fixed y* = −2 Σn wn Σc rnc ∇p̃c(P xn) xnᵀ,
 
-with r the residual and ∇p̃ the slope of the bilinear texture at the lookup: the texels' own change does
-not count. A conjugate lookup has the matrix P S, so it adds its derivative times Sᵀ. The matrices come
-from unit quaternions and are scaled to the texture square; both are smooth but for |·| in the scale. R has
-kinks where a sample crosses from one cell of a texture to the next; there are N of them for each texture, and each
-is small.
+with r the residual and ∇p̃ the slope of the bilinear texture at the lookup: the texels' own change does not count. A
+conjugate lookup has the matrix P S, so it adds its derivative times Sᵀ. The matrices come from unit quaternions and are
+scaled to the texture square; both are smooth except for |·| in the scale. R has kinks where a sample crosses from one
+cell of a texture to the next; there are N of them for each texture, and each is small.
 """
 
 from collections.abc import Iterable
@@ -72,11 +71,11 @@ class Objective:
         return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64, device="cpu")
 
     def parts(self) -> list[slice]:
-        """Where each searched projection stands in the vector."""
+        """Return the slice of the vector that holds each searched projection."""
         return list(self._parts)
 
     def projections(self, vector: Tensor) -> tuple[Projection, ...]:
-        """The projections that a vector stands for."""
+        """Return the projections that a vector encodes."""
         result, parts = [], iter(self._parts)
         for projection in self._projections:
             if projection.quaternions is None:

@@ -89,7 +89,7 @@ def _trials(point: tuple[float, float], size: tuple[float, float], radius: float
 
 
 def _side(cosine: float) -> float:
-    """−1 to 1: on which side of its point a box stands in this direction, level or centred in between."""
+    """Return the side of its point on which a box is placed in this direction: −1 or 1, or between them if centred."""
     return max(-1.0, min(1.0, 1.6 * cosine))
 
 

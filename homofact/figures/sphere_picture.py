@@ -1,4 +1,4 @@
-"""One lit sphere as a picture file, and the words that say how a sphere was drawn."""
+"""Write one lit sphere as a picture file, and describe its rendering in words."""
 
 import os
 from collections.abc import Sequence

@@ -14,9 +14,9 @@ _UNSUPPORTED = {errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, err
 
 
 def exchange(one: Path, other: Path) -> bool:
-    """Exchange what two names of one file system stand for; False where the system cannot.
+    """Exchange the files behind two names of one file system; return False if the system cannot.
 
-    Raises OSError where it can, and something is in the way.
+    Raises OSError if the system supports it but the exchange fails.
     """
     function = _renameat2()
     if function is None:

@@ -106,9 +106,9 @@ def _put(new: Path, target: Path, check: Callable[[], None]) -> None:
 
 @contextlib.contextmanager
 def kept(made: Path, folder: str | os.PathLike[str], what: str, ending: str) -> Iterator[None]:
-    """Where the block fails, put `made` beside `folder` under a free name like its own, and say so in the error.
+    """If the block fails, move `made` beside `folder` under a similar free name, which the error names.
 
-    OSErrors come out as BadInput. An interrupt keeps nothing.
+    An OSError is raised as BadInput. After an interrupt nothing is kept.
     """
     try:
         with unwritable_refused(folder):

@@ -1,8 +1,8 @@
-"""One run at a time: a place is claimed while it is worked for, and what a dead run left is told from a living one's.
+"""Allow one run at a time: a run claims its place, and files of dead runs are distinguished from those of live ones.
 
-A claim is the system's lock on a small hidden file beside the place, and a private folder is locked itself: a lock ends
-with its process, however that ends. Where the system or its file system has no locks, nothing is refused and nothing is
-cleaned.
+A claim is a lock of the operating system on a small hidden file beside the place; a private folder is locked itself. A
+lock ends with its process, whatever ends the process. If the operating system or the file system has no locks, no run
+is refused and nothing is cleaned up.
 """
 
 import contextlib

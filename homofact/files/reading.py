@@ -1,4 +1,4 @@
-"""Reading a file whole, with errors that a user can mend: which file, what was found, what is expected."""
+"""Read a whole file, with errors that help the user: they name the file, what was found and what is expected."""
 
 import errno
 import json

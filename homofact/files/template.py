@@ -1,7 +1,7 @@
-"""Templates: texts with marks, filled in one pass, so that no mark within what is put in is ever filled in itself.
+"""Templates: texts with marks that are filled in one pass, so that marks inside the inserted texts are never filled.
 
-Names of files, materials and channels come from elsewhere and may hold anything, marks of a template too. Filled one
-mark after the other, a name could bring the mark whose value ends the literal that the name stands in.
+Names of files, materials and channels are untrusted and may contain anything, including marks. If marks were filled one
+after the other, a name could insert a mark whose value ends the string literal around the name.
 """
 
 import base64

@@ -5,11 +5,11 @@ give the 5-point Laplacian, the texture's edge gives the difference along it. A 
 row is tied to the mean of the neighbours it has. On a whole rectangle the null space is
 {1, x, y, xy}: smoothing costs nothing on ramps, so it bends a fit, but never flattens it.
 
-A periodic axis has no edge: the texels before the first are the last ones, and of the null space only what goes round
-unchanged is left, {1, y} where x is periodic and {1} where both are. At a pole (`linear.layout`) the n texels of one
-place are all neighbours of one another: in place of their second differences along the line, each has the row
-n y − Σ y of the line, which costs nothing where they are equal, as a function on the surface must have them, and
-binds the more the more texels share the place.
+A periodic axis has no edge: the last texels precede the first. The null space then contains only periodic functions:
+{1, y} if x is periodic and {1} if both axes are. At a pole (`linear.layout`) the n texels of one place are all
+neighbours of one another. Instead of the second difference along the line, each has the row n y − Σ y of the line. This
+row is zero if the texels are equal, as every function on the surface requires, and its weight grows with the number of
+texels at the place.
 """
 
 import numpy as np

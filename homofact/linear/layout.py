@@ -18,7 +18,7 @@ from homofact.linear.names import CLAMPED, Axes, Axis, Shape
 
 
 def texel_centres(count: int, axis: Axis) -> Tensor:
-    """Where `count` texels of an axis stand (count,), float64; a single one of a clamped axis stands for all, at 0."""
+    """Return the centres of `count` texels of an axis (count,), float64; a single texel of a clamped axis is at 0."""
     number = torch.arange(count, dtype=torch.float64, device="cpu")
     if axis is Axis.PERIODIC:
         return number * (2 / count) - 1

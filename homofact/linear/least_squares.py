@@ -1,16 +1,16 @@
-"""The inner problem as an object: weighted samples, smoothing rows, ridge; in the form a solver wants.
+"""The inner problem as an object: weighted samples, smoothing rows and ridge, in the form that solvers need.
 
 Minimise over texels y (T, C)
 
     Σn wn |fn − (By)n|² + λ' |Ly|² + δ |y|².
 
-λ' = λ · (Σ w)/T, samples a texel, so that one λ means the same at every size. δ, 1e-9 of the mean diagonal, picks
-the smallest texels where nothing else holds them and is far too weak to bend the fit.
+λ' = λ · (Σ w)/T, in samples per texel, so that one λ means the same at every size. δ is 1e-9 of the mean diagonal: it
+selects the smallest texels where nothing else determines them, and is far too weak to change the fit.
 
-A constant, and where projections overlap a ramp, can move from one texture to another without changing the sum, and
-Laplacian rows do not see either. Where as many rows Zᵀ as there are such directions are given (orthonormal columns Z,
-`gauge`), the term μ |Zᵀy|² with μ the mean diagonal holds them at zero: all else is blind to these directions, so its
-minimum stays what it was, and the system is as well posed as it is without them.
+A constant can move from one texture to another without changing the sum, and so can a ramp if projections overlap;
+Laplacian rows do not penalise either. If the rows Zᵀ of all such directions are given (orthonormal columns Z, `gauge`),
+the term μ |Zᵀy|², with μ the mean diagonal, fixes them at zero. The other terms do not depend on these directions, so
+their minimum stays the same, and the system is as well posed as without them.
 """
 
 from dataclasses import dataclass, replace
@@ -82,7 +82,7 @@ class LeastSquares:
 
     @cached_property
     def data(self) -> NormalEquations:
-        """BᵀWB, BᵀWf and the energy: the samples alone, all unknowns, accumulated on first use."""
+        """Return BᵀWB, BᵀWf and the energy of the samples (no smoothing) for all unknowns, accumulated on first use."""
         if self.sibling is not None and self._has_samples_of(self.sibling):
             return self.sibling.data
         return accumulate(self.coordinates, self.lookups, self.targets, self.weights, self.unknowns)

@@ -1,15 +1,15 @@
 """Linear solvers of the inner problem, behind one signature: problem → texels and how it went.
 
-* cholesky: dense factorization of the normal equations, all channels at once; where the matrix is not
-  positive definite to working precision, the eigen-decomposition's minimum-norm answer, and says so. Of more than
+* cholesky: dense factorization of the normal equations, all channels at once; where the matrix is not positive definite
+  to working precision, it returns the minimum-norm solution of the eigen-decomposition and reports this. With more than
   `size.MOST_DENSE` unknowns only the textures' own blocks are factored, for conjugate gradients (`sparse_solve`).
 * qr: orthogonal factorization of the rows themselves, in blocks; the condition number is not squared.
 * lsmr: Fong and Saunders' iteration on the rows, a channel at a time (scipy).
 * cg, qmr: conjugate gradients and quasi-minimal residual on the normal equations BᵀB as sparse products
   (scipy), a channel at a time. QMR on BᵀB is what the thesis used (3.2.6, eq. 3.7).
 
-The iterative ones work on columns scaled to unit length, to 1e-14 of their residual: at 1e-10 they stopped 1e-5 of
-the texels short of the answer without knowing it (`docs/stability.md`).
+The iterative solvers scale the columns to unit length and stop at 1e-14 of their residual. At 1e-10 they stopped with
+an error of 1e-5 of the texels and reported convergence (`docs/stability.md`).
 """
 
 from collections.abc import Callable

@@ -1,8 +1,8 @@
-"""Triangles of a mesh without normals, wound alike: neighbours that disagree would cancel each other's normals.
+"""Orient the triangles of a mesh without normals consistently; otherwise the normals of neighbours would cancel.
 
-Two triangles that share an edge agree where they run along it in opposite directions. Each triangle stands in a graph
-twice, as it is and turned; edges join what agrees. A connected part of the mesh then falls into two components, one of
-each orientation, or, where it has only one side like Möbius' strip, into a single one.
+Two triangles that share an edge agree if they traverse it in opposite directions. A graph contains each triangle twice,
+unchanged and flipped, and its edges join triangles that agree. A connected part of the mesh then gives two components,
+one per orientation, or a single component if it has only one side, like a Möbius strip.
 """
 
 import numpy as np

@@ -37,9 +37,10 @@ def cost_of_solve(unknowns: int) -> float:
 
 
 def units(effort: str | float, textures: int) -> float:
-    """The units that an effort stands for: a level by name grants its own times the square of `textures`.
+    """Return the units of an effort: a named level grants its own units times the square of `textures`.
 
-    A mix of more textures has more of them to find, and each look at it is dearer. A number is itself.
+    A mix of more textures has more projections to search, and each evaluation costs more. A number is returned
+    unchanged.
 
     Raises BadInput that lists the levels.
     """

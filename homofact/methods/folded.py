@@ -27,7 +27,7 @@ _SMOOTHING_RANGE = (1e-7, 1e2)
 
 
 class Judging(ABC):
-    """Equations that can be asked what a λ leaves on left-out samples, and for the λ that leaves the least."""
+    """Equations that give the error on left-out samples for a λ, and the λ with the smallest error."""
 
     @property
     @abstractmethod

@@ -89,7 +89,7 @@ def relatives(kind: str) -> tuple[str, ...]:
 
 
 def loosened(projection: Projection) -> Projection | None:
-    """A fixed projection as a searched one at the same place, or None where no rotation stands for it.
+    """Return a fixed projection as a searched one at the same place, or None if no rotation represents it.
 
     Its two axes become the first rows of a rotation: a signed permutation, found in quaternions.
     """

@@ -78,7 +78,7 @@ NONE = KnownMixes()
 
 @lru_cache(maxsize=2)
 def known_mixes(path: Path = TABLE) -> KnownMixes:
-    """The table in the package. Where it is missing or of another version there are none, and a note says so."""
+    """Return the table in the package. If it is missing or of another version, it is empty and a note explains why."""
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
         version = stored["version"]

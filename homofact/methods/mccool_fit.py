@@ -70,7 +70,7 @@ def _fit_textures(samples: Samples, settings: McCool) -> MethodFit:
 
 
 def _shape(projection: Projection, size: int, centred: bool) -> Shape:
-    """(rows, columns) of a texture: as many texels, but for one, whether a map of directions is centred or not."""
+    """Return (rows, columns) of a texture; maps of directions, centred or not, differ by at most one texel."""
     rows, columns = texture_shape(projection, size)
     is_map = projection.system.domain == "discs" and rows > 1
     return (rows + 1, columns - 1) if centred and is_map and size % 2 == 0 else (rows, columns)

@@ -60,7 +60,7 @@ class Gaussians(_Model):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Npf(_Model):
-    """The non-parametric factors of Bagher et al. 2016: 272 numbers a channel.
+    """The non-parametric factors of Bagher et al. 2016: 272 numbers per channel.
 
     Examples
     --------

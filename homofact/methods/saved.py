@@ -1,4 +1,4 @@
-"""Any saved fit read back, whatever its kind: the header of the file says which reader it needs."""
+"""Read a saved fit of any kind: the header of the file selects the reader."""
 
 import os
 

@@ -50,7 +50,7 @@ class SearchData:
 
     @cached_property
     def judged(self) -> LogSamples:
-        """The log samples with the weights that stand for the objective near the data."""
+        """Return the log samples with the weights that approximate the objective near the data."""
         return self.logs if self.flux is None else replace(self.logs, weights=self.flux.weights_of(self.logs))
 
     @property

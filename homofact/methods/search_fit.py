@@ -1,10 +1,10 @@
-"""The searched fit: mix, projections, warp and λ found from the data, the work counted and not timed.
+"""The searched fit: it finds mix, projections, warp and λ from the data, with an effort that is counted, not timed.
 
-Coarse to fine. A `StructureSearch` on small textures and a subset of the samples chooses the mix; then the searched
-projections are refined jointly on all samples at full size, and, unless the mix is a known one, λ is chosen again there
-by cross-validation, for an effort of its own; one masked solve gives the textures. Azimuth copies are made here, and
-only where a chosen kind knows the azimuth: fixed and searched isotropic projections see the measured
-samples alone.
+The search runs from coarse to fine. First, a `StructureSearch` on small textures and a subset of the samples chooses
+the mix. Then the searched projections are refined jointly on all samples at full size. Unless the mix is a known one, λ
+is chosen again at this size by cross-validation, with its own effort. Finally, one masked solve gives the textures.
+Azimuth copies are made here, and only if a chosen kind depends on the azimuth: fixed and searched isotropic projections
+use only the measured samples.
 """
 
 import time

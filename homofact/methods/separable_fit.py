@@ -110,7 +110,7 @@ def separable_of(
     isotropic: bool = False,
     seed: int = 0,
 ) -> Separable:
-    """The separable approximation of a reflectance that can be asked everywhere, without samples.
+    """Return the separable approximation of a reflectance that can be evaluated everywhere, without samples.
 
     `weighted` is that of `_svd_terms`, `isotropic` saves evaluations (`matrix.brdf_matrix`), `seed` is that of the
     power iteration. Its transform has the mean of the valid matrix entries as A and ε = 1e-5. Raises BadInput as the
@@ -136,7 +136,7 @@ def fit_svd(samples: Samples, settings: Svd, progress: ProgressCallback | None =
 
 
 def fit_nmf(samples: Samples, settings: Nmf, progress: ProgressCallback | None = None) -> MethodFit:
-    """As `fit_svd`, with non-negative factors: nothing is ever cut. An in-out fit is reciprocal in its data alone."""
+    """Fit like `fit_svd`, with non-negative factors and no clipping. Only the data of an in-out fit are reciprocal."""
     return with_whole_texels(_fit_nonnegative(samples, settings), samples, settings)
 
 

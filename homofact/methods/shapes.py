@@ -37,7 +37,7 @@ def texels_in(nbytes: int, channels: int) -> int:
 
 @dataclass(frozen=True)
 class Layout:
-    """Shares of the texels and columns over rows, one number a texture each."""
+    """Shares of the texels, and columns over rows, each with one number per texture."""
 
     shares: tuple[float, ...]
     aspects: tuple[float, ...]

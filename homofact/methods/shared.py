@@ -1,4 +1,4 @@
-"""The settings that several methods have, each declared once; a method says which it has, and what is usual for it."""
+"""The settings that several methods share, each declared once; a method lists its settings and their defaults."""
 
 from typing import Any
 
@@ -57,7 +57,7 @@ def solver() -> Any:
 
 
 def smoothing(usual: float | None) -> Any:
-    """λ of the Laplacian, in units of samples a texel; None where it is found from the data."""
+    """Declare λ of the Laplacian, in units of samples per texel; None if it is chosen from the data."""
     return option(usual, "λ, the weight of the Laplacian, in samples per texel", least=0, none="found from the data")
 
 
@@ -97,7 +97,7 @@ def copies() -> Any:
 
 
 def mirrored() -> Any:
-    """Whether mirrored copies stand beside the azimuth copies."""
+    """Declare whether mirrored copies are added to the azimuth copies."""
     return option(True, "Also add mirrored copies")
 
 
@@ -135,5 +135,5 @@ def direction_map() -> Any:
 
 
 def seed() -> Any:
-    """Of every random choice in the fit."""
+    """Declare the seed of every random choice in the fit."""
     return option(0, "Seed of every random choice", least=0, most=MOST_SEED)

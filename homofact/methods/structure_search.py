@@ -1,23 +1,24 @@
 """The search over whole mixes: what each texture is indexed by, where its projection points, which λ and warp.
 
-Where mixes are known that often win (`known_mixes`), these alone are looked at, and the best of them descend
-(`known_search`). Else, and of more textures than known mixes have, one number of textures after another, up to as many
-as are asked for:
+If there are known mixes that often win (`known_mixes`), only these are evaluated, and the best of them are refined by
+descent (`known_search`). Otherwise, and for more textures than known mixes have, the search treats one number of
+textures after another, up to the requested number:
 
-* Fixed projections, exhaustively. For every warp all fixed candidates are accumulated together on textures of half the
-  size; each mix of them is a block of that matrix (`folded.FixedBank`) and is judged there. The better ones are judged
-  again at the search's own size (successive halving by rule, so that neither luck nor the clock has a part in it). The
-  best of two, with one more, also decide about reciprocity.
-* Searched projections, from there. Starts are the best fixed mixes with their textures loosened (searched from where
-  they are fixed), the best mix of one texture less with every other kind beside it, and rotations drawn once for all.
-  All of them descend a few steps, the better half some more, and so on; the last few are judged like the fixed ones.
+* Fixed projections are searched exhaustively. For every warp all fixed candidates are accumulated together on textures
+  of half the size. Each mix of them is a block of that matrix (`folded.FixedBank`) and is judged with it. The better
+  half is judged again at the search's own size (successive halving by a fixed rule, so the result does not depend on
+  chance or on time). The best mixes of two textures, extended by a third one, also decide about reciprocity.
+* Searched projections start from these mixes. The starts are the best fixed mixes with loosened textures (searched from
+  their fixed place), the best mix of one texture less with each other kind added, and a fixed set of random rotations.
+  All of them descend a few steps, the better half descends further, and so on; the last few are judged like the fixed
+  ones.
 
-Then exchange: each texture of the winner is taken out and every other kind tried in its place, as long as that helps.
-All textures of a trial are solved together and judged by cross-validation with their own λ.
+Then follow exchanges: each texture of the winner is replaced by every other kind, as long as this lowers the error. All
+textures of a trial are solved together and judged by cross-validation with their own λ.
 
-All of this runs on small textures and a subset of the samples; the projections carry over (thesis 4.2). Work is paid
-from a `FitBudget`; what an equal budget buys is equal. Of more textures the best mix is only taken where it is better
-than that of fewer by `ENOUGH`, so more textures asked for are never worse.
+All of this runs on small textures and a subset of the samples; the projections carry over (thesis 4.2). A `FitBudget`
+limits the work; the same budget gives the same result. A mix of more textures is only chosen if it is better by
+`ENOUGH` than the best mix of fewer, so requesting more textures never gives a worse fit.
 """
 
 import time
@@ -323,7 +324,7 @@ class StructureSearch:
         return starts + [self._make(kind, warp) for _ in range(random)]
 
     def _exchange(self, kinds: tuple[str, ...]) -> None:
-        """Each texture of the best mix taken out, and every other kind tried in its place."""
+        """Replace each texture of the best mix by every other kind."""
         best = self._best
         starts: list[Mix] = []
         for place in range(len(best.kinds)):

@@ -1,6 +1,6 @@
 """The methods by name, for the command line, configurations and saved fits: from labels and settings to objects.
 
-Loads neither torch nor numpy: what is wrong with a setting is said before they are.
+This module loads neither torch nor numpy, so errors in settings are reported before these libraries load.
 """
 
 from collections.abc import Collection, Iterable, Mapping

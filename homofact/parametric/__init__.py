@@ -1,1 +1,1 @@
-"""Fits that are no textures: models of a few parameters, tables and small networks, to be held against ours."""
+"""Fits without textures, for comparison: models of a few parameters, tables and small networks."""

@@ -41,7 +41,7 @@ def fit_ggx(samples: Samples, lobes: int, seed: int) -> tuple[GgxBrdf, Report]:
 
 
 def fit_gaussians(samples: Samples, lobes: int, seed: int) -> tuple[SphericalGaussians, Report]:
-    """A diffuse base and so many spherical Gaussians; a half width of w stands for λ = log 2/(1 − cos w)."""
+    """Fit a diffuse base and `lobes` spherical Gaussians; a half width of w means λ = log 2/(1 − cos w)."""
     channels = len(samples.channels)
 
     def model(x: Tensor, wi: Tensor, wo: Tensor) -> Tensor:

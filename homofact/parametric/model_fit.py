@@ -1,7 +1,7 @@
 """A fitted model that has no textures: parameters, tables of one dimension, or a network's weights.
 
-It is asked, measured and saved like any other fit, so that it can stand beside those that have textures. What wants
-textures (a shader, an export, the viewer) refuses it.
+It is evaluated, measured and saved like any other fit, so you can compare it with fits that have textures. Functions
+that need textures (shaders, exports, the viewer) reject it.
 """
 
 import os

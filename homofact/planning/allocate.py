@@ -70,7 +70,7 @@ def allocate(buyers: Sequence[Buyer], most_bytes: float) -> list[Candidate | Non
 def best_choice(
     offers: Sequence[tuple[float, Sequence[tuple[int, float, Candidate | None]]]], most_bytes: float
 ) -> list[Candidate | None]:
-    """Of each (share, [(bytes, error, rung)]) one rung: Σ bytes ≤ `most_bytes`, Σ share · error least.
+    """Choose one rung for each (share, [(bytes, error, rung)]): Σ bytes ≤ `most_bytes`, Σ share · error least.
 
     Fewest bytes break ties.
     """

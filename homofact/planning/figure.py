@@ -1,9 +1,9 @@
-"""The picture of a plan: what was asked, error against bytes, and how much of the tolerance each choice uses.
+"""The picture of a plan: error against bytes of the evaluated fits, and the used part of the tolerance per choice.
 
-Left all materials in one panel, so that they can be compared: a colour a material, a marker a method, filled for
-floats and hollow for 8 bits, named beside each point, the choices ringed and joined to the others of their material by
-a thin line; where no material was asked about more than once there is nothing to compare, and no such panel. Right a
-bar for each choice, limit and lighting: the part of the limit that is used, with the margin for other views lighter.
+The left panel compares all materials: one colour per material and one marker per method, filled for floats and hollow
+for 8 bits, with a name beside each point. The choices are ringed and joined by a thin line to the other points of
+their material. The panel is left out if every material has a single point. The right panel has a bar for each choice,
+limit and lighting: the part of the limit that is used, with the margin for other views in a lighter colour.
 """
 
 import math
@@ -74,12 +74,12 @@ class _Spot(NamedTuple):
 
     @property
     def shown(self) -> Candidate:
-        """The one whose marker stands for all of them."""
+        """Return the candidate whose marker represents all of them."""
         return self.candidates[0]
 
 
 def _spots(plan: MaterialPlan) -> list[_Spot]:
-    """Where what was asked about is, (bytes, error over tolerance), what has no finite error left out.
+    """Return the points (bytes, error over tolerance) of the evaluated candidates that have a finite error.
 
     The choice leads its spot.
     """

@@ -111,7 +111,7 @@ def fits_among(candidates: Iterable[Candidate]) -> int:
 
 
 def method_of(candidate: Candidate, options: FitOptions, epsilon: float | None = None) -> Method:
-    """The fit that a rung with textures stands for, with the source's ε."""
+    """Return the method that fits a rung with textures, with the source's ε."""
     size, shared = candidate.size, {"seed": options.seed, "epsilon": epsilon}
     if candidate.method == "mccool":
         return McCool(size=size, **shared)

@@ -1,8 +1,8 @@
 """The planner: per material the cheapest representation that meets the tolerances under every lighting of a scene.
 
-Rungs (`plan.ladder`) are asked about by `plan.search`; an answer is a fit to the training samples and its errors on
-what was held out and in drawn views (`plan.measure`). A fit depends on neither lighting nor distance and is made once,
-whatever it is then measured under. Where the choices together exceed the scene's bytes, `plan.allocate` spends these.
+`plan.search` evaluates rungs (`plan.ladder`): it fits the training samples and measures the errors on held-out samples
+and in random views (`plan.measure`). A fit depends on neither lighting nor distance, so it is made once and measured
+under each. If the choices together exceed the scene's bytes, `plan.allocate` distributes the bytes.
 """
 
 import math
@@ -100,7 +100,7 @@ class MaterialPlan:
         return judge.errors(self.fits.fitted(choice)[0])
 
     def ask(self, candidate: Candidate) -> LadderOutcome:
-        """A rung's answer under this plan's lightings and tolerance, from the walk where it was asked there."""
+        """Return a rung's outcome under this plan's lightings and tolerance, from the walk if it is there."""
         if candidate in self.walk.asked:
             return self.walk.asked[candidate]
         return outcome_of(candidate, self.fits, self.judges, self.tolerance)

@@ -81,7 +81,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class _LightingTable:
-    """[lighting], or one [[lighting]], as it stands in the file."""
+    """[lighting], or one [[lighting]], as written in the file."""
 
     environment: str | None = None
     lights: tuple[DirectionalLight, ...] | None = None
@@ -100,7 +100,7 @@ class _LightingTable:
 
 @dataclass(frozen=True)
 class _ToleranceTable:
-    """[tolerance] as it stands in the file; its keys are `plan.tolerance.KINDS`."""
+    """[tolerance] as written in the file; its keys are `plan.tolerance.KINDS`."""
 
     cole: float | None = option(None, "Mean squared error of logarithms", above=0)
     delta_e: float | None = option(None, "Mean CIEDE2000 of the lit sphere", above=0)

@@ -1,12 +1,11 @@
-"""Where representations are looked at: lit spheres from drawn views, asked at nodes instead of pixels.
+"""The test scene of representations: lit spheres from random views, evaluated at nodes instead of pixels.
 
 `VIEWS` views lie evenly round the sphere (a spiral of equal areas), turned at random by a seed. A view's nodes are
-`NODES` normals in a spiral, evenly in cosθo, so that the rim has its own (but for the outermost quarter percent of the
-disc, cosθo < `RIM`, which no picture resolves), and round each place where a small light is
-mirrored a patch of its own: rings that grow like t⁴ from it, so that a highlight is integrated however narrow it is and
-whatever the number of nodes. A smooth window, 1 up to `WINDOW[0]` and 0 beyond `WINDOW[1]`, hands over between the two.
-Each node's `weight` is the share of the disc that it stands for. Small lights are directional ones, and texels of a map
-that hold `SPOT` of its flux each.
+`NODES` normals in a spiral, evenly in cosθo, so that the rim has nodes too (except the outermost quarter percent of
+the disc, cosθo < `RIM`, which no picture resolves), and a patch of nodes round the mirror image of each small light.
+The rings of a patch grow like t⁴, so the patch integrates a highlight of any width with any number of nodes. A smooth
+window, 1 up to `WINDOW[0]` and 0 beyond `WINDOW[1]`, blends the two sets. Each node's `weight` is its share of the
+disc. Small lights are directional lights, and texels of a map that each contain `SPOT` of its flux.
 
 Directional lights are evaluated at the nodes, environments by `rendering.filtered`, which draws no directions and so
 makes no noise. From afar, `pixels` across the sphere, radiance is averaged over the nodes of each pixel: a pixel then
@@ -180,7 +179,7 @@ def spots(lighting: Lighting) -> list[Tensor]:
 
 
 def _spread(count: int) -> tuple[Tensor, Tensor]:
-    """Normals (N, 3) about z and the shares of the disc that they stand for."""
+    """Return normals (N, 3) about z and their shares of the disc."""
     number = torch.arange(count, dtype=torch.float64)
     height = RIM + (1 - RIM) * (1 - (number + 0.5) / count)
     return from_cosine(height, number * _TURN), height / height.sum()

@@ -2,14 +2,15 @@
 
 * `cole`: mean squared error of logarithms on held-out samples; the lighting does not matter to it;
 * `delta_e`, `delta_e_p95`, `delta_e_peak`: CIEDE2000 of a lit sphere's pixels in one view, their mean, 95th percentile
-  and greatest, each of the drawn view where it is largest;
+  and greatest, each in the evaluated view where it is largest;
 * `reflected`: √(Σ |B − B̂|²/Σ |B|²) of the radiance, over the pixels and channels of a view, root mean square of the
   views: each counts alike, or the one that faces a light at grazing angles would decide alone;
 * `delta_e_study`: mean CIEDE2000 of a sphere under the light of the study of opinions (`evaluation.opinion`), by which
   the grade that people would give is known; the scene's lighting does not matter to it.
 
-Only some views are drawn, and coarsely. A limit is met where the error times `MARGINS` is within it; the margins are
-set so that of plans that meet theirs 95% also do from views that were not drawn (`scripts/planning/planner_blind.py`).
+The planner evaluates only some views, and coarsely. A limit is met if the error times `MARGINS` is within it. The
+margins are set so that 95% of the plans that meet their limits also meet them in unseen views
+(`scripts/planning/planner_blind.py`).
 """
 
 import math

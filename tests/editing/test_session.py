@@ -123,7 +123,7 @@ def test_what_a_scene_does_not_have_is_refused() -> None:
         (lambda: session.set({("floor", "diffuse", "half"): ones}), "diffuse: has no curve 'half'"),
         (lambda: session.slide(FLOOR_IN, sigma=1.0), "floor: diffuse: incident: has no sliders"),
         (lambda: session.slide(HALF, sigma=-1.0), "sigma: found -1.0, expected a finite number above 0"),
-        (lambda: session.stroke(FLOOR_OUT), "floor: diffuse: outgoing: is a number a pixel"),
+        (lambda: session.stroke(FLOOR_OUT), "floor: diffuse: outgoing: has one number per pixel"),
         (lambda: session.picture(2), "view: found number 2, expected 0 to 1"),
     ):
         with pytest.raises(BadInput, match=words):

@@ -18,7 +18,7 @@ from homofact.errors import BadInput
 
 @dataclass(frozen=True)
 class Lobe:
-    """One lobe: `cxy`, `cz` and the exponent `n`, one number a channel each."""
+    """One lobe: `cxy`, `cz` and the exponent `n`, each with one number per channel."""
 
     cxy: Colour
     cz: Colour

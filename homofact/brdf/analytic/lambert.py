@@ -9,7 +9,7 @@ from homofact.brdf.analytic.common import AnalyticModel, Colour
 
 @dataclass(frozen=True)
 class Lambert(AnalyticModel):
-    """f = ρd/π in sr⁻¹. `diffuse` is the albedo ρd, one number a channel, at most 1 to conserve energy."""
+    """f = ρd/π in sr⁻¹. `diffuse` is the albedo ρd, one number per channel, at most 1 to conserve energy."""
 
     diffuse: Colour
 

@@ -8,10 +8,10 @@ With α = roughness², base colour c, metallic m, F(x) = x + (1 − x)(1 − V·
     s = D V,    D = α²/(π ((N·H)²(α² − 1) + 1)²),    V = V1(N·L) V1(N·V),    V1(x) = 1/(x + √(α² + (1 − α²) x²))
 
 KHR_materials_specular changes the Fresnel term of the dielectric alone: with its factor σ and its colour k, F(.04) is
-F0 + (σ − F0)(1 − V·H)⁵ with F0 = σ min(.04 k, 1), one number a channel. With F0 = σ the lobe is as bright at every
-angle, which most rough metals come nearer to. The diffuse part of each channel takes 1 − its own F, as three.js and
-Khronos's sample viewer draw it; the extension's text has 1 − the largest F in all channels, which differs where k has a
-hue.
+F0 + (σ − F0)(1 − V·H)⁵ with F0 = σ min(.04 k, 1), one number per channel. With F0 = σ the lobe is equally bright at
+every angle, which suits most rough metals better. The diffuse part of each channel is scaled by 1 − F of that channel,
+as in three.js and Khronos's sample viewer. The text of the extension uses 1 − the largest F for all channels, which
+gives another result if k is coloured.
 
 KHR_materials_clearcoat puts a layer over it, of its own roughness: κ s' + (1 − κ) material, κ = clearcoat · F(.04).
 

@@ -92,5 +92,5 @@ def read_by(
 
 
 def read_samples(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples alone of `open_file`; same errors."""
+    """Return only the samples of `open_file`. Raises the same errors."""
     return open_file(path, channels).samples

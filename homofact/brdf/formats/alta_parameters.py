@@ -18,10 +18,10 @@ from homofact.geometry.directions import from_spherical, normalize, to_spherical
 
 @dataclass(frozen=True)
 class Parameterization:
-    """`columns` numbers a row; `directions` turns rows (N, columns) into (L, V), each (N, 3).
+    """`columns` numbers per row; `directions` turns rows (N, columns) into (L, V), each (N, 3).
 
-    Not every row has an answer: directions then come out not finite, or under the horizon. `isotropic` says
-    that the azimuth of the whole pair is not among the numbers, `angles` that all of them are angles.
+    Some rows have no solution: their directions are then not finite, or lie below the horizon. `isotropic` is true if
+    the numbers leave out the azimuth of the whole pair, `angles` if all numbers are angles.
     """
 
     columns: int

@@ -5,15 +5,16 @@
     VARS theta_i,phi_i,theta_s,phi_s,R,G,B         the columns; the last line of the header
     0.17,0,0.35,3.14,0.1,0.2,0.3                   rows, comma-separated
 
-phi_i, or both azimuths, may be missing: they are 0, and a negative theta_s lies on the side of φ + π. Values are
-f in sr⁻¹ without the cosine: R, G, B linear; X, Y, Z of CIE, turned into linear sRGB; "465nm" spectral; anything
-else a channel of that name. The standard counts angles in degrees, the laboratory's files in radians: more than a
-quarter of the rows above π/2 means degrees, and provenance says which was taken. Light from one azimuth only means
-isotropic. Negative values (colours out of gamut, noise) are set to 0 and counted.
+If phi_i or both azimuths are missing, they are 0, and a negative theta_s lies on the side of φ + π. Values are f in
+sr⁻¹ without the cosine: R, G, B linear; X, Y, Z of CIE, turned into linear sRGB; "465nm" spectral; anything else a
+channel of that name. The standard gives angles in degrees, the laboratory's files in radians. The reader assumes
+degrees if more than a quarter of the rows have an angle above π/2, and records the unit in the provenance. If all light
+comes from one azimuth, the material is read as isotropic. Negative values (colours out of gamut, noise) are set to 0
+and counted.
 
-`write` gives angles in radians, every number with all its digits: values come back bit for bit, directions to rounding.
-Isotropic samples are turned until the light stands at φi = 0, by which a reader knows that they are isotropic. Weights
-are not kept.
+`write` writes angles in radians and all digits of each number: values are read back bit-identical, directions up to
+rounding. Isotropic samples are rotated so that the light is at φi = 0, which tells a reader that they are isotropic.
+Weights are not written.
 """
 
 import math

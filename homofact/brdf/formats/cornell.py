@@ -3,10 +3,10 @@
     # comments, the material's name among them
     31                                 number of wavelengths
     400 410 420 … 700                  the wavelengths in nm, over as many lines as it takes
-    θi φi θs φs v1 … v31               a row a sample: radians, spectral BRDF in sr⁻¹ without the cosine
+    θi φi θs φs v1 … v31               one row per sample: radians, spectral BRDF in sr⁻¹ without the cosine
 
-φ is absolute (the mirror direction of φi = 0 is φs = π). The file does not say how many rows it has: one
-cut exactly between two rows cannot be told from a whole one, one cut anywhere else is refused.
+φ is absolute (the mirror direction of φi = 0 is φs = π). The file does not contain the number of rows. The reader
+rejects a file that ends within a row, but cannot detect a file that was cut exactly between two rows.
 """
 
 import math

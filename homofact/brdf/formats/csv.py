@@ -1,17 +1,17 @@
-"""Comma-separated text with a header that says what it holds: our own format for other programs' sake.
+"""Comma-separated text with a header of column names: homofact's own format for exchange with other programs.
 
     # isotropic: true
     theta_i,phi_i,theta_o,phi_o,R,G,B
     0.1,0,0.2,3.14,0.5,0.4,0.3
 
-Lines with # come before the header: `isotropic` and `noise_free` take true or false, yes or no, others are comments.
-Unless stated, `noise_free` is false, and light from one azimuth only means isotropic; a comment then says so. The
+Lines with # come before the header: `isotropic` and `noise_free` take true or false, yes or no, others are comments. By
+default `noise_free` is false, and samples lit from a single azimuth are isotropic, which the provenance notes. The
 header names the columns, in any order: both directions as theta_i, phi_i, theta_o, phi_o in radians (or with _rad), the
 same with _deg in degrees, or wi_x … wo_z; `weight` if there is one; every other column is a channel of f in sr⁻¹
 without the cosine, "550nm" being a wavelength. φ is absolute: the mirror direction of φi = 0 is φo = π.
 
-`write` gives every number with all its digits and directions as vectors, so that samples come back bit for bit; there
-is a column `weight` where weights differ from 1.
+`write` writes all digits of each number and directions as vectors, so that samples are read back bit-identical. It adds
+a column `weight` if any weight differs from 1.
 """
 
 import math
@@ -149,7 +149,7 @@ def _check(path: object, places: list[int], table: dict[str, Tensor], form: tupl
 
 
 def _faults(table: dict[str, Tensor], form: tuple[str, ...]) -> Iterator[_Fault]:
-    """Of every column, those of directions first, which rows are wrong."""
+    """Yield the wrong rows of each column, beginning with the columns of directions."""
     if form == VECTORS:
         for which in "io":
             yield _vector_fault(f"w{which}", torch.stack([table[f"w{which}_{axis}"] for axis in "xyz"], 1))

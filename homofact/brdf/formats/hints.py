@@ -9,7 +9,7 @@ _LEAST_COLUMNS = 5
 
 
 def hint_of(head: bytes) -> str | None:
-    """What to mend in a file that begins with `head`; None where it is no text or looks like no table."""
+    """Return advice on a file that begins with `head`; None if it is not text or does not look like a table."""
     if b"\0" in head:
         return None
     lines = [line for _, line in numbered_lines(head) if not line.startswith("#")][:2]

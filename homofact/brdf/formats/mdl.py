@@ -88,9 +88,9 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
 
 
 def read_entries(path: object, raw: bytes) -> tuple[np.ndarray, tuple[str, ...], list[str]]:
-    """Entries (θ in, θ out, Δφ, C) as they stand in the file, float64; channel names; metadata lines.
+    """Return the file's entries (θ in, θ out, Δφ, C) unchanged, float64; the channel names; the metadata lines.
 
-    `path` names the file in what is raised: BadInput as by `open_file`.
+    Error messages name the file as `path`. Raises BadInput as `open_file` does.
     """
     if not sniff(raw):
         raise BadInput(f"begins with {raw[:20]!r}", where=path, expected=repr(_MAGIC))

@@ -3,13 +3,13 @@
     int32 × 3        numbers of bins in θh, θd, φd: 90, 90, 180 (or 360, without the fold by reciprocity)
     float64 × 3 · n  all red entries, then green, then blue; φd fastest, θh slowest; little endian
 
-What the entries mean is in `homofact.brdf.merl`. The samples are the centres of the measured bins with both
-directions above the horizon, each weighted by the pairs of directions that its bin stands for (mean weight 1),
-so that the many small bins round the highlight count as the small solid angle that they are.
+What the entries mean is in `homofact.brdf.merl`. The samples are the centres of the measured bins with both directions
+above the horizon, each weighted by the measure of the direction pairs in its bin (mean weight 1). The many small bins
+round the highlight therefore count by their small solid angle.
 
-Writing takes a table as it is, samples that were read from such a file, or any reflectance, which is evaluated at the
-bins' centres with h in the xz-plane: of an anisotropic one the file holds that cut alone. Bins with a direction under
-the horizon, and bins without a sample, are −1. Nearly every viewer opens these files.
+You can write a table as it is, samples that were read from such a file, or any reflectance. A reflectance is evaluated
+at the bins' centres with h in the xz-plane, so the file contains only this slice of an anisotropic material. Bins with
+a direction below the horizon and bins without a sample are −1. Nearly every viewer opens these files.
 """
 
 import os

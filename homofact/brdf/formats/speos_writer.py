@@ -51,7 +51,7 @@ def write_brdf(
 def write_anisotropic(
     path: str | os.PathLike[str], reflectance: Reflectance, isotropic: bool, comments: Sequence[str] = ()
 ) -> int:
-    """Write an .anisotropicbsdf; the number of its values. Raises BadInput as `write_brdf`, but for any material."""
+    """Write an .anisotropicbsdf of any material; return the number of its values. Raises BadInput as `write_brdf`."""
     rows = tabulated(reflectance, isotropic, about_mirror=False).tables
     # Theirs is the scale of all others.
     first = rows[0][0]

@@ -36,7 +36,7 @@ _MOST = 1e6
 
 
 def sniff(head: bytes) -> bool:
-    """False: there is no header. `SIZES` says which sizes of a file this reader takes."""
+    """Return False, since the format has no header. `SIZES` lists the file sizes that this reader accepts."""
     return False
 
 

@@ -178,7 +178,7 @@ def _bases(file: object, layer: ElementTree.Element) -> dict[str, KlemsBasis]:
 
 
 def _side(file: object, layer: _Layer, member: str | None) -> str:
-    """The side that is asked for, or the only one."""
+    """Return the requested side, or the only one."""
     held = [side for side in SIDES if layer.bands(side)]
     others = sorted({direction.title() for direction, _ in layer.blocks if not direction.startswith("reflection")})
     if not held:

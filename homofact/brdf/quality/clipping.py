@@ -1,9 +1,9 @@
-"""Clipped samples: where the detector was at its end a value is only known not to be less.
+"""Clipped samples: where the detector saturated, the recorded value is only a lower bound.
 
-`marked` says which: at a level that is given, or at each channel's largest value where that occurs again and again
-(`FEWEST` times or more, and not in most samples, as in those of a constant BRDF). A fit then takes them as one-sided:
-it is pulled up where it is under them and never down where it is over. What is above is the flank of the highlight
-carried on by smoothing: a guess, but one that is not known to be wrong.
+`marked` finds the clipped samples: those at a given level, or those at the largest value of their channel if this value
+recurs at least `FEWEST` times (and in fewer than most samples, to exclude a constant BRDF). A fit uses these samples as
+one-sided constraints: they raise the fit where it is too low and never lower it. Above the bound, smoothing
+extrapolates the flank of the highlight.
 """
 
 from dataclasses import replace

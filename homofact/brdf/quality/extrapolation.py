@@ -1,21 +1,22 @@
-"""What a fit is asked for beyond its measurement: the nearest samples carried on, so that it cannot blow up there.
+"""Extrapolate a measurement from its nearest samples, so that a fit cannot diverge outside the measured directions.
 
-A goniometer leaves out what it cannot reach, grazing angles above all. A product of textures says something there all
-the same: texels that few samples hold swing freely, and their exponential may be any number. So pairs of directions are
-drawn everywhere (the scheme lobe), and those that graze more than any sample does, or lie farther from all of them than
-`FAR` times the usual distance between neighbours, are given the value of the nearest one. They weigh little: `SHARE` of
-all samples' weight together, enough where nothing else is known and next to nothing elsewhere. A finished fit is held
-against a denser draw. It may be `EXCESS` times a bound: between the samples that of the largest of them all, and beyond
-the measured range, where nothing is interpolated, the largest of the `NEIGHBOURS` nearest. Pairs that exceed it are
-added with that bound for a value, and it is solved again. (Nearest samples as a bound between rings too took 60% of the
-highlight from measured places.)
+A goniometer cannot reach all directions; most of the missing ones are at grazing angles. A product of textures has
+values there too, but texels with few samples are poorly determined, and their exponential can become arbitrarily large.
+Therefore pairs of directions are drawn everywhere (the scheme lobe). Pairs that graze more than every sample, or that
+are farther from all samples than `FAR` times the usual distance between neighbours, get the value of the nearest
+sample. Together they have `SHARE` of the weight of all samples: enough to determine texels without samples, and
+negligible elsewhere. The finished fit is then checked at a denser set of pairs. It may reach `EXCESS` times a bound.
+Between the samples the bound is the largest of all samples. Outside the measured range it is the largest of the
+`NEIGHBOURS` nearest ones. Pairs above the bound are added as samples with the bound as their value, and the fit is
+solved again. (With the nearest samples as the bound between rings too, the highlight lost 60% at measured directions.)
 
-The measured range is that of the smaller and the larger of θi and θo and, of isotropic pairs, of |Δφ|. Through the
-normal and the plane of incidence it goes on where samples lie within `_GAP` of them: those on the other side are known.
+The measured range is the range of the smaller and of the larger of θi and θo and, for isotropic pairs, of |Δφ|. It
+extends through the normal and through the plane of incidence if samples lie within `_GAP` of them, since symmetry gives
+the values on the other side.
 
-Distance is in (√θh, θd, φd), each from 0 to 1, for isotropic samples (φd folded to a quarter turn; it counts by √θh
-sinθd, since it means nothing where either is 0), else in the parabolic discs of both directions. `NEIGHBOURS` are those
-in the discs, however near to a mirror direction.
+Distances of isotropic samples are measured in (√θh, θd, φd), each scaled to 0 to 1. φd is folded to a quarter turn and
+weighted by √θh sinθd, since it is undefined where either factor is 0. Other distances are measured in the parabolic
+discs of both directions. `NEIGHBOURS` always counts neighbours in the discs, also near a mirror direction.
 """
 
 import math

@@ -1,9 +1,10 @@
-"""What can be wrong with a BRDF as a whole: not reciprocal, or giving back more light than it gets.
+"""Check a whole BRDF for two faults: it is not reciprocal, or it reflects more light than it receives.
 
-Reciprocity. The error of `brdf.symmetry`, of the reflectance or of the samples alone.
+Reciprocity is checked with the error of `brdf.symmetry`, computed from the reflectance or only from the samples.
 
-Energy. The albedo ∫ f cosθo dωo at a few angles of the light, over half vectors: ωo is ωi mirrored at h and
-dωo = 4 (ωi·h) dωh, with θh finer towards the normal, so that narrow highlights are not missed.
+Energy is checked with the albedo ∫ f cosθo dωo at a few angles of incidence. The integral runs over half vectors h: ωo
+is ωi mirrored at h and dωo = 4 (ωi·h) dωh. The steps of θh are finer towards the normal, so that narrow highlights are
+not missed.
 """
 
 import math

@@ -1,24 +1,24 @@
-"""Gains of the instrument, estimated from the samples alone and divided out: ring by ring of θi and θo, or row by row.
+"""Estimate the instrument's gains from the samples and divide them out, per ring of θi and θo or per row.
 
-A goniometer's lamp and detector may give each ring of angles another gain, or drift while it measures. Beside the
-smooth reciprocal fit of log f (`suspicion.evidence`) such gains are further columns, one for each ring or a hat
-function for each block of rows, and least squares reweighted for outliers finds them:
+A goniometer's lamp and detector may have a different gain on each ring of angles, or drift during the measurement. Such
+gains are added as columns to the smooth reciprocal fit of log f (`suspicion.evidence`): one column per ring, or one hat
+function per block of rows. Least squares, reweighted for outliers, solves for them:
 
     log f(ωi, ωo) = smooth reciprocal (ωi, ωo) + a(θi) + b(θo)        (rings)
     log f(ωi, ωo) = smooth reciprocal (ωi, ωo) + c(row)               (rows)
 
-What cannot be known is fixed, not guessed:
+The data leave some choices open, which the model fixes as follows:
 
-* the mean of the log gains is 0 over the samples: how bright the lamp was altogether no sample tells;
-* a smooth gain that is the same over θi and over θo is another material, as likely, and stays in the data;
-* of a smooth gain over the angle only the difference between θi and θo shows, as lacking reciprocity. Where the rings
-  of θo have no gains of their own it is put down to θi, the lamp's side; where they have, half to each. (Where it was
-  the detector's after all, what is left is again a smooth gain that is the same over both.)
-* samples that lie on no rings of θo have no b: `BINS` bins of θi, their gains by reciprocity alone;
-* rows in the order of an angle drift as a ring does: rows and rings cannot be told apart then.
+* The mean of the log gains over the samples is 0, since no sample shows the absolute brightness of the lamp.
+* A smooth gain that is equal over θi and θo cannot be distinguished from another material, and stays in the data.
+* A smooth gain over the angle shows only through the difference between θi and θo, which breaks reciprocity. If the
+  rings of θo have no gains of their own, θi (the lamp's side) gets the whole difference; otherwise each gets half. (If
+  the detector caused it, a smooth gain that is equal over both remains.)
+* If the samples do not lie on rings of θo, there is no b. `BINS` bins of θi then get gains by reciprocity only.
+* If the rows are sorted by an angle, a drift over rows cannot be distinguished from gains of rings.
 
-Gains under `LEAST_GAIN` (RMS of the log), or that hardly improve the fit, are no more than what the smooth fit cannot
-hold of a clean material: they are reported and left alone.
+Gains below `LEAST_GAIN` (RMS of the log), and gains that hardly improve the fit, may come from the limits of the smooth
+fit on a clean material. They are reported and not divided out.
 """
 
 import math

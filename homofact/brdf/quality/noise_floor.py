@@ -1,16 +1,16 @@
-"""The noise floor of a measurement: how much its dark samples scatter, in units of the mean A; what ε should be.
+"""The noise floor of a measurement: the scatter of its dark samples in units of the mean A, from which ε follows.
 
-A constant floor is a Lambertian base, as likely, and is not subtracted. What can be known is by how much values that
-should agree do not, among the darkest quarter: a value under that says nothing, and its logarithm must not steer the
-fit. Values that should agree are
+A constant floor cannot be distinguished from a Lambertian base and is not subtracted. The data do show by how much
+values that should agree differ among the darkest quarter of the samples. A value below this difference carries no
+information, and its logarithm must not influence the fit. Values that should agree are
 
 * repeated: samples of the same two directions;
 * swapped: samples within 1° of each other's swapped place. Their difference is the noise or a lack of reciprocity;
-* neighbours: what a plane through the nearest leaves of a sample (`brdf.quality.scatter`). It counts bends of the BRDF
-  too.
+* neighbours: the residual of a sample against a plane through its nearest samples (`brdf.quality.scatter`), which
+  includes the curvature of the BRDF.
 
-The last two are upper estimates, so the least of those that have `FEWEST` pairs is taken. σ is 1.4826 times the median
-of |difference|/√2.
+The last two overestimate the noise, so the smallest estimate with at least `FEWEST` pairs is used. σ is 1.4826 times
+the median of |difference|/√2.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ _NORMAL_MAD = 1.4826
 
 
 def noise_floor(samples: Samples, seed: int = 0) -> float | None:
-    """σ of the module's head, of the worst channel; None where too few samples can be held against each other."""
+    """Return σ, as the module defines it, of the worst channel; None if too few samples can be compared."""
     some = samples.subset(MOST_SAMPLES, seed)
     linear = (some.values / some.values.mean(0).clamp_min(1e-300)).cpu().numpy()
     floors = [_of_pairs(linear, pairs) for pairs in (_repeated(some), _swapped(some))]

@@ -1,20 +1,21 @@
-"""Gross errors among samples: a blinded detector, stray light, a dead reading; told from a highlight by its neighbours.
+"""Find gross errors among samples (a blinded detector, stray light) by comparing each with its neighbours.
 
-A smooth reciprocal fit of log f (`suspicion.evidence`) leaves a residual at every sample, channel by channel. What is
-real but too narrow for that fit, a mirror's lobe, is shared by the samples beside it; a gross error stands alone. So a
-sample is held against the median residual of three neighbourhoods, and counts as an outlier only if it is far from all:
+A smooth reciprocal fit of log f (`suspicion.evidence`) leaves a residual at every sample and channel. A real feature
+that is too narrow for this fit, such as the lobe of a mirror, also affects the neighbouring samples; a gross error
+affects one sample. Each sample is therefore compared with the median residual of three neighbourhoods, and is an
+outlier only if it is far from all three:
 
-* the `NEIGHBOURS` nearest in (√θh, θd, φd), of anisotropic samples in (h, d);
-* the `BEFORE` samples with the next smaller θh, itself among them: in a narrow highlight these are bright as well, and
-  the innermost sample has none but itself;
-* the `BEFORE` samples with the next smaller θd: the same for retro-reflection, of which two samples have to tell.
+* the `NEIGHBOURS` nearest samples in (√θh, θd, φd), or in (h, d) for anisotropic materials;
+* the `BEFORE` samples with the next smaller θh, including itself: in a narrow highlight these are bright as well, and
+  the innermost sample is compared only with itself;
+* the `BEFORE` samples with the next smaller θd: the same for retro-reflection, which at least two samples must show.
 
-Far is `NEAR` to `FAR` times the usual distance, and no less than a factor of exp `LEAST`: the weight falls from 1 to 0
-between (Hampel's redescending weights), so what is beyond all doubt has no pull at all, on the flux no more than on the
-logarithms. Logs are log(f/median + `DARK`), so that a zero in the dark is no outlier and one in the light is.
+The weight of a sample falls from 1 at `NEAR` to 0 at `FAR` times the usual distance (Hampel's redescending weights),
+but only for deviations of at least a factor of exp `LEAST`. A certain outlier thus has no influence on the flux or on
+the logarithms. Logs are log(f/median + `DARK`), so a zero is an outlier in a bright region and not in a dark one.
 
-What cannot be told: an error at the sample that is the nearest of all to the mirror direction, and a highlight that a
-single sample saw elsewhere.
+Two cases cannot be decided: an error at the sample nearest to the mirror direction, and a highlight elsewhere that only
+one sample shows.
 """
 
 from dataclasses import replace

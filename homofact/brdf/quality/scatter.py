@@ -1,13 +1,13 @@
-"""How much neighbouring samples disagree: an estimate of a measurement's noise from the measurement alone.
+"""Estimate the noise of a measurement from the differences between its neighbouring samples.
 
-Round each of some samples its nearest neighbours are met by a plane over the directions (θi, θo, |Δφ| of an isotropic
-material, all of ωi and ωo otherwise), and what the plane leaves of the sample itself, put in proportion to its degrees
-of freedom, is its scatter. Where the BRDF bends between neighbours that is counted too, so the estimate is an upper
-one; the median over samples keeps highlights from ruling it.
+For a subset of the samples, a plane over the directions (θi, θo, |Δφ| for an isotropic material, else ωi and ωo) is
+fitted to the nearest neighbours of each sample. The residual of the sample, scaled by the degrees of freedom, is its
+scatter. The residual includes the curvature of the BRDF between neighbours, so the estimate is an upper bound. The
+median over the samples limits the influence of highlights.
 
-`relative` is the scatter of log(f/A + 0.01), A the mean: the noise in shares of the value. `floor` is the scatter of f
-itself among the darkest quarter of the samples, in units of A: below it a value says nothing, which is what ε of the
-log transform should know of.
+`relative` is the scatter of log(f/A + 0.01), with A the mean: the noise relative to the value. `floor` is the scatter
+of f itself among the darkest quarter of the samples, in units of A. Values below the floor carry no information, so the
+ε of the log transform should be at least as large.
 """
 
 from dataclasses import dataclass
@@ -56,10 +56,10 @@ def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
 
 
 def places_of(samples: Samples) -> torch.Tensor:
-    """Where pairs of directions stand for a search of neighbours, (N, 3) of an isotropic material, else (N, 6).
+    """Return the coordinates of direction pairs for a neighbour search: (N, 3) for an isotropic material, else (N, 6).
 
-    In radians: θi, θo and the arc that |Δφ| is at their mean angle, so that near the normal an azimuth counts for
-    little.
+    The three coordinates in radians are θi, θo and the arc length of |Δφ| at their mean angle, so the azimuth matters
+    little near the normal.
     """
     if not samples.isotropic:
         return torch.cat((samples.wi, samples.wo), 1)

@@ -1,11 +1,10 @@
 """Quotients as tables for the page's preview: by θh, θd, φd and, where a material is not isotropic, φh (Rusinkiewicz).
 
-What is tabulated is ρ_q (cosθi + cosθo)² = ρ_q (2 cosθh cosθd)², which stays smooth where both directions graze and
-models grow without bound.
-Levels lie at θh = π/2 u², dense where highlights are, and at equal steps of θd; both azimuths go round whole, since a
-quotient need be neither reciprocal nor mirrored. Directions that fall under the horizon are lifted to it, so that what
-is interpolated there stays smooth. A quotient that is the same everywhere is one number a channel. How far the table is
-from the quotient is measured and said on the page: the preview is for looking at, pictures do not use it.
+The table stores ρ_q (cosθi + cosθo)² = ρ_q (2 cosθh cosθd)², which stays smooth where both directions graze and models
+grow without bound. Levels lie at θh = π/2 u², dense near highlights, and at equal steps of θd. Both azimuths cover the
+full circle, since a quotient need not be reciprocal or mirror-symmetric. Directions below the horizon are moved up to
+it, so that interpolation stays smooth there. A constant quotient is stored as one number per channel. The page shows
+the measured error of the table. Only the preview uses the table; rendered pictures do not.
 """
 
 import math

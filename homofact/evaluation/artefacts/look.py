@@ -7,8 +7,8 @@ Each picture of `views` is shown at two exposures, chosen from the source: by it
 close-up by its peak and its highlight). `structure` compares them, `artefact` names what it finds. The pictures of a
 source are kept for its next fit as long as the source object lives.
 
-Where a source is known at its samples alone, its pictures are of their interpolation (`brdf.neighbours`), in several
-readings. Pixels whose light comes from pairs of directions far from any sample are left out.
+If the source consists only of samples, its pictures show several interpolations of them (`brdf.neighbours`). Pixels
+whose light comes from pairs of directions far from any sample are left out.
 """
 
 from collections.abc import Callable, Iterator, Sequence

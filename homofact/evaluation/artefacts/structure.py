@@ -7,8 +7,8 @@ band's first blur. Both are stretched by `STRETCH`, so that a highlight may be a
 neighbouring pixel. What of the fit's band lies outside this range is structure that the source does not have. The
 range always holds 0: a fit that merely lacks structure of its source, such as the instrument's noise, has no artefact.
 
-Where the source is known at samples alone several readings of it are given, and the range is that of all of them,
-widened by what the readings differ.
+If the source consists only of samples, there are pictures of several interpolations. The range then covers all of
+them, widened by their differences.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,9 +1,9 @@
-"""How far a fit may be off: a bar a quantity, of which kind it is, and where it holds.
+"""Error bars of a fit: one bar per quantity, with its kind and the range in which it holds.
 
-A bar says that the source has between `low` and `high` of what the fit has. Of a source that can be asked everywhere it
-is what was measured. Of samples it holds in nine of ten cases like those of the calibration (docs/verdict.md): if the
-samples are right, or whatever is wrong with them. A bar of more than
-a factor of ten says nothing: it is withdrawn.
+A bar states that the source reflects between `low` and `high` times the light of the fit. If the source can be
+evaluated everywhere, the bar is a measured error. For samples, the bar holds in nine of ten cases like those of the
+calibration (docs/verdict.md), either under the condition that the samples are right, or whatever is wrong with them.
+A bar wider than a factor of ten carries no information and is withdrawn.
 """
 
 import math

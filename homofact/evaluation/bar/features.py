@@ -1,8 +1,8 @@
 """The figures that error bars and the warning are computed from, by name.
 
-All are logarithms, of a figure plus a small number below which it says nothing, so that linear models of them multiply.
-`FEATURES` says of each what it is. Those of a quantity (`OF_QUANTITY`) come from the reading of the samples beside the
-fit (`bar.reading`), at the angles in the measured range; all others are the same for every quantity.
+All are logarithms of a figure plus a small number, below which the figure is noise; linear models of the logarithms
+multiply the figures. `FEATURES` describes each. Those of a quantity (`OF_QUANTITY`) come from the interpolation of the
+samples (`bar.reading`), at the angles in the measured range; all others are equal for every quantity.
 """
 
 import math

@@ -1,10 +1,10 @@
-"""What the samples say by themselves, without a model: a reading of the nearest ones, and a fit held against it.
+"""Compare a fit with an interpolation of the nearest samples, which needs no model.
 
-The reading at a pair of directions is the mean, over its nearest samples in (√θh, θd, φd), of the logarithms
-log(f/A + 0.01). A second one, the *mended* fit, adds to the fit's own logarithm the mean of what it misses at these
-samples: where values are steep the plain reading is off and the mended one is not, where the fit stands between samples
-it is the other way round. Both are made from each half of the samples as well, so that a half judges places of the
-other, and what the two halves differ by is chance.
+The interpolation at a pair of directions is the mean, over its nearest samples in (√θh, θd, φd), of the logarithms
+log(f/A + 0.01). A second one, the corrected fit, adds the mean residual at these samples to the logarithm of the fit.
+Where values are steep, the plain interpolation is wrong and the corrected fit is right; where the fit is far from
+samples, it is the other way round. Both are also computed from each half of the samples, so that each half judges the
+directions of the other. The difference between the two halves measures chance.
 
 The fit's light is then integrated beside theirs at the angles of `energy.ALBEDO_DEGREES`: the total, and the brightest
 `energy.HIGHLIGHT` of it.
@@ -138,7 +138,7 @@ def _known(place: np.ndarray, logs: Tensor, missed: Tensor, chosen: Tensor) -> _
 def _between_halves(
     halves: list[_Known], others: tuple[Tensor, Tensor], place: np.ndarray, fitted: Tensor, light: Tensor
 ) -> tuple[float, float, float]:
-    """(apart, mended, bias) of `SampleReading`; `others` says which samples each half is read at."""
+    """Return (apart, mended, bias) of `SampleReading`; each half is evaluated at the samples of `others`."""
     sums = torch.zeros(3, dtype=torch.float64)
     for half, other, own in zip(halves, others, reversed(halves), strict=True):
         at = place[other.numpy()]
@@ -180,7 +180,7 @@ class _Nodes:
         return cls(wi, wo.reshape(-1, 3), place, weight, values, brightest, transform)
 
     def lights(self, known: _Known) -> tuple[tuple[Tensor, float], tuple[Tensor, float]]:
-        """`light` of the plain reading and of the mended fit."""
+        """Return `light` of the plain interpolation and of the corrected fit."""
         read, missed = known.read(self.place)
         own = self.transform.forward(self.values.reshape(len(read), -1))
         plain, better = (self.transform.inverse(logs).reshape(self.values.shape) for logs in (read, own + missed))

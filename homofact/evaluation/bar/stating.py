@@ -1,4 +1,4 @@
-"""Which bars a fit is given: measured ones of a source that can be asked, else those of the table for its figures."""
+"""Choose the error bars of a fit: measured ones if the source can be evaluated, else those of the calibrated table."""
 
 import math
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ _HUGE = 1e6
 
 
 def measured_bars(seen: Appearance) -> ErrorBars:
-    """The errors of a fit against its source, which was asked everywhere: nothing is judged."""
+    """Return the measured errors of a fit against a source that was evaluated everywhere."""
     whole = (0.0, _HIGHEST)
     rows = [max(_error(ratio) for ratio in row) for row in seen.energy.albedo_ratio]
     errors = {

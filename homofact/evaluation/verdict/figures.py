@@ -42,23 +42,23 @@ class HeldOutFigures:
 
 @dataclass(frozen=True)
 class LightFigures:
-    """The light of the fit, beside that of its source where this can be asked.
+    """The light of the fit, and that of its source if this can be evaluated.
 
     Attributes
     ----------
-    off : the fit's light over the source's, farthest from 1: of a channel at an angle of incidence where the source can
-        be asked everywhere, else of the samples in a band of θi or θh; None where too few samples tell.
+    off : the fit's light over the source's, farthest from 1: of a channel at an angle of incidence if the source can be
+        evaluated everywhere, else of the samples in a band of θi or θh; None if there are too few samples.
     off_where : where that is, in words.
     highlight : the same of the brightest part of the light.
     texels_across : half width of the source's highlight in texels of the finest texture; None where there is none.
     albedo : largest ∫ f cosθo dωo of the fit over channels and angles up to 88°.
     step, step_where : its albedo at an angle up to 45° over that at the next, farthest from 1; which.
-    source_albedo : that of the source at up to 75°, None where it cannot be asked.
+    source_albedo : that of the source at up to 75°, None if it cannot be evaluated.
     reciprocity : Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, of the fit's light.
     data_reciprocity : of the source's light, or of samples and their swapped neighbours beyond what neighbours differ
         by anyway; None where too few have one.
-    floor : relative RMS of f cosθi cosθo by which the source's own reciprocal part misses it, None where it cannot be
-        asked.
+    floor : relative RMS of f cosθi cosθo between the source and its own reciprocal part, None if the source cannot be
+        evaluated.
     """
 
     off: float | None
@@ -136,9 +136,9 @@ class CoverageFigures:
 
 @dataclass(frozen=True)
 class Figures:
-    """All groups; `reading` is None where the source can be asked.
+    """All groups; `reading` is None if the source can be evaluated everywhere.
 
-    "Of the light" means weighted by the flux f cosθi cosθo that a pair of directions stands for.
+    "Of the light" means weighted by the flux f cosθi cosθo of each pair of directions.
     """
 
     system: SystemFigures
@@ -167,7 +167,7 @@ class Figures:
         )
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary, the figures of all groups but the reading side by side."""
+        """Return a JSON-able dictionary of the figures of all groups except `reading`."""
         parts = (self.system, self.errors, self.light, self.data, self.coverage)
         own = {name: value for part in parts for name, value in asdict(part).items()}
         return own | {"reading": None if self.reading is None else asdict(self.reading)}

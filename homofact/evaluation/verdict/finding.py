@@ -1,8 +1,8 @@
 """One thing that is noted of a fit or of its samples: a true statement, and what it costs in the error bar.
 
-A finding is about the *fit*, which other settings can mend; about the *data*, which only another measurement or another
-reading of the file can; or about what is *unknown*, since nobody measured it. None is an alarm by itself: whether a fit
-is to be trusted is said by one score of all figures (`verdict.Alarm`).
+A finding is about the *fit*, which other settings can improve; about the *data*, which need another measurement or
+another import of the file; or about something *unknown*, since nobody measured it. No finding is an alarm by itself:
+one score of all figures decides whether the verdict warns (`verdict.Alarm`).
 """
 
 from dataclasses import dataclass

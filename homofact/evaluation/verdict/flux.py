@@ -1,7 +1,7 @@
 """Figures of samples and fits by the light that they carry.
 
-A pair of directions stands for the flux f cosθi cosθo times its solid angle (`brdf.pair_density.solid_angles`), so what
-is dark or grazing counts for as little here as it does in a picture.
+A pair of directions is weighted by its flux, f cosθi cosθo times its solid angle (`brdf.pair_density.solid_angles`),
+so dark and grazing pairs have as little weight here as in a picture.
 """
 
 import math

@@ -1,8 +1,8 @@
-"""Every fit ends with a verdict that its user sees: how far it may be off, whether it is warned of, what was noted.
+"""Every fit ends with a verdict for its user: its possible error, a warning if needed, and notes.
 
-Of a source that can be asked everywhere the error is measured. Of samples it is judged from their figures
-(`measuring`) by the models of `bar.table`: as if the samples were right, or, where a suspicion speaks or the fit is
-warned of, whatever is wrong with them.
+If the source can be evaluated everywhere, the error is measured. For samples, the models of `bar.table` estimate it
+from their figures (`measuring`): under the condition that the samples are right or, if there is a suspicion or a
+warning, whatever is wrong with them.
 """
 
 import math
@@ -64,7 +64,7 @@ def judge(
 
 
 def measured_alarm(seen: Appearance) -> Alarm:
-    """Of a source that was asked: whether the fit is bad."""
+    """Return whether the fit is bad, as measured against its source."""
     ratio = seen.energy.albedo_worst
     off = abs(math.log(ratio)) if ratio > 0 and math.isfinite(ratio) else math.inf
     sky, lamp = (0.0 if math.isnan(each) else each for each in (seen.off_sky, seen.off_light))

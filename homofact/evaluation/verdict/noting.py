@@ -246,7 +246,7 @@ def of_the_figures(noted: Noted) -> Iterator[Finding]:
 
 
 def of_the_suspicions(noted: Noted) -> Iterator[Finding]:
-    """What is suspected of units, conventions and the instrument, but for what is noted by its light."""
+    """Yield the suspicions about units, conventions and the instrument, except those that are noted by their light."""
     for each in noted.suspicions:
         if each.name not in _SEEN_BY_LIGHT:
             words = f"{each.words}, odds of {min(each.odds, 1e6):,.0f} to 1"

@@ -1,4 +1,4 @@
-"""The verdict itself: how far a fit may be off, whether it is warned of, what was noted, and all figures behind it."""
+"""The verdict itself: the possible error of a fit, the warning, the notes, and all figures behind them."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,13 +12,13 @@ from homofact.evaluation.verdict.finding import About, Finding
 
 @dataclass(frozen=True)
 class Alarm:
-    """Whether a fit is warned of.
+    """Whether the verdict warns about a fit.
 
     Attributes
     ----------
     score : the probability that it is bad: its albedo off by over 15% at some angle in a channel, or less than 90% of
-        the logarithms explained. 0 or 1 where the source was asked.
-    threshold : from where on it is warned of.
+        the logarithms explained. 0 or 1 if it was measured against the source.
+    threshold : the score from which on the verdict warns.
     """
 
     score: float
@@ -50,7 +50,7 @@ class Verdict:
 
     @property
     def trusted(self) -> bool:
-        """Whether the fit is not warned of and no picture of it shows an artefact."""
+        """Return whether the verdict does not warn and no picture of the fit shows an artefact."""
         return not self.alarm.given and not self._artefacts
 
     def about(self, whose: About) -> tuple[Finding, ...]:
@@ -63,7 +63,7 @@ class Verdict:
 
     @property
     def summary(self) -> str:
-        """How far the fit may be off, and whether it is warned of, in one sentence."""
+        """Return the possible error of the fit, and the warning if there is one, in one sentence."""
         warned = f"; warning: {self.alarm.score:.0%} that it is bad" if self.alarm.given else ""
         shown = f"; visible artefacts: {', '.join(self._artefacts)}" if self._artefacts else ""
         return self.bars.sentence() + shown + warned
@@ -74,7 +74,7 @@ class Verdict:
 
     @property
     def recommended(self) -> Advice | None:
-        """The setting to try first where the fit is warned of; None where no setting is known to help."""
+        """Return the setting to try first after a warning; None if no setting is known to help."""
         if self.trusted:
             return None
         return next((finding.advice for finding in self.findings if finding.advice), None)

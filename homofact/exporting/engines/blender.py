@@ -1,8 +1,9 @@
-"""A Python script for Blender: the fit as a group of math nodes that sees the scene's lamps through drivers.
+"""A Python script for Blender: it builds the fit as a group of math nodes, and drivers pass the lamps to the nodes.
 
-A closure of Cycles or EEVEE never sees the light, but a lamp's direction can be given to nodes: f cosθ times its
-irradiance is emitted. All other light is the Principled BSDF's, with the parameters of the glTF material that looks
-most like the fit. The script's first lines say how near that comes (`exporting.look_alike`).
+Closures of Cycles and EEVEE cannot read the light, but nodes can read the direction of a lamp. The material emits f
+cosθ times the irradiance of each lamp. The Principled BSDF reflects all other light, with the parameters of the glTF
+material most similar to the fit. The first lines of the script give the error of this glTF material
+(`exporting.look_alike`).
 """
 
 import base64
@@ -37,9 +38,9 @@ def _files(made: Exported) -> Added:
 
 
 def script(made: Exported, look: MetallicRoughness, note: str = "look-alike only") -> str:
-    """The text of the script. Its texels are decoded, so that a texture of bytes reads as what it stands for.
+    """Return the text of the script, whose texels are decoded: a texture of bytes is written as its values.
 
-    The `note` is how near the look-alike comes to the fit.
+    The `note` describes how similar the look-alike is to the fit.
     """
     textures = [as_floats(texture.texels) for texture in made.stored.textures]
     graph = node_graph(program_of(made.stored, textures))

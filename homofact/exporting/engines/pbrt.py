@@ -51,7 +51,7 @@ def _files(made: Exported) -> Added:
 
 
 def with_spectra(table: AdaptiveTable) -> AdaptiveTable:
-    """A table of R, G and B, or of one channel, with spectra in their place; grey is the same at both ends."""
+    """Return a table of R, G and B, or of one channel, converted to spectra; grey has equal values at both ends."""
     grey = len(table.channels) == 1
     nodes = (NODES[0], NODES[-1]) if grey else NODES
     values = table.table.expand(*table.table.shape[:-1], 2) if grey else to_spectra(table.table)

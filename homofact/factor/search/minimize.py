@@ -1,6 +1,6 @@
-"""Minimising an objective by any search: who counts, who stops, what is handed back.
+"""Minimise an objective by any search: count evaluations, stop in time, return the result.
 
-A search (`gradient`, `nlopt`, `powell` …) only proposes vectors and is told their values. `minimize` owns all else:
+A search (`gradient`, `nlopt`, `powell` …) only proposes vectors and receives their values. `minimize` handles the rest:
 the best vector so far, the trace of how it got better, the guard's clock, Ctrl-C and the status.
 """
 

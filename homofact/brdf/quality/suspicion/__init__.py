@@ -1,1 +1,1 @@
-"""Suspected units, conventions and faults of the instrument, found in the samples alone."""
+"""Detect wrong units, wrong conventions and faults of the instrument from the samples."""

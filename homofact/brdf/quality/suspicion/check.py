@@ -49,7 +49,7 @@ class Check:
     remedy: str = ""
 
     def log_odds(self, figures: Figures) -> float:
-        """Log of the odds of the fault against none, from its figures; both are as likely before."""
+        """Return the log odds of the fault against no fault, given its figures; the prior odds are 1."""
         weights, offset = LOGISTIC[self.name]
         odds = offset + sum(weight * figure for weight, figure in zip(weights, figures, strict=True))
         return float(np.clip(odds, -_MOST_LOG_ODDS, _MOST_LOG_ODDS))

@@ -1,12 +1,13 @@
-"""Cosines and π that are in the values, or out of them once too often.
+"""Detect factors of cosines or π by which the values are too large or too small.
 
-A factor cosθi^p cosθo^q is told by two exponents. The difference q − p breaks reciprocity: it is the coefficient of
-½ (log cosθo − log cosθi) beside the smooth reciprocal fit. The sum is only a matter of what real materials do: their
-base, away from the highlight, hardly depends on the cosines, so that its exponent of cosθi cosθo is (p + q)/2. Both are
-compared with what they would be without the factor, as normal deviates whose spread the calibration knows.
+A factor cosθi^p cosθo^q is detected from two exponents. The difference q − p breaks reciprocity: it is the coefficient
+of ½ (log cosθo − log cosθi), added to the smooth reciprocal fit. The sum p + q follows from the statistics of real
+materials: away from the highlight their values hardly depend on the cosines, so the fitted exponent of cosθi cosθo is
+(p + q)/2. Both are compared with their values without the factor, as normal deviates whose spread comes from the
+calibration.
 
-A factor of π is told by energy alone: an albedo above 1. A dark material times π is merely a brighter one, and f/π a
-darker one: neither can be known.
+A factor of π is detected only by energy: an albedo above 1. A dark material times π is a plausible brighter material,
+and f/π a plausible darker one, so neither can be detected.
 """
 
 import math

@@ -1,13 +1,12 @@
-"""What every check looks at: a few thousand samples, and a smooth reciprocal BRDF fitted to their logarithms.
+"""The evidence that every check uses: a few thousand samples, and a smooth reciprocal BRDF fitted to their logarithms.
 
-The fit is linear and knows no material: log f is a sum of hat functions of log θh, each times a low polynomial of
-cosθd and of the squared tilt (cosθi − cosθo)², and of a few terms for the grazing edge and for retro-reflection. All of
-these are the same for (ωi, ωo) and (ωo, ωi), and continuous on the sphere. What such a fit cannot hold of a real BRDF
-is a few per cent; what it cannot hold because the data break reciprocity or smoothness is far more. Terms of a
-suspected fault are added as further columns, whose coefficients say how large it is. Least squares reweighted for
-outliers (Cauchy).
+The fit is linear and assumes no material model: log f is a sum of hat functions of log θh, each times a low polynomial
+of cosθd and of the squared tilt (cosθi − cosθo)², and of a few terms for the grazing edge and for retro-reflection. All
+of these are the same for (ωi, ωo) and (ωo, ωi), and continuous on the sphere. For a real BRDF the residual of this fit
+is a few per cent. It is far larger if the data violate reciprocity or smoothness. Each suspected fault adds columns to
+the fit, and their coefficients measure its size. The solver is least squares reweighted for outliers (Cauchy).
 
-Dark samples, whose logarithms say little, weigh f²/(f² + (0.01 median)²); zeros weigh nothing.
+Dark samples, whose logarithms are noisy, have the weight f²/(f² + (0.01 median)²); zeros have weight 0.
 """
 
 from dataclasses import dataclass

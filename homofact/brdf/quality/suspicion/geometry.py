@@ -1,10 +1,10 @@
-"""Directions that are not what they should be: elevation for zenith angle, an azimuth off by 180°, radians for degrees.
+"""Detect wrong directions: elevation instead of zenith angle, an azimuth off by 180°, radians instead of degrees.
 
-A wrong direction leaves the values and moves the highlight off the mirror direction, and what was smooth over
-directions is no longer: at θ = 0 the azimuth still matters, at the horizon it does not. So the smooth reciprocal fit
-is made to the data as they stand and as they would be undone; the figures are the logs of the ratio of its two errors,
-in the median and at the 95% quantile of the residuals. A material without a highlight says nothing here, and loses
-nothing.
+Wrong directions keep the values, but move the highlight off the mirror direction and make the data less smooth over
+directions: the azimuth then matters at θ = 0 and does not at the horizon. So the smooth reciprocal fit is made twice,
+to the data as read and to the corrected data. The figures are the logs of the ratio of the two errors, at the median
+and at the 95% quantile of the residuals. A material without a highlight gives no evidence, but this fault hardly
+changes its data either.
 """
 
 import math

@@ -1,7 +1,7 @@
-"""Faults of the instrument: a lamp that drifts, a bad ring, an arm's shadow, channels mixed up.
+"""Detect faults of the instrument: a drifting lamp, a bad ring, the shadow of an arm, swapped channels.
 
-All are gains, and so further columns beside the smooth reciprocal fit of log f. Of a gain over θi the part that is the
-same over θo hides in the material; the rest breaks reciprocity and shows.
+All of these are gains, so each adds columns to the smooth reciprocal fit of log f. If a gain over θi has a part that is
+equal over θo, this part cannot be distinguished from the material. The rest breaks reciprocity and can be detected.
 """
 
 import math
@@ -33,7 +33,7 @@ def _spread(gains: np.ndarray, weight: np.ndarray) -> float:
 
 
 def _sorted_by_angle(evidence: Evidence) -> bool:
-    """Whether θi, θo or the azimuth between them tells where a row stands in the file."""
+    """Return whether the rows of the file are sorted by θi, θo or the azimuth between them."""
     theta_i, theta_o = _thetas(evidence)
     turn = np.arctan2(evidence.wi[:, 1], evidence.wi[:, 0]) - np.arctan2(evidence.wo[:, 1], evidence.wo[:, 0])
     around = np.arccos(np.clip(np.cos(turn), -1, 1))
